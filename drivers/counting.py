@@ -1,0 +1,24 @@
+"""Counts of a register of finite width, extended to 64 bit."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def extend(raw: NDArray[np.int64], width: int, last: int) -> NDArray[np.int64]:
+    """Extends register values to a continuous signed count.
+
+    raw    (n,) int64: register values, any integers; only the low ``width`` bits are looked at
+    width  bits of the register
+    last   the extended count of the row before raw[0]
+
+    Returns (n,) int64. Right as long as the count moves by less than half the register's range between two rows: at 24
+    bit, 8.4 million counts. A jump of that size or more is not wrap but a fault, and is seen as an impossible speed.
+    """
+    if len(raw) == 0:
+        return np.empty(0, np.int64)
+    half = np.int64(1) << (width - 1)
+    mask = (np.int64(1) << width) - 1
+    steps = np.diff(raw, prepend=np.int64(last))
+    return last + np.cumsum(((steps + half) & mask) - half)

@@ -1,0 +1,43 @@
+"""Finds a driver by the import path in the rig file and makes its device.
+
+A driver module offers ``Config`` (a pydantic model of the device's table, without ``name`` and ``driver``) and
+``make(name, config, world) -> Device``. ``world`` is one dict a rig, empty but for the rig file's other backend tables
+(``simulation``); drivers that share something (one simulated arm, one TCP connection) keep it there under their own key.
+A backend that runs on a time of its own leaves a ``HostClock`` at ``world["host_clock"]``.
+"""
+
+from __future__ import annotations
+
+import importlib
+from types import ModuleType
+from typing import Any
+
+from pydantic import BaseModel
+
+from drivers.shapes import Device
+from inputs import InputError, check_table
+
+World = dict[str, Any]
+
+
+def find_driver(path: str, where: str = "driver") -> ModuleType:
+    """The module at an import path such as ``drivers.labjack_t7``; InputError if it is no driver."""
+    try:
+        module = importlib.import_module(path)
+    except ImportError as error:
+        raise InputError(where, f"driver {path!r} cannot be imported: {error}") from None
+    if not (hasattr(module, "Config") and callable(getattr(module, "make", None))):
+        raise InputError(where, f"{path!r} is not a driver: it has no Config and make()")
+    return module
+
+
+def check_config(path: str, table: dict[str, Any], where: str) -> BaseModel:
+    """The device's table checked by its driver's own Config."""
+    config: BaseModel = check_table(where, table, find_driver(path, where).Config)
+    return config
+
+
+def make_device(path: str, name: str, table: dict[str, Any], world: World, where: str) -> Device:
+    """A closed device, ready to ``open``."""
+    device: Device = find_driver(path, where).make(name, check_config(path, table, where), world)
+    return device

@@ -1,0 +1,82 @@
+"""The experiment file (``config/experiments/*.toml``): what ``record`` and ``simulate`` run and experiment design writes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from experiment.segments import Chirp, Drive, Fourier, Move, Repeat, Segment, Setpoints
+from inputs import check_table, read_toml, write_toml
+
+
+class Payload(BaseModel):
+    """A known mass bolted to the flange before the run."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    mass: Annotated[float, Field(gt=0)]  # kg
+    com: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, in the frame of the last link
+
+
+class Setup(BaseModel):
+    """What a person has to do to the arm before this run; a simulated rig does it by itself."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    payload: Payload | None = None
+    drives_off: bool = False  # motors unpowered, brakes on: what the current channels show is their own offset
+    instruction: str = ""  # one sentence for the person at the arm
+
+
+class Experiment(BaseModel):
+    """One motion of the arm and how to sample it.
+
+    start              (joints,) rad or m: the pose in which the arm stands before the first segment
+    full_speed         (joints,) rad/s: what ``speed = 1`` of a segment means
+    full_acceleration  (joints,) rad/s2 of the trapezoidal ramps
+    rate               rows/s wanted; None: what the rig file says
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    name: str
+    description: str = ""
+    start: list[float] = Field(min_length=1)
+    full_speed: list[Annotated[float, Field(gt=0)]]
+    full_acceleration: list[Annotated[float, Field(gt=0)]]
+    rate: Annotated[float, Field(gt=0)] | None = None
+    setup: Setup = Setup()
+    segment: list[Segment] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _joints_agree(self) -> Self:
+        joints = len(self.start)
+        for name in ("full_speed", "full_acceleration"):
+            if len(getattr(self, name)) != joints:
+                raise ValueError(f"'{name}' has {len(getattr(self, name))} entries, 'start' has {joints}")
+        _check_joints(self.segment, joints, "segment")
+        return self
+
+
+def _check_joints(segments: list[Segment], joints: int, place: str) -> None:
+    for number, segment in enumerate(segments, 1):
+        here = f"{place}[{number}]"
+        if isinstance(segment, Drive | Chirp) and segment.joint > joints:
+            raise ValueError(f"{here}.joint: {segment.joint} is not in 1..{joints}")
+        if isinstance(segment, Move) and len(segment.to) != joints:
+            raise ValueError(f"{here}.to: has {len(segment.to)} entries, wants {joints}")
+        if isinstance(segment, Fourier) and len(segment.sine) != joints:
+            raise ValueError(f"{here}.sine: has {len(segment.sine)} rows, wants {joints}")
+        if isinstance(segment, Setpoints) and any(len(row) != joints for row in segment.positions):
+            raise ValueError(f"{here}.positions: every row wants {joints} entries")
+        if isinstance(segment, Repeat):
+            _check_joints(segment.segment, joints, f"{here}.segment")
+
+
+def read_experiment(path: str | Path) -> Experiment:
+    """Reads an experiment file; InputError names the file, the entry and what would be right."""
+    return check_table(path, read_toml(path), Experiment)
+
+
+def write_experiment(path: str | Path, experiment: Experiment, *, heading: str = "") -> None:
+    """Writes an experiment file that ``read_experiment`` reads back as an equal Experiment."""
+    write_toml(path, experiment.model_dump(exclude_none=True, exclude_defaults=True, mode="json"), heading=heading)

@@ -1,0 +1,6 @@
+"""What people hand us, and how it is refused: one line that says where, what, and what would be right."""
+
+from inputs.problems import DeviceFault, InputError
+from inputs.toml import check_table, read_toml, write_toml
+
+__all__ = ["DeviceFault", "InputError", "check_table", "read_toml", "write_toml"]

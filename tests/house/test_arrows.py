@@ -1,0 +1,44 @@
+"""Imports run one way (docs/architecture.md): every package may import only what stands below it."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+MAY_IMPORT = {
+    "armscope": {"diagnosis", "identification", "daq", "sim_backend", "arm_model", "drivers", "experiment", "inputs"},
+    "diagnosis": {"identification", "arm_model", "daq", "experiment", "inputs"},
+    "identification": {"arm_model", "daq", "experiment", "inputs"},
+    "sim_backend": {"drivers", "arm_model", "experiment", "inputs"},
+    "daq": {"drivers", "experiment", "inputs"},
+    "drivers": {"experiment", "inputs"},
+    "arm_model": {"experiment", "inputs"},
+    "experiment": {"inputs"},
+    "inputs": set(),
+}
+# Of daq, identification and diagnosis take recordings, and nothing else.
+READER = "daq.recording"
+
+
+def _imports(path: Path) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names.add(node.module)
+        assert not (isinstance(node, ast.ImportFrom) and node.level), f"{path}: relative import; write the whole name"
+    return names
+
+
+@pytest.mark.parametrize("package", sorted(MAY_IMPORT))
+def test_package_imports_only_what_is_below_it(package: str, root: Path) -> None:
+    for path in sorted((root / package).rglob("*.py")):
+        for name in _imports(path):
+            top = name.split(".")[0]
+            if top in MAY_IMPORT and top != package:
+                assert top in MAY_IMPORT[package], f"{path.relative_to(root)} imports {name}, against the arrows"
+            if package in ("identification", "diagnosis") and top == "daq":
+                assert name == READER, f"{path.relative_to(root)} imports {name}; of daq it may take {READER} only"
