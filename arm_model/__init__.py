@@ -1,0 +1,1 @@
+"""What an arm is: kinematics, dynamics, effects; and its simulation, fast."""

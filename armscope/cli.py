@@ -1,0 +1,83 @@
+"""The front door: finds the command, and turns the ways it can end into one line and the exit status of the contract.
+
+0 done; 2 unusable input; 3 a device failed; 4 done, but samples were lost. A command is a function ``command`` in
+``armscope/NAME.py``, with typer's annotations; it returns None or an exit status. Only the chosen one is imported.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+from armscope import __version__
+from inputs import DeviceFault, InputError
+
+DONE, UNUSABLE_INPUT, DEVICE_FAILED, SAMPLES_LOST = 0, 2, 3, 4
+
+COMMANDS: dict[str, str] = {}
+"""Command -> one line of help, in the order in which they are listed."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of the ``armscope`` script; always ends by SystemExit."""
+    sys.exit(run(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def run(arguments: list[str]) -> int:
+    """Runs one command line and returns its exit status."""
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        print(_help())
+        return DONE
+    if arguments[0] in ("-V", "--version"):
+        print(f"armscope {__version__}")
+        return DONE
+    name = arguments[0]
+    if name not in COMMANDS:
+        return _refuse(f"{name}: no such command; one of {', '.join(COMMANDS)} is wanted")
+    try:
+        return _call(name, arguments[1:])
+    except InputError as error:
+        return _refuse(str(error))
+    except DeviceFault as fault:
+        print(f"error: {fault}", file=sys.stderr)
+        return DEVICE_FAILED
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
+
+
+def _call(name: str, arguments: list[str]) -> int:
+    import typer
+    from typer.exceptions import TyperException
+
+    module = importlib.import_module(f"armscope.{name.replace('-', '_')}")
+    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    app.command(name, help=COMMANDS[name])(module.command)
+    try:
+        status = app(arguments, prog_name=f"armscope {name}", standalone_mode=False)
+    except TyperException as error:
+        message = getattr(error, "format_message", lambda: str(error))()
+        return _refuse(f"{name}: {message}; see 'armscope {name} --help'")
+    return status if isinstance(status, int) else DONE
+
+
+def _refuse(line: str) -> int:
+    print(f"error: {line}", file=sys.stderr)
+    return UNUSABLE_INPUT
+
+
+def _help() -> str:
+    width = max(map(len, COMMANDS), default=0)
+    lines = [f"  {name:<{width}}  {text}" for name, text in COMMANDS.items()]
+    return "\n".join(
+        [
+            "armscope: instruments a robot arm and tells the truth about its model.",
+            "",
+            "usage: armscope COMMAND [OPTIONS]   (armscope COMMAND --help says more)",
+            "",
+            *lines,
+            "",
+            "exit status: 0 done, 2 unusable input, 3 a device failed, 4 done but samples were lost",
+        ]
+    )

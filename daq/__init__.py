@@ -1,0 +1,1 @@
+"""Rig -> clock -> sampler -> ledger -> recorder and publisher; the daemon; recordings read back."""

@@ -1,0 +1,1 @@
+"""Measured against simulated -> causes -> extended model -> gain; the report."""

@@ -1,0 +1,1 @@
+"""Recordings -> parameters: dynamics, friction, kinematics, experiment design."""

@@ -1,0 +1,1 @@
+"""The arm, its controller, encoders, transducers and tracker, as drivers."""
