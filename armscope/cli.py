@@ -57,7 +57,7 @@ def _call(name: str, arguments: list[str]) -> int:
     try:
         status = app(arguments, prog_name=f"armscope {name}", standalone_mode=False)
     except TyperException as error:
-        message = getattr(error, "format_message", lambda: str(error))()
+        message = error.format_message() if hasattr(error, "format_message") else str(error)
         return _refuse(f"{name}: {message}; see 'armscope {name} --help'")
     return status if isinstance(status, int) else DONE
 
