@@ -1,0 +1,289 @@
+"""What an arm is: joints and links, its controller, its effects; and its model file (``config/models/*.toml``).
+
+Conventions (all SI, angles rad; prismatic joints m and N where revolute ones have rad and N m):
+
+* Joint j moves link j relative to link j-1; link 0 is the base. The pose of link frame j in link frame j-1 is
+  before_j J(q_j) after_j, where J turns about (slides along) z. Every common description is a choice of the two constants:
+  standard Denavit-Hartenberg  Rot(z, theta + q) Trans(z, d) Trans(x, a) Rot(x, alpha) Rot(y, beta)   (before = 1);
+  modified (Craig)             Rot(x, alpha) Trans(x, a) Rot(y, beta) Rot(z, theta + q) Trans(z, d)   (after = 1);
+  placed (URDF)                Trans(xyz) Rot(rpy), then about ``axis``, which is given in the turned frame.
+  beta is Hayati's parameter for nearly parallel axes (Hayati, Proc. 22nd IEEE CDC, 1983).
+* ``gear`` is signed as in the published tables, but q and the motor current i are signed so that a positive current drives the
+  joint in the positive direction: joint torque = abs(gear) torque_constant i.
+* rotor_inertia, viscous, coulomb and offset are at the MOTOR; at the joint they are gear^2, gear^2, abs(gear) and abs(gear)
+  times as large. For a drive without a gear (gear 1) both are the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic.dataclasses import dataclass
+
+from arm_model.inertia import unphysical
+from inputs import InputError, check_table, read_toml, write_toml
+from inputs.toml import one_line
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Row = tuple[float, float, float, float]
+Pose = tuple[Row, Row, Row, Row]
+"""4x4 homogeneous transform, row by row; lengths m."""
+
+IDENTITY: Pose = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+@dataclass(frozen=True, config=STRICT)
+class Joint:
+    """One joint, the link behind it and the drive that moves it.
+
+    mass kg; com (3,) m and inertia (xx, yy, zz, xy, yz, xz) kg m2 about the com, both in the link's frame.
+    """
+
+    type: Literal["revolute", "prismatic"] = "revolute"
+    mass: NotNegative = 0.0
+    com: Vector = (0.0, 0.0, 0.0)
+    inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    name: str = ""
+    # where the joint sits
+    convention: Literal["standard", "modified", "placed"] = "standard"
+    theta: float = 0.0  # rad, added to q of a revolute joint
+    d: float = 0.0  # m, added to q of a prismatic joint
+    a: float = 0.0  # m
+    alpha: float = 0.0  # rad
+    beta: float = 0.0  # rad
+    xyz: Vector = (0.0, 0.0, 0.0)  # m, convention "placed" only, as are rpy and axis
+    rpy: Vector = (0.0, 0.0, 0.0)  # rad, Rot(z, yaw) Rot(y, pitch) Rot(x, roll)
+    axis: Vector = (0.0, 0.0, 1.0)
+    limits: tuple[float, float] | None = None  # rad or m
+    # the drive
+    gear: float = 1.0
+    rotor_inertia: float = 0.0  # kg m2 at the motor
+    viscous: float = 0.0  # N m s/rad at the motor
+    coulomb: tuple[float, float] = (0.0, 0.0)  # (positive, negative) magnitudes, N m at the motor
+    offset: float = 0.0  # N m at the motor: constant part of the torque, opposing motion in the positive direction
+    sign_velocity: Positive = 0.01  # rad/s (m/s) at the joint: sign v is taken as v / sqrt(v^2 + sign_velocity^2)
+    torque_constant: Positive = 1.0  # N m/A; N/V where the controller's output is a voltage
+    torque_limit: Positive | None = None  # N m at the joint
+    motor_speed_limit: Positive | None = None  # rad/s of the motor
+    encoder_lines: Annotated[int, Field(gt=0)] | None = None  # per motor revolution; x4 counts
+
+    @model_validator(mode="after")
+    def _placed_consistently(self) -> Joint:
+        if self.gear == 0.0:
+            raise ValueError("gear: must not be 0")
+        if self.convention == "placed":
+            if np.linalg.norm(self.axis) < 1e-9:
+                raise ValueError("axis: wants a direction, is zero")
+            if any((self.theta, self.d, self.a, self.alpha, self.beta)):
+                raise ValueError("convention 'placed' takes xyz, rpy and axis, not theta, d, a, alpha, beta")
+        elif any(self.xyz) or any(self.rpy) or self.axis != (0.0, 0.0, 1.0):
+            raise ValueError(f"xyz, rpy and axis belong to convention 'placed', not {self.convention!r}")
+        if self.limits is not None and self.limits[0] >= self.limits[1]:
+            raise ValueError("limits: the lower is not below the upper")
+        return self
+
+    @property
+    def revolute(self) -> bool:
+        return self.type == "revolute"
+
+    @property
+    def ratio(self) -> float:
+        """abs(gear): motor angle over joint angle."""
+        return abs(self.gear)
+
+    @property
+    def drive_constant(self) -> float:
+        """Joint torque over motor current, N m/A (N/V for a voltage drive): abs(gear) torque_constant."""
+        return self.ratio * self.torque_constant
+
+
+@dataclass(frozen=True, config=STRICT)
+class Controller:
+    """Independent-joint servos. Per servo tick, on the motor angle over gear ratio qm, and its difference v, low-passed:
+
+        current = position_gain (r - qm) + integral_gain int (r - qm) dt + velocity_gain (velocity_reference r' - v)
+
+    clipped at torque_limit / (abs(gear) k), behind a current loop of first order. Gains come either per joint as they stand
+    (kind "gains", A/rad, A/(rad s), A s/rad; V and m for the EMPS), as a cascade (kind "cascade": velocity_gain, and
+    position_gain in 1/s that makes the velocity demand), or from a wanted bandwidth (kind "bandwidth": J = diagonal of the mass
+    matrix at inertia_pose plus reflected rotors, Kp = wn^2 J, Kd = 2 zeta wn J, Ki = integral_rate Kp, over abs(gear) k).
+    """
+
+    setpoint_period: Positive = 0.028  # s between the host's setpoints; the servo interpolates linearly
+    servo_period: Positive = 0.000875  # s
+    kind: Literal["bandwidth", "cascade", "gains"] = "bandwidth"
+    natural_frequency: tuple[Positive, ...] | None = None  # rad/s, kind "bandwidth", as are the next three
+    damping_ratio: Positive = 1.0
+    integral_rate: NotNegative = 0.0  # 1/s
+    inertia_pose: tuple[float, ...] | None = None  # rad
+    position_gain: tuple[float, ...] | None = None
+    velocity_gain: tuple[float, ...] | None = None
+    integral_gain: tuple[float, ...] | None = None
+    velocity_reference: NotNegative = 0.0  # share of the demanded velocity that the velocity loop is given
+    velocity_bandwidth: Positive | None = None  # rad/s of the low-pass on the differenced angle; absent: no low-pass
+    current_lag: NotNegative = 0.0  # s, time constant of the current loop
+
+    @model_validator(mode="after")
+    def _gains_are_there(self) -> Controller:
+        wanted = {
+            "bandwidth": ("natural_frequency", "inertia_pose"),
+            "cascade": ("position_gain", "velocity_gain"),
+            "gains": ("position_gain", "velocity_gain"),
+        }[self.kind]
+        for name in wanted:
+            if getattr(self, name) is None:
+                raise ValueError(f"a controller of kind {self.kind!r} wants '{name}', one entry a joint")
+        return self
+
+
+@dataclass(frozen=True, config=STRICT)
+class EffectTerm:
+    """One effect of the catalogue (``arm_model.effects``) as it acts in one arm: its joint from 1, or None for the whole arm."""
+
+    name: str
+    joint: Annotated[int, Field(ge=1)] | None = None
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, config=STRICT)
+class Arm:
+    """A serial arm. ``base``: pose of link frame 0 in the base frame, in which gravity (m/s2) and tracker points are given;
+    ``tool``: pose of the tool in the frame of the last link."""
+
+    name: str
+    joints: tuple[Joint, ...] = Field(min_length=1)
+    gravity: Vector = (0.0, 0.0, -9.80665)
+    base: Pose = IDENTITY
+    tool: Pose = IDENTITY
+    controller: Controller | None = None
+    effects: tuple[EffectTerm, ...] = ()
+    source: str = ""  # where the numbers come from, for people
+
+    @model_validator(mode="after")
+    def _belongs_together(self) -> Arm:
+        for name, pose in (("base", self.base), ("tool", self.tool)):
+            rotation = np.array(pose)[:3, :3]
+            if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or pose[3] != (0.0, 0.0, 0.0, 1.0):
+                raise ValueError(
+                    f"{name}: is not a pose: rows of a rotation and a translation, then 0, 0, 0, 1, are wanted"
+                )
+        if self.controller is not None:
+            for name in ("natural_frequency", "inertia_pose", "position_gain", "velocity_gain", "integral_gain"):
+                entries = getattr(self.controller, name)
+                if entries is not None and len(entries) != len(self.joints):
+                    raise ValueError(
+                        f"controller.{name}: has {len(entries)} entries, the arm has {len(self.joints)} joints"
+                    )
+        return self
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    def joint_array(self, name: str) -> Array:
+        """(n,) an attribute of every joint, in order."""
+        return np.array([getattr(joint, name) for joint in self.joints], float)
+
+
+class _ModelFile(BaseModel):
+    """The layout: what an Arm has, with arrays of tables in the singular, as TOML reads best."""
+
+    model_config = ConfigDict(extra="forbid")
+    name: str
+    units: Literal["SI"]
+    source: str = ""
+    gravity: Vector = (0.0, 0.0, -9.80665)
+    base: Pose = IDENTITY
+    tool: Pose = IDENTITY
+    joint: list[Joint] = Field(min_length=1)
+    controller: Controller | None = None
+    effect: list[EffectTerm] = []
+
+
+_NEEDED = ("type", "mass", "com", "inertia")
+
+
+def read_model(path: str | Path) -> Arm:
+    """The arm in a model file. InputError (one line: file, entry, what would be right) for anything wrong or unphysical."""
+    return arm_of(read_toml(path), path)
+
+
+def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
+    """The arm in a table as a model file has it; ``where`` names it in errors."""
+    if "units" not in table:
+        raise InputError(
+            where, 'units: is missing; write units = "SI" (rad, m, kg, s, N, A) once all values are in them'
+        )
+    _all_there(table, where)
+    layout = check_table(where, table, _ModelFile)
+    for number, joint in enumerate(layout.joint, 1):
+        if problem := unphysical(joint.mass, joint.inertia):
+            raise InputError(where, f"joint[{number}]: {problem}")
+    try:
+        arm = Arm(
+            name=layout.name,
+            joints=tuple(layout.joint),
+            gravity=layout.gravity,
+            base=layout.base,
+            tool=layout.tool,
+            controller=layout.controller,
+            effects=tuple(layout.effect),
+            source=layout.source,
+        )
+    except ValidationError as error:
+        raise InputError(where, one_line(error)) from None
+    return arm
+
+
+def _all_there(table: dict[str, Any], where: str | Path) -> None:
+    """Joint has defaults for people who build arms in code; a file that forgets a mass is a mistake."""
+    joints = table.get("joint")
+    for number, joint in enumerate(joints if isinstance(joints, list) else [], 1):
+        for name in _NEEDED:
+            if isinstance(joint, dict) and name not in joint:
+                raise InputError(where, f"joint[{number}].{name}: is missing")
+
+
+def model_table(arm: Arm) -> dict[str, Any]:
+    """The table that ``arm_of`` reads back as an equal arm; entries at their defaults are left out."""
+    table: dict[str, Any] = {"name": arm.name, "units": "SI"}
+    if arm.source:
+        table["source"] = arm.source
+    table["gravity"] = list(arm.gravity)
+    for name in ("base", "tool"):
+        if getattr(arm, name) != IDENTITY:
+            table[name] = [list(row) for row in getattr(arm, name)]
+    default = asdict(Joint())
+    table["joint"] = [
+        {name: value for name, value in asdict(joint).items() if name in _NEEDED or value != default[name]}
+        for joint in arm.joints
+    ]
+    if arm.controller is not None:
+        table["controller"] = {name: value for name, value in asdict(arm.controller).items() if value is not None}
+    if arm.effects:
+        table["effect"] = [
+            {name: value for name, value in asdict(effect).items() if value is not None} for effect in arm.effects
+        ]
+    return table
+
+
+def write_model(path: str | Path, arm: Arm, *, heading: str = "") -> None:
+    """Writes a model file that ``read_model`` reads back as an equal arm; whole or not at all."""
+    write_toml(path, model_table(arm), heading=heading)
+
+
+def __getattr__(name: str) -> Any:
+    """``with_parameters`` is asked for here too; it lives in arm_model.parameters, which builds on this module."""
+    if name == "with_parameters":
+        from arm_model.parameters import with_parameters
+
+        return with_parameters
+    raise AttributeError(name)

@@ -1,0 +1,133 @@
+"""Parameters of an arm by name, as identification, diagnosis and batches of simulations speak of them.
+
+link{j}.mass .mx .my .mz .ixx .ixy .ixz .iyy .iyz .izz     barycentric, in the link frame about its origin (kg, kg m, kg m2);
+                                                           changing one leaves the other nine as they are
+joint{j}.rotor_inertia .viscous .offset                    at the JOINT side (kg m2, N m s/rad, N m)
+joint{j}.coulomb_positive .coulomb_negative .coulomb       at the JOINT side (N m); the last sets both, and reads as the mean
+joint{j}.theta .d .a .alpha .beta .torque_constant .torque_limit .sign_velocity    as the model file has them
+joint{j}.EFFECT.PARAMETER, EFFECT.PARAMETER                of an effect term of that joint, of the whole arm
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from arm_model.description import Arm, Joint
+from arm_model.inertia import PARAMETERS, about_com, barycentric
+from inputs import InputError
+
+_DIRECT = ("theta", "d", "a", "alpha", "beta", "torque_constant", "torque_limit", "sign_velocity")
+_DRIVE = {"rotor_inertia": 2, "viscous": 2, "offset": 1}  # powers of the gear ratio from motor to joint
+
+
+def _unknown(name: str) -> InputError:
+    return InputError(name, "no such parameter of this arm; link2.mass, joint1.viscous or joint2.backlash.half_gap are")
+
+
+def _split(arm: Arm, name: str) -> tuple[str, int, str]:
+    """kind ('link', 'joint' or 'effect'), index from 0 (-1 for the whole arm) and the rest."""
+    head, _, rest = name.partition(".")
+    for kind in ("link", "joint"):
+        number = head.removeprefix(kind)
+        if head.startswith(kind) and number.isdigit():
+            if not 1 <= int(number) <= len(arm):
+                raise InputError(name, f"this arm has joints 1 to {len(arm)}")
+            return ("effect" if "." in rest else kind), int(number) - 1, rest
+    return "effect", -1, name
+
+
+def parameter(arm: Arm, name: str) -> float:
+    """The value of one parameter, by the names above; InputError for a name the arm has not."""
+    kind, index, rest = _split(arm, name)
+    if kind == "effect":
+        place = _effect_place(arm, name, index, rest)
+        return arm.effects[place].parameters[rest.partition(".")[2]]
+    joint = arm.joints[index]
+    if kind == "link" and rest in PARAMETERS:
+        return float(barycentric(joint.mass, joint.com, joint.inertia)[PARAMETERS.index(rest)])
+    if kind == "joint":
+        positive, negative = (joint.ratio * value for value in joint.coulomb)
+        found = {"coulomb_positive": positive, "coulomb_negative": negative, "coulomb": (positive + negative) / 2}
+        if rest in found:
+            return found[rest]
+        if rest in _DRIVE:
+            return float(getattr(joint, rest) * joint.ratio ** _DRIVE[rest])
+        if rest in _DIRECT and getattr(joint, rest) is not None:
+            return float(getattr(joint, rest))
+    raise _unknown(name)
+
+
+def with_parameters(arm: Arm, values: Mapping[str, float]) -> Arm:
+    """The arm with these parameters changed; InputError for a name it has not.
+
+    Nothing is checked for being physical. The controller keeps its gains: better knowledge of the arm does not change its servos.
+    """
+    from arm_model.servo import fixed_gains
+
+    arm = fixed_gains(arm)
+    joints = list(arm.joints)
+    links: dict[int, dict[str, float]] = {}
+    for name, value in values.items():
+        kind, index, rest = _split(arm, name)
+        if kind == "effect":
+            arm = _with_effect(arm, name, index, rest, float(value))
+        elif kind == "link" and rest in PARAMETERS:
+            links.setdefault(index, {})[rest] = float(value)
+        elif kind == "joint":
+            joints[index] = _with_joint(joints[index], name, rest, float(value))
+        else:
+            raise _unknown(name)
+    for index, changed in links.items():
+        joints[index] = _with_link(joints[index], changed)
+    return replace(arm, joints=tuple(joints))
+
+
+def _with_link(joint: Joint, changed: Mapping[str, float]) -> Joint:
+    parameters = barycentric(joint.mass, joint.com, joint.inertia)
+    for name, value in changed.items():
+        parameters[PARAMETERS.index(name)] = value
+    if parameters[0] == 0.0 and parameters[1:4].any():
+        raise InputError("parameters", "a first moment without mass cannot be written as a centre of mass; give a mass")
+    mass, com, inertia = about_com(parameters)
+    return _changed(joint, mass=mass, com=com, inertia=inertia)
+
+
+def _with_joint(joint: Joint, name: str, rest: str, value: float) -> Joint:
+    positive, negative = joint.coulomb
+    at_motor = value / joint.ratio
+    match rest:
+        case "coulomb":
+            return _changed(joint, coulomb=(at_motor, at_motor))
+        case "coulomb_positive":
+            return _changed(joint, coulomb=(at_motor, negative))
+        case "coulomb_negative":
+            return _changed(joint, coulomb=(positive, at_motor))
+    if rest in _DRIVE:
+        return _changed(joint, **{rest: value / joint.ratio ** _DRIVE[rest]})
+    if rest in _DIRECT:
+        return _changed(joint, **{rest: value})
+    raise _unknown(name)
+
+
+def _changed(joint: Joint, **entries: object) -> Joint:
+    """dataclasses.replace without the checks of a model file: a search may pass through a negative mass."""
+    changed = object.__new__(Joint)
+    for field in joint.__dataclass_fields__:
+        object.__setattr__(changed, field, entries.get(field, getattr(joint, field)))
+    return changed
+
+
+def _effect_place(arm: Arm, name: str, index: int, rest: str) -> int:
+    effect, _, entry = rest.partition(".")
+    for place, term in enumerate(arm.effects):
+        if term.name == effect and (term.joint or 0) == index + 1 and entry in term.parameters:
+            return place
+    raise _unknown(name)
+
+
+def _with_effect(arm: Arm, name: str, index: int, rest: str, value: float) -> Arm:
+    place = _effect_place(arm, name, index, rest)
+    term = arm.effects[place]
+    changed = replace(term, parameters={**term.parameters, rest.partition(".")[2]: value})
+    return replace(arm, effects=(*arm.effects[:place], changed, *arm.effects[place + 1 :]))

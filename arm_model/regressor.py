@@ -1,0 +1,111 @@
+"""The torques of an arm as a linear function of its parameters: Y(q, q', q'') p = tau.
+
+Atkeson, An, Hollerbach, "Estimation of inertial parameters of manipulator loads and links", IJRR 5(3), 1986.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model import newton_euler, scalar
+from arm_model.description import Arm
+from arm_model.dynamics import _turns, link_parameters, samples
+from arm_model.inertia import PARAMETERS, transform_matrix
+
+Array = NDArray[np.float64]
+Friction = Literal["asymmetric", "symmetric"]
+
+
+def parameter_names(arm: Arm, *, friction: Friction = "asymmetric") -> list[str]:
+    """Names in the order of the regressor's columns: ten a link, then the drive's of each joint."""
+    coulomb = ("coulomb_positive", "coulomb_negative") if friction == "asymmetric" else ("coulomb",)
+    drive = ("rotor_inertia", "viscous", *coulomb, "offset")
+    links = [f"link{j}.{name}" for j in range(1, len(arm) + 1) for name in PARAMETERS]
+    return links + [f"joint{j}.{name}" for j in range(1, len(arm) + 1) for name in drive]
+
+
+def parameter_vector(arm: Arm, *, friction: Friction = "asymmetric") -> Array:
+    """(p,) the arm's values in that order: barycentric inertial parameters in the link frame about its origin; rotor inertia,
+    viscous, Coulomb and offset at the JOINT side. ``friction`` "symmetric" gives the mean of the two Coulomb magnitudes."""
+    values = [link_parameters(arm).ravel()]
+    for joint in arm.joints:
+        n, (positive, negative) = joint.ratio, joint.coulomb
+        coulomb = [n * positive, n * negative] if friction == "asymmetric" else [n * (positive + negative) / 2]
+        values.append(np.array([n**2 * joint.rotor_inertia, n**2 * joint.viscous, *coulomb, n * joint.offset]))
+    return np.concatenate(values)
+
+
+def regressor(
+    arm: Arm, q: Array, qd: Array, qdd: Array, *, friction: Friction = "asymmetric"
+) -> tuple[Array, list[str]]:
+    """(Y (N, n, p), names): Y @ parameter_vector(arm) = inverse_dynamics(arm, q, qd, qdd), whatever the values.
+
+    With ``friction`` "symmetric" one column joint{j}.coulomb stands for both directions.
+    """
+    q, qd, qdd = samples(arm, q, qd, qdd)
+    blocks = [_link_columns(arm, q, qd, qdd)] + [
+        _drive_columns(arm, j, qd[:, j], qdd[:, j], friction) for j in range(len(arm))
+    ]
+    return np.concatenate(blocks, axis=2), parameter_names(arm, friction=friction)
+
+
+def _drive_columns(arm: Arm, j: int, qd: Array, qdd: Array, friction: Friction) -> Array:
+    sign = scalar.smooth_sign(qd, arm.joints[j].sign_velocity)
+    if friction == "asymmetric":
+        coulomb = [(sign + sign**2) / 2, (sign - sign**2) / 2]
+    else:
+        coulomb = [sign]
+    columns = np.stack([qdd, qd, *coulomb, np.ones_like(qd)], axis=-1)
+    block = np.zeros((len(qd), len(arm), columns.shape[-1]))
+    block[:, j] = columns
+    return block
+
+
+def _link_columns(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
+    """(N, n, 10 n) torques of unit inertial parameters, link by link carried inwards through the joints."""
+    samples_, n = q.shape
+    chain = newton_euler.chain_of(arm)
+    turn = _turns(chain, q)
+    moving = newton_euler.motions(chain, turn, list(q.T), list(qd.T), list(qdd.T), arm.gravity)
+    columns = np.zeros((samples_, n, 10 * n))
+    for link, motion in enumerate(moving):
+        force, moment = _unit_wrenches(motion, samples_)
+        to_joint_frame = transform_matrix(chain.link[link])
+        force, moment = force @ to_joint_frame, moment @ to_joint_frame
+        here = slice(10 * link, 10 * link + 10)
+        for j in reversed(range(link + 1)):
+            columns[:, j, here] = moment[:, 2] if chain.revolute[j] else force[:, 2]
+            if j:
+                force, moment = _carry(chain, j, turn[j], q[:, j], force, moment)
+    return columns
+
+
+def _unit_wrenches(motion: newton_euler.Motion, count: int) -> tuple[Array, Array]:
+    """(N, 3, 10) force and moment about the joint frame's origin for each unit inertial parameter in the joint frame."""
+    force, moment = np.zeros((count, 3, 10)), np.zeros((count, 3, 10))
+    for k in range(10):
+        unit = tuple(1.0 if k == i else 0.0 for i in range(10))
+        f, m = newton_euler.wrench(unit, motion)
+        for axis in range(3):
+            force[:, axis, k] = f[axis]
+            moment[:, axis, k] = m[axis]
+    return force, moment
+
+
+def _carry(
+    chain: newton_euler.Chain, j: int, turn: tuple[Array, Array], q: Array, force: Array, moment: Array
+) -> tuple[Array, Array]:
+    """Wrenches of joint frame j as seen in joint frame j-1."""
+    rotation = np.zeros((len(q), 3, 3))
+    c, s = turn
+    rotation[:, 0, 0] = rotation[:, 1, 1] = c
+    rotation[:, 1, 0], rotation[:, 0, 1], rotation[:, 2, 2] = s, -np.asarray(s), 1.0
+    rotation = chain.rotation[j] @ rotation
+    arm_length = np.broadcast_to(chain.shift[j], (len(q), 3))
+    if not chain.revolute[j]:
+        arm_length = arm_length + q[:, None] * chain.rotation[j][:, 2]
+    force = rotation @ force
+    return force, rotation @ moment + np.cross(arm_length[:, :, None], force, axis=1)

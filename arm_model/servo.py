@@ -1,0 +1,60 @@
+"""Gains of the independent-joint servos (``arm_model.description.Controller``)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from arm_model.dynamics import mass_matrix
+from inputs import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gains:
+    """(n,) each: A/rad, A/(rad s), A s/rad of the joint angle (V and m where the controller has them)."""
+
+    position: Array
+    integral: Array
+    velocity: Array
+
+
+def servo_gains(arm: Arm) -> Gains:
+    """The gains in force; InputError where the arm has no controller."""
+    controller = arm.controller
+    if controller is None:
+        raise InputError(arm.name, "the model has no [controller]; simulating demanded positions wants one")
+    zeros = np.zeros(len(arm))
+    if controller.kind == "bandwidth":
+        rotors = mass_matrix(arm, np.array(controller.inertia_pose))[0]
+        inertia = np.diag(rotors) / arm.joint_array("drive_constant")
+        pulsation = np.array(controller.natural_frequency, float)
+        position = pulsation**2 * inertia
+        return Gains(position, controller.integral_rate * position, 2 * controller.damping_ratio * pulsation * inertia)
+    position, velocity = np.array(controller.position_gain), np.array(controller.velocity_gain)
+    integral = zeros if controller.integral_gain is None else np.array(controller.integral_gain)
+    if controller.kind == "cascade":
+        return Gains(position * velocity, integral, velocity)
+    return Gains(position, integral, velocity)
+
+
+def fixed_gains(arm: Arm) -> Arm:
+    """The arm with its controller's gains as numbers, so that they outlive a change of its masses."""
+    if arm.controller is None or arm.controller.kind != "bandwidth":
+        return arm
+    gains = servo_gains(arm)
+    controller = replace(
+        arm.controller,
+        kind="gains",
+        natural_frequency=None,
+        inertia_pose=None,
+        integral_rate=0.0,
+        position_gain=tuple(map(float, gains.position)),
+        velocity_gain=tuple(map(float, gains.velocity)),
+        integral_gain=tuple(map(float, gains.integral)),
+    )
+    return replace(arm, controller=controller)

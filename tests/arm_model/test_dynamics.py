@@ -1,0 +1,136 @@
+"""Identities on random arms, and MuJoCo as an independent oracle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model import dynamics, kinematics
+from arm_model.description import Arm, read_model
+from arm_model.parameters import parameter, with_parameters
+from arm_model.regressor import parameter_vector, regressor
+from tests.arm_model.random_arms import random_arm, random_states
+
+SEEDS = range(12)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_regressor_times_parameters_is_inverse_dynamics(seed: int) -> None:
+    arm = random_arm(seed)
+    q, qd, qdd = random_states(seed, len(arm))
+    columns, names = regressor(arm, q, qd, qdd)
+    assert columns.shape == (len(q), len(arm), len(names))
+    np.testing.assert_allclose(columns @ parameter_vector(arm), dynamics.inverse_dynamics(arm, q, qd, qdd), atol=1e-9)
+    np.testing.assert_allclose(parameter_vector(arm), [parameter(arm, name) for name in names], atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_forward_undoes_inverse_and_mass_matrix_is_positive(seed: int) -> None:
+    arm = random_arm(seed)
+    q, qd, qdd = random_states(seed, len(arm))
+    tau = dynamics.inverse_dynamics(arm, q, qd, qdd)
+    np.testing.assert_allclose(dynamics.forward_dynamics(arm, q, qd, tau), qdd, atol=1e-8)
+    matrix = dynamics.mass_matrix(arm, q)
+    np.testing.assert_allclose(matrix, np.swapaxes(matrix, 1, 2), atol=1e-12)
+    assert (np.linalg.eigvalsh(matrix) > 0).all()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_mass_matrix_is_what_accelerations_cost(seed: int) -> None:
+    arm = random_arm(seed)
+    q, qd, qdd = random_states(seed, len(arm))
+    still = dynamics.rigid_torque(arm, q, qd, 0 * qdd)
+    inertial = np.einsum("nij,nj->ni", dynamics.mass_matrix(arm, q, rotors=False), qdd)
+    np.testing.assert_allclose(dynamics.rigid_torque(arm, q, qd, qdd) - still, inertial, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_power_balance(seed: int) -> None:
+    """The power of the torques of a frictionless arm is the rate of its energy (by central differences)."""
+    arm = random_arm(seed, friction=False)
+    q, qd, qdd = random_states(seed, len(arm))
+    step = 1e-5
+    ahead = dynamics.energy(arm, q + step * qd + step**2 / 2 * qdd, qd + step * qdd)
+    behind = dynamics.energy(arm, q - step * qd + step**2 / 2 * qdd, qd - step * qdd)
+    power = np.sum(dynamics.inverse_dynamics(arm, q, qd, qdd) * qd, axis=1)
+    np.testing.assert_allclose((ahead - behind) / (2 * step), power, rtol=1e-5, atol=1e-4)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_jacobian_is_the_derivative_of_forward(seed: int) -> None:
+    arm = random_arm(seed)
+    q, _, _ = random_states(seed, len(arm), 3)
+    step = 1e-6
+    for j in range(len(arm)):
+        nudge = step * np.eye(len(arm))[j]
+        ahead, behind = kinematics.forward(arm, q + nudge), kinematics.forward(arm, q - nudge)
+        slope = (ahead[:, :3, 3] - behind[:, :3, 3]) / (2 * step)
+        np.testing.assert_allclose(kinematics.jacobian(arm, q)[:, :3, j], slope, atol=1e-8)
+
+
+def test_inverse_kinematics_finds_the_pose(root: Path) -> None:
+    arm = read_model(root / "config/models/puma560.toml")
+    q = np.array([0.3, 0.5, -1.0, 0.2, 0.5, -0.3])
+    found = kinematics.inverse(arm, kinematics.forward(arm, q), q + 0.2)
+    np.testing.assert_allclose(kinematics.forward(arm, found), kinematics.forward(arm, q), atol=1e-8)
+
+
+def _mujoco(arm: Arm) -> object:
+    mujoco = pytest.importorskip("mujoco")
+    spec = mujoco.MjSpec()
+    spec.option.gravity = arm.gravity
+    body = spec.worldbody
+    # A body for what stands before the joint, with the joint in it; the inertia sits behind `after`.
+    pose = np.array(arm.base)
+    for joint in arm.joints:
+        before, after = kinematics.placement(joint)
+        pose = pose @ before
+        quaternion = np.zeros(4)
+        mujoco.mju_mat2Quat(quaternion, pose[:3, :3].ravel())
+        body = body.add_body(pos=pose[:3, 3], quat=quaternion)
+        kind = mujoco.mjtJoint.mjJNT_HINGE if joint.revolute else mujoco.mjtJoint.mjJNT_SLIDE
+        body.add_joint(type=kind, axis=[0, 0, 1])
+        body.mass = joint.mass
+        body.ipos = after[:3, :3] @ joint.com + after[:3, 3]
+        tensor = np.zeros((3, 3))
+        for value, (i, j) in zip(joint.inertia, ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))):
+            tensor[i, j] = tensor[j, i] = value
+        tensor = after[:3, :3] @ tensor @ after[:3, :3].T
+        body.fullinertia = [tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2]]
+        body.explicitinertial = True
+        pose = after
+    return spec.compile()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_mujoco_agrees(seed: int) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    arm = random_arm(seed, friction=False)
+    model = _mujoco(arm)
+    data = mujoco.MjData(model)
+    states = random_states(seed, len(arm), 5)
+    ours = dynamics.rigid_torque(arm, *states)
+    for q, qd, qdd, expected in zip(*states, ours):
+        data.qpos, data.qvel, data.qacc = q, qd, qdd
+        mujoco.mj_inverse(model, data)
+        np.testing.assert_allclose(expected, data.qfrc_inverse, rtol=1e-8, atol=1e-8)
+
+
+def test_changed_parameters_act_linearly() -> None:
+    arm = random_arm(3)
+    q, qd, qdd = random_states(3, len(arm))
+    columns, names = regressor(arm, q, qd, qdd)
+    changes = {
+        "link2.mass": 4.0,
+        "link2.mx": 0.3,
+        "link4.ixy": 0.01,
+        "joint1.viscous": 5.0,
+        "joint3.coulomb_negative": 2.0,
+    }
+    changed = with_parameters(arm, changes)
+    p = parameter_vector(arm)
+    for name, value in changes.items():
+        p[names.index(name)] = value
+    np.testing.assert_allclose(columns @ p, dynamics.inverse_dynamics(changed, q, qd, qdd), atol=1e-9)
