@@ -1,0 +1,6 @@
+"""The vocabulary of effects: what a simulation can get wrong, each defined once."""
+
+from arm_model.effects.catalogue import CATALOGUE, values_of
+from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
+
+__all__ = ["CATALOGUE", "Effect", "Parameter", "Place", "Signals", "Values", "values_of"]

@@ -1,0 +1,21 @@
+"""Every effect of the vocabulary by its name."""
+
+from __future__ import annotations
+
+from arm_model.effects import description_errors, friction, position, sensing, transmission, wrist
+from arm_model.effects.definition import Effect, Values
+
+CATALOGUE: dict[str, Effect] = {
+    effect.name: effect
+    for family in (friction, position, transmission, description_errors, wrist, sensing)
+    for effect in family.EFFECTS
+}
+
+
+def values_of(effect: Effect, given: dict[str, float]) -> Values:
+    """Parameter values for a law: ``given``, each name checked, the rest 0; ValueError names the unknown one."""
+    known = [parameter.name for parameter in effect.parameters]
+    for name in given:
+        if name not in known:
+            raise ValueError(f"{effect.name} has no parameter {name!r}; it has {', '.join(known)}")
+    return Values({name: float(given.get(name, 0.0)) for name in known})

@@ -1,0 +1,177 @@
+"""Wrong numbers in the description: masses, inertias, constants, zeros. Their law is another arm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from arm_model.effects.definition import Effect, Parameter, Place, Values
+
+if TYPE_CHECKING:
+    from arm_model.description import Arm, Joint
+
+
+def _with_joint(arm: Arm, joint: int | None, **changes: object) -> Arm:
+    assert joint is not None
+    joints = list(arm.joints)
+    joints[joint - 1] = replace(joints[joint - 1], **changes)  # type: ignore[arg-type]
+    return replace(arm, joints=tuple(joints))
+
+
+def _merged(link: Joint, mass: float, moment: np.ndarray, about_origin: np.ndarray) -> dict[str, object]:
+    """Mass, com and inertia of a link after adding mass kg, first moment (3,) kg m and inertia (3, 3) about the frame's origin."""
+    xx, yy, zz, xy, yz, xz = link.inertia
+    com = np.array(link.com)
+    total = link.mass + mass
+    first = link.mass * com + moment
+    origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) + link.mass * _steiner(com) + about_origin
+    centre = first / total if total > 0 else com
+    inertia = origin - total * _steiner(centre)
+    return {
+        "mass": float(total),
+        "com": tuple(map(float, centre)),
+        "inertia": tuple(float(inertia[k]) for k in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))),
+    }
+
+
+def _steiner(r: np.ndarray) -> np.ndarray:
+    """Inertia of a unit mass point at r (3,): |r|^2 1 - r r^T."""
+    return np.dot(r, r) * np.eye(3) - np.outer(r, r)
+
+
+def _payload(arm: Arm, joint: int | None, p: Values) -> Arm:
+    point = np.array([p.x, p.y, p.z])
+    last = len(arm.joints)
+    return _with_joint(arm, last, **_merged(arm.joints[-1], p.mass, p.mass * point, p.mass * _steiner(point)))
+
+
+def _link_inertia(arm: Arm, joint: int | None, p: Values) -> Arm:
+    assert joint is not None
+    about = np.array([[p.ixx, p.ixy, p.ixz], [p.ixy, p.iyy, p.iyz], [p.ixz, p.iyz, p.izz]])
+    return _with_joint(arm, joint, **_merged(arm.joints[joint - 1], p.mass, np.array([p.mx, p.my, p.mz]), about))
+
+
+def _rotor_inertia(arm: Arm, joint: int | None, p: Values) -> Arm:
+    assert joint is not None
+    drive = arm.joints[joint - 1]
+    return _with_joint(arm, joint, rotor_inertia=drive.rotor_inertia + p.inertia / drive.gear**2)
+
+
+def _base_tilt(arm: Arm, joint: int | None, p: Values) -> Arm:
+    cr, sr, cp, sp = np.cos(p.roll), np.sin(p.roll), np.cos(p.pitch), np.sin(p.pitch)
+    tilt = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]]) @ np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    return replace(arm, gravity=tuple(map(float, tilt.T @ np.array(arm.gravity))))
+
+
+def _torque_constant(arm: Arm, joint: int | None, p: Values) -> Arm:
+    assert joint is not None
+    return _with_joint(arm, joint, torque_constant=arm.joints[joint - 1].torque_constant * (1 + p.error))
+
+
+def _zero_offset(arm: Arm, joint: int | None, p: Values) -> Arm:
+    assert joint is not None
+    slot = "theta" if arm.joints[joint - 1].type == "revolute" else "d"
+    return _with_joint(arm, joint, **{slot: getattr(arm.joints[joint - 1], slot) - p.offset})
+
+
+PAYLOAD = Effect(
+    name="payload",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter("mass", "kg", (0.1, 5.0), True, "mass at the flange"),
+        Parameter("x", "m", (0.0, 0.3), False, "centre of the mass in the frame of the last link", signed=True),
+        Parameter("y", "m", (0.0, 0.3), False, "", signed=True),
+        Parameter("z", "m", (0.0, 0.3), False, "", signed=True),
+    ),
+    equation="a mass point m at (x, y, z) of the last link",
+    shows="gravity by pose, plus inertia",
+    confused_with={"link_inertia": "runs with and without a known mass"},
+    per_joint=False,
+    change=_payload,
+)
+
+LINK_INERTIA = Effect(
+    name="link_inertia",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter("mass", "kg", (0.1, 5.0), True, "error of the mass", signed=True),
+        *(
+            Parameter(f"m{c}", "kg m", (0.01, 1.0), True, f"error of mass times centre, {c}", signed=True)
+            for c in "xyz"
+        ),
+        *(
+            Parameter(
+                f"i{c}", "kg m2", (0.001, 0.5), True, f"error of the inertia about the frame's origin, {c}", signed=True
+            )
+            for c in ("xx", "xy", "xz", "yy", "yz", "zz")
+        ),
+    ),
+    equation="mass, centre or inertia of the link differ",
+    shows="inertial and gravity columns of the link",
+    confused_with={"payload": "runs with and without a known mass", "torque_constant": "a known payload"},
+    change=_link_inertia,
+)
+
+ROTOR_INERTIA = Effect(
+    name="rotor_inertia",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter("inertia", "kg m2", (0.05, 3.0), True, "missing rotor inertia, at the joint: G^2 Jm", signed=True),
+    ),
+    equation="tau = G^2 Jm q''",
+    shows="follows acceleration in every pose",
+    confused_with={"link_inertia": "other poses"},
+    change=_rotor_inertia,
+)
+
+BASE_TILT = Effect(
+    name="base_tilt",
+    place=Place.GEOMETRY,
+    parameters=(
+        Parameter("roll", "rad", (0.002, 0.05), True, "turn of the base about its x axis", signed=True),
+        Parameter("pitch", "rad", (0.002, 0.05), True, "turn of the base about its y axis", signed=True),
+    ),
+    equation="g is not along the base's z",
+    shows="torque of joint 1 as sin(q1 + phi)",
+    confused_with={"link_inertia": "turn the base"},
+    per_joint=False,
+    change=_base_tilt,
+)
+
+TORQUE_CONSTANT = Effect(
+    name="torque_constant",
+    place=Place.MECHANICS,
+    parameters=(Parameter("error", "1", (0.02, 0.2), True, "relative error of the torque constant", signed=True),),
+    equation="tau = (1 + e) k i",
+    shows="all torques of one joint scaled",
+    confused_with={"current_gain": "a reference shunt", "link_inertia": "a known payload"},
+    change=_torque_constant,
+)
+
+JOINT_ZERO_OFFSET = Effect(
+    name="joint_zero_offset",
+    place=Place.GEOMETRY,
+    parameters=(
+        Parameter(
+            "offset", "rad", (0.002, 0.1), True, "what the encoder reads where the link stands at 0", signed=True
+        ),
+    ),
+    equation="q_read = q + delta",
+    shows="gravity out of phase",
+    confused_with={"link_inertia": "tracker, level"},
+    change=_zero_offset,
+)
+
+CURRENT_LIMIT = Effect(
+    name="current_limit",
+    place=Place.MECHANICS,
+    parameters=(Parameter("limit", "A", (0.5, 20.0), False, "largest current that the drive gives"),),
+    equation="|i| <= limit",
+    shows="current flat while the error grows",
+    confused_with={"current_nonlinearity": "is the motion clipped too?"},
+    limit=lambda ops, p, s: p.limit,
+)
+
+EFFECTS = (PAYLOAD, LINK_INERTIA, ROTOR_INERTIA, BASE_TILT, TORQUE_CONSTANT, JOINT_ZERO_OFFSET, CURRENT_LIMIT)

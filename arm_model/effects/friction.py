@@ -1,0 +1,128 @@
+"""Friction. All laws are torques that oppose the motion; what the model's own viscous and Coulomb friction already says is not repeated."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
+
+VISCOUS_FRICTION = Effect(
+    name="viscous_friction",
+    place=Place.MECHANICS,
+    parameters=(Parameter("viscous", "N m s/rad", (0.2, 10.0), True, "missing viscous coefficient", signed=True),),
+    equation="tau = B q'",
+    shows="error proportional to velocity",
+    confused_with={"time_skew": "two speeds", "hydrodynamic_drag": "two speeds"},
+    torque=lambda ops, p, s: p.viscous * s.v,
+)
+
+COULOMB_FRICTION = Effect(
+    name="coulomb_friction",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter("coulomb", "N m", (0.1, 15.0), True, "missing Coulomb friction, both directions alike", signed=True),
+    ),
+    equation="tau = F sign(q')",
+    shows="a step where the velocity changes sign",
+    confused_with={
+        "presliding_friction": "reversals at different speeds",
+        "backlash": "reversals at different speeds",
+    },
+    torque=lambda ops, p, s: p.coulomb * s.sign,
+)
+
+FRICTION_ASYMMETRY = Effect(
+    name="friction_asymmetry",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter("positive", "N m", (0.1, 8.0), True, "missing Coulomb friction while moving positive", signed=True),
+        Parameter("negative", "N m", (0.1, 8.0), True, "missing Coulomb friction while moving negative", signed=True),
+    ),
+    equation="tau = F+ for q' > 0, -F- for q' < 0",
+    shows="steps of unequal height at the two directions, an offset while moving",
+    confused_with={"current_offset": "standstill with the drives off"},
+    torque=lambda ops, p, s: (p.positive * (s.sign + s.sign**2) + p.negative * (s.sign - s.sign**2)) / 2,
+)
+
+STRIBECK_FRICTION = Effect(
+    name="stribeck_friction",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter("breakaway", "N m", (0.05, 15.0), True, "friction above Coulomb's at rest"),
+        Parameter("stribeck_velocity", "rad/s", (0.01, 0.2), False, "velocity at which it has fallen to 1/e"),
+    ),
+    equation="tau = (Fs - Fc) exp(-(q'/vs)^2) sign(q')",
+    shows="a hump at low speed",
+    confused_with={"hydrodynamic_drag": "a ladder of speeds", "presliding_friction": "a ladder of speeds"},
+    torque=lambda ops, p, s: p.breakaway * ops.exp(-((s.v / p.stribeck_velocity) ** 2)) * s.sign,
+)
+
+
+def _bristle_rate(ops: Any, p: Values, s: Signals) -> Any:
+    return s.v - p.stiffness * ops.absolute(s.v) * s.state / ops.maximum(s.coulomb, 1e-9)
+
+
+PRESLIDING_FRICTION = Effect(
+    name="presliding_friction",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter("stiffness", "N m/rad", (300.0, 3e4), False, "stiffness s0 of the bristles"),
+        Parameter("damping", "N m s/rad", (0.0, 50.0), False, "damping s1 of the bristles"),
+    ),
+    equation="tau = s0 z + s1 z' - F sign(q'),  z' = q' - s0 |q'| z / F   (Canudas de Wit et al., IEEE TAC 40(3), 1995)",
+    shows="a loop of torque over position after each reversal",
+    confused_with={"backlash": "slow small torque ramps", "joint_compliance": "slow small torque ramps"},
+    torque=lambda ops, p, s: p.stiffness * s.state + p.damping * _bristle_rate(ops, p, s) - s.coulomb * s.sign,
+    rate=_bristle_rate,
+)
+
+LOAD_FRICTION = Effect(
+    name="load_friction",
+    place=Place.MECHANICS,
+    parameters=(Parameter("mu", "1", (0.02, 0.2), True, "friction as a share of the transmitted torque"),),
+    equation="tau = mu |tau_load| sign(q')",
+    shows="a step at reversal that grows with the gravity load",
+    confused_with={
+        "torque_constant": "poses with and without payload",
+        "current_nonlinearity": "poses with and without payload",
+    },
+    torque=lambda ops, p, s: p.mu * ops.absolute(s.load) * s.sign,
+)
+
+FRICTION_DRIFT = Effect(
+    name="friction_drift",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter("fraction", "1", (0.05, 0.5), True, "share of the Coulomb friction that goes as the arm warms up"),
+        Parameter("time_constant", "s", (3.0, 600.0), False, "time constant of the warming"),
+    ),
+    equation="tau = -a F (1 - exp(-t/T)) sign(q')",
+    shows="the same move needs less torque each time",
+    confused_with={"torque_constant": "one cycle repeated, with holds"},
+    torque=lambda ops, p, s: -p.fraction * s.coulomb * (1 - ops.exp(-s.t / p.time_constant)) * s.sign,
+)
+
+HYDRODYNAMIC_DRAG = Effect(
+    name="hydrodynamic_drag",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter(
+            "drag", "N m s2/rad2", (0.1, 10.0), True, "torque over square of velocity, all strips of the link together"
+        ),
+    ),
+    equation="tau = D |q'| q'   (Morison's drag rho C_d R |v| v summed along the link, moving alone)",
+    shows="error with the square of velocity",
+    confused_with={"stribeck_friction": "a ladder of speeds; air against water"},
+    torque=lambda ops, p, s: p.drag * ops.absolute(s.v) * s.v,
+)
+
+EFFECTS = (
+    VISCOUS_FRICTION,
+    COULOMB_FRICTION,
+    FRICTION_ASYMMETRY,
+    STRIBECK_FRICTION,
+    PRESLIDING_FRICTION,
+    LOAD_FRICTION,
+    FRICTION_DRIFT,
+    HYDRODYNAMIC_DRAG,
+)

@@ -1,0 +1,36 @@
+"""Torques that depend on where the joint or its motor stands."""
+
+from __future__ import annotations
+
+from arm_model.effects.definition import Effect, Parameter, Place
+
+GRAVITY_SPRING = Effect(
+    name="gravity_spring",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter("stiffness", "N m/rad", (1.0, 60.0), True, "stiffness of the balancing spring", signed=True),
+        Parameter("rest_angle", "rad", (-3.0, 3.0), False, "joint angle at which it is slack", signed=True),
+    ),
+    equation="tau = k (q - q0)",
+    shows="error proportional to joint angle",
+    confused_with={"current_offset": "the full range of the joint", "link_inertia": "the full range of the joint"},
+    torque=lambda ops, p, s: p.stiffness * (s.q - p.rest_angle),
+)
+
+COGGING = Effect(
+    name="cogging",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter("amplitude", "N m", (0.05, 5.0), True, "amplitude at the joint"),
+        Parameter("pole_pairs", "1", (1, 60), False, "cycles a motor revolution", whole=True),
+        Parameter("phase", "rad", (-3.15, 3.15), False, "phase at motor angle 0", signed=True),
+    ),
+    equation="tau = A sin(Np q_motor + phi)",
+    shows="a fixed order of the motor angle, also without load",
+    confused_with={
+        "gear_ripple": "load and speed: ripple of position grows with the square of speed, cogging does not"
+    },
+    torque=lambda ops, p, s: p.amplitude * ops.sin(p.pole_pairs * s.motor + p.phase),
+)
+
+EFFECTS = (GRAVITY_SPRING, COGGING)

@@ -1,0 +1,121 @@
+"""What the instruments say of angle and current, and when."""
+
+from __future__ import annotations
+
+from arm_model.effects.definition import Effect, Parameter, Place
+
+ENCODER_RIPPLE = Effect(
+    name="encoder_ripple",
+    place=Place.SENSING,
+    parameters=(
+        Parameter("amplitude", "rad", (1e-5, 2e-3), True, "amplitude at the joint"),
+        Parameter("order", "1", (1, 2), False, "cycles a motor revolution (or line, times the lines)", whole=True),
+        Parameter("phase", "rad", (-3.15, 3.15), False, "phase at motor angle 0", signed=True),
+    ),
+    equation="q_read = q + e sin(n q_motor - phi)",
+    shows="orders 1 and 2 of the encoder's own angle, also without load",
+    confused_with={"gear_ripple": "tracker or link encoder"},
+    angle=lambda ops, p, s: p.amplitude * ops.sin(p.order * s.motor - p.phase),
+)
+
+MISSED_COUNTS = Effect(
+    name="missed_counts",
+    place=Place.SENSING,
+    parameters=(
+        Parameter("counts", "1", (1, 400), True, "counts gained (negative: lost), in joint angle", signed=True),
+        Parameter("time", "s", (0.0, 60.0), False, "when"),
+        Parameter("resolution", "rad", (1e-6, 1e-3), False, "joint angle of one count"),
+    ),
+    equation="q_read = q + n r for t > t0",
+    shows="a step in position that stays",
+    confused_with={},
+    # a step one millisecond wide: a law has no comparison
+    angle=lambda ops, p, s: p.counts * p.resolution * ops.minimum(ops.maximum((s.t - p.time) * 1e3, 0.0), 1.0),
+)
+
+CURRENT_OFFSET = Effect(
+    name="current_offset",
+    place=Place.SENSING,
+    parameters=(Parameter("offset", "A", (0.005, 0.5), True, "reading at no current", signed=True),),
+    equation="i_read = i + o",
+    shows="a constant",
+    confused_with={"friction_asymmetry": "drives off", "gravity_spring": "drives off"},
+    current=lambda ops, p, s: p.offset + 0.0 * s.current,
+)
+
+CURRENT_GAIN = Effect(
+    name="current_gain",
+    place=Place.SENSING,
+    parameters=(Parameter("error", "1", (0.02, 0.2), True, "relative error of the reading", signed=True),),
+    equation="i_read = (1 + g) i",
+    shows="all torques of one joint scaled",
+    confused_with={"torque_constant": "a reference shunt"},
+    current=lambda ops, p, s: p.error * s.current,
+)
+
+CURRENT_NONLINEARITY = Effect(
+    name="current_nonlinearity",
+    place=Place.SENSING,
+    parameters=(Parameter("cubic", "1/A2", (1e-4, 0.05), True, "cubic coefficient of saturation", signed=True),),
+    equation="i_read = i - c i^3",
+    shows="error as a function of the measured current",
+    confused_with={"load_friction": "a reference shunt"},
+    current=lambda ops, p, s: -p.cubic * s.current**3,
+)
+
+MAINS_HUM = Effect(
+    name="mains_hum",
+    place=Place.SENSING,
+    parameters=(
+        Parameter("amplitude", "A", (0.003, 0.5), True, "amplitude"),
+        Parameter("frequency", "Hz", (45.0, 65.0), False, "frequency"),
+        Parameter("phase", "rad", (-3.15, 3.15), False, "phase at the start", signed=True),
+    ),
+    equation="i_read = i + a sin(2 pi f t + phi)",
+    shows="a line at 50 or 60 Hz, also at rest",
+    confused_with={"gear_ripple": "stand still", "cogging": "stand still"},
+    current=lambda ops, p, s: p.amplitude * ops.sin(6.283185307179586 * p.frequency * s.t + p.phase) + 0.0 * s.current,
+)
+
+TIME_SKEW = Effect(
+    name="time_skew",
+    place=Place.TIMING,
+    parameters=(
+        Parameter("delay", "s", (1e-4, 5e-3), False, "by which currents are late against angles", signed=True),
+    ),
+    equation="i_read(t) = i(t - d)",
+    shows="error follows the derivative of the signal, the same delay on every axis",
+    confused_with={
+        "viscous_friction": "several axes and speeds",
+        "joint_compliance": "several axes and speeds",
+        "backlash": "several axes and speeds",
+    },
+    per_joint=False,
+    delay=lambda ops, p, s: p.delay,
+)
+
+DROPPED_TRIGGER = Effect(
+    name="dropped_trigger",
+    place=Place.TIMING,
+    parameters=(
+        Parameter("row", "1", (1, 1e5), False, "first row that is shifted", whole=True),
+        Parameter("count", "1", (1, 10), False, "rows by which the later ones are early", whole=True),
+        Parameter("period", "s", (1e-5, 0.1), False, "time between rows"),
+    ),
+    equation="i_read(t) = i(t + n T) from row m on",
+    shows="a lag that changes at one instant and stays",
+    confused_with={"time_skew": "correlation piece by piece; edge counters"},
+    per_joint=False,
+    delay=lambda ops, p, s: -p.count * p.period * ops.minimum(ops.maximum(s.t / p.period - p.row + 1.0, 0.0), 1.0),
+)
+
+EFFECTS = (
+    ENCODER_RIPPLE,
+    MISSED_COUNTS,
+    CURRENT_OFFSET,
+    CURRENT_GAIN,
+    CURRENT_NONLINEARITY,
+    MAINS_HUM,
+    TIME_SKEW,
+    DROPPED_TRIGGER,
+)

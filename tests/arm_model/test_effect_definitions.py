@@ -1,0 +1,73 @@
+"""Every effect of the vocabulary is defined once, completely, and its law runs on arrays and on symbols alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model.effects import CATALOGUE, Effect, Signals, Values
+from arm_model.effects.algebra import Arrays, Symbols
+
+LAWS = ("torque", "deflection", "angle", "current", "delay", "change", "limit")
+# Found from the tracker alone (identification.kinematics), or parts of other laws.
+ELSEWHERE = {"tracker_latency", "tracker_outliers", "link_geometry", "link_sag", "added_mass"}
+
+
+def _random_signals(rng: np.random.Generator, n: int = 50) -> Signals:
+    v = rng.normal(size=n)
+    return Signals(
+        q=rng.normal(size=n), v=v, a=rng.normal(size=n), motor=rng.normal(size=n) * 60, sign=v / np.sqrt(v**2 + 1e-4),
+        load=rng.normal(size=n) * 20, coulomb=np.full(n, 5.0), current=rng.normal(size=n), torque=rng.normal(size=n),
+        t=np.linspace(0, 10, n), state=rng.normal(size=n) * 1e-4, twist=rng.normal(size=n) * 1e-3, twist_rate=v * 1e-2,
+    )  # fmt: skip
+
+
+def _typical(effect: Effect, scale: float = 1.0) -> Values:
+    return Values({p.name: p.typical[1] * (scale if p.linear else 1.0) for p in effect.parameters})
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE.keys())
+def test_has_one_law_and_says_what_it_is(effect: Effect) -> None:
+    laws = [name for name in LAWS if getattr(effect, name) is not None] + ["coupling"] * effect.coupling
+    assert len(laws) == 1
+    assert effect.equation and effect.shows
+    assert all(name in CATALOGUE or name in ELSEWHERE for name in effect.confused_with)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE.keys())
+def test_law_is_linear_in_what_it_calls_linear(effect: Effect) -> None:
+    law = effect.torque or effect.deflection or effect.angle or effect.current
+    if law is None or not effect.linear:
+        pytest.skip("no linear parameter in a law over signals")
+    signals = _random_signals(np.random.default_rng(3))
+    once, twice = law(Arrays, _typical(effect), signals), law(Arrays, _typical(effect, 2.0), signals)
+    np.testing.assert_allclose(twice, 2 * once, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE.keys())
+def test_symbols_give_the_numbers_of_the_law(effect: Effect) -> None:
+    import sympy
+
+    law = effect.torque or effect.deflection or effect.angle or effect.current or effect.delay or effect.spring
+    if law is None:
+        pytest.skip("its law is another arm")
+    numbers = {name: float(k + 1) / 7 for k, name in enumerate(Signals.__dataclass_fields__)}
+    symbols = {name: sympy.Symbol(name) for name in numbers}
+    values = _typical(effect)
+    printed = law(Symbols, Values({k: sympy.Symbol(f"p_{k}") for k in values}), Signals(**symbols))
+    number = law(Arrays, values, Signals(**{k: np.float64(v) for k, v in numbers.items()}))
+    replaced = sympy.sympify(printed).subs(
+        {f"p_{k}": v for k, v in values.items()} | {symbols[k]: v for k, v in numbers.items()}
+    )
+    assert float(replaced) == pytest.approx(float(number), rel=1e-9, abs=1e-12)
+
+
+def test_vocabulary_is_complete(shared: Path) -> None:
+    table = (shared / "effects.md").read_text(encoding="utf-8")
+    names = {
+        line.split("|")[1].strip() for line in table.splitlines() if line.startswith("| ") and "name" not in line[:7]
+    }
+    assert names - ELSEWHERE - set(CATALOGUE) == set()
+    assert set(CATALOGUE) <= names

@@ -1,0 +1,205 @@
+"""Hides effects in a plant and in what its instruments say. One function an effect; magnitudes are the caller's.
+
+A mechanical effect changes the ``Plant``; a sensing or timing effect changes the ``Signals`` that the instruments see. Names and
+parameters are those of the public vocabulary; the code is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from tests.blind.plant import Plant
+
+Array = NDArray[np.float64]
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """One hidden effect: its name, its joint (1-based) or None, and its parameters in SI units at the joint."""
+
+    effect: str
+    joint: int | None
+    parameters: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What there is to be measured, at times t (m,) s: motor angle over gear (m, n) rad and current (m, n) A, signed as the joint."""
+
+    t: Array
+    angle: Array
+    current: Array
+    gear: Array
+
+
+def _set(values: Array, joint: int, value: float) -> Array:
+    values = values.copy()
+    values[joint - 1] = value
+    return values
+
+
+def _payload(p: Plant, joint: int, v: Values) -> Plant:
+    """A mass point of v['mass'] at (x, y, z) of the last link, merged into it."""
+    m, point = v["mass"], np.array([v["x"], v["y"], v["z"]])
+    total = p.mass[-1] + m
+    centre = (p.mass[-1] * p.com[-1] + m * point) / total
+    inertia = p.inertia[-1].copy()
+    for weight, place in ((p.mass[-1], p.com[-1]), (m, point)):
+        x, y, z = place - centre
+        inertia += weight * np.array([y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -y * z, -x * z])
+    return p._replace(
+        mass=_set(p.mass, len(p.mass), total),
+        com=np.vstack([p.com[:-1], centre]),
+        inertia=np.vstack([p.inertia[:-1], inertia]),
+    )
+
+
+def _tilt(p: Plant, joint: int, v: Values) -> Plant:
+    cr, sr, cp, sp = np.cos(v["roll"]), np.sin(v["roll"]), np.cos(v["pitch"]), np.sin(v["pitch"])
+    turned = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]]) @ np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    return p._replace(gravity=turned.T @ p.gravity)
+
+
+def _link(p: Plant, joint: int, v: Values) -> Plant:
+    """Mass and inertia of one link scaled by v['scale'], its centre moved by v['shift'] along x."""
+    com, inertia = p.com.copy(), p.inertia.copy()
+    com[joint - 1, 0] += v.get("shift", 0.0)
+    inertia[joint - 1] *= v.get("scale", 1.0)
+    return p._replace(mass=_set(p.mass, joint, p.mass[joint - 1] * v.get("scale", 1.0)), com=com, inertia=inertia)
+
+
+def _wrist(p: Plant, joint: int, v: Values) -> Plant:
+    coupling = p.coupling.copy()
+    for name, value in v.items():  # c54: motor 4 turns link 5
+        coupling[int(name[1]) - 1, int(name[2]) - 1] = value
+    return p._replace(coupling=coupling)
+
+
+def _elastic(p: Plant, joint: int, v: Values) -> Plant:
+    j = joint - 1
+    stiffness = v.get("stiffness", 4e4 if joint <= 3 else 3e3)
+    damping = v.get("damping", 2 * 0.1 * np.sqrt(stiffness * p.rotor[j]))
+    return p._replace(
+        stiffness=_set(p.stiffness, joint, stiffness),
+        damping=_set(p.damping, joint, damping),
+        half_gap=_set(p.half_gap, joint, v.get("half_gap", 0.0)),
+    )
+
+
+MECHANICAL: dict[str, Callable[[Plant, int, Values], Plant]] = {
+    "viscous_friction": lambda p, j, v: p._replace(viscous=_set(p.viscous, j, p.viscous[j - 1] + v["viscous"])),
+    "coulomb_friction": lambda p, j, v: p._replace(
+        coulomb_up=_set(p.coulomb_up, j, p.coulomb_up[j - 1] + v["coulomb"]),
+        coulomb_down=_set(p.coulomb_down, j, p.coulomb_down[j - 1] + v["coulomb"]),
+    ),
+    "friction_asymmetry": lambda p, j, v: p._replace(
+        coulomb_up=_set(p.coulomb_up, j, p.coulomb_up[j - 1] + v["positive"]),
+        coulomb_down=_set(p.coulomb_down, j, p.coulomb_down[j - 1] + v["negative"]),
+    ),
+    "stribeck_friction": lambda p, j, v: p._replace(
+        breakaway=_set(p.breakaway, j, v["breakaway"]),
+        stribeck_velocity=_set(p.stribeck_velocity, j, v["stribeck_velocity"]),
+    ),
+    "presliding_friction": lambda p, j, v: p._replace(
+        bristle=_set(p.bristle, j, v["stiffness"]), bristle_damping=_set(p.bristle_damping, j, v["damping"])
+    ),
+    "load_friction": lambda p, j, v: p._replace(load_share=_set(p.load_share, j, v["mu"])),
+    "friction_drift": lambda p, j, v: p._replace(
+        drift_share=_set(p.drift_share, j, v["fraction"]), drift_time=_set(p.drift_time, j, v["time_constant"])
+    ),
+    "gear_ripple": lambda p, j, v: p._replace(
+        lead_error=_set(p.lead_error, j, v["amplitude"]),
+        lead_order=_set(p.lead_order, j, v["order"]),
+        lead_phase=_set(p.lead_phase, j, v["phase"]),
+    ),
+    "cogging": lambda p, j, v: p._replace(
+        ripple_torque=_set(p.ripple_torque, j, v["amplitude"]),
+        ripple_order=_set(p.ripple_order, j, v["pole_pairs"]),
+        ripple_phase=_set(p.ripple_phase, j, v["phase"]),
+    ),
+    "backlash": _elastic,
+    "joint_compliance": _elastic,
+    "payload": _payload,
+    "link_inertia": _link,
+    "rotor_inertia": lambda p, j, v: p._replace(rotor=_set(p.rotor, j, p.rotor[j - 1] + v["inertia"])),
+    "base_tilt": _tilt,
+    "gravity_spring": lambda p, j, v: p._replace(
+        spring=_set(p.spring, j, v["stiffness"]), spring_rest=_set(p.spring_rest, j, v["rest_angle"])
+    ),
+    "torque_constant": lambda p, j, v: p._replace(
+        torque_per_ampere=_set(p.torque_per_ampere, j, p.torque_per_ampere[j - 1] * (1 + v["error"]))
+    ),
+    "current_limit": lambda p, j, v: p._replace(current_limit=_set(p.current_limit, j, v["limit"])),
+    "wrist_coupling": _wrist,
+    "hydrodynamic_drag": lambda p, j, v: p._replace(quadratic=_set(p.quadratic, j, v["drag"])),
+}
+
+
+def _late(t: Array, values: Array, delay: float) -> Array:
+    late: Array = CubicSpline(t, values)(np.clip(t - delay, t[0], t[-1]))
+    return late
+
+
+def _columns(s: Signals, which: str, joint: int, change: Callable[[Array], Array]) -> Signals:
+    changed = getattr(s, which).copy()
+    changed[:, joint - 1] = change(changed[:, joint - 1])
+    return Signals(s.t, changed if which == "angle" else s.angle, changed if which == "current" else s.current, s.gear)
+
+
+def _encoder_ripple(s: Signals, joint: int, v: Values) -> Signals:
+    order = v.get("order", 1.0) * s.gear[joint - 1]
+    return _columns(s, "angle", joint, lambda q: q + v["amplitude"] * np.sin(order * q - v["phase"]))
+
+
+def _missed(s: Signals, joint: int, v: Values) -> Signals:
+    return _columns(s, "angle", joint, lambda q: q + v["jump"] * (s.t >= v["time"]))
+
+
+def _dropped(s: Signals, joint: int, v: Values) -> Signals:
+    row, count = int(v["row"]), int(v["count"])
+    later = np.minimum(np.arange(len(s.t)) + np.where(np.arange(len(s.t)) >= row, count, 0), len(s.t) - 1)
+    return Signals(s.t, s.angle, s.current[later], s.gear)
+
+
+SENSING: dict[str, Callable[[Signals, int, Values], Signals]] = {
+    "encoder_ripple": _encoder_ripple,
+    "missed_counts": _missed,
+    "joint_zero_offset": lambda s, j, v: s,  # in the plant's geometry: see ``offset_geometry``
+    "current_offset": lambda s, j, v: _columns(s, "current", j, lambda i: i + v["offset"]),
+    "current_gain": lambda s, j, v: _columns(s, "current", j, lambda i: i * (1 + v["error"])),
+    "current_nonlinearity": lambda s, j, v: _columns(s, "current", j, lambda i: i - v["cubic"] * i**3),
+    "mains_hum": lambda s, j, v: _columns(
+        s, "current", j, lambda i: i + v["amplitude"] * np.sin(2 * np.pi * v["frequency"] * s.t + v["phase"])
+    ),
+    "time_skew": lambda s, j, v: Signals(s.t, s.angle, _late(s.t, s.current, v["delay"]), s.gear),
+    "dropped_trigger": _dropped,
+}
+
+
+def hide_in_plant(plant: Plant, hidden: tuple[Hidden, ...]) -> Plant:
+    """The plant with the mechanical ones among the hidden effects."""
+    for h in hidden:
+        if h.effect in MECHANICAL:
+            plant = MECHANICAL[h.effect](plant, h.joint or 0, h.parameters)
+        elif h.effect == "joint_zero_offset":
+            # the encoder reads q where the link stands at q - offset: the same arm with another zero
+            dh = plant.dh.copy()
+            dh[(h.joint or 0) - 1, 0] -= h.parameters["offset"]
+            plant = plant._replace(dh=dh)
+    return plant
+
+
+def hide_in_signals(signals: Signals, hidden: tuple[Hidden, ...]) -> Signals:
+    """The signals with the sensing and timing ones among the hidden effects."""
+    for h in hidden:
+        if h.effect in SENSING:
+            signals = SENSING[h.effect](signals, h.joint or 0, h.parameters)
+        elif h.effect not in MECHANICAL:
+            raise KeyError(h.effect)
+    return signals
