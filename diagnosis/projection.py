@@ -65,7 +65,7 @@ def confusability(span: Span, one: Array, other: Array) -> float:
     a, b = span_of(span.remove(_two_dimensional(one))), span_of(span.remove(_two_dimensional(other)))
     if a.q.shape[1] == 0 or b.q.shape[1] == 0:
         return 0.0
-    return float(min(1.0, np.linalg.norm(a.q.T @ b.q, 2)))
+    return min(1.0, float(np.linalg.svd(a.q.T @ b.q, compute_uv=False)[0]))
 
 
 def _two_dimensional(columns: Array) -> Array:

@@ -62,7 +62,8 @@ def _rotor_inertia(arm: Arm, joint: int | None, p: Values) -> Arm:
 def _base_tilt(arm: Arm, joint: int | None, p: Values) -> Arm:
     cr, sr, cp, sp = np.cos(p.roll), np.sin(p.roll), np.cos(p.pitch), np.sin(p.pitch)
     tilt = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]]) @ np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    return replace(arm, gravity=tuple(map(float, tilt.T @ np.array(arm.gravity))))
+    x, y, z = tilt.T @ np.array(arm.gravity)
+    return replace(arm, gravity=(float(x), float(y), float(z)))
 
 
 def _torque_constant(arm: Arm, joint: int | None, p: Values) -> Arm:
