@@ -1,21 +1,21 @@
 """What an effect is: one definition that serves simulation, estimation, plot labels and report equations.
 
-The law of an effect is written once, as a function over ``ops`` (``arm_model.effects.algebra``): called with numpy arrays it evaluates recorded data,
-with nodes of the expression tape it becomes part of the compiled simulation, with sympy symbols it becomes the printed equation.
+The law of an effect is written once, with the functions of ``arm_model.scalar``: called with numpy arrays it evaluates recorded data, with
+nodes of the expression tape it becomes part of the compiled simulation, with sympy symbols it becomes the printed equation.
 
 An effect has exactly one law, and which one says where in the chain it sits:
 
-torque      torque(ops, p, s): what the drive must provide in addition, N m (N) at the joint. With ``rate`` it has an internal state
-            ``s.state`` whose rate is rate(ops, p, s); at standstill the state is 0.
-deflection  deflection(ops, p, s): motor angle (over gear) minus link angle, rad (m), as a function of the transmitted torque ``s.load`` or
-            of the motor angle; ``spring(ops, p, s)`` is the transmitted torque over ``s.twist`` and ``s.twist_rate`` for the two-mass
+torque      torque(p, s): what the drive must provide in addition, N m (N) at the joint. With ``rate`` it has an internal state
+            ``s.state`` whose rate is rate(p, s); at standstill the state is 0.
+deflection  deflection(p, s): motor angle (over gear) minus link angle, rad (m), as a function of the transmitted torque ``s.load`` or
+            of the motor angle; ``spring(p, s)`` is the transmitted torque over ``s.twist`` and ``s.twist_rate`` for the two-mass
             simulation of elastic transmissions (None: the relation is kinematic, simulated as it stands).
-angle       angle(ops, p, s): added to the motor angle over gear that the instrument records, rad (m).
-current     current(ops, p, s): added to the motor current that the instrument records, A.
-delay       delay(ops, p, s): s by which the recorded currents are late against the recorded angles.
+angle       angle(p, s): added to the motor angle over gear that the instrument records, rad (m).
+current     current(p, s): added to the motor current that the instrument records, A.
+delay       delay(p, s): s by which the recorded currents are late against the recorded angles.
 change      change(arm, joint, p): another arm; for effects that are wrong numbers in the description.
 coupling    parameters named cij: turn of axis i for a turn of motor j, in the relation link angles = (1 + C) motor angles.
-limit       limit(ops, p, s): the largest magnitude of motor current that the drive gives, A.
+limit       limit(p, s): the largest magnitude of motor current that the drive gives, A.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Values(dict[str, Any]):
         return self[name]
 
 
-Law = Callable[[Any, Values, Signals], Any]
+Law = Callable[[Values, Signals], Any]
 
 
 @dataclass(frozen=True)

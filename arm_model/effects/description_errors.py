@@ -172,7 +172,7 @@ CURRENT_LIMIT = Effect(
     equation="|i| <= limit",
     shows="current flat while the error grows",
     confused_with={"current_nonlinearity": "is the motion clipped too?"},
-    limit=lambda ops, p, s: p.limit,
+    limit=lambda p, s: p.limit,
 )
 
 EFFECTS = (PAYLOAD, LINK_INERTIA, ROTOR_INERTIA, BASE_TILT, TORQUE_CONSTANT, JOINT_ZERO_OFFSET, CURRENT_LIMIT)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from arm_model import scalar
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
 
 VISCOUS_FRICTION = Effect(
@@ -13,7 +14,7 @@ VISCOUS_FRICTION = Effect(
     equation="tau = B q'",
     shows="error proportional to velocity",
     confused_with={"time_skew": "two speeds", "hydrodynamic_drag": "two speeds"},
-    torque=lambda ops, p, s: p.viscous * s.v,
+    torque=lambda p, s: p.viscous * s.v,
 )
 
 COULOMB_FRICTION = Effect(
@@ -28,7 +29,7 @@ COULOMB_FRICTION = Effect(
         "presliding_friction": "reversals at different speeds",
         "backlash": "reversals at different speeds",
     },
-    torque=lambda ops, p, s: p.coulomb * s.sign,
+    torque=lambda p, s: p.coulomb * s.sign,
 )
 
 FRICTION_ASYMMETRY = Effect(
@@ -41,7 +42,7 @@ FRICTION_ASYMMETRY = Effect(
     equation="tau = F+ for q' > 0, -F- for q' < 0",
     shows="steps of unequal height at the two directions, an offset while moving",
     confused_with={"current_offset": "standstill with the drives off"},
-    torque=lambda ops, p, s: (p.positive * (s.sign + s.sign**2) + p.negative * (s.sign - s.sign**2)) / 2,
+    torque=lambda p, s: (p.positive * (s.sign + s.sign**2) + p.negative * (s.sign - s.sign**2)) / 2,
 )
 
 STRIBECK_FRICTION = Effect(
@@ -54,12 +55,12 @@ STRIBECK_FRICTION = Effect(
     equation="tau = (Fs - Fc) exp(-(q'/vs)^2) sign(q')",
     shows="a hump at low speed",
     confused_with={"hydrodynamic_drag": "a ladder of speeds", "presliding_friction": "a ladder of speeds"},
-    torque=lambda ops, p, s: p.breakaway * ops.exp(-((s.v / p.stribeck_velocity) ** 2)) * s.sign,
+    torque=lambda p, s: p.breakaway * scalar.exp(-((s.v / p.stribeck_velocity) ** 2)) * s.sign,
 )
 
 
-def _bristle_rate(ops: Any, p: Values, s: Signals) -> Any:
-    return s.v - p.stiffness * ops.absolute(s.v) * s.state / ops.maximum(s.coulomb, 1e-9)
+def _bristle_rate(p: Values, s: Signals) -> Any:
+    return s.v - p.stiffness * scalar.absolute(s.v) * s.state / scalar.maximum(s.coulomb, 1e-9)
 
 
 PRESLIDING_FRICTION = Effect(
@@ -72,7 +73,7 @@ PRESLIDING_FRICTION = Effect(
     equation="tau = s0 z + s1 z' - F sign(q'),  z' = q' - s0 |q'| z / F   (Canudas de Wit et al., IEEE TAC 40(3), 1995)",
     shows="a loop of torque over position after each reversal",
     confused_with={"backlash": "slow small torque ramps", "joint_compliance": "slow small torque ramps"},
-    torque=lambda ops, p, s: p.stiffness * s.state + p.damping * _bristle_rate(ops, p, s) - s.coulomb * s.sign,
+    torque=lambda p, s: p.stiffness * s.state + p.damping * _bristle_rate(p, s) - s.coulomb * s.sign,
     rate=_bristle_rate,
 )
 
@@ -86,7 +87,7 @@ LOAD_FRICTION = Effect(
         "torque_constant": "poses with and without payload",
         "current_nonlinearity": "poses with and without payload",
     },
-    torque=lambda ops, p, s: p.mu * ops.absolute(s.load) * s.sign,
+    torque=lambda p, s: p.mu * scalar.absolute(s.load) * s.sign,
 )
 
 FRICTION_DRIFT = Effect(
@@ -99,7 +100,7 @@ FRICTION_DRIFT = Effect(
     equation="tau = -a F (1 - exp(-t/T)) sign(q')",
     shows="the same move needs less torque each time",
     confused_with={"torque_constant": "one cycle repeated, with holds"},
-    torque=lambda ops, p, s: -p.fraction * s.coulomb * (1 - ops.exp(-s.t / p.time_constant)) * s.sign,
+    torque=lambda p, s: -p.fraction * s.coulomb * (1 - scalar.exp(-s.t / p.time_constant)) * s.sign,
 )
 
 HYDRODYNAMIC_DRAG = Effect(
@@ -113,7 +114,7 @@ HYDRODYNAMIC_DRAG = Effect(
     equation="tau = D |q'| q'   (Morison's drag rho C_d R |v| v summed along the link, moving alone)",
     shows="error with the square of velocity",
     confused_with={"stribeck_friction": "a ladder of speeds; air against water"},
-    torque=lambda ops, p, s: p.drag * ops.absolute(s.v) * s.v,
+    torque=lambda p, s: p.drag * scalar.absolute(s.v) * s.v,
 )
 
 EFFECTS = (

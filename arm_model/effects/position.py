@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from arm_model import scalar
 from arm_model.effects.definition import Effect, Parameter, Place
 
 GRAVITY_SPRING = Effect(
@@ -14,7 +15,7 @@ GRAVITY_SPRING = Effect(
     equation="tau = k (q - q0)",
     shows="error proportional to joint angle",
     confused_with={"current_offset": "the full range of the joint", "link_inertia": "the full range of the joint"},
-    torque=lambda ops, p, s: p.stiffness * (s.q - p.rest_angle),
+    torque=lambda p, s: p.stiffness * (s.q - p.rest_angle),
 )
 
 COGGING = Effect(
@@ -30,7 +31,7 @@ COGGING = Effect(
     confused_with={
         "gear_ripple": "load and speed: ripple of position grows with the square of speed, cogging does not"
     },
-    torque=lambda ops, p, s: p.amplitude * ops.sin(p.pole_pairs * s.motor + p.phase),
+    torque=lambda p, s: p.amplitude * scalar.sin(p.pole_pairs * s.motor + p.phase),
 )
 
 EFFECTS = (GRAVITY_SPRING, COGGING)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from arm_model import scalar
 from arm_model.effects.definition import Effect, Parameter, Place
 
 ENCODER_RIPPLE = Effect(
@@ -15,7 +16,7 @@ ENCODER_RIPPLE = Effect(
     equation="q_read = q + e sin(n q_motor - phi)",
     shows="orders 1 and 2 of the encoder's own angle, also without load",
     confused_with={"gear_ripple": "tracker or link encoder"},
-    angle=lambda ops, p, s: p.amplitude * ops.sin(p.order * s.motor - p.phase),
+    angle=lambda p, s: p.amplitude * scalar.sin(p.order * s.motor - p.phase),
 )
 
 MISSED_COUNTS = Effect(
@@ -30,7 +31,7 @@ MISSED_COUNTS = Effect(
     shows="a step in position that stays",
     confused_with={},
     # a step one millisecond wide: a law has no comparison
-    angle=lambda ops, p, s: p.counts * p.resolution * ops.minimum(ops.maximum((s.t - p.time) * 1e3, 0.0), 1.0),
+    angle=lambda p, s: p.counts * p.resolution * scalar.minimum(scalar.maximum((s.t - p.time) * 1e3, 0.0), 1.0),
 )
 
 CURRENT_OFFSET = Effect(
@@ -40,7 +41,7 @@ CURRENT_OFFSET = Effect(
     equation="i_read = i + o",
     shows="a constant",
     confused_with={"friction_asymmetry": "drives off", "gravity_spring": "drives off"},
-    current=lambda ops, p, s: p.offset + 0.0 * s.current,
+    current=lambda p, s: p.offset + 0.0 * s.current,
 )
 
 CURRENT_GAIN = Effect(
@@ -50,7 +51,7 @@ CURRENT_GAIN = Effect(
     equation="i_read = (1 + g) i",
     shows="all torques of one joint scaled",
     confused_with={"torque_constant": "a reference shunt"},
-    current=lambda ops, p, s: p.error * s.current,
+    current=lambda p, s: p.error * s.current,
 )
 
 CURRENT_NONLINEARITY = Effect(
@@ -60,7 +61,7 @@ CURRENT_NONLINEARITY = Effect(
     equation="i_read = i - c i^3",
     shows="error as a function of the measured current",
     confused_with={"load_friction": "a reference shunt"},
-    current=lambda ops, p, s: -p.cubic * s.current**3,
+    current=lambda p, s: -p.cubic * s.current**3,
 )
 
 MAINS_HUM = Effect(
@@ -74,7 +75,7 @@ MAINS_HUM = Effect(
     equation="i_read = i + a sin(2 pi f t + phi)",
     shows="a line at 50 or 60 Hz, also at rest",
     confused_with={"gear_ripple": "stand still", "cogging": "stand still"},
-    current=lambda ops, p, s: p.amplitude * ops.sin(6.283185307179586 * p.frequency * s.t + p.phase) + 0.0 * s.current,
+    current=lambda p, s: p.amplitude * scalar.sin(6.283185307179586 * p.frequency * s.t + p.phase) + 0.0 * s.current,
 )
 
 TIME_SKEW = Effect(
@@ -91,7 +92,7 @@ TIME_SKEW = Effect(
         "backlash": "several axes and speeds",
     },
     per_joint=False,
-    delay=lambda ops, p, s: p.delay,
+    delay=lambda p, s: p.delay,
 )
 
 DROPPED_TRIGGER = Effect(
@@ -106,7 +107,7 @@ DROPPED_TRIGGER = Effect(
     shows="a lag that changes at one instant and stays",
     confused_with={"time_skew": "correlation piece by piece; edge counters"},
     per_joint=False,
-    delay=lambda ops, p, s: -p.count * p.period * ops.minimum(ops.maximum(s.t / p.period - p.row + 1.0, 0.0), 1.0),
+    delay=lambda p, s: -p.count * p.period * scalar.minimum(scalar.maximum(s.t / p.period - p.row + 1.0, 0.0), 1.0),
 )
 
 EFFECTS = (

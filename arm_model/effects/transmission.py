@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from typing import Any
 
+from arm_model import scalar
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
 
 
-def _gap_spring(ops: Any, p: Values, s: Signals) -> Any:
+def _gap_spring(p: Values, s: Signals) -> Any:
     """Contact on either side of the gap: spring and damper that push, never pull."""
-    above = ops.maximum(s.twist - p.half_gap, 0.0)
-    below = ops.minimum(s.twist + p.half_gap, 0.0)
+    above = scalar.maximum(s.twist - p.half_gap, 0.0)
+    below = scalar.minimum(s.twist + p.half_gap, 0.0)
     return p.contact_stiffness * (above + below) + p.contact_damping * s.twist_rate * _touching(
-        ops, above - below, p.half_gap
+        above - below, p.half_gap
     )
 
 
-def _touching(ops: Any, depth: Any, half_gap: Any) -> Any:
+def _touching(depth: Any, half_gap: Any) -> Any:
     """0 inside the gap, rising to 1 over a hundredth of it."""
-    return ops.minimum(depth / (0.01 * half_gap + 1e-9), 1.0)
+    return scalar.minimum(depth / (0.01 * half_gap + 1e-9), 1.0)
 
 
 BACKLASH = Effect(
@@ -32,7 +33,7 @@ BACKLASH = Effect(
     equation="q_motor - q = +b where the load pushes, -b where it pulls",
     shows="lost motion at reversal and where the load changes sign: a current jump, felt by resting neighbours",
     confused_with={"joint_compliance": "a load bias closes the gap; compliance stays"},
-    deflection=lambda ops, p, s: p.half_gap * s.load / ops.sqrt(s.load**2 + 1e-2),
+    deflection=lambda p, s: p.half_gap * s.load / scalar.sqrt(s.load**2 + 1e-2),
     spring=_gap_spring,
 )
 
@@ -49,8 +50,8 @@ JOINT_COMPLIANCE = Effect(
         "time_skew": "link-side encoder or tracker, a chirp",
         "backlash": "a load bias closes the gap; compliance stays",
     },
-    deflection=lambda ops, p, s: s.load / p.stiffness,
-    spring=lambda ops, p, s: p.stiffness * s.twist + p.damping * s.twist_rate,
+    deflection=lambda p, s: s.load / p.stiffness,
+    spring=lambda p, s: p.stiffness * s.twist + p.damping * s.twist_rate,
 )
 
 GEAR_RIPPLE = Effect(
@@ -68,7 +69,7 @@ GEAR_RIPPLE = Effect(
         "mains_hum": "two speeds: hum is fixed in time",
         "encoder_ripple": "tracker or link encoder",
     },
-    deflection=lambda ops, p, s: -p.amplitude * ops.sin(p.order * s.motor + p.phase),
+    deflection=lambda p, s: -p.amplitude * scalar.sin(p.order * s.motor + p.phase),
 )
 
 EFFECTS = (BACKLASH, JOINT_COMPLIANCE, GEAR_RIPPLE)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from arm_model.effects import CATALOGUE, Effect, Signals, Values
-from arm_model.effects.algebra import Arrays, Symbols
 
 LAWS = ("torque", "deflection", "angle", "current", "delay", "change", "limit")
 # Found from the tracker alone (identification.kinematics), or parts of other laws.
@@ -42,7 +41,7 @@ def test_law_is_linear_in_what_it_calls_linear(effect: Effect) -> None:
     if law is None or not effect.linear:
         pytest.skip("no linear parameter in a law over signals")
     signals = _random_signals(np.random.default_rng(3))
-    once, twice = law(Arrays, _typical(effect), signals), law(Arrays, _typical(effect, 2.0), signals)
+    once, twice = law(_typical(effect), signals), law(_typical(effect, 2.0), signals)
     np.testing.assert_allclose(twice, 2 * once, rtol=1e-12, atol=1e-12)
 
 
@@ -56,8 +55,8 @@ def test_symbols_give_the_numbers_of_the_law(effect: Effect) -> None:
     numbers = {name: float(k + 1) / 7 for k, name in enumerate(Signals.__dataclass_fields__)}
     symbols = {name: sympy.Symbol(name) for name in numbers}
     values = _typical(effect)
-    printed = law(Symbols, Values({k: sympy.Symbol(f"p_{k}") for k in values}), Signals(**symbols))
-    number = law(Arrays, values, Signals(**{k: np.float64(v) for k, v in numbers.items()}))
+    printed = law(Values({k: sympy.Symbol(f"p_{k}") for k in values}), Signals(**symbols))
+    number = law(values, Signals(**{k: np.float64(v) for k, v in numbers.items()}))
     replaced = sympy.sympify(printed).subs(
         {f"p_{k}": v for k, v in values.items()} | {symbols[k]: v for k, v in numbers.items()}
     )
