@@ -17,6 +17,7 @@ class LossReason(StrEnum):
     DISK = "disk"
     UNFINISHED = "unfinished"
     DAMAGED = "damaged"
+    UNKNOWN = "unknown"
 
 
 SENTENCES = {
@@ -28,6 +29,7 @@ SENTENCES = {
     LossReason.DISK: "the disk refused the data",
     LossReason.UNFINISHED: "the recording was cut off before these rows reached the disk",
     LossReason.DAMAGED: "the file is damaged where these rows were",
+    LossReason.UNKNOWN: "lost while recording; the ledger that gave the reason was not written",
 }
 
 
