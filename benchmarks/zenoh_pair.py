@@ -1,0 +1,134 @@
+"""Rows through our publisher and subscriber against a bare Zenoh pair that carries the same bytes.
+
+Two processes over loopback TCP; blocks of 200 rows (10 ms at 20 kHz) of 3 counters, 8 inputs, a tracker and 6 joints, as fast as the
+receiver takes them (congestion control BLOCK on both sides, so that nothing is dropped). The bare pair puts one constant payload of
+the same size and counts bytes in its callback; ours encodes every block, decodes it into arrays, and accounts for every row.
+Rounds alternate; the medians are compared.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import statistics
+import subprocess
+import sys
+import threading
+import time
+import uuid
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from benchmarks.report import report
+from daq.publisher import Publisher
+from daq.rig import Rig
+from daq.row_block import Columns, columns_of, describe, encode
+from daq.rows import Rows
+from daq.session import keys_of, open_session
+from daq.subscriber import Subscriber
+
+if TYPE_CHECKING:
+    import zenoh
+
+ROWS, BLOCKS, ROUNDS = 200, 3000, 5
+JOINTS = [f"joint{joint}" for joint in range(1, 7)]
+
+
+def block() -> Columns:
+    """200 rows of the rig that the end-to-end benchmark runs."""
+    random = np.random.default_rng(1)
+    number = np.arange(ROWS)
+    q, i, demand = random.normal(size=(3, ROWS, 6))
+    counts, volts = random.integers(0, 2**24, (ROWS, 3)), random.normal(size=(ROWS, 8))
+    quality, points = np.zeros((ROWS, 12), np.uint8), random.normal(size=(ROWS, 3))
+    return columns_of(Rows(number, number, number, number, counts, volts, quality, q, i, points, demand))
+
+
+def rig() -> Rig:
+    """A rig that is only an endpoint."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return Rig.model_validate({"name": "bench", "joint": [{}] * 6, "zenoh": {"endpoint": endpoint}})
+
+
+def send(table: Rig, bare: bool) -> None:
+    """The sending process: waits for the subscriber, sends all blocks, ends with its standard input."""
+    import zenoh
+
+    keys, columns = keys_of(table.name), block()
+    with open_session(table, listen=True) as session:
+        ours = Publisher(session, keys, JOINTS, reliable=True)
+        raw = session.declare_publisher(keys.rows, congestion_control=zenoh.CongestionControl.BLOCK)
+        payload = encode(columns, describe(columns, JOINTS), uuid.uuid4(), 0, 0, last=False)
+        while not ours.watched:
+            time.sleep(0.001)
+        for _ in range(BLOCKS):
+            if bare:
+                raw.put(payload)
+            else:
+                ours.publish(columns)
+        sys.stdin.read()
+
+
+def receive(bare: bool) -> float:
+    """Rows/s of one round, from the first block received to the last."""
+    table = rig()
+    command = [sys.executable, "-m", "benchmarks.zenoh_pair", "--send", table.model_dump_json(), str(int(bare))]
+    with subprocess.Popen(command, stdin=subprocess.PIPE) as sender:
+        with open_session(table, listen=False) as session:
+            seconds = (_bare if bare else _ours)(session, table)
+        sender.communicate()
+    return ROWS * (BLOCKS - 1) / seconds
+
+
+def _bare(session: zenoh.Session, table: Rig) -> float:
+    times: list[float] = []
+    size = 0
+    done = threading.Event()
+
+    def count(sample: zenoh.Sample) -> None:
+        nonlocal size
+        size += len(sample.payload)
+        times.append(time.perf_counter())
+        if len(times) == BLOCKS:
+            done.set()
+
+    with session.declare_subscriber(keys_of(table.name).rows, count):
+        assert done.wait(60)
+    return times[-1] - times[0]
+
+
+def _ours(session: zenoh.Session, table: Rig) -> float:
+    with Subscriber(session, keys_of(table.name)) as subscriber:
+        subscriber.receive(60)
+        start = time.perf_counter()
+        for _ in range(BLOCKS - 1):
+            subscriber.receive(60)
+        seconds = time.perf_counter() - start
+        assert (subscriber.tally.received, subscriber.tally.missed) == (ROWS * BLOCKS, 0)
+    return seconds
+
+
+def main() -> None:
+    """Prints the figures."""
+    ours, bare = [], []
+    for _ in range(ROUNDS):
+        ours.append(receive(bare=False))
+        bare.append(receive(bare=True))
+    rate, bare_rate = statistics.median(ours), statistics.median(bare)
+    report(
+        {
+            "zenoh_subscriber_rows_per_s": rate,
+            "zenoh_bare_pair_rows_per_s": bare_rate,
+            "zenoh_subscriber_vs_bare_pair": rate / bare_rate,
+        }
+    )
+
+
+if __name__ == "__main__":
+    if "--send" in sys.argv:
+        send(Rig.model_validate(json.loads(sys.argv[2])), sys.argv[3] == "1")
+    else:
+        main()
