@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import importlib
+import keyword
 import sys
 from collections.abc import Sequence
 
@@ -15,7 +16,13 @@ from inputs import DeviceFault, InputError
 
 DONE, UNUSABLE_INPUT, DEVICE_FAILED, SAMPLES_LOST = 0, 2, 3, 4
 
-COMMANDS: dict[str, str] = {}
+COMMANDS: dict[str, str] = {
+    "info": "what is in a recording: rows, losses, gaps, calibration, provenance",
+    "recover": "everything that can be read of an unfinished or damaged recording, and what was lost",
+    "import": "measured data from elsewhere (CSV) becomes a recording",
+    "export": "a recording becomes a table (CSV), same columns",
+    "plot": "a picture of one recording, or of several on one another",
+}
 """Command -> one line of help, in the order in which they are listed."""
 
 
@@ -51,7 +58,7 @@ def _call(name: str, arguments: list[str]) -> int:
     import typer
     from typer.exceptions import TyperException
 
-    module = importlib.import_module(f"armscope.{name.replace('-', '_')}")
+    module = importlib.import_module(f"armscope.{name.replace('-', '_')}{'_' * keyword.iskeyword(name)}")
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.command(name, help=COMMANDS[name])(module.command)
     try:

@@ -37,10 +37,11 @@ _LANDMARK = re.compile(
 
 @dataclass(frozen=True)
 class Rows:
-    """The rows of one intact chunk."""
+    """The rows of one intact chunk, and the bytes that they are views of."""
 
     form: RowFormat
     rows: NDArray[np.void]
+    content: bytes
 
 
 @dataclass(frozen=True)
@@ -175,7 +176,7 @@ def _chunk(body: memoryview) -> Rows:
     if opcode != Opcode.CHANNEL:
         raise _BrokenRecord("a chunk was not written by armscope")
     form = format_of(_simple(Channel, memoryview(content)[9 : 9 + length]).metadata["layout"])
-    return Rows(form, form.unpack(content))
+    return Rows(form, form.unpack(content), content)
 
 
 def _attachment(body: memoryview) -> File:

@@ -82,7 +82,7 @@ class Contents:
 
 def read_contents(path: Path) -> Contents:
     """Walks the file. InputError where it is absent, or no row and no layout of ours can be found in it."""
-    data = _mapped(path)
+    data = mapped(path)
     form, contents = None, Contents(form=None)  # type: ignore[arg-type]
     torn = False
     for part in chunks.walk(data):
@@ -135,7 +135,7 @@ def _layout(text: str) -> RowFormat | None:
         return None
 
 
-def _mapped(path: Path) -> memoryview:
+def mapped(path: Path) -> memoryview:
     """The bytes of a file, mapped into memory as long as anybody holds them."""
     try:
         with open(path, "rb") as file:

@@ -7,6 +7,7 @@ overwritten in place, so that after a crash the file itself tells how many rows 
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import struct
@@ -211,23 +212,39 @@ class McapFile:
         )
 
 
-def create(path: str | Path, *, replace: bool = False) -> McapFile:
-    """Opens ``path`` for writing, as ``path.active``. InputError where it exists (unless ``replace``), or cannot be made."""
+def create(path: str | Path, *, live: bool = False, replace: bool = False) -> McapFile:
+    """Opens ``path`` for writing under another name. InputError where it exists (unless ``replace``), or cannot be made.
+
+    live  True: the other name is ``path.active``, because what is in it is found nowhere else; never replaces one. A lock on it
+          tells that somebody still writes (``being_written``). False: ``path.part``
+    """
     path = Path(path)
-    active = path.with_name(path.name + ACTIVE)
+    active = path.with_name(path.name + (ACTIVE if live else ".part"))
     if path.is_dir():
         raise InputError(path, "is a folder; the name of a file is wanted")
     if path.exists() and not replace:
         raise InputError(path, "exists already, and no recording is overwritten; another name is wanted")
-    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | (os.O_TRUNC if replace else os.O_EXCL)
+    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | (os.O_EXCL if live else os.O_TRUNC)
     try:
-        return McapFile(path, active, os.open(active, flags, 0o644))
+        handle = os.open(active, flags, 0o644)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except FileExistsError:
         raise InputError(
             active, "an unfinished recording is there; 'armscope recover' it first, or remove it"
         ) from None
     except OSError as error:
         raise InputError(path, f"cannot be written: {error.strerror}") from None
+    return McapFile(path, active, handle)
+
+
+def being_written(path: str | Path) -> bool:
+    """True while a process has the file ``path`` open for recording."""
+    with open(path, "rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
 
 
 def as_json(value: object) -> bytes:

@@ -61,12 +61,11 @@ class Recorder:
         live: bool = True,
         chunk_seconds: float = 0.2,
         queue_rows: int = 200_000,
-        replace: bool = False,
     ) -> None:
         self.layout = layout
         self._live, self._chunk_seconds, self._queue_rows = live, chunk_seconds, queue_rows
         self._format = format_of(layout.to_json())
-        self._file = open_file(path, self._format, attachments, replace=replace)
+        self._file = open_file(path, self._format, attachments.files(), live=True)
         self._chunk_rows = max(1, CHUNK_BYTES // len(self._format.template))
         self._derive = Derivatives(layout)
         self._change = threading.Condition()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -45,16 +46,25 @@ class Attachments:
         return files
 
 
-def open_file(path: str | Path, form: RowFormat, attachments: Attachments, *, replace: bool = False) -> McapFile:
-    """A file with its head and attachments. InputError where it cannot be made; nothing is left then."""
-    file = mcap_file.create(path, replace=replace)
+Files = Mapping[str, tuple[str, bytes]]
+"""File name -> (media type, content)."""
+
+
+def open_file(
+    path: str | Path, form: RowFormat, files: Files, *, live: bool = False, replace: bool = False
+) -> McapFile:
+    """A file with its head and attachments. InputError where it cannot be made; nothing is left then.
+
+    live  as ``mcap_file.create`` has it
+    """
+    file = mcap_file.create(path, live=live, replace=replace)
     schemas = [
         Schema(number, ros2_messages.DEFINITIONS[name].encode(), "ros2msg", name)
         for number, name in enumerate(form.types, 1)
     ]
     try:
         file.begin(f"armscope {_version()}", schemas, form.channels())
-        for name, (media_type, data) in attachments.files().items():
+        for name, (media_type, data) in files.items():
             file.attach(name, media_type, data)
     except OSError as error:
         file.abandon()
@@ -64,9 +74,13 @@ def open_file(path: str | Path, form: RowFormat, attachments: Attachments, *, re
 
 def write_chunk(file: McapFile, form: RowFormat, columns: dict[str, NDArray]) -> None:
     """One chunk of rows; ``columns`` as ``RowFormat.pack`` wants them, and 'wall_ns'."""
-    wall_ns = columns["wall_ns"]
+    write_content(file, form, form.pack(columns, columns["wall_ns"]), columns["wall_ns"])
+
+
+def write_content(file: McapFile, form: RowFormat, content: bytes | bytearray, wall_ns: NDArray[np.int64]) -> None:
+    """One chunk whose content is packed already."""
     offsets = {topic.channel: form.message_offsets(topic, len(wall_ns)) for topic in form.topics}
-    file.chunk(form.pack(columns, wall_ns), wall_ns, offsets)
+    file.chunk(content, wall_ns, offsets)
 
 
 def finish_file(file: McapFile, ledger: LedgerSummary) -> None:

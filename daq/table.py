@@ -62,7 +62,7 @@ def write_table(
     )
     form, derive = format_of(layout.to_json()), Derivatives(layout)
     size = max(1, CHUNK_BYTES // len(form.template))
-    file = open_file(path, form, attachments, replace=True)
+    file = open_file(path, form, attachments.files(), replace=True)
     try:
         for start in range(0, len(t), size):
             piece = {name: values[start : start + size] for name, values in columns.items()}

@@ -1,0 +1,32 @@
+"""``armscope plot``: a picture of one recording, or of several on one another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from daq.plots import plot
+from daq.recording import open_recording
+from inputs import InputError
+
+
+def command(
+    recordings: Annotated[list[Path], typer.Argument(help="RUN.mcap ...: measured first, then simulated")],
+    out: Annotated[Path, typer.Option(help="the picture (.png, .svg or .pdf)")],
+    joint: Annotated[list[int] | None, typer.Option(help="only this joint (may be given more than once)")] = None,
+) -> None:
+    if out.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise InputError(out, "the name of a picture wants to end in .png, .svg or .pdf")
+    data = [open_recording(path) for path in recordings]
+    joints = max(recording.joints for recording in data)
+    for number in joint or []:
+        if not 1 <= number <= joints:
+            raise InputError("--joint", f"there is no joint {number}; 1 to {joints} are wanted")
+    figure = plot(data, joints=joint or [])
+    try:
+        figure.savefig(out, dpi=110)
+    except OSError as error:
+        raise InputError(out, f"cannot be written: {error.strerror}") from None
+    print(out)
