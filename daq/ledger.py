@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -66,3 +67,58 @@ class LedgerSummary:
     def balanced(self) -> bool:
         """True if every trigger is accounted for."""
         return self.triggers == self.recorded + self.lost
+
+
+class Ledger:
+    """The account while a recording runs; sampler and recorder write into it from their own threads.
+
+    The three sums come from different places - triggers from the edges of the clock, latched rows from the sampler's output,
+    recorded rows from the recorder - so that ``imbalance`` is a check and not an identity.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._triggers = self._latched = self._recorded = 0
+        self._losses: list[Loss] = []
+
+    def see(self, triggers: int) -> None:
+        """The clock has made ``triggers`` edges so far, seen or inferred."""
+        with self._lock:
+            self._triggers = max(self._triggers, triggers)
+
+    def latch(self, rows: int) -> None:
+        """The sampler made so many more complete rows."""
+        with self._lock:
+            self._latched += rows
+
+    def record(self, rows: int) -> None:
+        """The recorder put so many more rows into the file."""
+        with self._lock:
+            self._recorded += rows
+
+    def lose(self, first: int, rows: int, reason: LossReason, detail: str = "") -> None:
+        """Triggers ``first`` to ``first + rows - 1`` have no row in the file."""
+        if rows <= 0:
+            return
+        with self._lock:
+            if self._losses:
+                last = self._losses[-1]
+                if (last.first + last.rows, last.reason, last.detail) == (first, reason, detail):
+                    self._losses[-1] = Loss(last.first, last.rows + rows, reason, detail)
+                    return
+            self._losses.append(Loss(first, rows, reason, detail))
+
+    def summary(self) -> LedgerSummary:
+        """The account as it stands."""
+        with self._lock:
+            return LedgerSummary(self._triggers, self._latched, self._recorded, tuple(self._losses))
+
+    def imbalance(self) -> str | None:
+        """None where every trigger is accounted for, else a sentence; to be asked when a recording has ended."""
+        account = self.summary()
+        if account.balanced:
+            return None
+        return (
+            f"{account.triggers} triggers, but {account.recorded} rows recorded and {account.lost} lost: "
+            f"{account.triggers - account.recorded - account.lost} are unaccounted for"
+        )

@@ -325,8 +325,8 @@ def read_rig(path: str | Path, *, drivers: bool = True) -> Rig:
 
 
 def make_world(rig: Rig) -> World:
-    """The dict that the rig's drivers share: ``simulation`` (the rig's table) and ``model`` (path of the arm's model, or None)."""
-    return {"simulation": dict(rig.simulation), "model": rig.model_path}
+    """The dict that the rig's drivers share: see ``drivers.registry``."""
+    return {"simulation": dict(rig.simulation), "model": rig.model_path, "folder": rig._folder}
 
 
 def make_devices(rig: Rig, world: World, where: str | Path = "rig") -> dict[str, Device]:

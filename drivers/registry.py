@@ -3,10 +3,10 @@
 A driver module offers ``Config`` (a pydantic model of the device's table, without ``name`` and ``driver``) and
 ``make(name, config, world) -> Device``, which touches no hardware.
 
-``world`` is one dict a rig. ``daq.rig.make_world`` puts into it ``simulation`` (the rig file's table of that name) and ``model``
-(path of the arm's model, or None). Drivers that share something (one simulated arm, one TCP connection) keep it there under
-their own key. A backend that runs on a time of its own leaves a ``HostClock`` at ``world["host_clock"]``, at the latest when its
-devices have been opened.
+``world`` is one dict a rig. ``daq.rig.make_world`` puts into it ``simulation`` (the rig file's table of that name), ``model``
+(path of the arm's model, or None) and ``folder`` (of the rig file). Drivers that share something (one simulated arm, one TCP
+connection) keep it there under their own key. A backend that runs on a time of its own leaves a ``HostClock`` at
+``world["host_clock"]``, at the latest when its devices have been opened.
 """
 
 from __future__ import annotations

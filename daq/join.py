@@ -1,0 +1,225 @@
+"""Joins the rows of all devices: one row a trigger, and an account of every trigger that has none.
+
+One device is the clock: its rows say which triggers there were and when. A trigger becomes a row when every required device has
+latched it. What a device did not latch is known once it has delivered a later row, so that the join waits for the slowest
+device and loses nothing to a late one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.columns import Columns
+from daq.ledger import Ledger, LossReason
+from daq.streams import Stream, Table, cut
+from drivers.shapes import Quality
+
+Bools = NDArray[np.bool_]
+
+STAMP_BIAS_NS = 250_000
+"""How far two devices' host stamps of one edge may lie apart. At a trigger period of less than twice this, stamps cannot tell
+which of two neighbouring triggers a first row belongs to, and the device's own numbering is trusted."""
+
+
+@dataclass(frozen=True)
+class Joined:
+    """Complete rows: as ``daq.rows.Rows``, before calibration."""
+
+    number: NDArray[np.int64]
+    host: NDArray[np.int64]
+    tick: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    volts: NDArray[np.float64]
+    points: NDArray[np.float64] | None
+    quality: NDArray[np.uint8]
+
+
+class Join:
+    """The streams of one acquisition. ``notes`` are sentences about what was put right, for the record."""
+
+    def __init__(self, clock: Stream, others: list[Stream], columns: Columns, ledger: Ledger, period_ns: float) -> None:
+        self.clock, self.others, self.columns, self.ledger = clock, others, columns, ledger
+        self.period_ns = period_ns
+        self.next = 0  # first trigger that is not accounted for
+        self.gone: dict[str, str] = {}  # devices that failed, and how
+        self.patience = 0  # triggers by which a tracker may lag before its points are given up
+        self.notes: list[str] = []
+        self._aligned: set[str] = {clock.name}
+
+    def take(self, last: int | None = None) -> Joined | None:
+        """All rows that are certain by now; None if there are none.
+
+        last  the recording ends with this trigger, and no device will deliver any more: triggers up to it that are still
+              without a row are lost
+        """
+        self._align()
+        horizon = self._horizon() if last is None else last
+        if horizon < self.next or (last is None and self.clock.ready is None):
+            return None
+        self.ledger.see(horizon + 1)
+        rows = self._rows(horizon)
+        present = np.empty(0, np.int64) if rows is None else rows.number
+        self._account_for_losses(horizon, present)
+        self.next = horizon + 1
+        for stream in (self.clock, *self.others):
+            if not stream.polled or stream is self.clock:
+                stream.drop_through(horizon)
+            elif rows is not None:
+                stream.drop_before(int(rows.host[-1]))
+        return rows
+
+    def _horizon(self) -> int:
+        """The last trigger that every device has passed."""
+        horizon = self.clock.newest
+        for stream in self.others:
+            if stream.name in self.gone:
+                continue
+            if stream.required:
+                horizon = min(horizon, stream.newest)
+            elif not stream.polled:  # a tracker
+                horizon = min(horizon, max(stream.newest, self.clock.newest - self.patience))
+            elif self.clock.ready is not None:
+                horizon = min(horizon, self._polled_horizon(stream))
+        return horizon
+
+    def _polled_horizon(self, stream: Stream) -> int:
+        """The last trigger before the newest poll; a poll that takes long is not waited for longer than the patience."""
+        assert self.clock.ready is not None
+        index = self.clock.ready["index"]
+        passed = 0 if stream.ready is None else int(np.searchsorted(self.clock.ready["host"], stream.ready["host"][-1]))
+        covered = int(index[passed - 1]) if passed else int(index[0]) - 1
+        return max(covered, self.clock.newest - self.patience)
+
+    def _align(self) -> None:
+        """Once a device: its first row belongs to the trigger at whose time it was latched.
+
+        A device that was armed while the line was already running, or missed the first edge, numbers from a later one.
+        """
+        clock = self.clock
+        for stream in self.others:
+            if stream.name in self._aligned or stream.ready is None or clock.ready is None or stream.polled:
+                continue
+            self._aligned.add(stream.name)
+            if self.period_ns / 2 <= STAMP_BIAS_NS or not (_even(stream.ready) and _even(clock.ready)):
+                continue
+            ahead = (int(stream.ready["host"][0]) - int(clock.ready["host"][0])) / self.period_ns
+            edges = round(ahead) + int(clock.ready["index"][0]) - int(stream.ready["index"][0])
+            if edges:
+                stream.move(edges)
+                self.notes.append(f"{stream.name}: its row 0 was latched by trigger {edges}, as its time shows")
+
+    def _rows(self, horizon: int) -> Joined | None:
+        if self.clock.ready is None:
+            return None
+        stop = int(np.searchsorted(self.clock.ready["index"], horizon, side="right"))
+        table = cut(self.clock.ready, 0, stop)
+        complete: Bools = table["index"] >= self.next
+        places = {}
+        for stream in self.others:
+            if not stream.polled:
+                places[stream.name], there = _find(stream, table["index"])
+                if stream.required:
+                    complete &= there
+        if not complete.all():
+            table = {name: column[complete] for name, column in table.items()}
+            places = {name: place[complete] for name, place in places.items()}
+        if len(table["index"]) == 0:
+            return None
+        return self._assemble(table, places)
+
+    def _assemble(self, table: Table, places: dict[str, NDArray[np.int64]]) -> Joined:
+        n = len(table["index"])
+        values: Table = {
+            "counts": np.zeros((n, len(self.columns.counters)), np.int64),
+            "volts": np.full((n, len(self.columns.inputs)), np.nan),
+            "points": np.full((n, 3), np.nan),
+        }
+        quality = np.full((n, self.columns.quality), int(Quality.MISSING), np.uint8)
+        for stream in (self.clock, *self.others):
+            if stream is self.clock:
+                rows, place, doubt = table, np.arange(n), np.zeros(n, np.uint8)
+            elif stream.ready is None:
+                continue
+            elif stream.polled:
+                rows = stream.ready
+                place, doubt = _nearest(rows["host"], table["host"], stream.served)
+                stream.served = int(rows["host"][place[-1]])
+            else:
+                rows, place = stream.ready, places[stream.name]
+                doubt = np.where(rows["index"][place] == table["index"], 0, Quality.MISSING).astype(np.uint8)
+            there = (doubt & Quality.MISSING) == 0
+            every = bool(there.all())
+            for name, columns in stream.columns.items():
+                if every:
+                    values[name][:, columns] = rows[name][place]
+                else:
+                    values[name][np.ix_(there, columns)] = rows[name][place[there]]
+            marks = rows["quality"][place] | doubt[:, None]
+            quality[:, stream.quality] = marks if every else np.where(there[:, None], marks, Quality.MISSING)
+        return Joined(
+            table["index"],
+            table["host"],
+            table["tick"],
+            values["counts"],
+            values["volts"],
+            values["points"] if self.columns.tracker is not None else None,
+            quality,
+        )
+
+    def _account_for_losses(self, horizon: int, present: NDArray[np.int64]) -> None:
+        """Every trigger of next..horizon is a row or a loss with a reason."""
+        self.ledger.latch(len(present))
+        if len(present) == horizon + 1 - self.next:
+            return
+        lost = np.setdiff1d(np.arange(self.next, horizon + 1), present, assume_unique=True)
+        for number in lost.tolist():
+            self.ledger.lose(number, 1, *self._reason(number))
+
+    def _reason(self, number: int) -> tuple[LossReason, str]:
+        for stream in (self.clock, *(s for s in self.others if s.required)):
+            if number in stream.indexer.missed:
+                return LossReason.LOST_EDGE, stream.name
+            _, there = _find(stream, np.array([number]))
+            if not there[0]:
+                if stream.name in self.gone and number > stream.newest:
+                    return LossReason.DEVICE_GONE, f"{stream.name}: {self.gone[stream.name]}"
+                return LossReason.NOT_LATCHED, stream.name
+        return LossReason.NOT_LATCHED, self.clock.name
+
+
+def _find(stream: Stream, index: NDArray[np.int64]) -> tuple[NDArray[np.int64], Bools]:
+    """Places of these triggers among a stream's rows, and whether they are there."""
+    if stream.ready is None:
+        return np.zeros(len(index), np.int64), np.zeros(len(index), bool)
+    have = stream.ready["index"]
+    place = np.minimum(np.searchsorted(have, index), len(have) - 1)
+    return place, have[place] == index
+
+
+def _nearest(
+    polled: NDArray[np.int64], host: NDArray[np.int64], served: int
+) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+    """Places of the polls nearest in time to triggers; STALE where a poll serves again, for a trigger further from it."""
+    after = np.searchsorted(polled, host)
+    before, after = np.maximum(after - 1, 0), np.minimum(after, len(polled) - 1)
+    place = np.where(np.abs(polled[after] - host) < np.abs(host - polled[before]), after, before)
+    away = np.abs(polled[place] - host)
+    order = np.lexsort((away, place))
+    first = np.ones(len(order), bool)
+    first[1:] = place[order][1:] != place[order][:-1]
+    doubt = np.full(len(host), int(Quality.STALE), np.uint8)
+    doubt[order[first]] = Quality.GOOD
+    doubt[polled[place] <= served] = Quality.STALE
+    return place, doubt
+
+
+def _even(table: Table) -> bool:
+    """Whether the host stamps lie as evenly as the triggers."""
+    steps, intervals = np.diff(table["index"]), np.diff(table["host"])
+    if len(steps) < 3 or (steps <= 0).any():
+        return False
+    pace = np.median(intervals / steps)
+    return bool(pace > 0 and np.median(np.abs(intervals / steps / pace - 1)) < 0.25)
