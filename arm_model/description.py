@@ -128,7 +128,7 @@ class Controller:
     position_gain: tuple[float, ...] | None = None
     velocity_gain: tuple[float, ...] | None = None
     integral_gain: tuple[float, ...] | None = None
-    velocity_reference: NotNegative = 0.0  # share of the demanded velocity that the velocity loop is given
+    velocity_reference: NotNegative = 1.0  # share of the demanded velocity that the velocity loop is given
     velocity_bandwidth: Positive | None = None  # rad/s of the low-pass on the differenced angle; absent: no low-pass
     current_lag: NotNegative = 0.0  # s, time constant of the current loop
 
@@ -240,6 +240,9 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
         )
     except ValidationError as error:
         raise InputError(where, one_line(error)) from None
+    from arm_model.effects import check_terms  # the catalogue is written in terms of this module
+
+    check_terms(arm, where)
     return arm
 
 

@@ -90,7 +90,7 @@ def _with_link(joint: Joint, changed: Mapping[str, float]) -> Joint:
     if parameters[0] == 0.0 and parameters[1:4].any():
         raise InputError("parameters", "a first moment without mass cannot be written as a centre of mass; give a mass")
     mass, com, inertia = about_com(parameters)
-    return _changed(joint, mass=mass, com=com, inertia=inertia)
+    return changed_joint(joint, mass=mass, com=com, inertia=inertia)
 
 
 def _with_joint(joint: Joint, name: str, rest: str, value: float) -> Joint:
@@ -98,19 +98,19 @@ def _with_joint(joint: Joint, name: str, rest: str, value: float) -> Joint:
     at_motor = value / joint.ratio
     match rest:
         case "coulomb":
-            return _changed(joint, coulomb=(at_motor, at_motor))
+            return changed_joint(joint, coulomb=(at_motor, at_motor))
         case "coulomb_positive":
-            return _changed(joint, coulomb=(at_motor, negative))
+            return changed_joint(joint, coulomb=(at_motor, negative))
         case "coulomb_negative":
-            return _changed(joint, coulomb=(positive, at_motor))
+            return changed_joint(joint, coulomb=(positive, at_motor))
     if rest in _DRIVE:
-        return _changed(joint, **{rest: value / joint.ratio ** _DRIVE[rest]})
+        return changed_joint(joint, **{rest: value / joint.ratio ** _DRIVE[rest]})
     if rest in _DIRECT:
-        return _changed(joint, **{rest: value})
+        return changed_joint(joint, **{rest: value})
     raise _unknown(name)
 
 
-def _changed(joint: Joint, **entries: object) -> Joint:
+def changed_joint(joint: Joint, **entries: object) -> Joint:
     """dataclasses.replace without the checks of a model file: a search may pass through a negative mass."""
     changed = object.__new__(Joint)
     for field in joint.__dataclass_fields__:

@@ -53,7 +53,7 @@ def one_line(error: ValidationError) -> str:
         place += f"[{part + 1}]" if isinstance(part, int) else ("." if place else "") + str(part)
     message = first["msg"].removeprefix("Value error, ")
     message = message[:1].lower() + message[1:]
-    if first["type"] == "extra_forbidden":
+    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         message = "unknown entry"
     elif first["type"] == "missing":
         message = "is missing"

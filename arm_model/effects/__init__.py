@@ -2,5 +2,6 @@
 
 from arm_model.effects.catalogue import CATALOGUE, values_of
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
+from arm_model.effects.terms import check_terms, described
 
-__all__ = ["CATALOGUE", "Effect", "Parameter", "Place", "Signals", "Values", "values_of"]
+__all__ = ["CATALOGUE", "Effect", "Parameter", "Place", "Signals", "Values", "check_terms", "described", "values_of"]

@@ -119,6 +119,7 @@ class Effect:
     limit: Law | None = None
     change: Callable[[Any, int | None, Values], Any] | None = None
     coupling: bool = False
+    link_side: bool = False  # a torque on the link, behind a two-mass transmission; else it acts on the motor
 
     @property
     def linear(self) -> tuple[Parameter, ...]:

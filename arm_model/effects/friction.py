@@ -115,6 +115,7 @@ HYDRODYNAMIC_DRAG = Effect(
     shows="error with the square of velocity",
     confused_with={"stribeck_friction": "a ladder of speeds; air against water"},
     torque=lambda p, s: p.drag * scalar.absolute(s.v) * s.v,
+    link_side=True,
 )
 
 EFFECTS = (

@@ -16,6 +16,7 @@ GRAVITY_SPRING = Effect(
     shows="error proportional to joint angle",
     confused_with={"current_offset": "the full range of the joint", "link_inertia": "the full range of the joint"},
     torque=lambda p, s: p.stiffness * (s.q - p.rest_angle),
+    link_side=True,
 )
 
 COGGING = Effect(

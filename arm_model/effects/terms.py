@@ -1,0 +1,61 @@
+"""Effect terms of an arm (``[[effect]]`` in its model file): checked, and those that are another description carried out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from arm_model.description import Arm, EffectTerm
+from arm_model.effects.catalogue import CATALOGUE, values_of
+from arm_model.effects.definition import Effect, Parameter
+from inputs import InputError
+
+DERIVED = frozenset({"contact_stiffness", "contact_damping"})
+"""Parameters that follow from the joint where they are not given (``arm_model.stiffness``)."""
+
+
+def check_terms(arm: Arm, where: str | Path | None = None) -> None:
+    """InputError (one line) where an effect term of the arm names no effect, or its joint or parameters do not fit;
+    ``where`` is named in it, by default the arm."""
+    where = arm.name if where is None else where
+    for number, term in enumerate(arm.effects, 1):
+        here = f"effect[{number}]"
+        effect = CATALOGUE.get(term.name)
+        if effect is None:
+            raise InputError(where, f"{here}.name: no effect {term.name!r}; one of {', '.join(CATALOGUE)} is wanted")
+        if not effect.per_joint and term.joint is not None:
+            raise InputError(where, f"{here}.joint: {term.name} belongs to the whole arm; leave 'joint' out")
+        if effect.per_joint and not (term.joint and term.joint <= len(arm)):
+            raise InputError(where, f"{here}.joint: {term.name} wants a joint in 1..{len(arm)} (is {term.joint})")
+        _check_parameters(effect, term, where, here)
+
+
+def _check_parameters(effect: Effect, term: EffectTerm, where: str | Path, here: str) -> None:
+    known = [parameter.name for parameter in effect.parameters]
+    for name in term.parameters:
+        if name not in known:
+            raise InputError(where, f"{here}.parameters.{name}: {effect.name} has {', '.join(known)}")
+    if effect.linear and not any(parameter.name in term.parameters for parameter in effect.linear):
+        first = effect.linear[0]
+        raise InputError(where, f"{here}.parameters.{first.name}: is missing ({first.unit}; {first.meaning})")
+    for parameter in effect.parameters:
+        value = term.parameters.get(parameter.name)
+        place = f"{here}.parameters.{parameter.name}"
+        if _must_be_positive(parameter) and value is None:
+            raise InputError(where, f"{place}: is missing ({parameter.unit}; {parameter.meaning})")
+        if _must_be_positive(parameter) and value is not None and value <= 0:
+            raise InputError(where, f"{place}: must be positive (is {value:g} {parameter.unit})")
+
+
+def _must_be_positive(parameter: Parameter) -> bool:
+    """Laws divide by it, or mean nothing at 0; linear ones are 0 where they are not given."""
+    return not (parameter.linear or parameter.signed or parameter.name in DERIVED) and parameter.typical[0] > 0
+
+
+def described(arm: Arm) -> Arm:
+    """The arm with those effects put into its description that are just other numbers in it (a payload, a tilted base)."""
+    bent = arm
+    for term in arm.effects:
+        effect = CATALOGUE[term.name]
+        if effect.change is not None:
+            bent = effect.change(bent, term.joint, values_of(effect, term.parameters))
+    return bent

@@ -1,0 +1,86 @@
+"""Model files: what is in them comes back, and what is wrong with them is said in one line."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+
+from arm_model.description import EffectTerm, read_model, write_model
+from inputs import InputError
+
+
+def test_every_model_reads_and_writes_back(root: Path, tmp_path: Path) -> None:
+    for path in sorted((root / "config/models").glob("*.toml")):
+        arm = read_model(path)
+        write_model(tmp_path / path.name, arm)
+        assert read_model(tmp_path / path.name) == arm, path.name
+
+
+def test_the_puma_is_the_nominal_one(root: Path, shared: Path) -> None:
+    nominal = tomllib.loads((shared / "puma560/nominal.toml").read_text())
+    arm = read_model(root / "config/models/puma560.toml")
+    for ours, given in zip(arm.joints, nominal["joint"], strict=True):
+        for name, value in given.items():
+            np.testing.assert_equal(getattr(ours, name), tuple(value) if isinstance(value, list) else value, name)
+    assert arm.controller is not None
+    for name, value in nominal["controller"].items():
+        assert getattr(arm.controller, name) == (tuple(value) if isinstance(value, list) else value), name
+
+
+def test_effects_are_kept(root: Path, tmp_path: Path) -> None:
+    arm = read_model(root / "config/models/puma560.toml")
+    arm = replace(
+        arm, effects=(EffectTerm("backlash", 2, {"half_gap": 1e-3}), EffectTerm("load_friction", 3, {"mu": 0.1}))
+    )
+    write_model(tmp_path / "model.toml", arm)
+    assert read_model(tmp_path / "model.toml") == arm
+
+
+def _without(name: str) -> Callable[[dict[str, Any]], object]:
+    return lambda table: table["joint"][1].pop(name)
+
+
+def _effect(**entries: Any) -> Callable[[dict[str, Any]], object]:
+    return lambda table: table.update(effect=[entries])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda t: t["joint"][1].update(inertia=[0.1, 0.9, 0.1, 0, 0, 0]), "joint[2]: inertia breaks the triangle"),
+        (lambda t: t["joint"][1].update(inertia=[-0.1, 0.1, 0.1, 0, 0, 0]), "joint[2]: inertia is not positive"),
+        (lambda t: t["joint"][0].update(mass=-1.0), "joint[1].mass: input should be greater than or equal to 0"),
+        (_without("inertia"), "joint[2].inertia: is missing"),
+        (lambda t: t.pop("units"), "units: is missing"),
+        (lambda t: t.update(units="cm"), "units: input should be 'SI' (is 'cm')"),
+        (lambda t: t["joint"][0].update(wight=3.0), "joint[1].wight: unknown entry"),
+        (lambda t: t["joint"][0].update(mass=float("nan")), "joint[1].mass: input should be a finite number"),
+        (lambda t: t["joint"][0].update(gear=0.0), "gear: must not be 0"),
+        (lambda t: t["controller"].update(natural_frequency=[40.0]), "controller.natural_frequency: has 1 entries"),
+        (_effect(name="blacklash", joint=2, parameters={}), "effect[1].name: no effect 'blacklash'"),
+        (
+            _effect(name="backlash", joint=9, parameters={"half_gap": 1e-3}),
+            "effect[1].joint: backlash wants a joint in 1..6",
+        ),
+        (_effect(name="backlash", joint=2, parameters={}), "effect[1].parameters.half_gap: is missing (rad;"),
+        (_effect(name="backlash", joint=2, parameters={"gap": 1.0}), "effect[1].parameters.gap: backlash has half_gap"),
+    ],
+)
+def test_a_wrong_file_gets_one_line(
+    root: Path, tmp_path: Path, spoil: Callable[[dict[str, Any]], object], said: str
+) -> None:
+    table = tomllib.loads((root / "config/models/puma560.toml").read_text())
+    spoil(table)
+    (tmp_path / "model.toml").write_text(tomli_w.dumps(table))
+    with pytest.raises(InputError) as caught:
+        read_model(tmp_path / "model.toml")
+    assert said in str(caught.value)
+    assert str(caught.value).startswith(str(tmp_path / "model.toml"))
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,183 @@
+"""The compiled simulation against scipy's integrator, conservation laws, and itself cut into lanes and blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from arm_model import dynamics
+from arm_model.description import Arm, Controller, read_model
+from arm_model.parameters import with_parameters
+from arm_model.servo import servo_gains
+from arm_model.simulation import Stepper, references, simulate, simulate_batch
+from tests.arm_model.random_arms import random_arm
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Machine code of these tests goes to a folder of their own."""
+    patch = pytest.MonkeyPatch()
+    patch.setenv("ARMSCOPE_CACHE", str(tmp_path_factory.mktemp("cache")))
+
+
+@pytest.fixture
+def puma(root: Path) -> Arm:
+    return read_model(root / "config/models/puma560.toml")
+
+
+def three_links(arm: Arm) -> Arm:
+    controller = arm.controller
+    assert controller is not None and controller.natural_frequency is not None and controller.inertia_pose is not None
+    cut = replace(
+        controller, natural_frequency=controller.natural_frequency[:3], inertia_pose=controller.inertia_pose[:3]
+    )
+    return replace(arm, joints=arm.joints[:3], controller=cut)
+
+
+def swing(joints: int, amplitude: float = 0.6) -> Callable[[np.ndarray], np.ndarray]:
+    """A smooth move of all joints in 1 s, then standing."""
+
+    def demand(t: np.ndarray) -> np.ndarray:
+        s = np.clip(t, 0.0, 1.0)
+        return np.outer(10 * s**3 - 15 * s**4 + 6 * s**5, amplitude * np.array([1, 0.7, -0.8, 0.5, 0.4, -0.6])[:joints])
+
+    return demand
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_free_motion_is_scipys(seed: int) -> None:
+    arm = random_arm(seed, joints=3, friction=seed % 2 == 0)
+    arm = replace(arm, joints=tuple(replace(joint, sign_velocity=0.5) for joint in arm.joints))
+    drive = arm.joint_array("drive_constant")
+    torque = np.array([0.5, -0.4, 0.3])
+
+    def rates(t: float, x: np.ndarray) -> np.ndarray:
+        return np.concatenate([x[3:], dynamics.forward_dynamics(arm, x[:3], x[3:], torque)[0]])
+
+    exact = solve_ivp(rates, (0, 0.5), np.zeros(6), t_eval=[0.1, 0.25, 0.5], rtol=1e-11, atol=1e-12, method="DOP853")
+    times = np.array([0.1, 0.25, 0.5])
+    ours = simulate(arm, lambda t: np.tile(torque / drive, (len(t), 1)), duration=0.5, rate=1, times=times)
+    np.testing.assert_allclose(ours.q, exact.y[:3].T, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(ours.qd, exact.y[3:].T, rtol=1e-6, atol=1e-6)
+
+
+def test_energy_of_an_undriven_frictionless_arm_stays(puma: Arm) -> None:
+    arm = three_links(puma)
+    joints = tuple(replace(joint, viscous=0.0, coulomb=(0.0, 0.0)) for joint in arm.joints)
+    arm = replace(arm, joints=joints, controller=None)
+    motion = simulate(arm, lambda t: np.zeros((len(t), 3)), duration=10.0, rate=100, start=np.array([0.0, 0.4, -0.2]))
+    # It hangs on its motors at the start, so let the currents go: the demand is zero from the first instant.
+    energy = dynamics.energy(arm, motion.q, motion.qd)
+    swing_energy = np.ptp(dynamics.energy(arm, motion.q, 0 * motion.qd))
+    assert swing_energy > 10.0
+    assert np.ptp(energy) < 1e-6 * swing_energy
+
+
+def test_power_balance_under_servo(puma: Arm) -> None:
+    """Energy gained = work of the motors - friction, along a servoed move."""
+    arm = three_links(puma)
+    motion = simulate(arm, swing(3), duration=1.5, rate=10000)
+    friction = sum_of_friction(arm, motion.qd)
+    power = np.sum((motion.torque - friction) * motion.qd, axis=1)
+    gained = dynamics.energy(arm, motion.q, motion.qd)
+    work = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2 * np.diff(motion.t))])
+    assert np.ptp(gained) > 5.0
+    np.testing.assert_allclose(gained - gained[0], work, atol=2e-4 * np.ptp(gained))
+
+
+def sum_of_friction(arm: Arm, qd: np.ndarray) -> np.ndarray:
+    still = replace(arm, joints=tuple(replace(joint, rotor_inertia=0.0) for joint in arm.joints))
+    zero = np.zeros_like(qd)
+    columns = [dynamics.drive_torque(joint, qd[:, j], zero[:, j]) for j, joint in enumerate(still.joints)]
+    return np.stack(columns, axis=1)
+
+
+def test_servo_is_what_the_controller_says(puma: Arm) -> None:
+    """The servo written out once more, tick by tick in plain numpy, with the arm integrated by scipy between ticks."""
+    arm = replace(three_links(puma), joints=tuple(replace(j, sign_velocity=0.2) for j in three_links(puma).joints))
+    controller, gains = arm.controller, servo_gains(arm)
+    assert controller is not None and controller.velocity_bandwidth is not None
+    period, ticks, demand = controller.servo_period, 60, swing(3)
+    knots = np.arange(0, 0.2, 0.028)
+    drive = arm.joint_array("drive_constant")
+    x = np.zeros(6)
+    current = dynamics.inverse_dynamics(arm, x[:3], x[3:], x[3:])[0] / drive
+    integral, last, last_wanted, velocity = current.copy(), x[:3].copy(), x[:3].copy(), np.zeros(3)
+    for tick in range(ticks):
+        wanted = np.array([np.interp(tick * period, knots, demand(knots)[:, j]) for j in range(3)])
+        share = 1 - np.exp(-controller.velocity_bandwidth * period)
+        velocity = velocity + share * ((x[:3] - last) / period - velocity)
+        integral = integral + gains.integral * period * (wanted - x[:3])
+        ahead = (wanted - last_wanted) / period
+        command = gains.position * (wanted - x[:3]) + integral + gains.velocity * (ahead - velocity)
+        limit = arm.joint_array("torque_limit") / drive
+        command = np.clip(command, -limit, limit)
+        last, last_wanted = x[:3].copy(), wanted
+
+        def rates(t: float, x: np.ndarray, i: np.ndarray = current, u: np.ndarray = command) -> np.ndarray:
+            flowing = u + (i - u) * np.exp(-t / 0.0004)
+            return np.concatenate([x[3:], dynamics.forward_dynamics(arm, x[:3], x[3:], flowing * drive)[0]])
+
+        x = solve_ivp(rates, (0, period), x, rtol=1e-9, atol=1e-12, method="DOP853").y[:, -1]
+        current = command + (current - command) * np.exp(-period / 0.0004)
+    ours = simulate(arm, demand, duration=0.1, rate=1, times=np.array([ticks * period]))
+    np.testing.assert_allclose(ours.q[0], x[:3], rtol=2e-4)
+    np.testing.assert_allclose(ours.current[0], current, rtol=2e-3, atol=1e-4)
+
+
+def test_standing_arm_stays(puma: Arm) -> None:
+    pose = np.array([0.3, 0.5, -1.0, 0.2, 0.5, -0.3])
+    motion = simulate(puma, lambda t: np.tile(pose, (len(t), 1)), duration=1.0, rate=100)
+    np.testing.assert_allclose(motion.q, np.tile(pose, (len(motion.t), 1)), atol=1e-9)
+    held = dynamics.rigid_torque(puma, pose, 0 * pose, 0 * pose)[0]
+    np.testing.assert_allclose(motion.torque[-1], held, atol=1e-6)
+
+
+def test_lanes_are_single_simulations(puma: Arm) -> None:
+    arm = three_links(puma)
+    values = {"joint2.viscous": np.linspace(5, 15, 11), "link3.mass": np.linspace(4, 6, 11)}
+    batch = simulate_batch(arm, swing(3), duration=1.0, rate=200, parameters=values)
+    assert batch.q.shape == (11, 201, 3)
+    for lane in (0, 7, 10):
+        changed = with_parameters(arm, {name: value[lane] for name, value in values.items()})
+        one = simulate(changed, swing(3), duration=1.0, rate=200)
+        np.testing.assert_allclose(batch.q[lane], one.q, atol=1e-10)
+        np.testing.assert_allclose(batch.current[lane], one.current, atol=1e-7)
+
+
+def test_blocks_of_time_do_not_matter(puma: Arm) -> None:
+    arm = three_links(puma)
+    whole, pieces = Stepper(arm, np.zeros(3)), Stepper(arm, np.zeros(3))
+    given = references(arm, swing(3), 0, 400)
+    rows = np.arange(int(400 * whole.period * 20000)) / 20000
+    at_once = whole.advance(given, rows)
+    parts, tick = [], 0
+    for count in (1, 7, 92, 300):
+        end = (tick + count) * pieces.period
+        inside = rows[(rows >= tick * pieces.period - 1e-12) & (rows < end - 1e-12)]
+        parts.append(pieces.advance(given[tick : tick + count], inside))
+        tick += count
+    for name in ("t", "q", "qd", "current", "torque"):
+        joined = np.concatenate([getattr(part, name) for part in parts])
+        np.testing.assert_array_equal(joined, getattr(at_once, name))
+
+
+def test_dense_rows_lie_on_the_motion(puma: Arm) -> None:
+    """Rows between ticks agree with a simulation of four times the steps."""
+    arm = three_links(puma)
+    coarse = simulate(arm, swing(3), duration=0.5, rate=20000)
+    fine = simulate(arm, swing(3), duration=0.5, rate=20000, substeps=4)
+    np.testing.assert_allclose(coarse.q, fine.q, atol=3e-7)
+    np.testing.assert_allclose(coarse.current, fine.current, atol=3e-3)
+
+
+def test_a_cascade_holds_without_an_integrator(puma: Arm) -> None:
+    controller = Controller(kind="cascade", position_gain=(20.0,) * 3, velocity_gain=(30.0,) * 3, setpoint_period=0.01)
+    arm = replace(three_links(puma), controller=controller)
+    motion = simulate(arm, swing(3, 0.3), duration=2.0, rate=100)
+    assert np.abs(motion.q[-1] - motion.demand[-1]).max() < 0.02
