@@ -22,6 +22,7 @@ COMMANDS: dict[str, str] = {
     "import": "measured data from elsewhere (CSV) becomes a recording",
     "export": "a recording becomes a table (CSV), same columns",
     "plot": "a picture of one recording, or of several on one another",
+    "identify": "parameters of an arm from recordings, with their uncertainty and held-out error",
 }
 """Command -> one line of help, in the order in which they are listed."""
 

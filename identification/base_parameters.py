@@ -1,0 +1,100 @@
+"""Which combinations of an arm's parameters its torques can show at all.
+
+Some links' parameters never act alone: only sums do (Gautier, "Numerical calculation of the base inertial parameters of robots",
+J. Robotic Systems 8(4), 1991). Found here on random states of the arm, where nothing but its structure decides: the rank by a
+column-pivoted QR, then, in an order that people like to read (drives first, then links from the tip inwards), the columns that
+no earlier one makes up. Every other column is a combination of those.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+Array = NDArray[np.float64]
+
+NEGLIGIBLE = 1e-8  # of a column's own size: what is left of it counts as rounding
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """b base parameters beta = grouping @ delta of p standard parameters delta, with Y delta = Y[:, kept] beta for every Y.
+
+    names (p,); kept (b,) indices of the columns that stand for a group; grouping (b, p) has the identity in the kept columns.
+    """
+
+    names: tuple[str, ...]
+    kept: NDArray[np.intp]
+    grouping: Array
+
+    def __len__(self) -> int:
+        return len(self.kept)
+
+    def alone(self, row: int) -> bool:
+        """Whether base parameter ``row`` is one standard parameter and nothing else."""
+        return int(np.count_nonzero(self.grouping[row])) == 1
+
+    def expression(self, row: int) -> str:
+        """'link2.mx + 0.4318 link3.mass - link3.my'."""
+        first = int(self.kept[row])
+        terms = [self.names[first]]
+        for column in np.flatnonzero(self.grouping[row]):
+            if column != first:
+                factor = self.grouping[row, column]
+                size = "" if abs(abs(factor) - 1) < 1e-9 else f"{abs(factor):.6g} "
+                terms.append(f"{'-' if factor < 0 else '+'} {size}{self.names[column]}")
+        return " ".join(terms)
+
+
+def base_parameters(
+    columns: Array, names: Sequence[str], *, order: Sequence[int] | None = None, negligible: float = NEGLIGIBLE
+) -> BaseParameters:
+    """The base parameters that ``columns`` (rows, p), rows >> p, can tell apart.
+
+    ``order``: indices of columns, those that had better stand for a group first; the default is ``reading_order(names)``.
+    ``negligible``: share of a column that, left over by the earlier ones, counts as nothing; for measured columns the noise's.
+    """
+    triangle = linalg.qr(columns, mode="r")[0][: columns.shape[1]]
+    size = np.linalg.norm(triangle, axis=0)
+    seen = size > NEGLIGIBLE * max(size.max(), 1e-300)
+    scaled = triangle[:, seen] / size[seen]
+    pivots = np.abs(np.diag(linalg.qr(scaled, mode="r", pivoting=True)[0]))
+    rank = int(np.sum(pivots > negligible * max(pivots.max(initial=0.0), 1e-300)))
+
+    kept: list[int] = []
+    basis = np.empty((len(triangle), 0))
+    for column in order if order is not None else reading_order(names):
+        if not seen[column] or len(kept) == rank:
+            continue
+        rest = triangle[:, column] / size[column]
+        for _ in range(2):  # once more against rounding (Giraud et al., 2005: "twice is enough")
+            rest = rest - basis @ (basis.T @ rest)
+        if np.linalg.norm(rest) > negligible:
+            kept.append(int(column))
+            basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
+
+    grouping = np.zeros((len(kept), len(size)))
+    grouping[:, seen] = np.linalg.lstsq(triangle[:, kept] / size[kept], triangle[:, seen], rcond=None)[0]
+    grouping /= size[kept][:, None] if kept else 1.0
+    grouping[np.abs(grouping) < 1e-7] = 0.0
+    grouping[:, kept] = np.eye(len(kept))
+    return BaseParameters(tuple(names), np.array(kept, np.intp), grouping)
+
+
+def reading_order(names: Sequence[str]) -> list[int]:
+    """Drives first, then links from the tip inwards; what is commonly summed into the next link inwards last: iyy, mz, mass."""
+    last = {"iyy": 1, "mz": 2, "mass": 3}
+    within = {"mx": 0, "my": 1, "izz": 2, "ixx": 3}
+
+    def rank(index: int) -> tuple[int, int, int, int]:
+        head, _, rest = names[index].partition(".")
+        number = int("".join(c for c in head if c.isdigit()) or 0)
+        if head.startswith("link"):
+            return (1, last.get(rest, 0), -number, within.get(rest, 4))
+        return (0, 0, number, 0)
+
+    return sorted(range(len(names)), key=rank)

@@ -1,0 +1,108 @@
+"""report.html: one file that opens anywhere, without a network: numbers, uncertainties, predictions, spectra."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+
+from identification import plots
+from identification.result import Identification, Value
+
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; color: #1d2733; max-width: 66rem; margin: 2rem auto; padding: 0 1.2rem; }
+h1 { font-size: 1.5rem; margin-bottom: .2rem } h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #d8dee6 }
+table { border-collapse: collapse; margin: .6rem 0 } th { text-align: left; font-weight: 600; color: #51606f }
+th, td { padding: .18rem .9rem .18rem 0; border-bottom: 1px solid #edf0f4; vertical-align: top }
+td.n, th.n { text-align: right; font-variant-numeric: tabular-nums } tr.weak td { color: #8b97a5 }
+.verdict { font-size: 1.1rem; padding: .7rem 1rem; background: #eef4fb; border-left: 4px solid #2f6fb0 }
+.warning { background: #fdf3e3; border-left: 4px solid #d08a1c; padding: .35rem 1rem; margin: .35rem 0 }
+img { max-width: 100% } small, .note { color: #6b7886 }
+"""
+
+
+def report(result: Identification) -> str:
+    """The whole page."""
+    names = ", ".join(Path(path).name for path in result.fit)
+    body = [
+        f"<h1>{escape(result.arm.name)}: identification</h1>",
+        f"<p class=note>{escape(names)}; method {escape(result.method)}, {escape(result.friction)} friction</p>",
+        f"<p class=verdict>{escape(verdict(result))}</p>",
+        *(f"<p class=warning>{escape(warning)}</p>" for warning in result.warnings),
+        "<h2>Error, joint by joint</h2>",
+        _errors(result),
+        "<h2>Predicted and measured</h2>",
+        *(plots.image(figure, alt) for figure, alt in plots.predictions(result)),
+        "<h2>Parameters</h2>",
+        "<p class=note>± is two standard deviations. They come from whole blocks of time, so that residuals may be coloured; beside them"
+        " those of the textbook formula, which takes every row for news.</p>",
+        _values(result.base, "base parameter"),
+        f"<p>Condition number {result.condition:.3g} (columns scaled to the same size).</p>",
+        "<details><summary>Every parameter of the model</summary>",
+        _values(result.parameters, "parameter"),
+        "</details>",
+        "<h2>Spectra</h2>",
+        *(plots.image(figure, alt) for figure, alt in plots.spectra(result)),
+        *(f"<p class=note>{escape(note)}</p>" for note in result.notes),
+    ]
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(result.arm.name)}: identification</title><style>{STYLE}</style></head><body>"
+        + "\n".join(body)
+        + "</body></html>\n"
+    )
+
+
+def verdict(result: Identification) -> str:
+    """The one sentence; training error alone validates nothing."""
+    fit, held = result.relative_error(False), result.relative_error(True)
+    if result.held_out == "split":
+        return (
+            f"Relative error {fit:.2%} on what was fitted, {held:.2%} on the last part of the same runs, predicted from the first."
+            " Not validated: no other recording was held out."
+        )
+    sentence = f"Relative error {fit:.2%} on what was fitted, {held:.2%} on held-out recordings."
+    if held > 2 * fit:
+        return sentence + " The model does not carry over: something in the held-out runs is not in it."
+    return sentence + " The model carries over to motions it was not fitted to."
+
+
+def _errors(result: Identification) -> str:
+    rows = []
+    for j, joint in enumerate(result.arm.joints):
+        unit = "N m" if joint.revolute else "N"
+        rows.append(
+            f"<tr><td>{j + 1}</td>"
+            + "".join(
+                f"<td class=n>{result.rms(held, j):.4g} {unit}</td><td class=n>{result.relative_error(held, j):.2%}</td>"
+                for held in (False, True)
+            )
+            + "</tr>"
+        )
+    total = "".join(f"<td></td><td class=n>{result.relative_error(held):.2%}</td>" for held in (False, True))
+    for name, (fit, held) in result.compared.items():
+        after = "" if held != held else f"{held:.2%}"
+        rows.append(
+            f"<tr><td>{escape(name)}</td><td></td><td class=n>{fit:.2%}</td><td></td><td class=n>{after}</td></tr>"
+        )
+    return (
+        "<table><tr><th>joint</th><th class=n>fitted, rms</th><th class=n>relative</th><th class=n>held out, rms</th>"
+        f"<th class=n>relative</th></tr>{''.join(rows[: len(result.arm)])}<tr><td>all</td>{total}</tr>"
+        f"{''.join(rows[len(result.arm) :])}</table>"
+    )
+
+
+def _values(values: list[Value], what: str) -> str:
+    rows = []
+    for value in values:
+        spread = "" if value.std is None else f"± {2 * value.std:.2g}"
+        formula = "" if value.std_formula is None else f"{2 * value.std_formula:.2g}"
+        rows.append(
+            f"<tr{'' if value.identifiable else ' class=weak'}><td>{escape(value.name)}</td><td class=n>{value.value:.5g}</td>"
+            f"<td class=n>{spread}</td><td class=n>{formula}</td><td>{escape(value.unit)}</td><td><small>{escape(value.why)}</small></td></tr>"
+        )
+    return (
+        f"<table><tr><th>{what}</th><th class=n>value</th><th class=n></th><th class=n>formula</th><th>unit</th><th></th></tr>"
+        + "".join(rows)
+        + "</table>"
+    )

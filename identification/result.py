@@ -1,0 +1,160 @@
+"""The outcome of an identification: numbers with their uncertainty, what they are worth on other data, and the arm they make."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from identification.spectrum import Band
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Value:
+    """One parameter. ``std`` from blocks of time, ``std_formula`` as if residuals were white; None where this data cannot tell."""
+
+    name: str
+    value: float
+    std: float | None
+    std_formula: float | None
+    unit: str
+    identifiable: bool
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Measured and predicted torque of one run: t (k,), joint (k,) from 0, measured, predicted (k,) N m or N."""
+
+    run: str
+    held_out: bool
+    t: Array
+    joint: NDArray[np.intp]
+    measured: Array
+    predicted: Array
+
+    @property
+    def residual(self) -> Array:
+        return self.measured - self.predicted
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What ``armscope identify`` writes; see ``to_json`` for the file's layout, which is the contract's.
+
+    arm         the model with the identified parameters, physically consistent
+    bands       of the fitted runs
+    covariance  (b, b) of ``base``
+    compared    relative errors of other models on the same rows: name -> (fit, held out)
+    extra       further entries of the file, by method
+    """
+
+    method: str
+    friction: str
+    arm: Arm
+    fit: list[str]
+    held_out: list[str] | str
+    parameters: list[Value]
+    base: list[Value]
+    condition: float
+    predictions: list[Prediction]
+    warnings: list[str]
+    notes: list[str] = field(default_factory=list)
+    bands: list[Band] = field(default_factory=list)
+    covariance: Array | None = None
+    compared: dict[str, tuple[float, float]] = field(default_factory=dict)
+    extra: dict[str, Any] = field(default_factory=dict)
+
+    def rows(self, held_out: bool) -> list[Prediction]:
+        return [p for p in self.predictions if p.held_out == held_out]
+
+    def relative_error(self, held_out: bool, joint: int | None = None) -> float:
+        """Norm of the residual over norm of the measured torque, of one joint (from 0) or all."""
+        residual, measured = 0.0, 0.0
+        for p in self.rows(held_out):
+            mine = np.ones(len(p.t), bool) if joint is None else p.joint == joint
+            residual += float(np.sum(p.residual[mine] ** 2))
+            measured += float(np.sum(p.measured[mine] ** 2))
+        return math.sqrt(residual / measured) if measured > 0 else math.nan
+
+    def rms(self, held_out: bool, joint: int) -> float:
+        """Root mean square residual of one joint (from 0)."""
+        parts = [p.residual[p.joint == joint] for p in self.rows(held_out)]
+        rows = np.concatenate(parts) if parts else np.empty(0)
+        return float(np.sqrt(np.mean(rows**2))) if len(rows) else math.nan
+
+    def to_json(self) -> dict[str, Any]:
+        """The contract's identification.json; NaN becomes null."""
+        joints = []
+        for j, joint in enumerate(self.arm.joints):
+            joints.append(
+                {
+                    "joint": j + 1,
+                    "unit": "N m" if joint.revolute else "N",
+                    "rms": {"fit": _number(self.rms(False, j)), "held_out": _number(self.rms(True, j))},
+                    "relative_error": {
+                        "fit": _number(self.relative_error(False, j)),
+                        "held_out": _number(self.relative_error(True, j)),
+                    },
+                }
+            )
+        return {
+            "schema": "armscope.identification/1",
+            "method": self.method,
+            "friction": self.friction,
+            "fit": self.fit,
+            "held_out": self.held_out,
+            "parameters": [_entry(value, "name") for value in self.parameters],
+            "base_parameters": [_entry(value, "expression") for value in self.base],
+            "condition": _number(self.condition),
+            "relative_error": {
+                "fit": _number(self.relative_error(False)),
+                "held_out": _number(self.relative_error(True)),
+            },
+            "joints": joints,
+            "compared": {
+                name: {"fit": _number(fit), "held_out": _number(held)} for name, (fit, held) in self.compared.items()
+            },
+            **self.extra,
+            "warnings": self.warnings,
+            "notes": self.notes,
+        }
+
+
+def _entry(value: Value, key: str) -> dict[str, Any]:
+    entry: dict[str, Any] = {
+        key: value.name,
+        "value": _number(value.value),
+        "std": _number(value.std),
+        "std_formula": _number(value.std_formula),
+        "unit": value.unit,
+        "identifiable": value.identifiable,
+    }
+    if value.why:
+        entry["why"] = value.why
+    return entry
+
+
+def _number(value: float | None) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def unit_of(name: str, arm: Arm) -> str:
+    """'link2.mx' -> 'kg m', by the joint's type for what the drive does."""
+    head, _, rest = name.partition(".")
+    if head.startswith("link"):
+        return "kg" if rest == "mass" else "kg m" if rest in ("mx", "my", "mz") else "kg m2"
+    number = head.removeprefix("joint")
+    revolute = not number.isdigit() or arm.joints[int(number) - 1].revolute
+    kind = rest.partition("_")[0]
+    if kind in ("rotor", "inertia"):
+        return "kg m2" if revolute else "kg"
+    if kind == "viscous":
+        return "N m s/rad" if revolute else "N s/m"
+    return "N m" if revolute else "N"

@@ -1,0 +1,79 @@
+"""Where the motion ends and the noise begins: cut-off frequencies read off the recording's own spectrum.
+
+The spectrum of the differentiated position, P(f), falls where the motion of the arm ends and rises as f^4 where encoder noise takes
+over. The cut-off for differentiation stands in the valley between: there, noise let in and motion cut off balance, whatever the
+instrument. The second, parallel filter passes what the equations of motion speak about: twice the band that holds 95 % of the
+acceleration's power (Janot, Vandanjon, Gautier, IEEE T-CST 22 (2014) 132: "at least twice the bandwidth of the dynamics").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+Array = NDArray[np.float64]
+
+OCCUPIED = 0.95  # share of the acceleration's power that counts as the bandwidth of the dynamics
+SEGMENT = 8.0  # s, length of Welch's segments: resolution 0.125 Hz
+
+
+@dataclass(frozen=True)
+class Band:
+    """Cut-off frequencies (-6 dB, zero phase) common to all joints and both sides of the equations, Hz.
+
+    ``motion`` for differentiating positions, ``parallel`` for the regression. ``frequency`` (f,) Hz and ``density`` (f, J),
+    (rad/s2)^2/Hz, are the acceleration spectrum from which they were read; ``noise_rms`` (J,) rad is the white part of the position noise.
+    """
+
+    motion: float
+    parallel: float
+    frequency: Array
+    density: Array
+    noise_rms: Array
+
+
+def choose_band(q: Array, dt: float) -> Band:
+    """The band of positions q (n, J) rad or m on a uniform grid of dt s. Joints that do not move have no say."""
+    rate = 1.0 / dt
+    acceleration = np.diff(q, 2, axis=0) / dt**2
+    segment = int(min(len(acceleration), max(SEGMENT * rate, 16)))
+    f, density = signal.welch(acceleration, rate, nperseg=segment, axis=0)
+    noise = _white_noise(f, density, dt)
+    moving = np.ptp(q, axis=0) > 20 * noise
+    if not moving.any():
+        return Band(rate / 4, rate / 8, f, density, noise)
+    share = density[:, moving] / np.maximum(density[:, moving].max(axis=0), 1e-300)
+    motion = _valley(f, share)
+    inside = (f > 0) & (f <= motion)
+    power = np.cumsum(np.mean(share[inside] / share[inside].sum(axis=0), axis=1))
+    dynamics = float(f[inside][np.searchsorted(power, OCCUPIED * power[-1])])
+    return Band(motion, min(motion, 2.0 * dynamics), f, density, noise)
+
+
+def _white_noise(f: Array, density: Array, dt: float) -> Array:
+    """Rms of the white part of the position noise, from the upper part of the spectrum of its second difference (J,)."""
+    upper = (f > 0.3 / dt) & (f < 0.475 / dt)
+    if not upper.any():
+        return np.zeros(density.shape[1])
+    gain = (2 * np.sin(np.pi * f[upper] * dt) / dt) ** 4
+    floor = np.median(density[upper] / gain[:, None], axis=0) / np.log(2)  # a periodogram's median is ln 2 of its mean
+    return np.asarray(np.sqrt(floor / (2 * dt)))
+
+
+def _valley(f: Array, share: Array) -> float:
+    """The frequency of least power: minimum of the joints' mean log spectrum, smoothed over a third of an octave."""
+    level = np.mean(np.log(np.maximum(share[1:], 1e-300)), axis=1)
+    octave = np.log2(f[1:])
+    grid = np.arange(octave[0], octave[-1], 1 / 24)
+    total = np.concatenate([[0.0], np.cumsum(level)])
+    first = np.searchsorted(octave, grid - 1 / 6, side="left")
+    last = np.maximum(np.searchsorted(octave, grid + 1 / 6, side="right"), first + 1)
+    last = np.minimum(last, len(level))
+    first = np.minimum(first, last - 1)
+    smooth = (total[last] - total[first]) / (last - first)
+    # Beyond half the Nyquist frequency anti-aliasing makes valleys of its own, and filters ring long.
+    usable = 2.0**grid <= 0.5 * f[-1]
+    return float(2.0 ** grid[usable][np.argmin(smooth[usable])])

@@ -1,0 +1,303 @@
+"""Recordings -> the parameters of an arm, by linear regression on its inverse dynamics: the steps in order.
+
+check -> smooth -> equations -> base parameters -> fit -> uncertainty -> prediction of held-out runs -> a physically consistent arm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from arm_model.parameters import with_parameters
+from daq.recording import Recording
+from identification import readiness
+from identification.base_parameters import BaseParameters, base_parameters
+from identification.consistency import consistent_parameters
+from identification.equations import Equations, Friction, equations, model_values, structural_base
+from identification.least_squares import Fit, Method, least_squares, relative_error
+from identification.result import Identification, Prediction, Value, unit_of
+from identification.signals import Motion, smooth_motion
+from identification.uncertainty import Uncertainty, uncertainty
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+SPLIT = 0.7  # share of the time that is fitted where no recording is held out
+EXCITED = 1e-4  # share of a column that no other explains; below it, this experiment says nothing about the parameter
+CERTAIN = 0.3  # of the value: a parameter with a larger standard deviation counts as not identifiable
+FELT = 0.02  # of the torque: unless the uncertainty is no more than this share of what the joints do
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is regressed: the arm, the runs, their rows and the columns that this data excites.
+
+    base    what the arm could show; excited: indices into it that this data shows
+    held    rows of the held-out recordings (None: split by time)
+    """
+
+    arm: Arm
+    friction: Friction
+    fit: Sequence[Recording]
+    held_out: Sequence[Recording]
+    motions: list[Motion]
+    held_motions: list[Motion]
+    rows: Equations
+    held: Equations | None
+    base: BaseParameters
+    excited: NDArray[np.intp]
+    warnings: list[str]
+
+    @property
+    def columns(self) -> NDArray[np.intp]:
+        """Indices of the excited base parameters' columns among the standard ones."""
+        return self.base.kept[self.excited]
+
+    def given(self, rows: Equations) -> Array:
+        """(rows,) torque of the base parameters that this data does not excite, at the model's own values."""
+        silent = np.setdiff1d(np.arange(len(self.base)), self.excited)
+        values = self.base.grouping[silent] @ model_values(self.arm, self.friction)
+        return np.asarray(rows.columns[:, self.base.kept[silent]] @ values)
+
+
+def motion_of(recording: Recording, arm: Arm) -> Motion:
+    """The smooth motion of a recording, torques from its currents by the arm's drive constants."""
+    constants = np.array([joint.drive_constant for joint in arm.joints])
+    motion = smooth_motion(recording.t, recording.q, recording.i * constants)
+    readiness.check_motion(recording.path, motion)
+    return motion
+
+
+def prepare(
+    fit: Sequence[Recording],
+    arm: Arm,
+    *,
+    held_out: Sequence[Recording] = (),
+    friction: Friction = "symmetric",
+    progress: Progress = lambda _: None,
+) -> Problem:
+    """Checks the recordings and makes their equations; InputError where nothing can come of them."""
+    for recording in [*fit, *held_out]:
+        readiness.check_recording(recording, arm)
+    progress("smoothing")
+    motions = [motion_of(recording, arm) for recording in fit]
+    held_motions = [motion_of(recording, arm) for recording in held_out]
+    warnings = []
+    for recording, motion in zip([*fit, *held_out], [*motions, *held_motions]):
+        warnings += readiness.warnings_of(recording.path.name, recording, motion, arm)
+    progress("equations of motion")
+    rows = equations(arm, motions, friction)
+    held = equations(arm, held_motions, friction) if held_motions else None
+    base = structural_base(arm, friction)
+    spread = np.array(
+        [np.std(rows.torque[rows.joint == j]) if (rows.joint == j).any() else 1.0 for j in range(len(arm))]
+    )
+    shown = rows.columns[:, base.kept] / np.maximum(spread, 1e-12)[rows.joint, None]
+    if len(shown) < 2 * len(base):
+        raise readiness.too_short([recording.path for recording in fit], len(shown), len(base))
+    labels = [base.names[k] for k in base.kept]
+    excited = base_parameters(shown, labels, order=range(len(base)), negligible=EXCITED).kept
+    excited = np.sort(excited)
+    for k in np.setdiff1d(np.arange(len(base)), excited):
+        warnings.append(f"{base.expression(int(k))}: not excited by these runs; taken from the model")
+    return Problem(arm, friction, fit, held_out, motions, held_motions, rows, held, base, excited, warnings)
+
+
+def identify(
+    fit: Sequence[Recording],
+    arm: Arm,
+    *,
+    held_out: Sequence[Recording] = (),
+    method: Method = "wls",
+    friction: Friction = "symmetric",
+    progress: Progress = lambda _: None,
+) -> Identification:
+    """Parameters of ``arm`` from recordings by least squares (``method`` ols, wls or irls), judged on ``held_out``.
+
+    Without held-out recordings the first 70 % of the time predict the rest, and the result carries a warning. Raises InputError where the
+    recordings are unusable.
+    """
+    problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
+    progress("least squares")
+
+    def solve(rows: Equations) -> Fit:
+        return least_squares(rows.columns[:, problem.columns], rows.torque - problem.given(rows), rows.joint, method)
+
+    best = solve(problem.rows)
+    progress("uncertainty")
+    spread = uncertainty(problem.rows.columns[:, problem.columns], problem.rows, best)
+    return conclude(problem, method, best, spread, solve)
+
+
+def conclude(
+    problem: Problem, method: str, best: Fit, spread: Uncertainty, solve: Callable[[Equations], Fit]
+) -> Identification:
+    """The result of a fit: predictions, named parameters, a consistent arm. ``solve`` refits part of the rows for the split."""
+    _check_friction(problem, best, spread)
+    warnings = list(problem.warnings)
+    predictions, held_names = _predictions(problem, best, solve, warnings)
+    physical = consistent_parameters(
+        problem.base.grouping[problem.excited],
+        best.values,
+        spread.information,
+        model_values(problem.arm, problem.friction),
+        problem.base.names,
+    )
+    identified = _with_values(problem, physical, warnings)
+    reduced = problem.base.grouping[problem.excited] @ physical
+    compared = {"physically consistent model": _errors(problem, reduced)}
+    base, parameters = _named(problem, best, spread, physical)
+    weak = [value.name for value in base if not value.identifiable]
+    if weak:
+        warnings.append(
+            f"{len(weak)} of {len(base)} base parameters cannot be identified from these runs: {', '.join(weak[:6])}"
+            + (" ..." if len(weak) > 6 else "")
+        )
+    notes = [
+        f"cut-off {motion.band.motion:.3g} Hz for differentiation, {motion.band.parallel:.3g} Hz for the regression, from the"
+        f" spectrum of {recording.path.name}"
+        for recording, motion in zip(problem.fit, problem.motions)
+    ]
+    notes.append(
+        f"standard deviations from {spread.blocks} blocks of {spread.block:.3g} s; those of the formula take residuals for white"
+    )
+    return Identification(
+        method=method,
+        friction=problem.friction,
+        arm=identified,
+        fit=[str(recording.path) for recording in problem.fit],
+        held_out=held_names,
+        parameters=parameters,
+        base=base,
+        condition=best.condition,
+        predictions=predictions,
+        warnings=warnings,
+        notes=notes,
+        bands=[motion.band for motion in problem.motions],
+        covariance=spread.covariance,
+        compared=compared,
+    )
+
+
+def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:
+    """Friction that drives its joint is a current of the wrong sign."""
+    joints = len(problem.arm)
+    power, doubt = np.zeros(joints), np.ones(joints)
+    for j in range(joints):
+        speed = np.concatenate([motion.qd[motion.usable[:, j], j] for motion in problem.motions])
+        if not len(speed):
+            continue
+        mean = {"viscous": np.mean(speed**2), "coulomb": np.mean(np.abs(speed))}
+        weight = np.zeros(len(problem.columns))
+        for k, column in enumerate(problem.columns):
+            head, _, rest = problem.base.names[column].partition(".")
+            if head == f"joint{j + 1}":
+                weight[k] = mean.get(rest.partition("_")[0], 0.0) * (0.5 if rest.endswith("tive") else 1.0)
+        power[j] = weight @ best.values
+        doubt[j] = float(weight @ spread.covariance @ weight) ** 0.5
+    readiness.check_signs([recording.path for recording in problem.fit], power, doubt)
+
+
+def _predictions(
+    problem: Problem, best: Fit, solve: Callable[[Equations], Fit], warnings: list[str]
+) -> tuple[list[Prediction], list[str] | str]:
+    found = _predicted(problem, problem.rows, best.values, problem.fit, False)
+    if problem.held is not None:
+        return found + _predicted(problem, problem.held, best.values, problem.held_out, True), [
+            str(recording.path) for recording in problem.held_out
+        ]
+    ends = np.array([motion.t[-1] for motion in problem.motions])[problem.rows.run]
+    window = np.array([4 / motion.band.parallel for motion in problem.motions])[problem.rows.run]
+    early, late = problem.rows.t < SPLIT * ends - window, problem.rows.t > SPLIT * ends
+    warnings.append(
+        f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, predicted from the first {SPLIT:.0%};"
+        " give --held-out recordings of another motion before calling this model validated"
+    )
+    if early.sum() < 2 * len(problem.columns) or not late.any():
+        return found, "split"
+    # Trained on part of the time, a direction may be unexcited that all of it excites: then least norm.
+    first = solve(problem.rows.of(early))
+    return found + _predicted(problem, problem.rows.of(late), first.values, problem.fit, True), "split"
+
+
+def _predicted(
+    problem: Problem, rows: Equations, values: Array, recordings: Sequence[Recording], held_out: bool
+) -> list[Prediction]:
+    predicted = rows.columns[:, problem.columns] @ values + problem.given(rows)
+    return [
+        Prediction(recording.path.name, held_out, rows.t[here], rows.joint[here], rows.torque[here], predicted[here])
+        for run, recording in enumerate(recordings)
+        for here in [rows.run == run]
+    ]
+
+
+def _errors(problem: Problem, values: Array) -> tuple[float, float]:
+    """Relative error on the fitted and the held-out recordings."""
+    found = []
+    for rows in (problem.rows, problem.held):
+        if rows is None:
+            found.append(float("nan"))
+            continue
+        residual = rows.torque - problem.given(rows) - rows.columns[:, problem.columns] @ values
+        found.append(relative_error(rows.torque, residual))
+    return found[0], found[1]
+
+
+def _with_values(problem: Problem, physical: Array, warnings: list[str]) -> Arm:
+    values = dict(zip(problem.base.names, map(float, physical)))
+    for j in range(1, len(problem.arm) + 1):
+        if f"joint{j}.viscous_positive" in values:
+            both = values.pop(f"joint{j}.viscous_positive"), values.pop(f"joint{j}.viscous_negative")
+            values[f"joint{j}.viscous"] = (both[0] + both[1]) / 2
+            warnings.append(
+                f"model.toml carries the mean viscous friction of joint {j}; a model has one for both directions"
+            )
+    return with_parameters(problem.arm, values)
+
+
+def _named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) -> tuple[list[Value], list[Value]]:
+    """Base parameters, and standard ones: those that stand alone with their uncertainty, the others from the consistent arm."""
+    base = problem.base
+    estimated: dict[int, Value] = {}
+    for k, row in enumerate(problem.excited):
+        column = int(base.kept[row])
+        mine = problem.rows.columns[:, column]
+        touched = mine != 0
+        felt = spread.std[k] * float(np.sqrt(np.mean(mine[touched] ** 2))) if touched.any() else np.inf
+        torque = float(np.sqrt(np.mean(problem.rows.torque[touched] ** 2))) if touched.any() else 1.0
+        certain = spread.std[k] <= CERTAIN * abs(best.values[k]) or felt <= FELT * torque
+        why = "" if certain else f"known to {spread.std[k]:.2g} only: these runs excite it too little"
+        estimated[int(row)] = Value(
+            base.expression(int(row)),
+            float(best.values[k]),
+            float(spread.std[k]),
+            float(spread.std_formula[k]),
+            unit_of(base.names[column], problem.arm),
+            bool(certain),
+            why,
+        )
+    parameters = []
+    standing = {int(base.kept[row]): int(row) for row in range(len(base))}
+    silent = set(range(len(base))) - set(estimated)
+    grouped = np.flatnonzero(np.any(base.grouping != 0, axis=0))
+    for column, name in enumerate(base.names):
+        row = standing.get(column)
+        unit = unit_of(name, problem.arm)
+        if row is not None and row in estimated and base.alone(row):
+            found = estimated[row]
+            parameters.append(
+                Value(name, found.value, found.std, found.std_formula, unit, found.identifiable, found.why)
+            )
+            continue
+        if row in silent:
+            why = "not excited by these runs; from the model"
+        elif column in grouped:
+            why = "only in sums with others (base_parameters); this share of them is the physically consistent one nearest the model"
+        else:
+            why = "moves no torque of this arm; from the model"
+        parameters.append(Value(name, float(physical[column]), None, None, unit, False, why))
+    return [estimated[int(row)] for row in problem.excited], parameters
