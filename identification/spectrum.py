@@ -64,7 +64,9 @@ def _white_noise(f: Array, density: Array, dt: float) -> Array:
 
 
 def _valley(f: Array, share: Array) -> float:
-    """The frequency of least power: minimum of the joints' mean log spectrum, smoothed over a third of an octave."""
+    """The frequency of least power beyond the motion's own: minimum of the joints' mean log spectrum, smoothed over a third of an octave."""
+    speed = np.cumsum(np.mean(share[1:], axis=1) / f[1:] ** 2)
+    slow = f[1:][np.searchsorted(speed, 0.5 * speed[-1])]  # half of the speed's power is below
     level = np.mean(np.log(np.maximum(share[1:], 1e-300)), axis=1)
     octave = np.log2(f[1:])
     grid = np.arange(octave[0], octave[-1], 1 / 24)
@@ -75,5 +77,5 @@ def _valley(f: Array, share: Array) -> float:
     first = np.minimum(first, last - 1)
     smooth = (total[last] - total[first]) / (last - first)
     # Beyond half the Nyquist frequency anti-aliasing makes valleys of its own, and filters ring long.
-    usable = 2.0**grid <= 0.5 * f[-1]
+    usable = (2.0**grid <= 0.5 * f[-1]) & (2.0**grid >= min(slow, 0.25 * f[-1]))
     return float(2.0 ** grid[usable][np.argmin(smooth[usable])])

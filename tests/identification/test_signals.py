@@ -78,8 +78,9 @@ def test_missing_samples_of_one_joint_cost_the_rows_of_its_torque_only() -> None
 
 def test_standstill_is_left_out_and_a_reversal_is_not() -> None:
     t = np.arange(12_000) / 1000
-    q = motion(t)[0]
-    q = np.concatenate([np.repeat(q[:1], 3000, axis=0), q])
+    start = np.clip(t / 2.0, 0, 1)
+    q = (start**3 * (10 - 15 * start + 6 * start**2))[:, None] * motion(t)[0]
+    q = np.concatenate([np.zeros((3000, 2)), q])
     random = np.random.default_rng(1)
     q = q + 2e-6 * random.standard_normal(q.shape)
     got = smooth_motion(np.arange(len(q)) / 1000, q, q)
