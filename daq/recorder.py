@@ -173,7 +173,8 @@ class Recorder:
     def _take(self) -> list[Rows]:
         """Waits for the next chunk's worth of blocks; an empty list is the end."""
         with self._change:
-            while not self._closing and self._queued < self._chunk_rows:
+            enough = min(self._chunk_rows, self._queue_rows // 2)
+            while not self._closing and self._queued < enough:
                 due = self._oldest + self._chunk_seconds - time.monotonic() if self._queued else None
                 if due is not None and due <= 0:
                     break

@@ -1,70 +1,72 @@
-"""Rows that go into the recorder come back from the reader, to the last bit."""
+"""Rows that go into the recorder come back from the reader, to the last bit; what does not is in the ledger."""
 
 from __future__ import annotations
 
+import os
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import armscope
 from daq.ledger import Loss, LossReason
+from daq.mcap_file import McapFile
 from daq.recorder import Recorder, rows_layout
 from daq.recording import open_recording
 from daq.recording_file import Attachments
-from daq.rows import Rows
 from daq.table import write_table
-from inputs import InputError
-
-JOINTS, COUNTERS, INPUTS = 3, 2, 4
-LAYOUT = rows_layout(
-    [f"joint{j}" for j in range(1, JOINTS + 1)],
-    counters=["c1", "c2"],
-    inputs=["v1", "v2", "v3", "v4"],
-    tracker=True,
-    demand=True,
-    effort=[1.0, 2.0, 3.0],
-)
-
-
-def make_rows(first: int, count: int, seed: int = 0) -> Rows:
-    """``count`` rows of random values at 1 kHz with trigger numbers from ``first``."""
-    random = np.random.default_rng([seed, first])
-    number = np.arange(first, first + count)
-    return Rows(
-        number=number,
-        host_ns=5 * 10**12 + number * 1_000_000,
-        wall_ns=1_700_000_000 * 10**9 + number * 1_000_000 + random.integers(0, 1000, count),
-        tick=number * 7,
-        counts=random.integers(-(2**62), 2**62, (count, COUNTERS)),
-        volts=random.normal(size=(count, INPUTS)),
-        quality=random.integers(0, 64, (count, COUNTERS + INPUTS + 1)).astype(np.uint8),
-        position=random.normal(size=(count, JOINTS)),
-        current=np.where(random.random((count, JOINTS)) < 0.1, np.nan, random.normal(size=(count, JOINTS))),
-        points=random.normal(size=(count, 3)),
-        demand=random.normal(size=(count, JOINTS)),
-    )
-
-
-def join(blocks: list[Rows], name: str) -> np.ndarray:
-    return np.concatenate([getattr(block, name) for block in blocks])
+from inputs import DeviceFault, InputError
+from tests.daq.recorded import COLUMNS, LAYOUT, join, make_rows
 
 
 def test_rows_come_back_to_the_last_bit(tmp_path: Path) -> None:
-    blocks = [make_rows(0, 1), make_rows(1, 10), make_rows(11, 700), make_rows(711, 3)]
+    blocks = [make_rows(0, 1), make_rows(1, 10), make_rows(11, 5000), make_rows(5011, 3)]
     with Recorder(
         tmp_path / "run.mcap", LAYOUT, Attachments(rig='name = "bench"', calibration={"hash": "x"})
     ) as recorder:
         for block in blocks:
             recorder.append(block)
         ledger = recorder.finish()
-    assert ledger.balanced and ledger.recorded == 714 and not ledger.losses
-    recording = open_recording(tmp_path / "run.mcap")
-    names = {"q": "position", "i": "current", "qref": "demand", "points": "points"}
-    for name in ("number", "wall_ns", "host_ns", "tick", "counts", "volts", "quality", *names):
-        np.testing.assert_array_equal(getattr(recording, name), join(blocks, names.get(name, name)), err_msg=name)
+    assert ledger.balanced and ledger.recorded == 5014 and not ledger.losses
+    recording = armscope.open(tmp_path / "run.mcap")
+    for name, field in COLUMNS.items():
+        np.testing.assert_array_equal(getattr(recording, name), join(blocks, field), err_msg=name)
+    np.testing.assert_allclose(recording.t, (recording.wall_ns - recording.wall_ns[0]) / 1e9)
     assert recording.rig == {"name": "bench"} and recording.calibration == {"hash": "x"}
     assert recording.ledger == ledger and recording.finished and not recording.notes and not recording.gaps
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
+
+
+def test_points_come_in_the_base_frame_where_the_rig_tells_it(tmp_path: Path) -> None:
+    rig = '[tracker]\nbase_from_tracker = [[0,-1,0,1],[1,0,0,2],[0,0,1,3],[0,0,0,1]]\n[[joint]]\nname="a"\n'
+    with Recorder(tmp_path / "run.mcap", LAYOUT, Attachments(rig=rig)) as recorder:
+        recorder.append(make_rows(0, 5))
+    recording = open_recording(tmp_path / "run.mcap")
+    x, y, z = recording.points.T
+    np.testing.assert_allclose(recording.xyz, np.column_stack([1 - y, 2 + x, 3 + z]))
+
+
+def test_an_empty_recording_is_one(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "run.mcap", LAYOUT, Attachments()):
+        pass
+    recording = open_recording(tmp_path / "run.mcap")
+    assert len(recording) == 0 and recording.q.shape == (0, 3) and recording.counts.dtype == np.int64
+    assert np.isnan(recording.dt) and recording.ledger.balanced
+
+
+def test_a_rig_without_tracker_and_demand(tmp_path: Path) -> None:
+    layout = rows_layout(["joint1", "joint2", "joint3"], counters=["c1", "c2"], inputs=["v1", "v2", "v3", "v4"])
+    rows = make_rows(0, 20)
+    rows = type(rows)(*(getattr(rows, name) for name in list(rows.__dataclass_fields__)[:9]))
+    rows = type(rows)(
+        **{name: getattr(rows, name) for name in rows.__dataclass_fields__} | {"quality": rows.quality[:, :6]}
+    )
+    with Recorder(tmp_path / "run.mcap", layout, Attachments()) as recorder:
+        recorder.append(rows)
+    recording = open_recording(tmp_path / "run.mcap")
+    assert recording.qref is None and recording.points is None and recording.xyz is None
+    np.testing.assert_array_equal(recording.quality, rows.quality)
 
 
 def test_losses_before_latching_stand_in_the_ledger(tmp_path: Path) -> None:
@@ -77,6 +79,86 @@ def test_losses_before_latching_stand_in_the_ledger(tmp_path: Path) -> None:
     assert [(gap.row, gap.triggers) for gap in recording.gaps] == [(9, 3)]
 
 
+def test_what_the_queue_cannot_take_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk_is_back, stuck = threading.Event(), threading.Event()
+    sync = McapFile.sync
+
+    def hanging(self: McapFile) -> None:
+        stuck.set()
+        assert disk_is_back.wait(30)
+        sync(self)
+
+    monkeypatch.setattr(McapFile, "sync", hanging)
+    recorder = Recorder(tmp_path / "run.mcap", LAYOUT, Attachments(), chunk_seconds=0.0, queue_rows=100)
+    recorder.append(make_rows(0, 50))
+    assert stuck.wait(30)  # the writer has them, and waits for the disk
+    recorder.append(make_rows(50, 60))
+    for first in (110, 160):
+        recorder.append(make_rows(first, 50))
+    disk_is_back.set()
+    ledger = recorder.finish()
+    assert ledger.balanced and ledger.recorded == 110
+    assert [(loss.first, loss.rows, loss.reason) for loss in ledger.losses] == [(110, 100, LossReason.QUEUE_FULL)]
+    assert open_recording(tmp_path / "run.mcap").ledger == ledger
+
+
+def test_a_simulation_waits_instead(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", LAYOUT, Attachments(), live=False, queue_rows=100)
+    for first in range(0, 5000, 50):
+        recorder.append(make_rows(first, 50))
+    ledger = recorder.finish()
+    assert ledger.recorded == 5000 and not ledger.losses
+
+
+def test_a_full_disk_costs_only_what_did_not_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk takes part of one chunk, then nothing, then has room again: the part is undone, the rows are counted."""
+    written = threading.Semaphore(0)
+    room = [10**9]
+    pwrite = os.pwrite
+
+    def limited(handle: int, data: bytes, place: int) -> int:
+        if place < 10_000:  # the head and the progress have their blocks already
+            return pwrite(handle, data, place)
+        if room[0] <= 0:
+            written.release()
+            raise OSError(28, "No space left on device")
+        count = pwrite(handle, data[: room[0]], place)
+        room[0] -= count
+        return count
+
+    sync = McapFile.sync
+    monkeypatch.setattr(McapFile, "sync", lambda self: (sync(self), written.release())[0])
+    monkeypatch.setattr("daq.mcap_file.os.pwrite", limited)
+    recorder = Recorder(tmp_path / "run.mcap", LAYOUT, Attachments(), chunk_seconds=0.0)
+    for first, space in ((0, 10**9), (100, 3000), (200, 0), (300, 10**9)):
+        room[0] = space
+        recorder.append(make_rows(first, 100))
+        assert written.acquire(timeout=30)
+    ledger = recorder.finish()
+    assert [(loss.first, loss.rows, loss.reason) for loss in ledger.losses] == [(100, 200, LossReason.DISK)]
+    recording = open_recording(tmp_path / "run.mcap")
+    np.testing.assert_array_equal(recording.number, [*range(100), *range(300, 400)])
+    assert recording.ledger == ledger and ledger.balanced
+
+
+def test_a_disk_that_stays_full_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", LAYOUT, Attachments(), chunk_seconds=0.0)
+    recorder.append(make_rows(0, 100))
+    while not recorder.recorded:
+        threading.Event().wait(0.001)
+
+    def full(*_: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("daq.mcap_file.os.pwrite", full)
+    recorder.append(make_rows(100, 100))
+    with pytest.raises(DeviceFault, match=r"No space left.*100 rows are safe.*100 are lost"):
+        recorder.finish()
+    monkeypatch.undo()
+    recording = open_recording(tmp_path / "run.mcap.active")
+    assert len(recording) == 100 and not recording.finished
+
+
 def test_no_recording_is_overwritten(tmp_path: Path) -> None:
     (tmp_path / "run.mcap").write_text("precious")
     with pytest.raises(InputError, match="exists already"):
@@ -84,6 +166,8 @@ def test_no_recording_is_overwritten(tmp_path: Path) -> None:
     (tmp_path / "other.mcap.active").write_text("precious too")
     with pytest.raises(InputError, match="unfinished recording"):
         Recorder(tmp_path / "other.mcap", LAYOUT, Attachments())
+    with pytest.raises(InputError, match="No such file"):
+        Recorder(tmp_path / "nowhere" / "other.mcap", LAYOUT, Attachments())
 
 
 def test_a_table_comes_back_to_the_last_bit(tmp_path: Path) -> None:
