@@ -154,10 +154,12 @@ def _part(opcode: int, body: memoryview) -> Part | None:
 
 
 def _end(data: memoryview, summary: int) -> End:
-    """The end of the rows is the end of a finished file only if the footer points back to it."""
+    """The end of the rows is the end of a finished file only if the footer points back to it, and the summary is intact."""
     footer = struct.pack("<BQQ", Opcode.FOOTER, 20, summary)
     if data[-37:-20] != footer or data[-8:] != MAGIC:
         raise _BrokenRecord("the file is cut off in its summary, or the summary is damaged")
+    if zlib.crc32(data[summary:-12]) != struct.unpack("<I", data[-12:-8])[0]:
+        raise _BrokenRecord("the checksum of the summary is wrong")
     return End()
 
 

@@ -64,7 +64,12 @@ class Contents:
         """Sentences about what is wrong with the file."""
         notes = [damage.sentence for damage in self.damages]
         if not self.finished:
-            notes.append("it was not finished: the recording was cut off, or the file was")
+            what = (
+                "its ledger is there, its summary is cut off or damaged"
+                if "ledger.json" in self.attachments
+                else "it was cut off"
+            )
+            notes.append(f"the file is not finished: {what}")
         if not sure:
             notes.append("how many rows followed the last one cannot be told")
         return tuple(notes)
