@@ -120,7 +120,7 @@ class Derivatives:
     def __call__(self, piece: dict[str, NDArray]) -> dict[str, NDArray]:
         q, wall_ns = piece["q"], piece["wall_ns"]
         before_q = q[:1] * np.nan if self._q is None else self._q
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(all="ignore"):
             seconds = np.diff(wall_ns, prepend=self._wall_ns) * 1e-9
             derived = {"velocity": np.diff(q, axis=0, prepend=before_q) / seconds[:, None]}
         if len(self._effort) and "i" in piece:

@@ -1,0 +1,139 @@
+"""Tables in and out: bit for bit, and one line about what is wrong with others."""
+
+from __future__ import annotations
+
+import math
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daq.csv_table import read_csv, write_csv
+from daq.recording import open_recording
+from daq.recording_file import Attachments
+from daq.table import write_table
+from inputs import InputError
+
+GOOD = "t,q1,i1,q2,i2\n0,0.1,1,0.2,2\n0.01,0.3,3,0.4,4\n0.02,0.5,5,0.6,6\n"
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "table.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_columns_find_their_joints(tmp_path: Path) -> None:
+    table = read_csv(write(tmp_path, "ql2,t,i2,q2,i1,q1,z,x,y\n9,0,2,4,1,3,7,5,6\n,1,2,nan,1,3,7,,6\n"))
+    np.testing.assert_array_equal(table.signals["q"], [[3, 4], [3, np.nan]])
+    np.testing.assert_array_equal(table.signals["i"], [[1, 2], [1, 2]])
+    np.testing.assert_array_equal(table.signals["ql"], [[np.nan, 9], [np.nan, np.nan]])
+    np.testing.assert_array_equal(table.xyz, [[5, 6, 7], [np.nan, 6, 7]])
+    assert table.joints == 2 and table.rows_with_missing_samples == 1 and "qref" not in table.signals
+
+
+def test_windows_and_spaces_are_welcome(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_bytes(b"\xef\xbb\xbft, q1 ,i1\r\n0, 1,2\r\n\r\n 1,3 ,\r\n")
+    table = read_csv(path)
+    np.testing.assert_array_equal(table.t, [0, 1])
+    np.testing.assert_array_equal(table.signals["i"], [[2], [np.nan]])
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", r"line 1: column t is missing \(and 2 more\)|has 0 lines"),
+        ("t,q1,i1\n", "has 0 lines of numbers; at least 2 are wanted"),
+        ("t,q1\n0,1\n1,2\n", "line 1: column i1 is missing"),
+        ("t,i1,q_1\n0,1,2\n1,2,3\n", "line 1: column q1 is missing; is it 'q_1'?"),
+        ("time,q1,i1\n0,1,2\n1,2,3\n", "line 1: column t is missing"),
+        ("t,q1,i1,q3,i3\n0,1,2,3,4\n1,1,2,3,4\n", "line 1: column q2 is missing"),
+        ("t,q1,i1,ql2\n0,1,2,3\n1,1,2,3\n", r"line 1: column ql2, but the table \(columns q1, q2, ...\) has 1 joint"),
+        ("t,q1,i1,q1\n0,1,2,3\n1,1,2,3\n", "line 1: column 'q1' is there twice"),
+        ("t,q1,i1,room\n0,1,2,3\n1,1,2,3\n", "line 1: column 'room' is unknown; known are .*--keep-extra"),
+        ("t,q1,i1,x,y\n0,1,2,3,4\n1,1,2,3,4\n", "x, y, z all three are wanted"),
+        ("t,q1,i1\n0,1,2\n1,1\n", "line 3: has 2 cells, the first line names 3 columns"),
+        ("t,q1,i1\n0,1,2\n1,one,2\n", "line 3, column q1: 'one' is no number"),
+        ("t,q1,i1\n0,1,2\n1,1_0,2\n", "line 3, column q1: '1_0' is no number"),
+        ("t,q1,i1\n0,1,2\n1,inf,2\n", "line 3, column q1: 'inf' is not finite"),
+        ("t,q1,i1\n0,1,2\n,1,2\n", "line 3, column t: is missing"),
+        ("t,q1,i1\n0,1,2\n2,1,2\n1.5,1,2\n", "line 4: t goes from 2 to 1.5; it wants to increase strictly"),
+        ("t,q1,i1\n0,1,2\n0,1,2\n", "line 3: t goes from 0 to 0"),
+        ("t,q1,i1\n0,1,\n1,2,nan\n", "column i1 has no value in any line"),
+        ("t;q1;i1\n0;1;2\n1;1;2\n", "columns are separated by ';'; commas are wanted"),
+        ("t,q1,i1\n0,1,2\n5e9,1,2\n", "is it in s?"),
+        ("t,q1,i1\n0,\xff\n", "."),
+    ],
+)
+def test_wrong_tables_get_one_line(tmp_path: Path, text: str, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint) as refusal:
+        read_csv(write(tmp_path, text))
+    assert "\n" not in str(refusal.value) and str(refusal.value).startswith(str(tmp_path / "table.csv"))
+
+
+def test_a_table_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_bytes(b"t,q1,i1\n0,\xff\xfe,1\n")
+    with pytest.raises(InputError, match="cannot be read as a CSV text in UTF-8"):
+        read_csv(tmp_path / "table.csv")
+    with pytest.raises(InputError, match="no such file"):
+        read_csv(tmp_path / "absent.csv")
+
+
+def test_the_rig_has_the_last_word_on_joints(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"column q3 is missing \(and 1 more\); the rig has 3 joints"):
+        read_csv(write(tmp_path, GOOD), joints=3)
+    with pytest.raises(InputError, match="column q2, but the rig has 1 joint$"):
+        read_csv(write(tmp_path, GOOD), joints=1)
+
+
+def test_extra_columns_are_kept_on_request(tmp_path: Path) -> None:
+    path = write(tmp_path, "room,t,q1,i1\n20,0,1,2\n,1,1,2\n")
+    np.testing.assert_array_equal(read_csv(path, keep_extra=True).extra["room"], [20, np.nan])
+
+
+NUMBERS = st.floats(allow_nan=True, allow_infinity=False)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    rows=st.lists(st.tuples(*[NUMBERS] * 8), min_size=2, max_size=20),
+    steps=st.lists(st.floats(1e-9, 1e3), min_size=20, max_size=20),
+    start=st.floats(-1e3, 1e6),
+)
+def test_a_table_survives_recording_and_export_to_the_last_bit(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, ...]], steps: list[float], start: float
+) -> None:
+    folder = tmp_path_factory.mktemp("csv")
+    t = start + np.cumsum([0.0, *steps[: len(rows) - 1]])
+    columns = np.array(rows).T
+    columns[:, 0] = np.where(np.isnan(columns[:, 0]), 1.0, columns[:, 0])  # no column without any value
+    if (np.diff(t) <= 0).any():
+        return
+    names = ["q1", "i1", "q2", "i2", "ql2", "temp1", "room", "x"]
+    write_first = folder / "first.csv"
+    cells = [["" if math.isnan(value) else repr(float(value)) for value in row] for row in columns.T]
+    lines = [",".join([repr(float(time)), *row, row[0], row[1]]) for time, row in zip(t, cells)]
+    write_first.write_text("\n".join([",".join(["t", *names, "y", "z"]), *lines]) + "\n")
+    table = read_csv(write_first, keep_extra=True)
+    write_table(folder / "run.mcap", table.t, table.signals, Attachments(), xyz=table.xyz, extra=table.extra)
+    write_csv(folder / "second.csv", open_recording(folder / "run.mcap"))
+    again = read_csv(folder / "second.csv", keep_extra=True)
+    for before, after in [
+        (t, again.t),
+        (np.column_stack(columns[[0, 2]]).reshape(-1, 2), again.signals["q"]),
+        (np.column_stack(columns[[1, 3]]).reshape(-1, 2), again.signals["i"]),
+        (columns[4], again.signals["ql"][:, 1]),
+        (columns[5], again.signals["temp"][:, 0]),
+        (columns[6], again.extra["room"]),
+        (columns[7], again.xyz[:, 0]),
+    ]:
+        assert bits(before) == bits(after)
+
+
+def bits(values: np.ndarray) -> bytes:
+    """Bit patterns; every NaN is the same."""
+    return b"".join(struct.pack("<d", math.nan if math.isnan(value) else value) for value in np.ravel(values).tolist())
