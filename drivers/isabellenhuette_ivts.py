@@ -1,0 +1,218 @@
+"""Isabellenhuette IVT-S: motor currents as numbers on a CAN bus, one sensor a motor.
+
+It measures on its own clock, every ``period`` ms, 1 ms at the fastest, and cannot be triggered: a row takes the newest result,
+at most a period old. Its channels are in A (not V): in the rig file, 1 A a "volt", 1 turn.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from drivers import isabellenhuette_ivts_protocol as ivt
+from drivers.blocks import missing_row, one_row
+from drivers.can_bus import CanBus, CanConfig, Mailbox, frame_bits, shared_bus
+from drivers.clock import SystemClock
+from drivers.reconnect import Reconnect
+from drivers.registry import World
+from drivers.shapes import Block, HostClock, Identity, Plan, Quality
+from inputs import DeviceFault
+
+Identifier = Annotated[int, Field(ge=0, le=0x7FF)]
+
+
+class Sensor(BaseModel):
+    """CAN identifiers of one sensor; several on one bus want different ones (command 1Fh and its neighbours set them)."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    command: Identifier = ivt.COMMAND_ID
+    reply: Identifier = ivt.REPLY_ID
+    result: Identifier = ivt.RESULT_ID
+
+
+class Config(CanConfig):
+    """Current sensors on one bus; analogue channels in this order.
+
+    period         ms between results
+    rated_current  A that the sensors are made for: the ends of their range
+    stale_after    periods without a result after which the value is marked stale
+    """
+
+    sensors: tuple[Sensor, ...] = Field(default=(Sensor(),), min_length=1)
+    period: Annotated[int, Field(ge=1, le=1000)] = 1
+    rated_current: Annotated[float, Field(gt=0)] = 300.0
+    stale_after: Annotated[float, Field(ge=1)] = 3.0
+    timeout: Annotated[float, Field(gt=0)] = 0.1
+    patience: Annotated[float, Field(ge=0)] = 5.0
+
+
+class IvtSensors:
+    """The device (shapes: Polled, AnalogInput)."""
+
+    bits = 32
+
+    def __init__(self, name: str, config: Config, bus: CanBus, clock: HostClock) -> None:
+        self.name, self.config, self._bus, self._clock = name, config, bus, clock
+        self.range_volts = ((-config.rated_current, config.rated_current),) * len(config.sensors)
+        self._replies = [bus.listen([s.reply]) for s in config.sensors]
+        self._boxes: list[Mailbox] = [bus.listen([s.result]) for s in config.sensors]
+        self._results: list[ivt.Results] = []
+        self._latest: list[tuple[int, ivt.Result | None]] = []
+        self._opened = False
+        self._reconnect = self._new_reconnect()
+
+    def open(self) -> Identity:
+        self._results = [ivt.Results() for _ in self.config.sensors]
+        try:
+            self._bus.open()
+            self._opened = True
+            serials = [self._set_up(k) for k in range(len(self.config.sensors))]
+        except OSError as error:
+            self.close()
+            raise self._fault(f"{error}; is it powered, is the bit rate {self.config.bitrate}?") from None
+        return Identity(
+            maker="Isabellenhuette",
+            model="IVT-S",
+            serial=", ".join(serials),
+            max_rate=1000.0 / self.config.period,
+            latch_delay=0.0,
+            bits=self.bits,
+            details={"unit": "A", "bus": f"{self.config.interface} {self.config.channel}"},
+        )
+
+    def _set_up(self, k: int) -> str:
+        """Stops sensor k, sets its current channel alone to cyclic, starts it; returns its serial number."""
+        self._command(k, ivt.stop_command())
+        serial = self._command(k, bytes([ivt.GET_SERIAL]), wanted=False)
+        for channel in range(len(ivt.CHANNELS)):
+            self._command(k, ivt.cyclic_command(channel, self.config.period if channel == 0 else 0))
+        self._boxes[k].take()
+        self._results[k].restart()
+        self._command(k, ivt.run_command())
+        return serial[1:5].hex() if serial else ""
+
+    def _command(self, k: int, command: bytes, *, wanted: bool = True) -> bytes:
+        """Sends, waits for the reply, pauses. OSError where none comes (b'' with ``wanted`` False)."""
+        sensor, replies = self.config.sensors[k], self._replies[k]
+        replies.take()
+        self._bus.send(sensor.command, command.ljust(8, b"\0"))
+        deadline = time.monotonic() + self.config.timeout
+        while time.monotonic() < deadline:
+            for _, _, data in replies.wait(deadline):
+                if data[:1] == bytes([ivt.reply_to(command[0])]):
+                    self._clock.sleep(ivt.COMMAND_PAUSE)
+                    return data
+        if wanted:
+            raise OSError(f"the sensor at {sensor.command:03X}h did not answer command {command[0]:02X}h")
+        return b""
+
+    def check(self) -> list[str]:
+        if not self._bus.is_open:
+            return [f"the bus {self.config.channel} is off or its adapter is gone: check wiring and both terminators"]
+        problems = []
+        deadline = time.monotonic() + 10 * self.config.period / 1000 + self.config.timeout
+        for k, sensor in enumerate(self.config.sensors):
+            frames = self._boxes[k].wait(deadline)
+            results = [r for _, _, data in frames if (r := self._results[k].take(data)) is not None]
+            if not results:
+                problems.append(f"no results from {sensor.result:03X}h: is another program configuring the sensor?")
+            elif results[-1].faulty:
+                problems.append(f"the sensor at {sensor.result:03X}h doubts its own measurement: see its error log")
+            if self._results[k].lost:
+                problems.append(
+                    f"{self._results[k].lost} results of {sensor.result:03X}h were lost: the bus is too full"
+                )
+        return problems
+
+    def arm(self, plan: Plan) -> None:
+        if plan.rate > 1000.0 / self.config.period:
+            raise self._fault(f"{plan.rate:g} rows/s asked, a result comes every {self.config.period} ms: stale rows")
+        load = len(self.config.sensors) * frame_bits(ivt.RESULT_BYTES) * 1000 / self.config.period / self.config.bitrate
+        if load > 0.9:
+            raise self._fault(f"its results alone fill {load:.0%} of the bus: a longer period or fewer sensors")
+        now = self._clock.monotonic_ns()
+        self._latest = [(now, None)] * len(self.config.sensors)
+        self._reconnect = self._new_reconnect()
+        self._guarded(self._wait_for_first)
+
+    def _wait_for_first(self) -> None:
+        deadline = time.monotonic() + self.config.timeout + 2 * self.config.period / 1000
+        for k, box in enumerate(self._boxes):
+            box.take()
+            self._results[k].restart()
+            for at, _, data in box.wait(deadline):
+                if (result := self._results[k].take(data)) is not None:
+                    self._latest[k] = (at, result)
+            if self._latest[k][1] is None:
+                raise OSError(f"no result from the sensor at {self.config.sensors[k].result:03X}h")
+
+    def disarm(self) -> None: ...
+
+    def close(self) -> None:
+        if self._opened:
+            self._opened = False
+            self._bus.close()
+
+    def poll(self) -> Block:
+        now = self._clock.monotonic_ns()
+        if self._reconnect.lost and not self._restored(now):
+            return missing_row(now, 0, len(self.config.sensors))
+        values, flags = [], []
+        for k, box in enumerate(self._boxes):
+            lost = 0
+            for at, _, data in box.take():
+                if (result := self._results[k].take(data)) is not None:
+                    lost += result.lost
+                    self._latest[k] = (at, result)
+            at, latest = self._latest[k]
+            values.append(float("nan") if latest is None else latest.value)
+            flags.append(int(self._quality(now - at, latest, lost)))
+        if not self._bus.is_open or all(now - at > self.config.timeout * 1e9 for at, _ in self._latest):
+            self._reconnect.lose(now)
+        return one_row(now, volts=values, quality=flags)
+
+    def _quality(self, age: int, result: ivt.Result | None, lost: int) -> Quality:
+        if result is None:
+            return Quality.MISSING
+        quality = Quality.GOOD
+        if age > self.config.stale_after * self.config.period * 1e6:
+            quality |= Quality.STALE
+        if lost:
+            quality |= Quality.LATE
+        if result.saturated or result.faulty:
+            quality |= Quality.SATURATED
+        return quality
+
+    def _restored(self, now: int) -> bool:
+        if not self._reconnect.due(now):
+            return False
+        try:
+            if not self._bus.is_open:
+                self._bus.reopen()
+            for k in range(len(self.config.sensors)):
+                self._set_up(k)
+            self._wait_for_first()
+        except OSError:
+            return False
+        self._reconnect.find()
+        return True
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except OSError as error:
+            raise self._fault(str(error)) from None
+
+    def _new_reconnect(self) -> Reconnect:
+        return Reconnect(self.name, self.config.patience, "is the bus terminated, are the sensors powered?")
+
+    def _fault(self, what: str) -> DeviceFault:
+        return DeviceFault(self.name, what)
+
+
+def make(name: str, config: Config, world: World) -> IvtSensors:
+    """The sensors of ``config.sensors``, closed."""
+    return IvtSensors(name, config, shared_bus(world, config), world.get("host_clock", SystemClock()))

@@ -1,0 +1,206 @@
+"""Encoder counters of the Linux counter subsystem (104-QUAD-8, STM32, TI eQEP ...), read through sysfs.
+
+Documented in the kernel under Documentation/ABI/testing/sysfs-bus-counter. Every channel is latched at its own read: the skew between
+channels is measured when the device is opened, and stated.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from drivers.blocks import missing_row, one_row
+from drivers.clock import SystemClock
+from drivers.reconnect import Reconnect
+from drivers.registry import World
+from drivers.shapes import Block, CounterMode, HostClock, Identity, Plan, Quality
+from inputs import DeviceFault
+
+SYSFS = "/sys/bus/counter/devices"
+FUNCTIONS = {CounterMode.X1: "quadrature x1 a", CounterMode.X2: "quadrature x2 a", CounterMode.X4: "quadrature x4"}
+TRIAL_READS = 32
+
+
+class Config(BaseModel):
+    """A counter device in the rig file.
+
+    device  its name under /sys/bus/counter/devices, such as counter0
+    counts  numbers of its counts (countN); counter channels in this order
+    bits    of the hardware register (104-QUAD-8: 24); left out: from the attribute ``ceiling``
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    device: str = "counter0"
+    counts: tuple[Annotated[int, Field(ge=0)], ...] = (0, 1, 2)
+    bits: Annotated[int, Field(ge=8, le=64)] = 24
+    sysfs: str = SYSFS
+    patience: Annotated[float, Field(ge=0)] = 5.0
+
+
+class LinuxCounter:
+    """The device (shapes: Polled, QuadratureCounter)."""
+
+    def __init__(self, name: str, config: Config, clock: HostClock) -> None:
+        self.name, self.config, self._clock = name, config, clock
+        self.width = (config.bits,) * len(config.counts)
+        self._folder = Path(config.sysfs) / config.device
+        self._files: list[int] = []
+        self._reset: list[bool] = []
+        self._reconnect = self._new_reconnect()
+
+    def open(self) -> Identity:
+        try:
+            model = (self._folder / "name").read_text().strip()
+            for channel in range(len(self.config.counts)):
+                self.configure(channel, CounterMode.X4)
+            self._open_files()
+            skew, row = self._trial()
+        except OSError as error:
+            self.close()
+            raise self._fault(f"{error}; is the counter's kernel module loaded?") from None
+        return Identity(
+            maker="Linux counter subsystem",
+            model=model,
+            max_rate=1.0 / row,
+            channel_skew=skew,
+            bits=self.config.bits,
+            details={"sysfs": str(self._folder)},
+        )
+
+    def _trial(self) -> tuple[float, float]:
+        """Seconds between neighbouring channels and for a whole row, the median of a few."""
+        times = []
+        for _ in range(TRIAL_READS):
+            before = time.perf_counter()
+            for file in self._files:
+                parse_count(os.pread(file, 64, 0))
+            times.append(time.perf_counter() - before)
+        row = sorted(times)[TRIAL_READS // 2]
+        return row / len(self._files), row
+
+    def check(self) -> list[str]:
+        problems = []
+        for channel, number in enumerate(self.config.counts):
+            try:
+                function = self._read(number, "function")
+                if function not in FUNCTIONS.values():
+                    problems.append(f"count{number} does {function!r}, not quadrature: open the rig again")
+                if self._read(number, "enable") == "0":
+                    problems.append(f"count{number} is disabled: open the rig again")
+                ceiling = int(self._read(number, "ceiling"))
+                if ceiling != (1 << self.width[channel]) - 1:
+                    problems.append(f"count{number} wraps at {ceiling}, not at 2^{self.width[channel]}: correct 'bits'")
+            except (OSError, ValueError) as error:
+                problems.append(f"{error}; is the counter's kernel module loaded?")
+        return problems
+
+    def arm(self, plan: Plan) -> None:
+        if not self._files:
+            raise self._fault("is not open")
+        self._reset = [False] * len(self._files)
+        self._reconnect = self._new_reconnect()
+
+    def disarm(self) -> None: ...
+
+    def close(self) -> None:
+        for file in self._files:
+            with contextlib.suppress(OSError):
+                os.close(file)
+        self._files = []
+
+    def poll(self) -> Block:
+        now = self._clock.monotonic_ns()
+        channels = len(self.config.counts)
+        if self._reconnect.lost and not self._restored(now):
+            return missing_row(now, channels, 0)
+        try:
+            counts = [parse_count(os.pread(file, 64, 0)) for file in self._files]
+        except (OSError, ValueError):
+            self.close()
+            self._reconnect.lose(now)
+            return missing_row(now, channels, 0)
+        after = self._clock.monotonic_ns()
+        quality = [int(Quality.DEVICE_RESET if reset else Quality.GOOD) for reset in self._reset]
+        return one_row((now + after) // 2, counts, quality=quality)
+
+    def _restored(self, now: int) -> bool:
+        """The module was unloaded and loaded again: its counts began anew."""
+        if not self._reconnect.due(now):
+            return False
+        try:
+            for channel in range(len(self.config.counts)):
+                self.configure(channel, CounterMode.X4)
+            self._open_files()
+        except (OSError, DeviceFault):
+            self.close()
+            return False
+        self._reset = [True] * len(self._files)
+        self._reconnect.find()
+        return True
+
+    def configure(self, channel: int, mode: CounterMode) -> None:
+        number = self.config.counts[channel]
+        try:
+            self._write(number, "enable", "0")
+            self._write(number, "function", FUNCTIONS[mode])
+            with contextlib.suppress(OSError):  # some counters have a fixed ceiling
+                self._write(number, "ceiling", str((1 << self.width[channel]) - 1))
+            self._write(number, "enable", "1")
+        except OSError as error:
+            raise self._fault(f"{error}; can count{number} do {FUNCTIONS[mode]!r}?") from None
+
+    def preset(self, channel: int, value: int) -> None:
+        try:
+            self._write(self.config.counts[channel], "count", str(value & ((1 << self.width[channel]) - 1)))
+        except OSError as error:
+            raise self._fault(f"{error}; its count cannot be set") from None
+
+    def index_enable(self, channel: int) -> None:
+        """Arms a load of ``preset`` (set to 0) at the next index pulse, where the counter has it."""
+        number = self.config.counts[channel]
+        try:
+            self._write(number, "preset", "0")
+            self._write(number, "preset_enable", "1")
+        except OSError as error:
+            raise self._fault(f"{error}; it has no index input") from None
+
+    def index_seen(self, channel: int) -> int | None:
+        return None  # sysfs does not tell; a count near 0 after index_enable does
+
+    def _open_files(self) -> None:
+        self.close()
+        self._files = [os.open(self._folder / f"count{n}" / "count", os.O_RDONLY) for n in self.config.counts]
+
+    def _read(self, number: int, attribute: str) -> str:
+        return (self._folder / f"count{number}" / attribute).read_text().strip()
+
+    def _write(self, number: int, attribute: str, text: str) -> None:
+        # As sysfs wants it: no new file, no truncation, one write.
+        file = os.open(self._folder / f"count{number}" / attribute, os.O_WRONLY)
+        try:
+            os.write(file, text.encode() + b"\n")
+        finally:
+            os.close(file)
+
+    def _new_reconnect(self) -> Reconnect:
+        return Reconnect(self.name, self.config.patience, "is the counter's kernel module loaded?")
+
+    def _fault(self, what: str) -> DeviceFault:
+        return DeviceFault(self.name, what)
+
+
+def parse_count(text: bytes) -> int:
+    """A sysfs count attribute: one decimal number and a newline. ValueError for anything else."""
+    if not text.endswith(b"\n") or not text.strip().isdigit():
+        raise ValueError(f"{text[:32]!r} is no count")
+    return int(text)
+
+
+def make(name: str, config: Config, world: World) -> LinuxCounter:
+    """The counter at ``config.device``, closed."""
+    return LinuxCounter(name, config, world.get("host_clock", SystemClock()))

@@ -1,0 +1,35 @@
+"""A device's tick counter seen from the host: host time at a tick, from readings of both at once."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class TickClock:
+    """Line through the latest readings (tick, host ns). The nominal rate serves until readings span ``settle`` seconds.
+
+    A crystal is within 100 ppm of nominal; a reading's error is half its round trip. The stamps that the driver gives are as good
+    as that; daq relates the same ticks to the host's clock once more over the whole run.
+    """
+
+    def __init__(self, nominal_hz: float, settle: float = 2.0, keep: int = 64) -> None:
+        self._ns = 1e9 / nominal_hz
+        self._settle = settle
+        self._readings: deque[tuple[int, int, int]] = deque(maxlen=keep)  # tick, host, round trip
+
+    def add(self, tick: int, host: int, round_trip: int) -> None:
+        """One reading: ``tick`` (64 bit), the host's ns halfway through the request, and its round trip in ns."""
+        self._readings.append((tick, host, round_trip))
+
+    def host(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Host ns at ``ticks`` (n,); at least one reading must have been added."""
+        readings = np.array(self._readings, np.float64)
+        best = self._readings[int(np.argmin(readings[:, 2]))]
+        x, y = readings[:, 0] - best[0], readings[:, 1] - best[1]
+        offset, slope = 0.0, self._ns
+        if np.ptp(x) * self._ns > self._settle * 1e9:
+            slope, offset = np.polyfit(x, y, 1, w=1.0 / np.maximum(readings[:, 2], 1.0))
+        return best[1] + np.rint((ticks - best[0]) * slope + offset).astype(np.int64)

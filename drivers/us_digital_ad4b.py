@@ -1,0 +1,179 @@
+"""US Digital AD4-B: one quadrature encoder on a 9600 baud serial port. Asked row by row: at most 192 rows/s, 24 bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from drivers import us_digital_ad4b_protocol as ad4b
+from drivers.blocks import missing_row, one_row
+from drivers.clock import SystemClock
+from drivers.reconnect import Reconnect
+from drivers.registry import World
+from drivers.serial_port import SerialPort
+from drivers.shapes import Block, CounterMode, HostClock, Identity, Plan, Quality
+from inputs import DeviceFault
+
+BYTE_SECONDS = 10 / ad4b.BAUD
+JUMP = 1 << (ad4b.WIDTH - 2)  # counts between two rows that no encoder makes at these rates
+
+
+class Config(BaseModel):
+    """An AD4-B in the rig file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    port: str
+    timeout: Annotated[float, Field(gt=0)] = 0.05
+    patience: Annotated[float, Field(ge=0)] = 5.0
+
+
+class Ad4b:
+    """The device (shapes: Polled, QuadratureCounter)."""
+
+    width = (ad4b.WIDTH,)
+
+    def __init__(self, name: str, config: Config, clock: HostClock) -> None:
+        self.name, self.config, self._clock = name, config, clock
+        self._port = SerialPort(config.port, ad4b.BAUD)
+        self._mode = CounterMode.X4
+        self._added = 0
+        self._stray = 0
+        self._was_reset = False
+        self._reconnect = self._new_reconnect()
+
+    def open(self) -> Identity:
+        try:
+            self._port.open()
+            self._ping()
+            self._initialise()
+        except OSError as error:
+            self._port.close()
+            raise self._fault(f"{self.config.port}: {error}; is the AD4-B plugged in and powered?") from None
+        return Identity(
+            maker="US Digital",
+            model="AD4-B",
+            max_rate=ad4b.RATE,
+            bits=ad4b.WIDTH,
+            # The command takes one byte's time to arrive; the counter is latched then.
+            latch_delay=BYTE_SECONDS,
+            details={"port": self.config.port},
+        )
+
+    def check(self) -> list[str]:
+        if not self._port.is_open:
+            return [f"{self.config.port} is not open: is the AD4-B plugged in?"]
+        problems = []
+        try:
+            self._ping()
+        except OSError as error:
+            problems.append(f"{error}; is it powered, and is the baud rate {ad4b.BAUD}?")
+        if self._stray:
+            problems.append(f"{self._stray} bytes were no answers: noise on the line, or another program on the port")
+        return problems
+
+    def arm(self, plan: Plan) -> None:
+        if plan.rate > ad4b.RATE:
+            raise self._fault(f"{plan.rate:g} rows/s asked, {ad4b.RATE:.0f} possible at {ad4b.BAUD} baud")
+        self._was_reset = False
+        self._reconnect = self._new_reconnect()
+
+    def disarm(self) -> None: ...
+
+    def close(self) -> None:
+        self._port.close()
+
+    def poll(self) -> Block:
+        now = self._clock.monotonic_ns()
+        if self._reconnect.lost and not self._restored(now):
+            return missing_row(now, 1, 0)
+        try:
+            count = self._position()
+        except OSError:
+            self._reconnect.lose(now)
+            return missing_row(now, 1, 0)
+        quality = Quality.DEVICE_RESET if self._was_reset else Quality.GOOD
+        latch = now + int(BYTE_SECONDS * 1e9)
+        return one_row(latch, [(count + self._added) & 0xFFFFFF], quality=[int(quality)])
+
+    def configure(self, channel: int, mode: CounterMode) -> None:
+        self._mode = mode
+        self._guarded(self._initialise)
+
+    def preset(self, channel: int, value: int) -> None:
+        """Reads the counter; the driver adds what is missing to ``value`` from now on. (The document does not say which way
+        round the bytes of its preset register are, nor when they reach the counter.)"""
+        self._guarded(lambda: setattr(self, "_added", value - self._position()))
+
+    def index_enable(self, channel: int) -> None:
+        raise self._fault("has no index line: preset the counter in a known pose")
+
+    def index_seen(self, channel: int) -> int | None:
+        return None
+
+    def _position(self) -> int:
+        count = ad4b.position(self._ask(ad4b.POSITION, ad4b.POSITION_BYTES))
+        assert count is not None
+        return count
+
+    def _ping(self) -> None:
+        if self._ask(ad4b.PING, 1) != ad4b.PONG:
+            raise OSError("what answers is no AD4-B")
+
+    def _initialise(self) -> None:
+        command = ad4b.initialise_command(self._mode)
+        if not ad4b.confirms_initialise(command, self._ask(command, 1)):
+            raise OSError("the AD4-B did not confirm its mode")
+
+    def _ask(self, command: bytes, length: int) -> bytes:
+        """The answer, of exactly ``length`` bytes. Bytes that came before the question belong to an older one: they are
+        thrown away. With more than ``length`` bytes nothing is known about which are the right ones."""
+        self._stray += self._port.discard()
+        self._port.write(command)
+        answer = bytearray()
+
+        def take(data: bytes) -> bytes | None:
+            answer.extend(data)
+            return bytes(answer) if len(answer) >= length else None
+
+        whole = self._port.wait_for(take, self.config.timeout)
+        if whole is None:
+            raise OSError(f"{len(answer)} of {length} bytes in {self.config.timeout:g} s")
+        if len(whole) > length:
+            self._stray += len(whole) - length
+            raise OSError(f"{len(whole)} bytes where {length} were due")
+        return whole
+
+    def _restored(self, now: int) -> bool:
+        """True once it answers again: the line is drained, then pinged. A counter that stands at 0 again has lost its power."""
+        if not self._reconnect.due(now):
+            return False
+        try:
+            self._port.open()
+            self._port.wait_for(lambda data: None, 2 * ad4b.POSITION_BYTES * BYTE_SECONDS)
+            self._ping()
+            if self._position() == 0:
+                self._was_reset = True
+                self._initialise()
+        except OSError:
+            return False
+        self._reconnect.find()
+        return True
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except OSError as error:
+            raise self._fault(f"{error}; is it powered and plugged in?") from None
+
+    def _new_reconnect(self) -> Reconnect:
+        return Reconnect(self.name, self.config.patience, "is the AD4-B plugged in and powered?")
+
+    def _fault(self, what: str) -> DeviceFault:
+        return DeviceFault(self.name, what)
+
+
+def make(name: str, config: Config, world: World) -> Ad4b:
+    """The AD4-B at ``config.port``, closed."""
+    return Ad4b(name, config, world.get("host_clock", SystemClock()))

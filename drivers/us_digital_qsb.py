@@ -1,0 +1,237 @@
+"""US Digital QSB-D / QSB-S: one quadrature encoder on a USB serial port.
+
+It cannot be triggered. ``reading`` "ask": each row is a question and an answer (the latch lies halfway, within half the round
+trip); "stream": it sends its count as fast as 230400 baud takes it (1920 a second), and a row takes the newest one, at most
+0.5 ms old.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from drivers import us_digital_qsb_protocol as qsb
+from drivers.blocks import missing_row, one_row
+from drivers.clock import SystemClock
+from drivers.reconnect import Reconnect
+from drivers.registry import World
+from drivers.serial_port import SerialPort
+from drivers.shapes import Block, CounterMode, EdgeSource, HostClock, Identity, Plan, Quality
+from inputs import DeviceFault
+
+WIDTH = 32
+ASK_BYTES = 4 + 12  # on the wire for one question and its answer
+USB_LATENCY = 0.001  # s: the adapter's own poll interval, each way in the worst case
+
+
+class Config(BaseModel):
+    """A QSB in the rig file. ``port``: best /dev/serial/by-id/usb-US_Digital..., which stays the same after a restart."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    port: str
+    reading: Literal["ask", "stream"] = "stream"
+    timeout: Annotated[float, Field(gt=0)] = 0.05
+    patience: Annotated[float, Field(ge=0)] = 5.0
+
+
+class Qsb:
+    """The device (shapes: Polled, QuadratureCounter)."""
+
+    width = (WIDTH,)
+
+    def __init__(self, name: str, config: Config, clock: HostClock) -> None:
+        self.name, self.config, self._clock = name, config, clock
+        self._port = SerialPort(config.port, qsb.BAUD, dtr=True, rts=False)
+        self._mode = CounterMode.X4
+        self._added = 0
+        self._armed = self._was_reset = False
+        self._reconnect = self._new_reconnect()
+
+    def open(self) -> Identity:
+        try:
+            self._port.open()
+            version = self._begin()
+            self.configure(0, self._mode)
+        except OSError as error:
+            self._port.close()
+            raise self._fault(f"{self.config.port}: {error}; is the QSB plugged in?") from None
+        rate = qsb.STREAM_RATE if self.config.reading == "stream" else qsb.BAUD / 10 / ASK_BYTES
+        return Identity(
+            maker="US Digital",
+            model="QSB",
+            firmware=f"{version:08X}",
+            max_rate=rate,
+            latch_delay=12 * 10 / qsb.BAUD if self.config.reading == "stream" else 0.0,
+            bits=WIDTH,
+            details={"port": self.config.port, "reading": self.config.reading},
+        )
+
+    def _begin(self) -> int:
+        """Makes the QSB stop streaming and answer barely; returns its version register."""
+        self._replies = qsb.Replies()
+        for _ in range(2):  # the first ends a stream, and is answered in whatever form was set before
+            self._ask(qsb.write_command(qsb.OPTIONS, qsb.BARE), "w", qsb.OPTIONS)
+        self._port.discard()
+        self._replies = qsb.Replies(stamped=False)
+        self._uptime = self._time()
+        return self._ask(qsb.read_command(qsb.VERSION), "r", qsb.VERSION)
+
+    def check(self) -> list[str]:
+        if not self._port.is_open:
+            return [f"{self.config.port} is not open: is the QSB plugged in?"]
+        problems = []
+        try:
+            if self._armed and self.config.reading == "stream":
+                return []
+            self._ask(qsb.read_command(qsb.VERSION), "r", qsb.VERSION)
+            mode = self._ask(qsb.read_command(qsb.MDR0), "r", qsb.MDR0)
+            if mode & 3 != qsb.FREE_RUNNING[self._mode]:
+                problems.append(f"counts in mode {mode & 3}, not {self._mode}: it was reset; open the rig again")
+        except OSError as error:
+            problems.append(f"{error}; is it plugged in, and is RTS low and DTR high?")
+        if self._replies.garbage:
+            problems.append(f"{self._replies.garbage} bytes were no replies: is the baud rate {qsb.BAUD}?")
+        return problems
+
+    def arm(self, plan: Plan) -> None:
+        if plan.source == EdgeSource.TRACKER and self.config.reading == "ask" and plan.rate > qsb.BAUD / 10 / ASK_BYTES:
+            raise self._fault(f"{plan.rate:g} rows/s asked, {qsb.BAUD / 10 / ASK_BYTES:.0f} possible by asking: stream")
+        if plan.rate > qsb.STREAM_RATE:
+            raise self._fault(f"{plan.rate:g} rows/s asked, {qsb.STREAM_RATE:.0f} possible at {qsb.BAUD} baud")
+        self._was_reset = False
+        self._reconnect = self._new_reconnect()
+        self._last: tuple[int, int] | None = None
+        try:
+            self._resume()
+        except OSError as error:
+            raise self._fault(f"{error}; is it plugged in?") from None
+        self._armed = True
+
+    def _resume(self) -> None:
+        self._port.discard()
+        if self.config.reading == "stream":
+            self._ask(qsb.write_command(qsb.INTERVAL, 0, 4), "w", qsb.INTERVAL)
+            self._port.write(qsb.stream_command(qsb.COUNT))
+            self._last = (self._value("s"), self._clock.monotonic_ns())
+
+    def disarm(self) -> None:
+        self._armed = False
+        if self._port.is_open:
+            try:
+                self._begin()
+            except OSError:
+                self._port.close()
+
+    def close(self) -> None:
+        if self._armed:
+            self.disarm()
+        self._port.close()
+
+    def poll(self) -> Block:
+        now = self._clock.monotonic_ns()
+        if self._reconnect.lost and not self._restored(now):
+            return missing_row(now, 1, 0)
+        try:
+            if self.config.reading == "ask":
+                count = self._ask(qsb.read_command(qsb.COUNT), "r", qsb.COUNT)
+                return self._row((now + self._clock.monotonic_ns()) // 2, count, Quality.GOOD)
+            return self._newest(now)
+        except OSError:
+            self._port.close()
+            self._reconnect.lose(now)
+            return missing_row(now, 1, 0)
+
+    def _newest(self, now: int) -> Block:
+        assert self._last is not None
+        counts = [r.value for r in self._replies.feed(self._port.read()) if r.kind == "s" and r.register == qsb.COUNT]
+        if counts:
+            self._last = (counts[-1], now)
+            return self._row(now, counts[-1], Quality.GOOD)
+        if now - self._last[1] > self.config.timeout * 1e9:
+            raise OSError("the stream has stopped")
+        # Between two counts of the stream the value is as old as the stream's period; older, it is stale.
+        stale = now - self._last[1] > 2e9 / qsb.STREAM_RATE
+        return self._row(now, self._last[0], Quality.STALE if stale else Quality.GOOD)
+
+    def _row(self, host: int, count: int, quality: Quality) -> Block:
+        if self._was_reset:
+            quality |= Quality.DEVICE_RESET
+        return one_row(host, [(count + self._added) & 0xFFFFFFFF], quality=[int(quality)])
+
+    def _restored(self, now: int) -> bool:
+        if not self._reconnect.due(now):
+            return False
+        try:
+            self._port.open()
+            before = self._uptime
+            self._begin()
+            if self._uptime < before or self._ask(qsb.read_command(qsb.MDR0), "r", qsb.MDR0) & 3 == 0:
+                self._was_reset = True
+                self._write_mode()
+            self._resume()
+        except OSError:
+            self._port.close()
+            return False
+        self._reconnect.find()
+        return True
+
+    def configure(self, channel: int, mode: CounterMode) -> None:
+        self._mode = mode
+        self._guarded_mode()
+        self._added = 0
+
+    def _write_mode(self) -> None:
+        self._ask(qsb.write_command(qsb.MDR0, qsb.FREE_RUNNING[self._mode], 2), "w", qsb.MDR0)
+        self._ask(qsb.write_command(qsb.CLEAR, qsb.CLEAR_COUNTER), "w", qsb.CLEAR)
+
+    def _guarded_mode(self) -> None:
+        try:
+            self._write_mode()
+        except OSError as error:
+            raise self._fault(f"{error}; is it plugged in?") from None
+
+    def preset(self, channel: int, value: int) -> None:
+        """Clears the counter; the driver adds ``value`` from now on."""
+        self._guarded_mode()
+        self._added = value
+
+    def index_enable(self, channel: int) -> None:
+        raise self._fault("the index line is not used by this driver: preset the counter in a known pose")
+
+    def index_seen(self, channel: int) -> int | None:
+        return None
+
+    def _ask(self, command: bytes, kind: str, register: int) -> int:
+        self._port.write(command)
+        return self._value(kind, register)
+
+    def _value(self, kind: str, register: int = qsb.COUNT) -> int:
+        """Value of the next reply of this kind and register; others, of requests given up, are passed over."""
+
+        def take(data: bytes) -> int | None:
+            for reply in self._replies.feed(data):
+                if reply.kind in "ex":
+                    raise OSError(f"the QSB refused register {reply.register:02X}")
+                if reply.kind == kind and reply.register == register:
+                    return reply.value
+            return None
+
+        value = self._port.wait_for(take, self.config.timeout)
+        if value is None:
+            raise OSError(f"no answer in {self.config.timeout:g} s")
+        return value
+
+    def _time(self) -> int:
+        return self._ask(qsb.read_command(qsb.TIME), "r", qsb.TIME)
+
+    def _new_reconnect(self) -> Reconnect:
+        return Reconnect(self.name, self.config.patience, "is the QSB plugged in?")
+
+    def _fault(self, what: str) -> DeviceFault:
+        return DeviceFault(self.name, what)
+
+
+def make(name: str, config: Config, world: World) -> Qsb:
+    """The QSB at ``config.port``, closed."""
+    return Qsb(name, config, world.get("host_clock", SystemClock()))
