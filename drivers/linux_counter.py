@@ -1,7 +1,7 @@
 """Encoder counters of the Linux counter subsystem (104-QUAD-8, STM32, TI eQEP ...), read through sysfs.
 
-Documented in the kernel under Documentation/ABI/testing/sysfs-bus-counter. Every channel is latched at its own read: the skew between
-channels is measured when the device is opened, and stated.
+Documented in the kernel under Documentation/ABI/testing/sysfs-bus-counter. Every channel is latched at its own read: the skew
+between channels is measured when the device is opened, and stated.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ class Config(BaseModel):
 
     device  its name under /sys/bus/counter/devices, such as counter0
     counts  numbers of its counts (countN); counter channels in this order
-    bits    of the hardware register (104-QUAD-8: 24); left out: from the attribute ``ceiling``
+    bits    of the hardware register (104-QUAD-8: 24)
+    sysfs   the subsystem's folder
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)

@@ -1,6 +1,6 @@
 """A counter device of the Linux counter subsystem: the same tree of attribute files, kept up to date in an ordinary folder.
 
-Ordinary files cannot run code when they are read, as sysfs does: the counts are written anew every half millisecond.
+Ordinary files cannot run code when they are read, as sysfs does: the counts are written anew every millisecond.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class SimulatedCounter:
 
     def open(self) -> None:
         self.load()
-        self._loop = Loop(self._step, list, 0.0005)
+        self._loop = Loop(self._step, list, 0.001)
         self._loop.start()
 
     def close(self) -> None:
@@ -83,8 +83,8 @@ class SimulatedCounter:
             for channel, file in enumerate(self._files):
                 folder = self._folder / f"count{self.config.counts[channel]}"
                 divisor = DIVISOR.get((folder / "function").read_text().strip())
-                text = os.pread(file, 64, 0)
-                written = int(text) if text.strip().isdigit() else self._shown[channel]
+                text = os.pread(file, 64, 0).split(b"\n", 1)[0]
+                written = int(text) if text.isdigit() else self._shown[channel]
                 raw = 0
                 if divisor is not None:
                     raw = int(self.wires.counts(channel, np.array([now], np.int64))[0]) // divisor

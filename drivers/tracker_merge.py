@@ -1,0 +1,120 @@
+"""Which frame of a tracker's own file belongs to which edge of its trigger line.
+
+Counting alone shifts everything by one when an edge is lost or a spike is counted. Here edges are first put on the grid of the
+tracker's period (a lost edge leaves a hole, a spike lies off the grid), then the grid is laid over the frames so that all of
+it is covered; where more than one place is left (edges lost at an end), the jitter of the intervals, which edges and frames
+share, decides. Where that is too small to decide, the answer says so instead of guessing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+OFF_GRID = 0.25  # of a period: an edge further away than that is no edge of the tracker
+CLEARLY_BETTER = 0.5  # rms of the best place, at most this share of the next best's
+RESOLVABLE = 3.0  # jitter, at least so many times what is left of it at the best place
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """frame (n,) int64: index into the frames for each edge, -1 for a spike (or an edge beyond the file); ``certain`` False where
+    another place fits as well; ``why`` a sentence."""
+
+    frame: NDArray[np.int64]
+    certain: bool
+    why: str
+
+    @property
+    def spikes(self) -> int:
+        return int(np.count_nonzero(self.frame < 0))
+
+
+def align(edges: NDArray[np.float64], number: NDArray[np.int64], seconds: NDArray[np.float64]) -> Alignment:
+    """Frames for edges.
+
+    edges    (n,) s: edge times by the clock that saw them, increasing
+    number   (m,): frame numbers in the file, increasing; gaps are frames that the file lacks
+    seconds  (m,) s: the tracker's own time of each frame
+    Both clocks may be offset and drift (some 100 ppm). Raises ValueError with fewer than 3 edges or frames.
+    """
+    if len(edges) < 3 or len(number) < 3:
+        raise ValueError(f"{len(edges)} edges and {len(number)} frames: too few to find their order")
+    grid, e_jitter, good = _grid(edges)
+    period_frames = np.median(np.diff(seconds) / np.diff(number))
+    f_jitter = _straight(number.astype(float), seconds, period_frames)
+    place = {int(k): i for i, k in enumerate(number)}
+    span = int(grid[good].max())
+    first, last = int(number[0]), int(number[-1])
+    shifts = np.arange(first, last - span + 1) if last - first >= span else np.arange(last - span, first + 1)
+    jitter_at = np.full(last - first + 1, np.nan)
+    jitter_at[number - first] = f_jitter
+    rms = np.array([_misfit(grid[good], e_jitter[good], jitter_at, int(s) - first) for s in shifts])
+    best = int(np.argmin(rms))
+    frame = np.full(len(edges), -1, np.int64)
+    for i in np.flatnonzero(good):
+        frame[i] = place.get(int(grid[i]) + int(shifts[best]), -1)
+    if len(shifts) == 1:
+        return Alignment(frame, True, "as many edges as frames, holes counted")
+    second = float(np.delete(rms, best).min())
+    clear = rms[best] < CLEARLY_BETTER * second and np.std(f_jitter) > RESOLVABLE * rms[best]
+    missing = len(shifts) - 1
+    if clear:
+        return Alignment(frame, True, f"{missing} edges lost at the ends; the jitter of the intervals tells which")
+    return Alignment(frame, False, f"{missing} edges lost at the ends, and the intervals are too even to tell which")
+
+
+def _grid(edges: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Place of each edge on the grid of the tracker's period (from 0), how far off it lies (s), and which are edges at all."""
+    period = float(np.median(np.diff(edges)))
+    grid = np.zeros(len(edges), np.int64)
+    good = np.ones(len(edges), bool)
+    origin = _phase(edges, period)
+    for _ in range(4):
+        grid = np.rint((edges - origin) / period).astype(np.int64)
+        off = edges - (origin + grid * period)
+        good = np.abs(off) < OFF_GRID * period
+        good &= _first_nearest(grid, off)
+        if np.count_nonzero(good) < 3:
+            raise ValueError("the edges lie on no grid: is the trigger line the tracker's?")
+        period, origin = (float(v) for v in np.polyfit(grid[good], edges[good], 1))
+    grid -= grid[good].min()
+    return grid, edges - (origin + grid * period) - np.median(off[good]), good
+
+
+def _phase(edges: NDArray[np.float64], period: float) -> float:
+    """An edge that most of the first ones agree with, so that a spike at the beginning does not set the grid."""
+    head = edges[: min(len(edges), 32)]
+    off = np.abs((head[:, None] - head[None, :]) / period)
+    agree = np.abs(off - np.rint(off)) < OFF_GRID / 2
+    return float(head[int(np.argmax(agree.sum(axis=1)))])
+
+
+def _first_nearest(grid: NDArray[np.int64], off: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Of several edges at one place of the grid, the nearest."""
+    order = np.lexsort((np.abs(off), grid))
+    keep = np.zeros(len(grid), bool)
+    _, first = np.unique(grid[order], return_index=True)
+    keep[order[first]] = True
+    return keep
+
+
+def _straight(x: NDArray[np.float64], y: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
+    """What is left of y after the best straight line."""
+    centred = x - x.mean()
+    line = np.polyfit(centred, y - slope * centred, 1)
+    return y - slope * centred - np.polyval(line, centred)
+
+
+def _misfit(grid: NDArray[np.int64], jitter: NDArray[np.float64], frames: NDArray[np.float64], shift: int) -> float:
+    """rms difference (s) of the two jitters at this place, straight lines apart (the clocks' offset and drift)."""
+    at = grid + shift
+    inside = (at >= 0) & (at < len(frames))
+    pairs = inside.copy()
+    pairs[inside] = ~np.isnan(frames[at[inside]])
+    if np.count_nonzero(pairs) < 3:
+        return float("inf")
+    difference = jitter[pairs] - frames[at[pairs]]
+    return float(np.std(_straight(at[pairs].astype(float), difference, 0.0)))

@@ -1,0 +1,133 @@
+"""The terminal of a Unimation VAL or VAL II controller, sans-IO: what an operator types, and what comes back.
+
+A command is typed letter by letter, the controller echoes it; only when the echo is what was typed is it entered (carriage
+return). Output lines follow, then the prompt, a dot at the start of a line: the command, its motion included, is done.
+Source: Unimation, "User's Guide to VAL" (1980s editions): monitor commands SPEED, DRIVE, DO, WHERE, CALIB, ABORT.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+
+CANCEL_LINE = b"\x15"  # Ctrl-U: forget what was typed
+INTERRUPT = b"\x03"  # Ctrl-C: stop the command that runs
+ENTER = b"\r"
+PROMPT = "."
+JOINTS = 6
+_NUMBER = re.compile(r"[-+]?\d*\.?\d+")
+_LONGEST_LINE = 400
+
+
+def speed(percent: int) -> str:
+    """Monitor speed, in per cent, on top of every other speed."""
+    return f"SPEED {percent}"
+
+
+def drive(joint: int, degrees: float, percent: int) -> str:
+    """One joint by so many degrees."""
+    return f"DRIVE {joint},{degrees:.3f},{percent}"
+
+
+def move(degrees: list[float]) -> str:
+    """All joints together to a position (VAL II: VAL itself knows no #PPOINT)."""
+    return f"DO MOVE #PPOINT({','.join(f'{d:.3f}' for d in degrees)})"
+
+
+def program_speed(percent: int) -> str:
+    """Speed of the next motion entered by DO."""
+    return f"DO SPEED {percent}"
+
+
+WHERE, ABORT, CALIBRATE = "WHERE", "ABORT", "CALIB"
+
+
+@dataclass(frozen=True)
+class Done:
+    """A command and the lines that the controller answered, without echo and prompt."""
+
+    command: str
+    lines: tuple[str, ...]
+
+    @property
+    def complaint(self) -> str | None:
+        """The controller's refusal: VAL puts its error messages between asterisks, older versions begin them with '?'."""
+        return next((line for line in self.lines if line.startswith(("*", "?"))), None)
+
+
+class State(Enum):
+    IDLE = "idle"
+    TYPED = "typed"  # waiting for the echo
+    RUNNING = "running"  # waiting for the prompt
+
+
+class Session:
+    """One terminal. ``type`` and ``feed`` return what is to be sent."""
+
+    def __init__(self) -> None:
+        self.state = State.IDLE
+        self.retyped = 0  # commands whose echo was wrong
+        self._command = ""
+        self._buffer = ""
+        self._lines: list[str] = []
+
+    def type(self, command: str) -> bytes:
+        """Begins a command; only one at a time."""
+        if self.state != State.IDLE:
+            raise RuntimeError(f"{self._command!r} is still {self.state.value}")
+        self._command, self._buffer, self._lines = command, "", []
+        self.state = State.TYPED
+        return command.encode("ascii")
+
+    def retype(self) -> bytes:
+        """The echo was wrong or did not come: forgets the line and types it again."""
+        self.retyped += 1
+        self._buffer = ""
+        self.state = State.TYPED
+        return CANCEL_LINE + self._command.encode("ascii")
+
+    def interrupt(self) -> bytes:
+        """Stops whatever runs. The session is idle again; what the controller still says is passed over."""
+        self.state = State.IDLE
+        return INTERRUPT
+
+    def feed(self, data: bytes) -> tuple[bytes, list[Done]]:
+        """What came from the terminal -> what is to be sent, commands that are done."""
+        self._buffer += data.decode("ascii", "replace")
+        if self.state == State.IDLE:
+            self._buffer = ""
+            return b"", []
+        if self.state == State.TYPED:
+            return self._echoed(), []
+        return b"", self._answered()
+
+    def _echoed(self) -> bytes:
+        """ENTER once the whole echo is there; a wrong letter cancels."""
+        # The prompt, and what was left of an older line, may stand before the echo.
+        echo = self._buffer.rsplit("\n", 1)[-1].lstrip(PROMPT + "\r ")
+        if echo == self._command:
+            self.state, self._buffer = State.RUNNING, ""
+            return ENTER
+        if not self._command.startswith(echo) or len(self._buffer) > _LONGEST_LINE:
+            return self.retype()
+        return b""
+
+    def _answered(self) -> list[Done]:
+        *lines, self._buffer = self._buffer.replace("\r", "").split("\n")
+        self._lines += [line.strip() for line in lines if line.strip()]
+        if self._buffer == PROMPT and (lines or self._lines):
+            self.state, self._buffer = State.IDLE, ""
+            return [Done(self._command, tuple(self._lines))]
+        self._buffer = self._buffer[-_LONGEST_LINE:]
+        return []
+
+
+def where(lines: tuple[str, ...]) -> list[float] | None:
+    """Joint angles (deg) from the answer to WHERE: a heading with JT1 ... JT6, the hand's place, the joints. None where they are not."""
+    headings = [k for k, line in enumerate(lines) if "JT1" in line.upper()]
+    if not headings:
+        return None
+    rows = [[float(n) for n in _NUMBER.findall(line)] for line in lines[headings[0] + 1 :]]
+    rows = [row for row in rows if len(row) >= JOINTS]
+    return rows[1][:JOINTS] if len(rows) >= 2 else None
