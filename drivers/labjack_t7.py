@@ -160,7 +160,7 @@ class LabJackT7:
         self._plan, self._offset, self._resume = plan, 0, False
         self._rows: list[Block] = []
         self._edges: list[Block] = []
-        self._tick, self._number, self._first, self._last = 0, -1, (0, 0), (0, 0)
+        self._tick, self._tick_base, self._number, self._first, self._last = 0, 0, -1, (0, 0), (0, 0)
         self._was_reset = False
         self._reconnect = Reconnect(self.name, self.config.patience, "is it powered, and is the cable in?")
         self._ticks = TickClock(t7.CORE_TIMER_HZ)
@@ -213,7 +213,7 @@ class LabJackT7:
             self._keep(scans)
 
     def _keep(self, scans: t7.Scans) -> None:
-        tick = extend(scans.timer, 32, self._tick)
+        tick = extend(scans.timer - self._tick_base, 32, self._tick)
         host = self._ticks.host(tick)
         if self._resume:
             self._offset, self._resume = self._number_at(int(host[0])) - int(scans.number[0]), False
@@ -224,7 +224,7 @@ class LabJackT7:
         self._tick, self._number = int(tick[-1]), int(number[-1])
         quality = np.zeros((len(number), len(self.config.counters) + len(self.config.inputs)), np.uint8)
         if self._was_reset:
-            quality[:, : len(self.config.counters)] |= Quality.DEVICE_RESET
+            quality[:, : len(self.config.counters)] |= np.uint8(Quality.DEVICE_RESET)
         saturated = (scans.codes == 0) | (scans.codes >= t7.SEPARATOR - 1)
         quality[:, len(self.config.counters) :] |= saturated * np.uint8(Quality.SATURATED)
         counts = (scans.counts + self._preset) & 0xFFFFFFFF
@@ -236,7 +236,7 @@ class LabJackT7:
         before = self._clock.monotonic_ns()
         raw = np.array([self._link.read_uint(t7.CORE_TIMER)], np.int64)
         after = self._clock.monotonic_ns()
-        tick = extend(raw, 32, self._tick)
+        tick = extend(raw - self._tick_base, 32, self._tick)
         self._ticks.add(int(tick[0]), (before + after) // 2, after - before)
         self._read_at = after
 
@@ -248,8 +248,11 @@ class LabJackT7:
         try:
             self._link.connect()
             if not all(setup.counter_runs(self._link, line) for line in self.config.counters):
-                self._was_reset, self._tick = True, 0
+                self._was_reset = True
                 self._ticks = TickClock(t7.CORE_TIMER_HZ)
+                # CORE_TIMER began anew; the ticks of the rows go on from where they would now be.
+                self._tick += round((self._clock.monotonic_ns() - self._last[1]) * t7.CORE_TIMER_HZ * 1e-9)
+                self._tick_base = self._link.read_uint(t7.CORE_TIMER) - self._tick
                 for line in self.config.counters:
                     setup.start_counter(self._link, line)
             self._start_stream()

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+HEAD = 16  # edges that the search for the grid begins with
 OFF_GRID = 0.25  # of a period: an edge further away than that is no edge of the tracker
 CLEARLY_BETTER = 0.5  # rms of the best place, at most this share of the next best's
 RESOLVABLE = 3.0  # jitter, at least so many times what is left of it at the best place
@@ -69,24 +70,26 @@ def align(edges: NDArray[np.float64], number: NDArray[np.int64], seconds: NDArra
 def _grid(edges: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.bool_]]:
     """Place of each edge on the grid of the tracker's period (from 0), how far off it lies (s), and which are edges at all."""
     period = float(np.median(np.diff(edges)))
-    grid = np.zeros(len(edges), np.int64)
-    good = np.ones(len(edges), bool)
-    origin = _phase(edges, period)
-    for _ in range(4):
-        grid = np.rint((edges - origin) / period).astype(np.int64)
-        off = edges - (origin + grid * period)
-        good = np.abs(off) < OFF_GRID * period
-        good &= _first_nearest(grid, off)
+    origin = _phase(edges[:HEAD], period)
+    # A period known from n edges carries over some more than n: the stretch that is fitted grows, to all of them.
+    stretch = HEAD
+    while True:
+        part = edges[:stretch]
+        grid = np.rint((part - origin) / period).astype(np.int64)
+        off = part - (origin + grid * period)
+        good = (np.abs(off) < OFF_GRID * period) & _first_nearest(grid, off)
         if np.count_nonzero(good) < 3:
             raise ValueError("the edges lie on no grid: is the trigger line the tracker's?")
-        period, origin = (float(v) for v in np.polyfit(grid[good], edges[good], 1))
+        period, origin = (float(v) for v in np.polyfit(grid[good], part[good], 1))
+        if stretch >= 2 * len(edges):
+            break
+        stretch *= 2
     grid -= grid[good].min()
     return grid, edges - (origin + grid * period) - np.median(off[good]), good
 
 
-def _phase(edges: NDArray[np.float64], period: float) -> float:
+def _phase(head: NDArray[np.float64], period: float) -> float:
     """An edge that most of the first ones agree with, so that a spike at the beginning does not set the grid."""
-    head = edges[: min(len(edges), 32)]
     off = np.abs((head[:, None] - head[None, :]) / period)
     agree = np.abs(off - np.rint(off)) < OFF_GRID / 2
     return float(head[int(np.argmax(agree.sum(axis=1)))])

@@ -115,10 +115,10 @@ class Session:
 
     def _answered(self) -> list[Done]:
         *lines, self._buffer = self._buffer.replace("\r", "").split("\n")
-        self._lines += [line.strip() for line in lines if line.strip()]
-        if self._buffer == PROMPT and (lines or self._lines):
+        self._lines += [line.strip() for line in lines]
+        if self._buffer == PROMPT and self._lines:
             self.state, self._buffer = State.IDLE, ""
-            return [Done(self._command, tuple(self._lines))]
+            return [Done(self._command, tuple(filter(None, self._lines)))]
         self._buffer = self._buffer[-_LONGEST_LINE:]
         return []
 

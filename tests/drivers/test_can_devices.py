@@ -1,0 +1,250 @@
+"""CiA 406 encoders and IVT-S sensors on python-can's virtual bus, and over multicast as another process would see them."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers import can_bus, cia406, isabellenhuette_ivts
+from drivers.blocks import join
+from drivers.shapes import Block, CounterMode, EdgeSource, Plan, Quality
+from inputs import DeviceFault
+from sim_backend.protocol import cia406 as sim_cia406
+from sim_backend.protocol import isabellenhuette_ivts as sim_ivts
+from tests.drivers.swing import counts, free_port, swing_wires, volts
+
+POLL = Plan(EdgeSource.POLL, 100.0, None)
+SENSORS = [{"command": 0x411 + k, "reply": 0x511 + k, "result": 0x521 + 16 * k} for k in range(2)]
+
+
+def virtual() -> dict[str, Any]:
+    return {"interface": "virtual", "channel": uuid.uuid4().hex}
+
+
+def multicast() -> dict[str, Any]:
+    return {"interface": "udp_multicast", "channel": "239.74.163.2", "port": free_port()}
+
+
+def together(driver: Any, simulator: Any, where: Any) -> Iterator[tuple[Any, Any]]:
+    box = simulator.make("box", where, swing_wires())
+    box.open()
+    device = driver.make("device", where, {})
+    yield device, box
+    device.close()
+    box.close()
+
+
+@pytest.fixture(params=[virtual, multicast], ids=["virtual", "multicast"])
+def encoders(request: pytest.FixtureRequest) -> Iterator[tuple[Any, Any]]:
+    yield from together(cia406, sim_cia406, cia406.Config(nodes=(1, 2, 5), bits=25, timeout=0.05, **request.param()))
+
+
+@pytest.fixture
+def one_bus() -> Iterator[tuple[Any, Any]]:
+    yield from together(cia406, sim_cia406, cia406.Config(nodes=(1, 2), bits=25, patience=2.0, **virtual()))
+
+
+@pytest.fixture(params=[virtual, multicast], ids=["virtual", "multicast"])
+def sensors(request: pytest.FixtureRequest) -> Iterator[tuple[Any, Any]]:
+    where = isabellenhuette_ivts.Config(sensors=SENSORS, period=2, patience=2.0, **request.param())
+    yield from together(isabellenhuette_ivts, sim_ivts, where)
+
+
+def poll(device: Any, rows: int, columns: tuple[int, int], every: float = 0.005) -> Block:
+    blocks = []
+    for _ in range(rows):
+        blocks.append(device.poll())
+        time.sleep(every)
+    return join(blocks, *columns)
+
+
+def test_encoders_answer_every_sync(encoders: tuple[Any, Any]) -> None:
+    device, box = encoders
+    identity = device.open()
+    assert identity.serial == "E0000001, E0000002, E0000005" and device.check() == []
+    device.arm(POLL)
+    block = poll(device, 40, (3, 0))
+    truth = np.stack([counts(c, block.host) for c in range(3)], axis=1) + (1 << 24)
+    assert np.abs(block.counts - truth).max() < 1000  # 10 ms of the fastest, on a busy machine
+    assert np.median(np.abs(block.counts - truth)) < 60
+    assert not block.quality.any()
+    assert box.bus.is_open
+
+
+def test_rate_of_the_bus_is_a_ceiling(one_bus: tuple[Any, Any]) -> None:
+    device, _ = one_bus
+    assert device.open().max_rate == pytest.approx(1e6 / (can_bus.frame_bits(0) + 2 * can_bus.frame_bits(4)))
+    with pytest.raises(DeviceFault, match="possible with 2 encoders"):
+        device.arm(Plan(EdgeSource.POLL, 5000.0, None))
+    with pytest.raises(DeviceFault, match="quadrature"):
+        device.configure(0, CounterMode.X1)
+
+
+def test_preset_moves_the_encoder_for_good(one_bus: tuple[Any, Any]) -> None:
+    device, _ = one_bus
+    device.open()
+    device.preset(1, 1000)
+    start = time.monotonic_ns()
+    device.arm(POLL)
+    block = poll(device, 3, (2, 0))
+    moved = counts(1, block.host) - counts(1, np.array([start]))
+    assert np.abs(block.counts[:, 1] - 1000 - moved).max() < 600
+
+
+def test_a_late_answer_is_not_the_next_rows(one_bus: tuple[Any, Any]) -> None:
+    device, box = one_bus
+    device.open()
+    device.arm(POLL)
+    box.encoders[2].delay = 0.012  # the row waits for 10 ms
+    block = poll(device, 8, (2, 0), 0.008)
+    box.encoders[2].delay = 0.0
+    assert (block.quality[:, 0] == 0).all()
+    given = block.quality[:, 1] & Quality.MISSING == 0
+    truth = counts(1, block.host) + (1 << 24)
+    assert np.abs(block.counts[given, 1] - truth[given]).max(initial=0) < 600
+    time.sleep(0.15)
+    assert (poll(device, 5, (2, 0)).quality[-1] == 0).all()
+
+
+def test_an_encoder_that_falls_silent_is_missing_alone_and_costs_no_rate(one_bus: tuple[Any, Any]) -> None:
+    device, box = one_bus
+    device.open()
+    device.arm(POLL)
+    box.encoders[1].mute = True
+    block = poll(device, 15, (2, 0), 0.0)
+    assert (block.quality[:, 0] == Quality.MISSING).all() and not block.quality[:, 1].any()
+    begun = time.monotonic()
+    poll(device, 10, (2, 0), 0.0)
+    assert time.monotonic() - begun < 10 * device.config.timeout
+    box.encoders[1].mute = False
+    time.sleep(0.15)
+    assert not poll(device, 5, (2, 0)).quality[-1].any()
+
+
+def test_an_encoder_that_restarts_is_set_up_again_and_marked(one_bus: tuple[Any, Any]) -> None:
+    device, box = one_bus
+    device.open()
+    device.arm(POLL)
+    poll(device, 3, (2, 0))
+    box.restart(2)
+    time.sleep(0.02)
+    block = poll(device, 30, (2, 0))
+    assert block.quality[-1].tolist() == [0, Quality.DEVICE_RESET]
+    truth = counts(1, block.host) + (1 << 24)
+    assert abs(block.counts[-1, 1] - truth[-1]) < 600
+
+
+def test_bus_off_is_a_gap_and_is_recovered_from(one_bus: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    import can
+
+    device, _ = one_bus
+    device.open()
+    device.arm(POLL)
+    assert not poll(device, 3, (2, 0)).quality.any()
+
+    def off(message: can.Message, timeout: float | None = None) -> None:
+        raise can.CanOperationError("bus off")
+
+    monkeypatch.setattr(device._bus._bus, "send", off)  # the adapter's word for it; reopening makes a new one
+    assert (device.poll().quality == Quality.MISSING).all()
+    assert "terminators" in device.check()[0]
+    block = poll(device, 60, (2, 0), 0.01)
+    assert not block.quality[-1].any()
+
+
+def test_a_bus_with_nobody_on_it() -> None:
+    where = cia406.Config(nodes=(9,), **virtual())
+    device = cia406.make("nobody", where, {})
+    with pytest.raises(DeviceFault, match="node 9, object 1000h"):
+        device.open()
+    sensor = isabellenhuette_ivts.make("nobody", isabellenhuette_ivts.Config(**virtual()), {})
+    with pytest.raises(DeviceFault, match="did not answer"):
+        sensor.open()
+    absent = cia406.make("absent", cia406.Config(nodes=(9,), interface="socketcan", channel="can7"), {})
+    with pytest.raises(DeviceFault, match="adapter"):
+        absent.open()
+
+
+def test_a_node_that_is_no_encoder_or_counts_otherwise() -> None:
+    where = cia406.Config(nodes=(1,), bits=25, **virtual())
+    box = sim_cia406.make("box", where, swing_wires())
+    box.open()
+    other = cia406.Config(nodes=(1,), bits=24, interface=where.interface, channel=where.channel)
+    with pytest.raises(DeviceFault, match="correct 'bits'"):
+        cia406.make("other", other, {}).open()
+    box.encoders[1].node.data_store[0x1000] = {0: (401).to_bytes(4, "little")}
+    with pytest.raises(DeviceFault, match="profile is 401"):
+        cia406.make("device", where, {}).open()
+    box.close()
+
+
+def test_currents_are_those_on_the_wires(sensors: tuple[Any, Any]) -> None:
+    device, _ = sensors
+    identity = device.open()
+    assert identity.maker == "Isabellenhuette" and identity.details["unit"] == "A"
+    device.arm(POLL)
+    block = poll(device, 40, (0, 2))
+    truth = np.stack([volts(k, block.host) for k in range(2)], axis=1)
+    fresh = block.quality == 0
+    assert fresh.mean() > 0.5
+    assert np.median(np.abs(block.volts - truth)[fresh]) < 0.03  # a period of 2 ms at 9.4 A/s, and rounding to 1 mA
+    assert device.check() == [] or "lost" in device.check()[0]
+
+
+def test_lost_results_are_found_by_the_counter(sensors: tuple[Any, Any]) -> None:
+    device, box = sensors
+    device.open()
+    device.arm(POLL)
+    poll(device, 5, (0, 2))
+    before = [r.lost for r in device._results]
+    with box._lock:
+        box.sensors[1].drop = 3
+    block = poll(device, 20, (0, 2))
+    assert device._results[1].lost >= before[1] + 3
+    assert (block.quality[:, 1] & Quality.LATE).any()
+    assert "lost" in " ".join(device.check())
+
+
+def test_sensors_that_fall_silent_are_stale_then_sought(sensors: tuple[Any, Any]) -> None:
+    device, box = sensors
+    device.open()
+    device.arm(POLL)
+    poll(device, 3, (0, 2))
+    box.mute = True
+    time.sleep(0.05)
+    poll(device, 1, (0, 2))
+    assert (device.poll().quality & Quality.STALE).all()
+    time.sleep(0.15)
+    device.poll()
+    assert (device.poll().quality == Quality.MISSING).all()
+    box.mute = False
+    block = poll(device, 80, (0, 2), 0.01)
+    assert (block.quality[-20:] == 0).any(axis=0).all()
+
+
+def test_two_drivers_share_one_bus() -> None:
+    bus = virtual()
+    here = cia406.Config(nodes=(1,), bits=25, **bus)
+    there = isabellenhuette_ivts.Config(sensors=SENSORS[:1], period=5, **bus)
+    boxes = [sim_cia406.make("e", here, swing_wires()), sim_ivts.make("i", there, swing_wires())]
+    for box in boxes:
+        box.open()
+    world: dict[str, Any] = {}
+    devices = [cia406.make("e", here, world), isabellenhuette_ivts.make("i", there, world)]
+    for device in devices:
+        device.open()
+        device.arm(POLL)
+    assert len(world["can"]) == 1
+    for _ in range(5):
+        assert not devices[0].poll().quality.any()
+        assert not (devices[1].poll().quality & Quality.MISSING).any()
+    devices[0].close()
+    assert not (devices[1].poll().quality & Quality.MISSING).any()  # the bus stays while one needs it
+    devices[1].close()
+    for box in boxes:
+        box.close()

@@ -1,0 +1,295 @@
+"""The T7's driver against a T7 on loopback: what it measures, and every way in which it can be disturbed."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from drivers import labjack_t7 as driver
+from drivers import labjack_t7_protocol as t7
+from drivers.blocks import join
+from drivers.counting import extend
+from drivers.shapes import Block, CounterMode, EdgeSource, Plan, Quality
+from inputs import DeviceFault
+from sim_backend.protocol import labjack_t7 as simulator
+from sim_backend.protocol.wires import Wires
+from tests.drivers.swing import counts, free_port, read_rows, swing_wires, volts
+
+TIMER = EdgeSource.TIMER
+
+
+def config(**options: object) -> driver.Config:
+    fixed = {"host": "127.0.0.1", "port": free_port(), "stream_port": free_port(), "timeout": 0.3, "patience": 2.0}
+    return driver.Config.model_validate(fixed | options)
+
+
+@pytest.fixture
+def rig() -> Iterator[tuple[driver.LabJackT7, simulator.SimulatedT7, Wires]]:
+    wires = swing_wires()
+    wires.switched = []
+    wires.line = lambda name, high, at: wires.switched.append((name, high))
+    where = config()
+    box = simulator.make("t7", where, wires)
+    box.open()
+    device = driver.make("t7", where, {})
+    yield device, box, wires
+    device.close()
+    box.close()
+
+
+def all_columns(device: driver.LabJackT7, blocks: list[Block]) -> Block:
+    return join(blocks, len(device.config.counters), len(device.config.inputs))
+
+
+def as_measured(block: Block, zero: np.ndarray) -> np.ndarray:
+    """Counts, extended, with the count at configuration time added back: (n, counters)."""
+    columns = [extend(block.counts[:, c], 32, 0) + zero[c] for c in range(block.counts.shape[1])]
+    return np.stack(columns, axis=1)
+
+
+def test_counts_and_volts_are_those_on_the_wires(rig) -> None:
+    device, box, _ = rig
+    identity = device.open()
+    assert (identity.maker, identity.model, identity.max_rate) == ("LabJack", "T7", 6250.0)
+    assert device.check() == []
+    device.arm(Plan(TIMER, 2000.0, 800))
+    block = all_columns(device, read_rows(device.read, 800))
+    assert block.number.tolist() == list(range(800))
+    assert np.allclose(np.diff(block.host), 500_000, atol=2)
+    zero = np.array([box._zero[line] for line in (0, 2, 6)])
+    at = block.host
+    truth = np.stack([counts(c, at) for c in range(3)], axis=1)
+    # The host's view of a tick is good to a fraction of a millisecond, the same for all rows: 94 counts a millisecond at most.
+    assert np.abs(as_measured(block, zero) - truth).max() < 60
+    assert np.abs(block.volts - np.stack([volts(k, at) for k in range(8)], axis=1)).max() < 0.01
+    assert not block.quality.any()
+
+
+def test_the_trigger_line_makes_the_rows_one_an_edge(rig) -> None:
+    device, _, wires = rig
+    device.open()
+    device.arm(Plan(EdgeSource.TRACKER, 1000.0, 300))
+    time.sleep(0.05)
+    assert len(device.read()) == 0
+    edges = np.array([], np.int64)
+    blocks, marks = [], []
+    while len(edges) < 300:
+        now = time.monotonic_ns()
+        new = now - np.arange(20)[::-1] * 50_000
+        wires.trigger.add(new[: 300 - len(edges)])
+        edges = np.concatenate([edges, new[: 300 - len(edges)]])
+        blocks.append(device.read())
+        time.sleep(0.005)
+    blocks += read_rows(device.read, 300 - sum(map(len, blocks)))
+    block = all_columns(device, blocks)
+    marks = join([device.read_edges()])
+    assert block.number.tolist() == list(range(300)) == marks.number.tolist()
+    intervals = np.diff(block.tick) / t7.CORE_TIMER_HZ * 1e9
+    assert np.abs(intervals - np.diff(edges)).max() < 50  # one tick is 25 ns
+
+
+def test_outputs_and_their_safe_state(rig) -> None:
+    device, box, wires = rig
+    device.open()
+    device.write_line("start", True)
+    device.write_volts(1, 2.5)
+    assert wires.switched[-1] == ("start", True) and box.dacs == [0.0, 2.5]
+    device.safe()
+    assert wires.switched[-1] == ("start", False) and box.dacs == [0.0, 0.0]
+    for wrong in (lambda: device.write_line("brake", True), lambda: device.write_volts(0, -1.0)):
+        with pytest.raises(DeviceFault):
+            wrong()
+
+
+def test_preset_and_what_the_t7_cannot_do(rig) -> None:
+    device, box, _ = rig
+    device.open()
+    device.preset(1, 5000)
+    reference = counts(1, np.array([box._zero[2]]))  # just to have a number of the right kind
+    device.arm(Plan(TIMER, 500.0, 1))
+    block = all_columns(device, read_rows(device.read, 1))
+    moved = counts(1, block.host)[0] - box._zero[2]
+    assert abs(int(block.counts[0, 1]) - 5000 - int(moved)) < 60, reference
+    with pytest.raises(DeviceFault, match="x4 only"):
+        device.configure(0, CounterMode.X1)
+    with pytest.raises(DeviceFault, match="lower the rate"):
+        device.arm(Plan(TIMER, 7000.0, None))
+    with pytest.raises(DeviceFault, match="tracker or timer"):
+        device.arm(Plan(EdgeSource.POLL, 10.0, None))
+
+
+def test_a_pulled_cable_leaves_a_gap_in_the_numbers(rig) -> None:
+    device, box, _ = rig
+    device.open()
+    device.arm(Plan(TIMER, 1000.0, None))
+    before = all_columns(device, read_rows(device.read, 100))
+    box.pull_cable()
+    cut = time.monotonic()
+    while device._link.connected:
+        device.read()
+    while time.monotonic() - cut < 0.3:
+        assert len(device.read()) == 0
+        time.sleep(0.01)
+    box.plug_cable()
+    after = all_columns(device, read_rows(device.read, 100))
+    gap = after.number[0] - before.number[-1]
+    seconds = (after.host[0] - before.host[-1]) * 1e-9
+    assert gap == pytest.approx(seconds * 1000, abs=1.5) and gap > 250
+    both = all_columns(device, [before, after])
+    assert np.all(np.diff(both.number) >= 1)
+    assert not after.quality.any()
+    zero = np.array([box._zero[line] for line in (0, 2, 6)])
+    truth = np.stack([counts(c, both.host) for c in range(3)], axis=1)
+    assert np.abs(as_measured(both, zero) - truth).max() < 60  # counting went on behind the pulled cable
+
+
+def test_a_reset_is_found_and_marked(rig) -> None:
+    device, box, _ = rig
+    device.open()
+    device.arm(Plan(TIMER, 1000.0, None))
+    assert not all_columns(device, read_rows(device.read, 100)).quality.any()
+    box.reset(time.monotonic_ns())
+    after = all_columns(device, read_rows(device.read, 100, 4.0))
+    late = after.quality[after.number > after.number[-1] - 50]
+    assert (late[:, :3] & Quality.DEVICE_RESET).all() and not late[:, 3:].any()
+    assert np.all(np.diff(after.number) >= 1)
+
+
+def test_a_device_gone_for_good_is_a_fault(rig) -> None:
+    device, box, _ = rig
+    device.open()
+    device.arm(Plan(TIMER, 1000.0, None))
+    read_rows(device.read, 20)
+    box.pull_cable()
+    with pytest.raises(DeviceFault, match="cable"):
+        deadline = time.monotonic() + 6
+        while time.monotonic() < deadline:
+            device.read()
+            time.sleep(0.02)
+    assert "connection" in device.check()[0]
+
+
+def test_overrun_and_recovery_keep_the_numbers_true(rig) -> None:
+    """Nobody reads for a second: the network's buffers and the T7's fill, scans are skipped, and counted by the T7."""
+    device, box, _ = rig
+    device.open()
+    device.arm(Plan(TIMER, 6000.0, None))
+    first = all_columns(device, read_rows(device.read, 60))
+    with box._lock:
+        connection, box._stream.connection = box._stream.connection, None  # the network takes nothing for a while
+    time.sleep(0.6)
+    with box._lock:
+        box._stream.connection = connection
+    rest = all_columns(device, read_rows(device.read, 3000))
+    both = all_columns(device, [first, rest])
+    steps = np.diff(both.number)
+    assert steps.max() > 500 and np.count_nonzero(steps > 1) == 1
+    ticks = np.diff(both.tick) / t7.CORE_TIMER_HZ * 6000
+    assert np.abs(ticks - steps).max() < 0.01  # as many numbers as periods, over the hole as well
+
+
+def test_a_reply_to_another_request_is_passed_over() -> None:
+    """A T7 that answers an older request first, in awkward pieces."""
+    with socket.create_server(("127.0.0.1", 0)) as server, socket.create_server(("127.0.0.1", 0)) as stream:
+        ports = server.getsockname()[1], stream.getsockname()[1]
+
+        def serve() -> None:
+            connection, _ = server.accept()
+            request = connection.recv(100)
+            (number,) = struct.unpack_from(">H", request)
+            stale = struct.pack(">HHHBBB4s", (number - 1) & 0xFFFF, 0, 7, 1, 3, 4, struct.pack(">f", 4.0))
+            right = struct.pack(">HHHBBB4s", number, 0, 7, 1, 3, 4, struct.pack(">f", 7.0))
+            for k in range(0, 26, 5):
+                connection.sendall((stale + right)[k : k + 5])
+                time.sleep(0.002)
+            connection.recv(1)
+            connection.close()
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        link = driver.T7Link("127.0.0.1", *ports, timeout=2.0)
+        link.connect()
+        assert link.read_float(t7.PRODUCT_ID) == 7.0 and link.strays == 1
+        link.close()
+        thread.join()
+
+
+def test_garbage_on_the_stream_ends_the_connection_not_the_truth(rig) -> None:
+    device, box, _ = rig
+    device.open()
+    device.arm(Plan(TIMER, 1000.0, None))
+    before = all_columns(device, read_rows(device.read, 50))
+    with box._lock:
+        box._outgoing += b"\x99" * 64
+    after = all_columns(device, read_rows(device.read, 200))
+    both = all_columns(device, [before, after])
+    assert np.all(np.diff(both.number) >= 1)
+    zero = np.array([box._zero[line] for line in (0, 2, 6)])
+    truth = np.stack([counts(c, both.host) for c in range(3)], axis=1)
+    assert np.abs(as_measured(both, zero) - truth).max() < 60
+
+
+def test_a_clock_that_drifts_is_followed(rig) -> None:
+    device, box, _ = rig
+    box.clock_ppm = 100.0
+    device.open()
+    device.arm(Plan(TIMER, 2000.0, None))
+    end = time.monotonic() + 3.2
+    blocks = []
+    while time.monotonic() < end:
+        blocks.append(device.read())
+        time.sleep(0.01)
+    block = all_columns(device, blocks)
+    late = block.number > block.number[-1] - 200
+    due = box._started + (block.number[late] + 1) / (2000.0 * (1 + 100e-6)) * 1e9
+    # 100 ppm over 3 s is 0.3 ms; what is left is the round trip of a reading.
+    assert np.abs(block.host[late] - due).max() < 200_000
+
+
+def test_its_own_watchdog_lowers_the_outputs() -> None:
+    """The computer is dead: no command comes. (What arrives last is a stream, which does not feed the watchdog.)"""
+    switched = []
+    wires = swing_wires()
+    wires.line = lambda name, high, at: switched.append((name, high))
+    where = config(watchdog=1)
+    box = simulator.make("t7", where, wires)
+    box.open()
+    device = driver.make("t7", where, {})
+    device.open()
+    device.arm(Plan(TIMER, 1000.0, None))
+    device.write_line("start", True)
+    device.write_volts(0, 3.0)
+    deadline = time.monotonic() + 3
+    while time.monotonic() < deadline and not box.tripped:
+        time.sleep(0.02)
+    assert box.tripped == 1 and switched[-1] == ("start", False) and box.dacs == [0.0, 0.0]
+    device.close()
+    box.close()
+
+
+def test_refused_configurations() -> None:
+    for options, what in (
+        ({"counters": (4,)}, "cannot count"),
+        ({"lines": {"start": 19}}, "CIO3"),
+        ({"lines": {"start": 1}}, "encoder"),
+    ):
+        with pytest.raises(ValueError, match=what):
+            config(**options)
+
+
+def test_another_device_at_its_address_is_told_from_a_t7() -> None:
+    where = config()
+    box = simulator.make("t7", where, swing_wires())
+    box.registers.put(t7.PRODUCT_ID, struct.pack(">f", 4.0))
+    box.open()
+    with pytest.raises(DeviceFault, match="product 4, not a T7"):
+        driver.make("t7", where, {}).open()
+    box.close()
+    with pytest.raises(DeviceFault, match="on the network"):
+        driver.make("t7", where, {}).open()

@@ -1,0 +1,173 @@
+"""The tracker over UDP and over a pty: lost lines, its memory, its file, its end before the end."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers import tracker_stream as driver
+from drivers.blocks import join
+from drivers.shapes import Block, EdgeSource, Plan, PositionTracker, Quality
+from drivers.tracker_merge import align
+from inputs import DeviceFault
+from sim_backend.protocol import tracker_stream as simulator
+from tests.drivers.swing import free_port, points, read_rows, swing_wires
+
+ON_EDGES = EdgeSource.TRACKER
+
+
+@pytest.fixture(params=["udp", "serial"])
+def rig(
+    request: pytest.FixtureRequest, tmp_path: Path
+) -> Iterator[tuple[driver.TrackerStream, simulator.SimulatedTracker]]:
+    way = {"port": free_port()} if request.param == "udp" else {"serial": str(tmp_path / "tracker"), "baud": 921_600}
+    where = driver.Config(**way, unit="mm", memory=400, rate=500.0, file=str(tmp_path / "points.csv"))
+    wires = swing_wires()
+    box = simulator.make("tracker", where, wires)
+    box.open()
+    device = driver.make("tracker", where, {})
+    yield device, box
+    device.close()
+    box.close()
+
+
+def plan(rows: int | None) -> Plan:
+    return Plan(ON_EDGES, 500.0, rows)
+
+
+def test_points_come_numbered_and_in_metres(rig) -> None:
+    device, box = rig
+    identity = device.open()
+    assert (identity.max_rate, identity.memory) == (1000.0, 400)
+    assert isinstance(device, PositionTracker) and device.check() == []
+    device.arm(plan(100))
+    box.start(time.monotonic_ns())
+    block = join(read_rows(device.read, 100), points=True)
+    assert block.number[:100].tolist() == list(range(100))
+    truth = points(np.array(box.edges[: len(block)]))
+    assert block.points is not None and np.abs(block.points - truth).max() < 1e-8
+    seconds = np.diff(block.tick) / driver.TICK_HZ
+    assert np.abs(seconds - np.diff(box.edges[: len(block)]) * 1e-9).max() < 3e-6
+
+
+def test_a_lost_line_is_a_gap_and_no_shift(rig) -> None:
+    device, box = rig
+    device.open()
+    device.arm(plan(60))
+    box.lose_lines = {1, 20, 21}
+    box.start(time.monotonic_ns())
+    block = join(read_rows(device.read, 57), points=True)
+    assert block.number[:57].tolist() == [n for n in range(60) if n + 1 not in (1, 20, 21)]
+    assert np.abs(block.points - points(np.array(box.edges)[block.number])).max() < 1e-8
+
+
+def test_ceilings_are_checked_before_arming(rig) -> None:
+    device, _ = rig
+    device.open()
+    for asked, what in (
+        (Plan(ON_EDGES, 1500.0, 100), "at most 1000"),
+        (Plan(ON_EDGES, 500.0, 401), "memory holds 400: record at most 0.8 s"),
+        (Plan(ON_EDGES, 400.0, 100), "set to 500 Hz"),
+    ):
+        with pytest.raises(DeviceFault, match=what):
+            device.arm(asked)
+    device.arm(plan(400))
+
+
+def test_its_file_is_merged_by_count_and_intervals(rig) -> None:
+    """Two edges lost, one spike counted, the tracker's clock 100 ppm fast: every edge still gets its own point."""
+    device, box = rig
+    device.open()
+    device.arm(plan(200))
+    box.clock_ppm, box.stop_after = 100.0, 200
+    box.lose_edges, box.extra_edges = {1, 77}, {120: 0.0009}
+    box.start(time.monotonic_ns())
+    read_rows(device.read, 200)
+    deadline = time.monotonic() + 2
+    while not Path(device.config.file).exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    kept = device.recall()
+    assert len(kept) == 200
+    edges = box.wires.trigger.between(0, time.monotonic_ns())
+    assert len(edges) == 199
+    merged = align(edges * 1e-9, kept.number, kept.tick / driver.TICK_HZ)
+    assert merged.certain and merged.spikes == 1
+    paired = merged.frame >= 0
+    assert np.array_equal(edges[paired], np.array(box.edges)[merged.frame[paired]])
+
+
+def test_a_tracker_that_stops_early_just_ends(rig) -> None:
+    device, box = rig
+    device.open()
+    device.arm(plan(300))
+    box.stop_after = 50
+    box.start(time.monotonic_ns())
+    block = join(read_rows(device.read, 50), points=True)
+    time.sleep(0.1)
+    assert len(block) == 50 and len(device.read()) == 0
+    assert len(box.wires.trigger.between(0, time.monotonic_ns())) == 50
+
+
+def test_a_broken_beam_is_a_missing_point(rig) -> None:
+    device, box = rig
+    device.open()
+    device.arm(plan(20))
+    truth = box.wires.points
+    box.wires.points = lambda at: np.where(np.arange(len(at))[:, None] == 0, np.nan, truth(at))
+    box.start(time.monotonic_ns())
+    block = join(read_rows(device.read, 20), points=True)
+    gone = np.isnan(block.points).any(axis=1)
+    assert gone.any() and np.array_equal(gone, block.quality[:, 0] == Quality.MISSING)
+
+
+def test_datagrams_of_strangers_and_old_ones_are_not_taken() -> None:
+    where = driver.Config(port=free_port(), sender="127.0.0.2")
+    device = driver.make("tracker", where, {})
+    device.open()
+    device.arm(Plan(ON_EDGES, 1000.0, 10))
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as tracker,
+    ):
+        tracker.bind(("127.0.0.2", 0))
+        address = ("127.0.0.1", where.port)
+        stranger.sendto(b"1,0.1,1,2,3\n", address)
+        for line in (
+            b"2,0.2,1,2,3\n",
+            b"4,0.4,1,2,3\n",
+            b"3,0.3,9,9,9\n",
+            b"4,0.4,9,9,9",
+            b"rubbish\n",
+            b"5,0.5,1,2,3",
+        ):
+            tracker.sendto(line, address)
+        block: Block = join(read_rows(device.read, 3), points=True)
+    assert block.number.tolist() == [1, 3, 4] and (block.points == [1, 2, 3]).all()
+    assert "1 lines" in device.check()[0]
+    device.close()
+
+
+def test_refused_configurations() -> None:
+    for options, what in (
+        ({}, "either"),
+        ({"port": 1, "serial": "x"}, "either"),
+        ({"port": 5, "rate": 1200.0}, "more than"),
+        ({"port": 5, "host": "0.0.0.0"}, "sender"),
+    ):
+        with pytest.raises(ValueError, match=what):
+            driver.Config.model_validate(options)
+
+
+def test_no_file_is_a_fault(tmp_path: Path) -> None:
+    for options, what in (({}, "keeps no file"), ({"file": str(tmp_path / "none.csv")}, "has the tracker written it")):
+        with pytest.raises(DeviceFault, match=what):
+            driver.make("tracker", driver.Config(port=5, **options), {}).recall()
+    (tmp_path / "bad.csv").write_text("frame,seconds,x,y,z\n1,0.1,1,2,3\nrubbish\n")
+    with pytest.raises(DeviceFault, match="not every line"):
+        driver.make("tracker", driver.Config(port=5, file=str(tmp_path / "bad.csv")), {}).recall()
