@@ -68,6 +68,7 @@ class CanBus:
         self._boxes: dict[int, list[Mailbox]] = {}
         self._networks: list[Any] = []
         self._error: str | None = None
+        self._sending = threading.Lock()
 
     @property
     def is_open(self) -> bool:
@@ -105,7 +106,8 @@ class CanBus:
         if self._error is not None or self._bus is None:
             raise OSError(self._error or "the bus is not open")
         try:
-            self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+            with self._sending:
+                self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
         except (can.CanError, OSError) as error:
             self._error = f"cannot send: {error}"
             raise OSError(self._error) from None

@@ -26,6 +26,8 @@ from inputs import DeviceFault
 ARRIVED = 0.1  # deg: how near to the start pose the arm must stand
 SMALLEST = 5e-4  # deg: no move
 PERCENT_TOLERANCE = 1e-6
+QUIET = 0.05  # s without a letter: 50 letters' time at 9600 baud
+MOST_DRAINED = 200
 
 
 class Config(BaseModel):
@@ -143,11 +145,17 @@ class ValTerminal:
         self._running = True
         self._wait_until = 0
         self._pump()
+        try:  # the first command is entered before this returns; later ones are typed and entered by ``finished``
+            if self._session.state == val.State.TYPED:
+                self._port.wait_for(self._entered, self.config.answer_timeout)
+        except OSError as error:
+            raise self._fault(str(error)) from None
 
     def stop(self) -> None:
         self._running, self._pending, self._queue = False, [], []
         try:
             self._port.write(self._session.interrupt())
+            self._silence()
             self._command(val.ABORT)
         except OSError as error:
             raise self._fault(f"{error}: the arm may still move, press the emergency stop") from None
@@ -242,14 +250,31 @@ class ValTerminal:
             if done is not None:
                 return done
             if self._session.state == val.State.TYPED:
-                self._port.write(self._session.retype())
+                self._retype()
         self._port.write(self._session.interrupt())
         raise OSError(f"no answer to {command!r} in {timeout:g} s")
+
+    def _retype(self) -> None:
+        self._port.write(val.CANCEL_LINE)
+        self._silence()
+        self._port.write(self._session.retype())
+
+    def _silence(self) -> None:
+        """Waits until the controller has nothing more to say."""
+        for _ in range(MOST_DRAINED):
+            if self._port.wait_for(lambda data: data, QUIET) is None:
+                return
+
+    def _entered(self, data: bytes) -> bool | None:
+        self._take(data)
+        return True if self._session.state != val.State.TYPED else None
 
     def _take(self, data: bytes) -> val.Done | None:
         answer, done = self._session.feed(data)
         if answer:
             self._port.write(answer)
+        if self._session.state == val.State.GARBLED:
+            self._retype()
         for result in done:
             if result.complaint is not None:
                 raise OSError(f"{result.command!r} was refused: {result.complaint}")

@@ -59,6 +59,7 @@ class Done:
 class State(Enum):
     IDLE = "idle"
     TYPED = "typed"  # waiting for the echo
+    GARBLED = "echoed wrongly"  # the line is to be cancelled, and typed again once the controller has fallen silent
     RUNNING = "running"  # waiting for the prompt
 
 
@@ -81,11 +82,11 @@ class Session:
         return command.encode("ascii")
 
     def retype(self) -> bytes:
-        """The echo was wrong or did not come: forgets the line and types it again."""
+        """The echo was wrong or did not come, the line has been cancelled, the controller is silent: types it again."""
         self.retyped += 1
         self._buffer = ""
         self.state = State.TYPED
-        return CANCEL_LINE + self._command.encode("ascii")
+        return self._command.encode("ascii")
 
     def interrupt(self) -> bytes:
         """Stops whatever runs. The session is idle again; what the controller still says is passed over."""
@@ -95,7 +96,7 @@ class Session:
     def feed(self, data: bytes) -> tuple[bytes, list[Done]]:
         """What came from the terminal -> what is to be sent, commands that are done."""
         self._buffer += data.decode("ascii", "replace")
-        if self.state == State.IDLE:
+        if self.state in (State.IDLE, State.GARBLED):
             self._buffer = ""
             return b"", []
         if self.state == State.TYPED:
@@ -103,14 +104,14 @@ class Session:
         return b"", self._answered()
 
     def _echoed(self) -> bytes:
-        """ENTER once the whole echo is there; a wrong letter cancels."""
+        """ENTER once the whole echo is there."""
         # The prompt, and what was left of an older line, may stand before the echo.
         echo = self._buffer.rsplit("\n", 1)[-1].lstrip(PROMPT + "\r ")
         if echo == self._command:
             self.state, self._buffer = State.RUNNING, ""
             return ENTER
         if not self._command.startswith(echo) or len(self._buffer) > _LONGEST_LINE:
-            return self.retype()
+            self.state = State.GARBLED
         return b""
 
     def _answered(self) -> list[Done]:
