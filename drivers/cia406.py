@@ -29,11 +29,13 @@ class Config(CanConfig):
     nodes    their CANopen node numbers; counter channels in this order
     bits     of the position: the total measuring range 6002h is 2^bits
     timeout  s for which a row waits for the answers to its SYNC
+    latest   s after which an answer that has not come never will
     """
 
     nodes: tuple[Node, ...] = Field(min_length=1)
     bits: Annotated[int, Field(ge=8, le=32)] = 32
     timeout: Annotated[float, Field(gt=0)] = 0.01
+    latest: Annotated[float, Field(gt=0)] = 0.02
     patience: Annotated[float, Field(ge=0)] = 5.0
 
     @model_validator(mode="after")
@@ -52,7 +54,7 @@ class Cia406Encoders:
         self._answers = bus.listen([cia.TPDO1 + n for n in config.nodes])
         self._events = bus.listen([base + n for n in config.nodes for base in (cia.HEARTBEAT, cia.EMERGENCY)])
         self._sdo: dict[int, Any] = {}
-        self._rounds = cia.Rounds(config.nodes)
+        self._rounds = cia.Rounds(config.nodes, config.latest)
         self._restarted: set[int] = set()
         self._emergencies: dict[int, bytes] = {}
         self._opened = False
@@ -133,7 +135,7 @@ class Cia406Encoders:
             raise self._fault(f"{plan.rate:g} rows/s asked, {most}")
         if not self._bus.is_open:
             raise self._fault("the bus is not open")
-        self._rounds = cia.Rounds(self.config.nodes)
+        self._rounds = cia.Rounds(self.config.nodes, self.config.latest)
         self._restarted.clear()
         self._events.take()
         self._reconnect = self._new_reconnect()
@@ -152,6 +154,9 @@ class Cia406Encoders:
         self._heed_events()
         for at, identifier, data in self._answers.take():
             self._rounds.take(identifier - cia.TPDO1, data, at)
+        if self._rounds.blocked(now):
+            self._rounds.skip()
+            return self._row(now)
         try:
             before = self._clock.monotonic_ns()
             self._rounds.begin(before)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 SYNC = 0x080
 EMERGENCY, TPDO1, SDO_REPLY, HEARTBEAT = 0x080, 0x180, 0x580, 0x700  # + node
@@ -21,7 +21,6 @@ PROFILE = 406
 EVERY_SYNC = 1
 POSITION_MAPPED = POSITION << 16 | 0x20  # object, sub-index 0, 32 bit
 OFF = 1 << 31
-DEBT_SECONDS = 0.1  # after which a frame that has not come never will
 ABSENT = 10  # rounds without an answer after which a node is not waited for
 
 
@@ -34,53 +33,68 @@ def position(data: bytes) -> int | None:
 class Node:
     """What one encoder still owes, and what it gave in this round."""
 
-    owed: list[int] = field(default_factory=list)  # host ns of the SYNCs without an answer
+    owes: bool = False  # the answer to the last SYNC
     value: int | None = None
-    doubtful: bool = False
+    doubtful: bool = False  # two answers to one SYNC
     silent: int = 0  # rounds in a row without an answer
 
 
 class Rounds:
     """One SYNC, one position from every node. A frame that is late for its SYNC must not pass for the answer to the next one.
 
-    A node answers SYNCs in order: while it owes an answer, its next frame pays that debt. A debt is forgiven after 0.1 s.
-    Frames that arrived before the SYNC (the one a node sends by itself when it becomes operational) never count.
+    A lost answer and a late one look the same until no answer can be under way any more. So no SYNC goes out while a node owes
+    one, for ``latest`` s at most: what comes in that time pays the debt, and what comes after the next SYNC is its answer. A
+    node that has been silent for ``ABSENT`` rounds holds nobody up; when it is heard again, there is one such pause.
+    Frames that arrived before the SYNC (the one that a node sends by itself when it becomes operational) never count.
     """
 
-    def __init__(self, nodes: tuple[int, ...]) -> None:
+    def __init__(self, nodes: tuple[int, ...], latest: float) -> None:
         self.nodes = {node: Node() for node in nodes}
-        self._begun = 0
+        self._latest = int(latest * 1e9)
+        self._begun = self._heard = -self._latest
+        self._open = False  # between begin and end
+
+    def blocked(self, now: int) -> bool:
+        """True while an answer may be under way: no SYNC may go out at host ns ``now``."""
+        if now - self._begun < self._latest and any(n.owes and n.silent < ABSENT for n in self.nodes.values()):
+            return True
+        return now - self._heard < self._latest
 
     def begin(self, now: int) -> None:
         """The SYNC goes out at host ns ``now``."""
-        self._begun = now
+        self._begun, self._open = now, True
         for node in self.nodes.values():
-            node.owed = [at for at in node.owed if now - at < DEBT_SECONDS * 1e9]
+            node.owes, node.value, node.doubtful = True, None, False
+
+    def skip(self) -> None:
+        """A round without a SYNC: nobody has a value."""
+        for node in self.nodes.values():
             node.value, node.doubtful = None, False
 
     def take(self, number: int, data: bytes, arrived: int) -> None:
         """A TPDO of node ``number`` that arrived at host ns ``arrived``."""
         value, node = position(data), self.nodes.get(number)
-        if value is None or node is None:
+        if value is None or node is None or arrived < self._begun:
             return
-        if node.owed:
-            node.owed.pop(0)
-        elif arrived >= self._begun:
-            node.doubtful = node.value is not None  # two answers to one SYNC
+        if node.silent >= ABSENT:
+            node.silent, self._heard = 0, arrived
+        elif not node.owes:
+            node.doubtful = node.value is not None
+        elif self._open:
             node.value = value
+        node.owes = False
 
     @property
     def complete(self) -> bool:
-        """True when nobody is to be waited for; a node that has been silent for long is not."""
-        return all(node.value is not None or node.silent >= ABSENT for node in self.nodes.values())
+        """True when nobody is to be waited for."""
+        return not any(node.owes and node.silent < ABSENT for node in self.nodes.values())
 
     def end(self) -> None:
-        """No more waiting: who has not answered owes."""
+        """No more waiting: an answer that still comes is too late for this round."""
+        self._open = False
         for node in self.nodes.values():
-            node.silent = node.silent + 1 if node.value is None else 0
-            if node.value is None:
-                node.owed.append(self._begun)
+            node.silent = node.silent + 1 if node.owes else 0
 
     def forget(self, number: int) -> None:
         """The node has restarted: what it owed is gone."""
-        self.nodes[number].owed.clear()
+        self.nodes[number].owes = False
