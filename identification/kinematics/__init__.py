@@ -1,0 +1,1 @@
+"""Kinematic identification from an external tracker: models, circle points, least squares, poses, corrected kinematics."""
