@@ -11,7 +11,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,12 +25,12 @@ from identification.kinematics.least_squares import Fit, Points, fit, residuals
 from identification.kinematics.observability import RESTING, Observability, at_rest, identifiable, indices, scaled_jacobian
 from identification.kinematics.parameters import Parameters, Trust, base_pose, parameters_of
 from identification.kinematics.runs import Run, aligned, correlation_time, points_of, shifted, thinned, velocity_of
-from identification.kinematics.shifts import Shift, find_step
+from identification.kinematics.shifts import Shift, find_constant, find_step
 from identification.kinematics.sweeps import circles_of
 from inputs import InputError
 
 Progress = Callable[[str], None]
-MOST = 20000
+MOST = 10000
 """Points used for fitting; more are evenly thinned: neighbours at 1 kHz say the same thing."""
 
 
@@ -111,26 +111,21 @@ def calibrate(
     circle_values = _from_circles(arm, circles, nominal)
     tell("least squares on all points")
     estimate = _fit(parameters, points, _best_start(parameters, points, start, circle_values))
-    runs, held_out, shifts = _put_right(runs, held_out, parameters.chain.at(estimate.values), estimate.noise)
-    if shifts:
+    moving = [j + 1 for j in range(len(arm)) if np.ptp(points.q[:, j]) >= RESTING]
+    chosen: list[Extension] = []
+    trials: list[Trial] = []
+    shifts: list[Shift] = []
+    for attempt in range(2):
+        if extend:
+            points, estimate, chosen, trials = _extended(arm, parameters, runs, rows, estimate, moving, gravity, tell)
+        if attempt:
+            break
+        runs, held_out, shifts = _put_right(runs, held_out, parameters.chain.at(estimate.values), estimate, chosen, gravity, split)
+        if not shifts:
+            break
         rows = thinned(runs, MOST)
         points = points_of(runs, rows)
         estimate = _fit(parameters, points, estimate.values)
-
-    chosen: list[Extension] = []
-    trials: list[Trial] = []
-    moving = [j + 1 for j in range(len(arm)) if np.ptp(points.q[:, j]) >= RESTING]
-    if extend:
-        velocity = velocity_of(runs, rows)
-        tried = candidates(moving, [not j.revolute for j in arm.joints], gravity=gravity is not None, velocity=_moves(velocity))
-
-        def deflect(extensions: Sequence[Extension]) -> Array:
-            return deflections(extensions, points.q, velocity=velocity, gravity=gravity)
-
-        chosen, trials = choose(parameters, points, _blocks(runs, rows), tried, deflect, estimate, report=tell)
-        if chosen:
-            points = Points(points.q, points.xyz, deflect(chosen))
-            estimate = fit(parameters, points, start=estimate.values, extension_scale=prior_scales(chosen))
 
     residual = residuals(parameters, estimate.values, estimate.extension, points)
     correlated = correlation_time(np.where(estimate.inlier[:, None], residual, 0.0), rows)
@@ -269,22 +264,69 @@ def _fit(parameters: Parameters, points: Points, start: Array) -> Fit:
     return fit(parameters, Points(points.q, points.xyz), start=start)
 
 
+def _extended(
+    arm: Arm,
+    parameters: Parameters,
+    runs: Sequence[Run],
+    rows: Sequence[Array],
+    estimate: Fit,
+    moving: Sequence[int],
+    gravity: Gravity | None,
+    tell: Progress,
+) -> tuple[Points, Fit, list[Extension], list[Trial]]:
+    """The fit with those extensions that earn their place."""
+    points, velocity = points_of(runs, rows), velocity_of(runs, rows)
+    tried = candidates(moving, [not j.revolute for j in arm.joints], gravity=gravity is not None, velocity=_moves(velocity))
+
+    def deflect(extensions: Sequence[Extension]) -> Array:
+        return deflections(extensions, points.q, velocity=velocity, gravity=gravity)
+
+    chosen, trials = choose(parameters, points, _blocks(runs, rows), tried, deflect, estimate, report=tell)
+    if chosen:
+        points = Points(points.q, points.xyz, deflect(chosen))
+        estimate = fit(parameters, points, start=estimate.values, extension_scale=prior_scales(chosen))
+    return points, estimate, chosen, trials
+
+
 def _put_right(
-    runs: list[Run], held_out: list[Run], chain: Chain, noise: float
+    runs: list[Run],
+    held_out: list[Run],
+    chain: Chain,
+    estimate: Fit,
+    chosen: Sequence[Extension],
+    gravity: Gravity | None,
+    split: bool,
 ) -> tuple[list[Run], list[Run], list[Shift]]:
-    """Rows moved back where the delay steps within a run. With split blocks both halves carry the same rows."""
+    """Points moved back to their own rows where the delay steps within a run, or is a whole number of rows all along.
+
+    Blocks of one run, some held out, are moved alike: as the fitted half of the run shows.
+    """
     found: list[Shift] = []
+    still = [0.0 if e.name == "tracker_latency" else 1.0 for e in chosen for _ in e.parameters]
 
-    def right(run: Run) -> Run:
-        for _ in range(3):
-            shift = find_step(run, chain, noise)
-            if shift is None:
-                break
-            found.append(shift)
-            run = shifted(run, shift.first, shift.rows)
-        return run
+    def bent(run: Run) -> Run:
+        bend = deflections(chosen, np.nan_to_num(run.q), velocity=None, gravity=gravity)
+        return replace(run, q=run.q + bend @ (estimate.extension * still))
 
-    return [right(run) for run in runs], [right(run) for run in held_out], found
+    def right(run: Run) -> tuple[Run, list[Shift]]:
+        mine: list[Shift] = []
+        for search in (find_step, find_step, find_step, find_constant):
+            shift = search(bent(run), chain, estimate.noise)
+            if shift is not None:
+                mine.append(shift)
+                run = shifted(run, shift.first, shift.rows)
+        return run, mine
+
+    for k, run in enumerate(runs):
+        runs[k], mine = right(run)
+        found += mine
+        for shift in mine if split else []:
+            held_out[k] = shifted(held_out[k], shift.first, shift.rows)
+    if not split:
+        for k, run in enumerate(held_out):
+            held_out[k], mine = right(run)
+            found += mine
+    return runs, held_out, found
 
 
 def _moves(velocity: Array) -> bool:

@@ -152,18 +152,19 @@ def _with_encoder(
     flat = xyz - centre - across[:, None] * normal
     first = flat[0] / np.linalg.norm(flat[0])
     second = np.cross(normal, first)
-    order = np.argsort(own, kind="stable")
-    angle = np.empty(len(q))
-    angle[order] = np.unwrap(np.arctan2(flat[order] @ second, flat[order] @ first))
-    slope = np.polyfit(own[good], angle[good], 1)[0]
-    if slope < 0:
-        normal, second, angle, across, slope = -normal, -second, -angle, -across, -slope
-    if not 0.8 < slope < 1.25:
+    angle = np.arctan2(flat @ second, flat @ first)
+    if _spread(angle[good] + own[good]) < _spread(angle[good] - own[good]):
+        normal, second, angle, across = -normal, -second, -angle, -across
+    middle = np.angle(np.mean(np.exp(1j * (angle - own)[good])))
+    ahead = (angle - own - middle + np.pi) % (2 * np.pi) - np.pi  # angle on the circle less the encoder's
+    slope = 1.0 + np.polyfit(own[good], ahead[good], 1)[0]
+    if not 0.8 < slope < 1.25 or np.std(ahead[good]) > 0.3:
         raise DegenerateSweep(
             f"joint {joint}: the target turned {slope:.3g} times as far as the encoder says; is it this joint's channel?"
         )
-    offset = float(np.median((angle - own)[good]))
-    tangential = radius * (angle - own - offset)
+    centred = float(np.median(ahead[good]))
+    tangential = radius * (ahead - centred)
+    offset = middle + centred
     zero = np.cos(offset) * first + np.sin(offset) * second
     std_angle, std_centre = _uncertainty(flat[good], radius, np.r_[across[good], radial[good]])
     at = np.median(q, axis=0)
@@ -171,6 +172,11 @@ def _with_encoder(
     return Circle(
         joint, normal, centre, radius, float(np.ptp(own)), own, at, zero, across, radial, tangential, good, std_angle, std_centre
     )
+
+
+def _spread(angle: Array) -> float:
+    """Circular variance."""
+    return 1.0 - float(np.abs(np.mean(np.exp(1j * angle))))
 
 
 def _uncertainty(flat: Array, radius: float, off: Array) -> tuple[float, float]:

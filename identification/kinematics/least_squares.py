@@ -22,6 +22,7 @@ from identification.kinematics.parameters import Parameters
 REJECT = 5.0
 """Points further off than this many noise deviations are outliers: 1.5e-5 of Gaussian points in three dimensions are."""
 _MEDIAN_OF_NORM = 1.5382  # median length of a standard normal vector in three dimensions
+_COARSE = 1500  # points with which the estimate is brought near; all of them then settle it
 _FLOOR = 1e-9  # m; noise-free simulated data still needs a scale
 
 
@@ -95,9 +96,10 @@ def fit(
         x[: len(parameters.free)] = np.asarray(start, float)[parameters.free]
     if extension_start is not None:
         x[len(parameters.free) :] = extension_start
+    coarse = points.where(slice(None, None, max(1, len(points) // _COARSE)))
+    x, iterations = _descend(_Problem(parameters, coarse, prior, scale), x, _soft_weight, 60, progress)
     problem = _Problem(parameters, points, prior, scale)
-    x, iterations = _descend(problem, x, _soft_weight, 60, progress)
-    inlier = np.ones(len(points), bool)
+    inlier = np.zeros(len(points), bool)
     for _ in range(10):  # reject, refit, until the same points are rejected
         length = np.linalg.norm(problem.residual(x), axis=1)
         kept = length <= REJECT * _scale_of(length)
@@ -177,7 +179,7 @@ def _descend(
             return x, iteration
         damping = max(damping / 10.0, 1e-12)
         x = trial
-        if np.max(np.abs(step) * np.sqrt(np.diag(hessian))) < 1e-4:  # far below every parameter's own deviation
+        if gradient @ step < 1e-6:  # Newton's decrement: a thousandth of a standard deviation is left at most
             return x, iteration
     return x, limit
 

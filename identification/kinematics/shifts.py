@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.kinematics.chain import Array, Chain, position_jacobian
-from identification.kinematics.runs import Run
+from identification.kinematics.runs import Run, shifted
 
 _WINDOWS = 80
 _LEAST_STEP = 0.6  # rows
 _LEAST_Z = 8.0
+_MOST_ROWS = 3
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,10 @@ class Delays:
 
 
 def delays(run: Run, chain: Chain, noise: float) -> Delays:
-    """Delays over a run for a chain that is about right, with tracker noise of ``noise`` m a coordinate."""
+    """Delays over a run for a chain that is about right, with tracker noise of ``noise`` m a coordinate.
+
+    ``run.q`` are the joint angles that the chain wants, with what else turns the joints (sag ...) already in them.
+    """
     good = run.usable
     at, derivative = position_jacobian(chain, np.nan_to_num(run.q))
     velocity = np.einsum("nij,nj->ni", derivative[:, :, chain.joint_steps()], run.velocity()) * run.period  # m a row
@@ -87,8 +91,36 @@ def find_step(run: Run, chain: Chain, noise: float) -> Shift | None:
     if best is None or best[0] < _LEAST_Z or abs(best[2]) < _LEAST_STEP:
         return None
     z, k, step = best
-    row = _refine(run, chain, int(found.first[k - 1]), int(found.first[k]), round(step))
-    return Shift(run.name, row, round(step), step, abs(step) / z) if round(step) else None
+    if round(step) == 0:
+        return None
+    row = _refine(run, chain, int(found.first[max(k - 6, 0)]), int(found.first[min(k + 5, len(found.first) - 1)]), round(step))
+    return _if_better(run, chain, Shift(run.name, row, round(step), step, abs(step) / z))
+
+
+def find_constant(run: Run, chain: Chain, noise: float) -> Shift | None:
+    """A delay of all points of a run by one to three whole rows, or None. A latency that is no whole number stays a latency."""
+    found = delays(run, chain, noise)
+    if len(found.first) < 3:
+        return None
+    delay = float(np.median(found.delay))
+    std = 1.4826 * float(np.median(np.abs(found.delay - delay))) / np.sqrt(len(found.delay))
+    whole = round(delay)
+    if not 1 <= abs(whole) <= _MOST_ROWS or abs(delay - whole) > 0.2 or std > 0.1:
+        return None
+    return _if_better(run, chain, Shift(run.name, 0, whole, delay, std))
+
+
+def _if_better(run: Run, chain: Chain, shift: Shift) -> Shift | None:
+    """The shift, if it makes the points fit a quarter better where the arm moves: anything else was the model's own error."""
+    moving = np.abs(run.velocity()).max(axis=1) > 0.0
+    moving[: shift.first] = False
+    at = position_jacobian(chain, np.nan_to_num(run.q))[0]
+    as_is = np.linalg.norm(run.xyz - at, axis=1)[moving]
+    moved = np.linalg.norm(shifted(run, shift.first, shift.rows).xyz - at, axis=1)[moving]
+    both = np.isfinite(as_is) & np.isfinite(moved)
+    if not both.any() or np.median(moved[both]) > 0.75 * np.median(as_is[both]):
+        return None
+    return shift
 
 
 def _refine(run: Run, chain: Chain, low: int, high: int, rows: int) -> int:
