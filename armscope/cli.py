@@ -23,6 +23,7 @@ COMMANDS: dict[str, str] = {
     "export": "a recording becomes a table (CSV), same columns",
     "plot": "a picture of one recording, or of several on one another",
     "identify": "parameters of an arm from recordings, with their uncertainty and held-out error",
+    "calibrate": "kinematic parameters from the tracker, the poses to measure, and corrected targets",
 }
 """Command -> one line of help, in the order in which they are listed."""
 

@@ -27,7 +27,9 @@ def circle_point_model(circles: Sequence[Circle], nominal: Chain) -> Array:
     near = Table(_rows(nominal), base_pose(nominal), np.eye(4), hub.prismatic)
     table = to_hayati(hub, near)
     mount = forward(Chain(tuple(s for s in nominal.steps if s.name.startswith("mount."))), np.zeros((1, 0)))[0]
-    correction = dict(zip(("x", "y", "z", "yaw", "pitch", "roll"), xyz_ypr(np.linalg.inv(mount) @ table.base), strict=True))
+    correction = dict(
+        zip(("x", "y", "z", "yaw", "pitch", "roll"), xyz_ypr(np.linalg.inv(mount) @ table.base), strict=True)
+    )
     values = []
     for step in nominal.steps:
         group, _, name = step.name.partition(".")
@@ -62,7 +64,10 @@ def axes_at_zero(circles: Sequence[Circle], nominal: Chain) -> Exponentials:
     if seen:
         last = max(seen)
         back = np.linalg.inv(_turned(screws[:last], seen[last].at))
-        carried = _turn_to(seen[last], back, _with_outer(screws, last, seen[last].at, home), screws[last]) @ carried
+        carried = (
+            _turn_to(seen[last], np.asarray(back), _with_outer(screws, last, seen[last].at, home), screws[last])
+            @ carried
+        )
         home = carried @ hub.home
         for j in range(last + 1, len(screws)):
             w, p = _moved(carried, directions[j], points[j])
@@ -83,7 +88,7 @@ def _with_outer(screws: Sequence[Array], joint: int, at: Array, home: Array) -> 
     pose = np.eye(4)
     for k in range(joint + 1, len(screws)):
         pose = pose @ exponential(screws[k], float(at[k]))
-    return (pose @ home)[:3, 3]
+    return np.asarray((pose @ home)[:3, 3])
 
 
 def _turn_to(circle: Circle, back: Array, predicted: Array, screw: Array) -> Array:

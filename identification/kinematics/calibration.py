@@ -17,12 +17,19 @@ import numpy as np
 
 from arm_model.description import Arm
 from identification.kinematics.axes import circle_point_model
-from identification.kinematics.chain import Array, Chain, position, xyz_ypr
+from identification.kinematics.chain import Array, Chain, Index, position, xyz_ypr
 from identification.kinematics.circle_point import Circle
 from identification.kinematics.extensions import Extension, Gravity, candidates, deflections, prior_scales
 from identification.kinematics.judging import PositionError, Trial, choose, position_error
 from identification.kinematics.least_squares import Fit, Points, fit, residuals
-from identification.kinematics.observability import RESTING, Observability, at_rest, identifiable, indices, scaled_jacobian
+from identification.kinematics.observability import (
+    RESTING,
+    Observability,
+    at_rest,
+    identifiable,
+    indices,
+    scaled_jacobian,
+)
 from identification.kinematics.parameters import Parameters, Trust, base_pose, parameters_of
 from identification.kinematics.runs import Run, aligned, correlation_time, points_of, shifted, thinned, velocity_of
 from identification.kinematics.shifts import Shift, find_constant, find_step
@@ -120,7 +127,9 @@ def calibrate(
             points, estimate, chosen, trials = _extended(arm, parameters, runs, rows, estimate, moving, gravity, tell)
         if attempt:
             break
-        runs, held_out, shifts = _put_right(runs, held_out, parameters.chain.at(estimate.values), estimate, chosen, gravity, split)
+        runs, held_out, shifts = _put_right(
+            runs, held_out, parameters.chain.at(estimate.values), estimate, chosen, gravity, split
+        )
         if not shifts:
             break
         rows = thinned(runs, MOST)
@@ -133,10 +142,14 @@ def calibrate(
     names = parameters.chain.names
     rank = identifiable(parameters, at_rest(points.q))
     if rank < len(moving) * 4 + 3 - 2 * sum(not arm.joints[j - 1].revolute for j in moving):
-        warnings.append(f"{rank} of {4 * len(moving) + 3} parameters are identifiable from these poses; more varied poses are wanted")
+        warnings.append(
+            f"{rank} of {4 * len(moving) + 3} parameters are identifiable from these poses; more varied poses are wanted"
+        )
     share = 1.0 - float(np.mean(estimate.inlier))
     if share > 0.1:
-        warnings.append(f"{100 * share:.0f} % of the points were left out as outliers: something the model lacks, or a bad tracker")
+        warnings.append(
+            f"{100 * share:.0f} % of the points were left out as outliers: something the model lacks, or a bad tracker"
+        )
     columns = scaled_jacobian(parameters, points.q[:: max(1, len(points) // 2000)])
     errors = [_errors(parameters, nominal, estimate, chosen, part, gravity) for part in (runs, held_out)]
     return Calibration(
@@ -149,7 +162,9 @@ def calibrate(
         refused=tuple(refused),
         circle_point=None
         if circle_values is None
-        else position_error(points.xyz - position(parameters.chain.at(_with_target(parameters, circle_values)), points.q)),
+        else position_error(
+            points.xyz - position(parameters.chain.at(_with_target(parameters, circle_values)), points.q)
+        ),
         before={"fit": errors[0][0], "held_out": errors[1][0]},
         after={"fit": errors[0][1], "held_out": errors[1][1]},
         std={names[k]: float(deviation[i]) for i, k in enumerate(parameters.free)},
@@ -184,7 +199,9 @@ def _check(arm: Arm, runs: Sequence[Run]) -> None:
             raise InputError(run.name, f"has {run.q.shape[1]} joints, the model has {len(arm)}")
         usable = int(run.usable.sum())
         if usable < 10:
-            raise InputError(run.name, f"{usable} rows have all joint angles and a tracked point; at least 10 are wanted")
+            raise InputError(
+                run.name, f"{usable} rows have all joint angles and a tracked point; at least 10 are wanted"
+            )
         if not np.any(np.ptp(run.q[run.usable], axis=0) >= RESTING):
             raise InputError(run.name, "no joint moves; a calibration wants the target tracked while the joints move")
 
@@ -268,7 +285,7 @@ def _extended(
     arm: Arm,
     parameters: Parameters,
     runs: Sequence[Run],
-    rows: Sequence[Array],
+    rows: Sequence[Index],
     estimate: Fit,
     moving: Sequence[int],
     gravity: Gravity | None,
@@ -276,7 +293,9 @@ def _extended(
 ) -> tuple[Points, Fit, list[Extension], list[Trial]]:
     """The fit with those extensions that earn their place."""
     points, velocity = points_of(runs, rows), velocity_of(runs, rows)
-    tried = candidates(moving, [not j.revolute for j in arm.joints], gravity=gravity is not None, velocity=_moves(velocity))
+    tried = candidates(
+        moving, [not j.revolute for j in arm.joints], gravity=gravity is not None, velocity=_moves(velocity)
+    )
 
     def deflect(extensions: Sequence[Extension]) -> Array:
         return deflections(extensions, points.q, velocity=velocity, gravity=gravity)
@@ -333,9 +352,9 @@ def _moves(velocity: Array) -> bool:
     return bool(np.abs(velocity).max(initial=0.0) > 0.01)
 
 
-def _blocks(runs: Sequence[Run], rows: Sequence[Array]) -> Array:
+def _blocks(runs: Sequence[Run], rows: Sequence[Index]) -> Index:
     """Block number of every point: a second each, or a fiftieth of a run where rows are few (poses, one row each)."""
-    numbers: list[Array] = []
+    numbers: list[Index] = []
     offset = 0
     for run, which in zip(runs, rows, strict=True):
         t = run.t[which]

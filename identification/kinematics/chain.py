@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 Motion = Literal["tx", "ty", "tz", "rx", "ry", "rz"]
 
 
@@ -177,7 +179,8 @@ def placement(prefix: str, pose: ArrayLike) -> list[Step]:
 
 def target_steps(prefix: str, point: Sequence[float] | Array) -> list[Step]:
     """A point fixed in the last frame, as three translations PREFIX.x .y .z, m."""
-    return [Step(motion, float(v), f"{prefix}.{motion[1]}") for motion, v in zip(("tx", "ty", "tz"), point, strict=True)]
+    x, y, z = (float(v) for v in point)
+    return [Step("tx", x, f"{prefix}.x"), Step("ty", y, f"{prefix}.y"), Step("tz", z, f"{prefix}.z")]
 
 
 def xyz_ypr(pose: ArrayLike) -> tuple[float, float, float, float, float, float]:

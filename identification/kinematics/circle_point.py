@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.kinematics.chain import Array
+from identification.kinematics.chain import Array, Mask
 
 LEAST_ARC = np.radians(30.0)
 LEAST_POINTS = 10
@@ -50,7 +50,7 @@ class Circle:
     across: Array
     radial: Array
     tangential: Array
-    inlier: Array
+    inlier: Mask
     std_angle: float
     std_centre: float
 
@@ -74,7 +74,11 @@ class Circle:
         total = float(np.sum((angle - angle.mean()) ** 2))
         left = float(np.sum((angle - columns @ weights) ** 2))
         share = 0.0 if total <= 0 else max(0.0, 1.0 - left / total)
-        return float(np.hypot(weights[0], weights[1])), float(np.arctan2(weights[1], weights[0])), share if wave.any() else 0.0
+        return (
+            float(np.hypot(weights[0], weights[1])),
+            float(np.arctan2(weights[1], weights[0])),
+            share if wave.any() else 0.0,
+        )
 
 
 def fit_circle(q: Array, xyz: Array, joint: int) -> Circle:
@@ -130,7 +134,9 @@ def _plane_circle(xyz: Array, weight: Array, joint: int) -> tuple[Array, Array, 
 def _circle(u: Array, v: Array, weight: Array) -> tuple[Array, float]:
     """Centre (2,) and radius: Kasa's linear fit, then Gauss-Newton on distances (which removes its bias)."""
     root = np.sqrt(weight)
-    solution = np.linalg.lstsq(np.column_stack((u, v, np.ones_like(u))) * root[:, None], (u * u + v * v) * root, rcond=None)[0]
+    solution = np.linalg.lstsq(
+        np.column_stack((u, v, np.ones_like(u))) * root[:, None], (u * u + v * v) * root, rcond=None
+    )[0]
     x = np.array([solution[0] / 2, solution[1] / 2, 0.0])
     x[2] = np.sqrt(max(solution[2] + x[0] ** 2 + x[1] ** 2, 1e-18))
     for _ in range(20):
@@ -145,7 +151,15 @@ def _circle(u: Array, v: Array, weight: Array) -> tuple[Array, float]:
 
 
 def _with_encoder(
-    q: Array, xyz: Array, joint: int, centre: Array, normal: Array, radius: float, across: Array, radial: Array, good: Array
+    q: Array,
+    xyz: Array,
+    joint: int,
+    centre: Array,
+    normal: Array,
+    radius: float,
+    across: Array,
+    radial: Array,
+    good: Mask,
 ) -> Circle:
     """Senses of rotation, the zero direction and the tangential residual from the joint's own encoder."""
     own = q[:, joint - 1]
@@ -170,7 +184,20 @@ def _with_encoder(
     at = np.median(q, axis=0)
     at[joint - 1] = own[0]
     return Circle(
-        joint, normal, centre, radius, float(np.ptp(own)), own, at, zero, across, radial, tangential, good, std_angle, std_centre
+        joint,
+        normal,
+        centre,
+        radius,
+        float(np.ptp(own)),
+        own,
+        at,
+        zero,
+        across,
+        radial,
+        tangential,
+        good,
+        std_angle,
+        std_centre,
     )
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,7 +72,7 @@ def to_s_model(model: Exponentials, near: Table | None = None) -> Table:
     """beta, d, a, alpha, gamma, b (joints, 6): the common normal and how the next frame sits on its own axis."""
     frames = axis_frames(model, near)
     rows = np.zeros((len(frames), 6))
-    for j, (here, there) in enumerate(zip(frames, frames[1:])):
+    for j, (here, there) in enumerate(pairwise(frames)):
         rows[j] = _common_normal(np.linalg.inv(here) @ there, None)
     return Table(rows, frames[0], np.linalg.inv(frames[-1]) @ model.home, model.prismatic)
 
@@ -80,7 +81,7 @@ def to_whitney_lozinski(model: Exponentials, near: Table | None = None) -> Table
     """x, y, z, yaw, pitch, roll (joints, 6) from each axis's frame to the next."""
     frames = axis_frames(model, near)
     rows = np.zeros((len(frames), 6))
-    for j, (here, there) in enumerate(zip(frames, frames[1:])):
+    for j, (here, there) in enumerate(pairwise(frames)):
         rows[j] = xyz_ypr(np.linalg.inv(here) @ there)
     return Table(rows, frames[0], np.linalg.inv(frames[-1]) @ model.home, model.prismatic)
 
@@ -92,7 +93,7 @@ def axis_frames(model: Exponentials, near: Table | None = None) -> list[Array]:
     perpendicular to the new z.
     """
     before = np.eye(4) if near is None else near.base
-    frames = []
+    frames: list[Array] = []
     for z, point in zip(*model.lines(), strict=True):
         origin, x = before[:3, 3], before[:3, 0]
         sliding = model.prismatic[len(frames)]
@@ -124,8 +125,10 @@ def _common_normal(step: Array, wanted: Array | None) -> tuple[float, float, flo
         a = float(np.linalg.norm(across))
         normal = across / a if a > 1e-12 else step[:3, 0] * np.sign(z[2])
         b = (p[2] - d) * np.sign(z[2])
-    flip = a < 0 if wanted is None else _angle(np.arctan2(-normal[1], -normal[0]), wanted[0]) < _angle(
-        np.arctan2(normal[1], normal[0]), wanted[0]
+    flip = (
+        a < 0
+        if wanted is None
+        else _angle(np.arctan2(-normal[1], -normal[0]), wanted[0]) < _angle(np.arctan2(normal[1], normal[0]), wanted[0])
     )
     if flip:
         normal, a = -normal, -a

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.kinematics.chain import Array, position_jacobian
+from identification.kinematics.chain import Array, Index, position_jacobian
 from identification.kinematics.extensions import Extension, prior_scales
 from identification.kinematics.least_squares import REJECT, Fit, Points, fit
 from identification.kinematics.parameters import Parameters
@@ -57,7 +57,7 @@ class Trial:
 def choose(
     parameters: Parameters,
     points: Points,
-    blocks: Array,
+    blocks: Index,
     candidates: Sequence[Extension],
     deflect: Callable[[Sequence[Extension]], Array],
     start: Fit,
@@ -136,14 +136,14 @@ def _linear(parameters: Parameters, points: Points, bend: Array | None, estimate
 class _Normal:
     """Normal equations of one fold: the points in it, and H = A'A, g = A'r in units of the noise."""
 
-    rows: Array
+    rows: Index
     flat: Array
     residual: Array
     hessian: Array
     gradient: Array
 
 
-def _normals(linear: _Linear, fold: Array) -> list[_Normal]:
+def _normals(linear: _Linear, fold: Index) -> list[_Normal]:
     out = []
     for k in np.unique(fold):
         rows = np.flatnonzero(fold == k)
@@ -159,7 +159,9 @@ def _left_out(linear: _Linear, folds: Sequence[_Normal], extra: Array, scales: A
     extra (N, 3, k) are columns of an extension on top; the blocks of the normal equations without them are given.
     """
     added = [(extra[f.rows] * (scales / linear.noise)).reshape(3 * len(f.rows), len(scales)) for f in folds]
-    hessians = [np.block([[f.hessian, f.flat.T @ e], [e.T @ f.flat, e.T @ e]]) for f, e in zip(folds, added, strict=True)]
+    hessians = [
+        np.block([[f.hessian, f.flat.T @ e], [e.T @ f.flat, e.T @ e]]) for f, e in zip(folds, added, strict=True)
+    ]
     gradients = [np.concatenate((f.gradient, e.T @ f.residual)) for f, e in zip(folds, added, strict=True)]
     prior = np.concatenate((linear.at, np.zeros(len(scales))))
     hessian, gradient = sum(hessians) + np.eye(len(prior)), sum(gradients) - prior
@@ -171,13 +173,13 @@ def _left_out(linear: _Linear, folds: Sequence[_Normal], extra: Array, scales: A
     return squares
 
 
-def _folds(blocks: Array, folds: int) -> Array:
+def _folds(blocks: Index, folds: int) -> Index:
     names, index = np.unique(blocks, return_inverse=True)
     order = np.random.default_rng(1).permutation(len(names))
     return (order % min(folds, max(2, len(names))))[index]
 
 
-def _judge(extension: Extension, before: Array, after: Array, blocks: Array) -> Trial:
+def _judge(extension: Extension, before: Array, after: Array, blocks: Index) -> Trial:
     _, index = np.unique(blocks, return_inverse=True)
     gain = np.bincount(index, before - after)
     error = float(np.sqrt(np.sum((gain - gain.mean()) ** 2) * len(gain) / max(len(gain) - 1, 1)))

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.kinematics.chain import Array, position, position_jacobian
+from identification.kinematics.chain import Array, Index, Mask, position, position_jacobian
 from identification.kinematics.parameters import Parameters
 
 REJECT = 5.0
@@ -37,7 +37,7 @@ class Points:
     def __len__(self) -> int:
         return len(self.q)
 
-    def where(self, rows: Array | slice) -> Points:
+    def where(self, rows: Index | Mask | slice) -> Points:
         """Some of the points."""
         bent = None if self.deflections is None else self.deflections[rows]
         return Points(self.q[rows], self.xyz[rows], bent)
@@ -65,7 +65,7 @@ class Fit:
     extension: Array
     covariance: Array
     noise: float
-    inlier: Array
+    inlier: Mask
     effective: float
     iterations: int
 
@@ -106,7 +106,7 @@ def fit(
         if np.array_equal(kept, inlier):
             break
         inlier = kept
-        x, more = _descend(problem, x, lambda length, s, kept=kept: kept.astype(float), 20, progress)
+        x, more = _descend(problem, x, _only(kept), 20, progress)
         iterations += more
     return _result(problem, x, inlier, iterations)
 
@@ -147,6 +147,10 @@ def _soft_weight(length: Array, noise: float) -> Array:
     return 1.0 / (1.0 + (length / (3.0 * noise)) ** 2) ** 2
 
 
+def _only(kept: Mask) -> Weight:
+    return lambda length, noise: kept.astype(float)
+
+
 def _scale_of(length: Array) -> float:
     return max(float(np.median(length)) / _MEDIAN_OF_NORM, _FLOOR)
 
@@ -184,7 +188,7 @@ def _descend(
     return x, limit
 
 
-def _result(problem: _Problem, x: Array, inlier: Array, iterations: int) -> Fit:
+def _result(problem: _Problem, x: Array, inlier: Mask, iterations: int) -> Fit:
     residual, jacobian = problem.linear(x)
     good = jacobian[inlier].reshape(-1, jacobian.shape[2])
     information = good.T @ good

@@ -57,7 +57,9 @@ def whitney_lozinski(table: ArrayLike, *, base: ArrayLike, tool: ArrayLike, pris
     steps = []
     for j, row in enumerate(_table(table, 6, prismatic)):
         steps.append(Step("tz" if prismatic[j] else "rz", 0.0, f"joint{j + 1}.q", j))
-        steps += [Step(m, float(v), f"joint{j + 1}.{n}") for m, v, n in zip(motions, row, WHITNEY_LOZINSKI, strict=True)]
+        steps += [
+            Step(m, float(v), f"joint{j + 1}.{n}") for m, v, n in zip(motions, row, WHITNEY_LOZINSKI, strict=True)
+        ]
     return _between(base, steps, tool)
 
 

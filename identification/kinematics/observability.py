@@ -53,14 +53,14 @@ def identifiable(parameters: Parameters, q: ArrayLike, *, most: int = 2000) -> i
     q = q[:: max(1, len(q) // most)]
     _, jacobian = position_jacobian(parameters.chain, q)
     columns = jacobian[:, :, parameters.every].reshape(-1, len(parameters.every))
-    return int(np.sum(singular_values(columns) > RANK_TOLERANCE * max(np.linalg.norm(columns), 1e-300)))
+    return int(np.sum(singular_values(columns) > RANK_TOLERANCE * float(np.linalg.norm(columns))))
 
 
 def singular_values(columns: Array) -> Array:
     """Singular values of (rows, p), by the small triangular factor of a QR decomposition where rows are many."""
     if columns.shape[0] > 4 * columns.shape[1]:
-        columns = np.linalg.qr(columns, mode="r")
-    return np.linalg.svd(columns, compute_uv=False)
+        columns = np.asarray(np.linalg.qr(columns, mode="r"), float)
+    return np.asarray(np.linalg.svd(columns, compute_uv=False), float)
 
 
 def indices(columns: Array, rank: int, poses: int) -> Observability:

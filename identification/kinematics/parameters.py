@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_model.description import Arm, Pose
-from identification.kinematics.chain import Array, Chain, Motion, Step, forward, placement, target_steps
+from identification.kinematics.chain import Array, Chain, Index, Motion, Step, forward, placement, target_steps
 from identification.kinematics.conversion import PARALLEL
 from inputs import InputError
 
@@ -53,12 +53,14 @@ class Parameters:
     """
 
     chain: Chain
-    free: Array
-    every: Array
+    free: Index
+    every: Index
     scale: Array
 
 
-def parameters_of(arm: Arm, target: Sequence[float], *, frame_known: bool, trust: Trust, where: str = "model") -> Parameters:
+def parameters_of(
+    arm: Arm, target: Sequence[float], *, frame_known: bool, trust: Trust, where: str = "model"
+) -> Parameters:
     """What is to be estimated of an arm whose ``target`` (3,) m, in the frame of the last link, is tracked.
 
     InputError if the arm is described otherwise than by D-H parameters.
@@ -95,7 +97,9 @@ def chain_of(arm: Arm, target: Sequence[float], where: str = "model") -> Chain:
     steps = placement("mount", np.array(arm.base)) + placement("base", np.eye(4))
     for j, joint in enumerate(arm.joints):
         if joint.convention == "placed":
-            raise InputError(where, f"joint[{j + 1}]: convention 'placed' cannot be calibrated; D-H parameters are wanted")
+            raise InputError(
+                where, f"joint[{j + 1}]: convention 'placed' cannot be calibrated; D-H parameters are wanted"
+            )
         row = (joint.theta, joint.d, joint.a, joint.alpha, joint.beta)
         steps += link_steps(j, row, not joint.revolute, joint.convention == "modified")
     return Chain((*steps, *target_steps("target", target)))
@@ -107,9 +111,7 @@ def link_steps(joint: int, row: Sequence[float], prismatic: bool, modified: bool
     motion: dict[str, Motion] = {"theta": "rz", "d": "tz", "a": "tx", "alpha": "rx", "beta": "ry"}
     order = ("alpha", "a", "beta", "theta", "d") if modified else ("theta", "d", "a", "alpha", "beta")
     moving = "d" if prismatic else "theta"
-    return [
-        Step(motion[n], float(value[n]), f"joint{joint + 1}.{n}", joint if n == moving else None) for n in order
-    ]
+    return [Step(motion[n], float(value[n]), f"joint{joint + 1}.{n}", joint if n == moving else None) for n in order]
 
 
 def parallel_next(arm: Arm) -> list[bool]:
@@ -129,7 +131,14 @@ def calibrated_arm(arm: Arm, chain: Chain, *, frame_known: bool) -> Arm:
     """The arm with the chain's values. With an unknown tracker frame the mounting stays nominal (see ``tracker_pose``)."""
     value = {s.name: s.value for s in chain.steps}
     joints = tuple(
-        replace(joint, **{n: value[f"joint{j}.{n}"] for n in ("theta", "d", "a", "alpha", "beta")})
+        replace(
+            joint,
+            theta=value[f"joint{j}.theta"],
+            d=value[f"joint{j}.d"],
+            a=value[f"joint{j}.a"],
+            alpha=value[f"joint{j}.alpha"],
+            beta=value[f"joint{j}.beta"],
+        )
         for j, joint in enumerate(arm.joints, 1)
     )
     if not frame_known:

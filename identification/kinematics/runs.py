@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from identification.kinematics.chain import Array
+from identification.kinematics.chain import Array, Index, Mask
 from identification.kinematics.least_squares import Points
 
 
@@ -21,9 +22,9 @@ class Run:
     xyz: Array
 
     @property
-    def usable(self) -> Array:
+    def usable(self) -> Mask:
         """(N,) bool: rows with all joint angles and a point."""
-        return np.isfinite(self.q).all(axis=1) & np.isfinite(self.xyz).all(axis=1)
+        return np.asarray(np.isfinite(self.q).all(axis=1) & np.isfinite(self.xyz).all(axis=1), bool)
 
     @property
     def period(self) -> float:
@@ -54,26 +55,26 @@ def shifted(run: Run, first: int, by: int) -> Run:
     return replace(run, xyz=xyz)
 
 
-def thinned(runs: Sequence[Run], most: int) -> list[Array]:
+def thinned(runs: Sequence[Run], most: int) -> list[Index]:
     """Row numbers of the usable points of every run, evenly thinned so that all together are at most ``most``."""
     rows = [np.flatnonzero(run.usable) for run in runs]
     stride = max(1, -(-sum(map(len, rows)) // most))
     return [r[::stride] for r in rows]
 
 
-def points_of(runs: Sequence[Run], rows: Sequence[Array]) -> Points:
+def points_of(runs: Sequence[Run], rows: Sequence[Index]) -> Points:
     """The chosen rows of all runs, one after the other."""
     q = np.concatenate([run.q[r] for run, r in zip(runs, rows, strict=True)])
     xyz = np.concatenate([run.xyz[r] for run, r in zip(runs, rows, strict=True)])
     return Points(q, xyz)
 
 
-def velocity_of(runs: Sequence[Run], rows: Sequence[Array]) -> Array:
+def velocity_of(runs: Sequence[Run], rows: Sequence[Index]) -> Array:
     """Joint velocities (N, joints) of the chosen rows."""
     return np.concatenate([run.velocity()[r] for run, r in zip(runs, rows, strict=True)])
 
 
-def correlation_time(residual: Array, rows: Sequence[Array]) -> float:
+def correlation_time(residual: Array, rows: Sequence[Index]) -> float:
     """How many points in a row count as one, >= 1: the integrated autocorrelation of residuals (N, 3), in points.
 
     Points of one sweep share encoder steps and what the model lacks; taken as independent they would promise too much (Sokal,
@@ -85,7 +86,7 @@ def correlation_time(residual: Array, rows: Sequence[Array]) -> float:
         return 1.0
     covariance = np.zeros(longest + 1)
     pairs = np.zeros(longest + 1)
-    for first, last in zip(ends, ends[1:]):
+    for first, last in pairwise(ends):
         part = residual[first:last] - residual[first:last].mean(axis=0) if last > first else residual[first:last]
         size = 1 << max(2 * len(part) - 1, 1).bit_length()
         spectrum = np.abs(np.fft.rfft(part, size, axis=0)) ** 2

@@ -53,12 +53,12 @@ def delays(run: Run, chain: Chain, noise: float) -> Delays:
 
     ``run.q`` are the joint angles that the chain wants, with what else turns the joints (sag ...) already in them.
     """
-    good = run.usable
+    good = run.usable.copy()
     at, derivative = position_jacobian(chain, np.nan_to_num(run.q))
     velocity = np.einsum("nij,nj->ni", derivative[:, :, chain.joint_steps()], run.velocity()) * run.period  # m a row
     residual = run.xyz - at
     length = np.linalg.norm(np.nan_to_num(residual), axis=1)
-    good &= length < 6.0 * max(float(np.median(length[good])) if good.any() else 0.0, noise)
+    good = good & (length < 6.0 * max(float(np.median(length[good])) if good.any() else 0.0, noise))
     size = max(5, len(run.t) // _WINDOWS)
     first, delay, std = [], [], []
     for start in range(0, len(run.t), size):
@@ -93,7 +93,9 @@ def find_step(run: Run, chain: Chain, noise: float) -> Shift | None:
     z, k, step = best
     if round(step) == 0:
         return None
-    row = _refine(run, chain, int(found.first[max(k - 6, 0)]), int(found.first[min(k + 5, len(found.first) - 1)]), round(step))
+    row = _refine(
+        run, chain, int(found.first[max(k - 6, 0)]), int(found.first[min(k + 5, len(found.first) - 1)]), round(step)
+    )
     return _if_better(run, chain, Shift(run.name, row, round(step), step, abs(step) / z))
 
 
@@ -130,7 +132,9 @@ def _refine(run: Run, chain: Chain, low: int, high: int, rows: int) -> int:
     source = np.arange(low, high) + rows
     inside = (source >= 0) & (source < len(run.t))
     as_is = np.nan_to_num(np.linalg.norm(run.xyz[low:high] - at, axis=1))
-    moved = np.where(inside, np.nan_to_num(np.linalg.norm(run.xyz[np.clip(source, 0, len(run.t) - 1)] - at, axis=1)), 0.0)
+    moved = np.where(
+        inside, np.nan_to_num(np.linalg.norm(run.xyz[np.clip(source, 0, len(run.t) - 1)] - at, axis=1)), 0.0
+    )
     gain = np.clip(as_is - moved, -1e-3, 1e-3)  # a wrong point must not decide
     later = np.cumsum(gain[::-1])[::-1]
     return low + int(np.argmax(later))

@@ -74,7 +74,9 @@ def test_pose_as_six_numbers_and_back() -> None:
     for _ in range(20):
         wanted = pose(RANDOM)
         x, y, z, yaw, pitch, roll = xyz_ypr(wanted)
-        np.testing.assert_allclose(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix(), wanted[:3, :3], atol=1e-12)
+        np.testing.assert_allclose(
+            Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix(), wanted[:3, :3], atol=1e-12
+        )
         np.testing.assert_allclose([x, y, z], wanted[:3, 3])
 
 
