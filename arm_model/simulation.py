@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -266,6 +267,14 @@ class Stepper:
     def tick(self) -> int:
         """Ticks run so far; time is tick period."""
         return self._run.tick
+
+    def copy(self) -> Stepper:
+        """Another that goes on from here by itself; the machine code is shared."""
+        other, run = copy(self), self._run
+        states, memories, currents = (aligned(*array.shape) for array in (run.states, run.memories, run.currents))
+        states[:], memories[:], currents[:] = run.states, run.memories, run.currents
+        other._run = replace(run, states=states, memories=memories, currents=currents)
+        return other
 
     def advance(self, demands: Array, times: Array) -> Motion:
         """Runs len(demands) ticks with the servos given ``demands`` (ticks, n) rad (``references``), and returns rows at ``times``.
