@@ -98,7 +98,8 @@ def check_plan(rig: Rig, devices: Mapping[str, Device], identities: Mapping[str,
     """What the rig's devices cannot do of a plan: one sentence each, with what would be right; empty when all is well."""
     problems = []
     for name, identity in identities.items():
-        if not isinstance(devices[name], Latched):
+        on_its_own_clock = isinstance(devices[name], PositionTracker) and plan.source != "tracker"
+        if not isinstance(devices[name], Latched) or on_its_own_clock:
             continue
         if identity.max_rate is not None and plan.rate > identity.max_rate:
             problems.append(f"{name} latches at most {identity.max_rate:g} rows/s, not {plan.rate:g}; lower the rate")

@@ -29,7 +29,7 @@ from daq.ledger import Ledger
 from daq.polling import PolledDevice, Poller, sleep_until
 from daq.rows import Rows
 from daq.streams import Stream
-from drivers.shapes import Block, EdgeSource, Latched, Plan, Polled, PositionTracker, TriggerInput
+from drivers.shapes import Block, Device, EdgeSource, Latched, Plan, Polled, PositionTracker, TriggerInput
 from experiment import Experiment, demand_of
 from inputs import DeviceFault, InputError
 
@@ -245,7 +245,8 @@ class Acquisition:
             polled = isinstance(device, Polled) and (
                 self.plan.source is EdgeSource.POLL or not isinstance(device, Latched)
             )
-            stream = Stream(name, bench.columns, period * 1e9, polled=polled, presets=bench.presets.get(name, {}))
+            by_time = polled or self._on_its_own_clock(device)
+            stream = Stream(name, bench.columns, period * 1e9, polled=by_time, presets=bench.presets.get(name, {}))
             if polled:
                 slowest = 1.0 / (bench.identities[name].max_rate or self.plan.rate)
                 self._pollers[name] = Poller(cast(PolledDevice, device), bench.clock, max(period, slowest))
@@ -264,6 +265,11 @@ class Acquisition:
         self._join.patience = max(round(PATIENCE * self.plan.rate / 5), 2)
         self._join.notes = self.notes
         self._arrivals = ArrivalClock(period * 1e9)
+
+    def _on_its_own_clock(self, device: Device) -> bool:
+        """A tracker cannot be triggered: unless it makes the trigger itself, its points are joined by their time."""
+        tracker = isinstance(device, PositionTracker) and isinstance(device, Latched)
+        return tracker and self.plan.source is not EdgeSource.TRACKER
 
     def _read(self, stream: Stream) -> None:
         device = self.bench.devices[stream.name]
