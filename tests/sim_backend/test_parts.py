@@ -1,0 +1,76 @@
+"""Noise by index, history of rows, trigger lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from sim_backend import noise
+from sim_backend.faults import ExtraEdge, LostEdge, LostRow
+from sim_backend.history import History
+from sim_backend.trigger_line import TriggerLine, seen
+
+
+def test_noise_is_normal_white_and_unrelated_between_streams() -> None:
+    index = np.arange(200_000)[:, None]
+    first, second = noise.normals(noise.keys(1, "a", 3), index, 2)
+    other = noise.normals(noise.keys(1, "b", 3), index, 1)[0]
+    for values in (first, second, other):
+        for column in values.T:
+            assert stats.kstest(column[::10], "norm").pvalue > 1e-3
+            assert abs(np.corrcoef(column[1:], column[:-1])[0, 1]) < 0.01
+    together = np.corrcoef(np.hstack([first, second, other]).T) - np.eye(9)
+    assert np.abs(together).max() < 0.01
+    assert abs(first.std() - 1) < 0.005 and np.abs(first).max() < noise.LARGEST
+
+
+def test_noise_depends_on_its_index_alone() -> None:
+    key = noise.keys(7, "x", 2)
+    whole = noise.normals(key, np.arange(1000)[:, None], 4)
+    some = np.array([999, 3, 3, 500])
+    for all_of_it, part in zip(whole, noise.normals(key, some[:, None], 4)):
+        assert (all_of_it[some] == part).all()
+
+
+def test_uniforms_are_uniform() -> None:
+    drawn = noise.uniforms(noise.keys(3, "u", 1), np.arange(20_000)[:, None])[:, 0]
+    assert stats.kstest(drawn, "uniform").pvalue > 1e-3
+
+
+@settings(deadline=None)
+@given(blocks=st.lists(st.integers(0, 30), max_size=40), keep=st.integers(1, 25))
+def test_history_holds_the_newest_rows(blocks: list[int], keep: int) -> None:
+    history, rows = History((2,), keep), np.empty((0, 2))
+    for size in blocks:
+        block = np.arange(2.0 * size).reshape(-1, 2) + rows.size
+        history.append(block)
+        rows = np.concatenate([rows, block])
+    assert history.end == len(rows) and len(rows) - history.first >= min(keep, len(rows))
+    held = np.arange(history.first, history.end)
+    assert (history[held] == rows[held]).all()
+    with pytest.raises(IndexError):
+        history[np.array([history.end])]
+
+
+@given(first=st.integers(0, 10**12), period=st.floats(2e4, 1e8), number=st.integers(0, 10**7), early=st.booleans())
+def test_as_many_edges_were_made_as_have_passed(first: int, period: float, number: int, early: bool) -> None:
+    line = TriggerLine(first, period)
+    time = int(line.times(np.array([number]))[0])
+    assert line.made(time - early) == number + (not early)
+    assert TriggerLine(first, period, 5).made(time) == min(number + 1, 5)
+
+
+def test_edges_as_they_are_seen_are_the_same_however_they_are_cut() -> None:
+    line = TriggerLine(1000, 1e6)
+    faults = [LostEdge(device="d", number=7, count=3), ExtraEdge(device="d", number=12), LostRow(device="d", number=13)]
+    whole = seen(line, faults, 0, 30, 0)
+    assert whole.number.tolist() == list(range(28)) and whole.missed.nonzero()[0].tolist() == [13]
+    assert whole.edge[:12].tolist() == [0, 1, 2, 3, 4, 5, 6, 10, 11, 12, 12, 13]
+    for cut in range(1, 29):
+        head = seen(line, faults, 0, cut, 0)
+        tail = seen(line, faults, cut, 30, len(head.edge))
+        assert np.concatenate([head.time, tail.time]).tolist() == whole.time.tolist()
+        assert np.concatenate([head.number, tail.number]).tolist() == whole.number.tolist()
