@@ -70,15 +70,15 @@ class LedgerSummary:
 
 
 class Ledger:
-    """The account while a recording runs; sampler and recorder write into it from their own threads.
+    """The sampler's account of a run: every trigger is a complete row handed on, or a loss; from any thread.
 
-    The three sums come from different places - triggers from the edges of the clock, latched rows from the sampler's output,
-    recorded rows from the recorder - so that ``imbalance`` is a check and not an identity.
+    The two sums come from different places - triggers from the edges of the clock, rows from the sampler's output - so that
+    ``imbalance`` is a check and not an identity. What is lost between here and the disk is the recorder's to add.
     """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._triggers = self._latched = self._recorded = 0
+        self._triggers = self._latched = 0
         self._losses: list[Loss] = []
 
     def see(self, triggers: int) -> None:
@@ -91,13 +91,8 @@ class Ledger:
         with self._lock:
             self._latched += rows
 
-    def record(self, rows: int) -> None:
-        """The recorder put so many more rows into the file."""
-        with self._lock:
-            self._recorded += rows
-
     def lose(self, first: int, rows: int, reason: LossReason, detail: str = "") -> None:
-        """Triggers ``first`` to ``first + rows - 1`` have no row in the file."""
+        """Triggers ``first`` to ``first + rows - 1`` have no row."""
         if rows <= 0:
             return
         with self._lock:
@@ -109,16 +104,16 @@ class Ledger:
             self._losses.append(Loss(first, rows, reason, detail))
 
     def summary(self) -> LedgerSummary:
-        """The account as it stands."""
+        """The account as it stands; all rows that were latched count as recorded, until a recorder says otherwise."""
         with self._lock:
-            return LedgerSummary(self._triggers, self._latched, self._recorded, tuple(self._losses))
+            return LedgerSummary(self._triggers, self._latched, self._latched, tuple(self._losses))
 
     def imbalance(self) -> str | None:
-        """None where every trigger is accounted for, else a sentence; to be asked when a recording has ended."""
+        """None where every trigger is accounted for, else a sentence."""
         account = self.summary()
         if account.balanced:
             return None
         return (
-            f"{account.triggers} triggers, but {account.recorded} rows recorded and {account.lost} lost: "
-            f"{account.triggers - account.recorded - account.lost} are unaccounted for"
+            f"{account.triggers} triggers, but {account.latched} rows and {account.lost} lost: "
+            f"{account.triggers - account.latched - account.lost} are unaccounted for"
         )

@@ -61,7 +61,7 @@ def joined(blocks: list[Rows]) -> Rows:
 
 
 def run(rig: Rig, **options: Any) -> tuple[Acquisition, Rows | None]:
-    """One acquisition on a rig, all its rows counted as recorded."""
+    """One acquisition on a rig."""
     with open_bench(rig) as bench:
         return take(bench, **options)
 
@@ -69,10 +69,7 @@ def run(rig: Rig, **options: Any) -> tuple[Acquisition, Rows | None]:
 def take(bench: Bench, **options: Any) -> tuple[Acquisition, Rows | None]:
     """One acquisition on an open bench."""
     acquisition = Acquisition(bench, **options)
-    blocks = []
-    for rows in acquisition.rows():
-        acquisition.ledger.record(len(rows))
-        blocks.append(rows)
+    blocks = list(acquisition.rows())
     return acquisition, joined(blocks) if blocks else None
 
 
