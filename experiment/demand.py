@@ -17,6 +17,7 @@ from experiment.segments import Chirp, Drive, Fourier, Hold, Move, Repeat, Segme
 
 Array = NDArray[np.float64]
 Piece = Callable[[Array], Array]
+NOTHING = 1e-12  # rad (m): a distance that no encoder shows, and whose reciprocal is still a number
 
 
 @dataclass(frozen=True)
@@ -98,9 +99,9 @@ def _standing(at: Array) -> Piece:
 def _trapezoid(at: Array, target: Array, fraction: float, experiment: Experiment) -> tuple[float, Piece, Array]:
     """All joints share the slowest joint's profile s(t) from 0 to 1: q = at + (target - at) s."""
     distance = np.abs(target - at)
-    if not distance.any():
+    moving = distance > NOTHING
+    if not moving.any():
         return 0.0, _standing(at), at
-    moving = distance > 0
     # In units of the path parameter s: the tightest joint's speed and acceleration.
     speed = float(np.min(fraction * np.array(experiment.full_speed)[moving] / distance[moving]))
     acceleration = float(np.min(np.array(experiment.full_acceleration)[moving] / distance[moving]))
