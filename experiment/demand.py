@@ -49,12 +49,12 @@ def demand_of(experiment: Experiment) -> Demand:
     starts, pieces, clock = [], [], 0.0
     for segment in _flat(experiment.segment):
         duration, piece, end = _piece(segment, at, experiment)
+        at = end
         if duration <= 0.0:
             continue
         starts.append(clock)
         pieces.append(piece)
         clock += duration
-        at = end
     if not pieces:
         starts, pieces = [0.0], [_standing(at)]
     return Demand(clock, np.array(starts), tuple(pieces), at)
@@ -101,7 +101,7 @@ def _trapezoid(at: Array, target: Array, fraction: float, experiment: Experiment
     distance = np.abs(target - at)
     moving = distance > NOTHING
     if not moving.any():
-        return 0.0, _standing(at), at
+        return 0.0, _standing(target), target
     # In units of the path parameter s: the tightest joint's speed and acceleration.
     speed = float(np.min(fraction * np.array(experiment.full_speed)[moving] / distance[moving]))
     acceleration = float(np.min(np.array(experiment.full_acceleration)[moving] / distance[moving]))
