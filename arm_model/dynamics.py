@@ -81,9 +81,18 @@ def rigid_torque(arm: Arm, q: Array, qd: Array, qdd: Array, *, gravity: bool = T
     return _stack(tau, q.shape[:1])
 
 
-def inverse_dynamics(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
-    """(N, n) joint torque that the motors give, abs(gear) k i: rigid links, reflected rotors, friction."""
+def inverse_dynamics(arm: Arm, q: Array, qd: Array, qdd: Array, *, time: Array | float = 0.0) -> Array:
+    """(N, n) joint torque that the motors give, abs(gear) k i: rigid links, reflected rotors, friction, effects.
+
+    With effects q, qd, qdd are of the motors over their gear ratios; ``time`` (N,) s matters for drifting friction only. Of the
+    effects everything algebraic acts; elastic transmissions count as rigid and bristles as sliding, since what their states
+    were cannot be told from one sample.
+    """
     q, qd, qdd = samples(arm, q, qd, qdd)
+    if arm.effects:
+        from arm_model.inverse import torque_with_effects
+
+        return torque_with_effects(arm, q, qd, qdd, np.broadcast_to(np.asarray(time, float), q.shape[:1]))
     drives = [drive_torque(joint, qd[:, j], qdd[:, j]) for j, joint in enumerate(arm.joints)]
     return rigid_torque(arm, q, qd, qdd) + np.stack(drives, axis=-1)
 

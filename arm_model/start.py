@@ -56,13 +56,19 @@ def start_memories(arm: Arm, theta: Array, current: Array) -> dict[str, Array]:
 
 
 def _twist(system: System, j: int, inputs: Mapping[str, Array], torque: Array) -> Array:
-    """Twist of joint j's transmission (rad) that passes on ``torque`` (lanes,) at rest, by bisection."""
-    passed = system.passed[j]
+    """Twist of joint j's transmission (rad) that passes on ``torque`` (lanes,) at rest; without load, the middle of its play."""
     states = {name: np.zeros_like(torque) for name in system.states}
-    low, high = np.full_like(torque, -1.0), np.full_like(torque, 1.0)
-    for _ in range(60):
-        middle = (low + high) / 2
-        (given,) = evaluate(system.tape, [passed], {**inputs, **states, f"theta{j}": middle})
-        above = np.broadcast_to(given, torque.shape) > torque
-        low, high = np.where(above, low, middle), np.where(above, middle, high)
-    return (low + high) / 2
+
+    def passed(twist: Array) -> Array:
+        (given,) = evaluate(system.tape, [system.passed[j]], {**inputs, **states, f"theta{j}": twist})
+        return np.broadcast_to(np.asarray(given, float), torque.shape)
+
+    edges = []
+    for above in (np.greater, np.greater_equal):  # the torque is the same all through the play: both of its edges
+        low, high = np.full_like(torque, -1.0), np.full_like(torque, 1.0)
+        for _ in range(60):
+            middle = (low + high) / 2
+            beyond = above(passed(middle), torque)
+            low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+        edges.append((low + high) / 2)
+    return (edges[0] + edges[1]) / 2

@@ -22,9 +22,8 @@ CONTACT_FREQUENCY, CONTACT_DAMPING = 100.0, 0.3
 
 
 def _mobility(arm: Arm, j: int) -> float:
-    """1/(kg m2): 1/rotor + 1/link of joint j, the other joints free, at the controller's pose (else at zero)."""
-    pose = None if arm.controller is None else arm.controller.inertia_pose
-    links = mass_matrix(arm, np.zeros(len(arm)) if pose is None else np.array(pose), rotors=False)[0]
+    """1/(kg m2): 1/rotor + 1/link of joint j with the other joints standing at zero."""
+    links = mass_matrix(arm, np.zeros(len(arm)), rotors=False)[0]
     joint = arm.joints[j]
     rotor = joint.ratio**2 * joint.rotor_inertia
     if rotor <= 0:

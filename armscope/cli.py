@@ -17,6 +17,7 @@ from inputs import DeviceFault, InputError
 DONE, UNUSABLE_INPUT, DEVICE_FAILED, SAMPLES_LOST = 0, 2, 3, 4
 
 COMMANDS: dict[str, str] = {
+    "simulate": "the model run on an experiment, or on the demands of a recording",
     "info": "what is in a recording: rows, losses, gaps, calibration, provenance",
     "recover": "everything that can be read of an unfinished or damaged recording, and what was lost",
     "import": "measured data from elsewhere (CSV) becomes a recording",

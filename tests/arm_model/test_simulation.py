@@ -2,51 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from arm_model import dynamics
-from arm_model.description import Arm, Controller, read_model
+from arm_model.description import Arm, Controller
 from arm_model.parameters import with_parameters
 from arm_model.servo import servo_gains
 from arm_model.simulation import Stepper, references, simulate, simulate_batch
+from tests.arm_model.pumas import swing, three_links
 from tests.arm_model.random_arms import random_arm
-
-
-@pytest.fixture(scope="module", autouse=True)
-def own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Machine code of these tests goes to a folder of their own."""
-    patch = pytest.MonkeyPatch()
-    patch.setenv("ARMSCOPE_CACHE", str(tmp_path_factory.mktemp("cache")))
-
-
-@pytest.fixture
-def puma(root: Path) -> Arm:
-    return read_model(root / "config/models/puma560.toml")
-
-
-def three_links(arm: Arm) -> Arm:
-    controller = arm.controller
-    assert controller is not None and controller.natural_frequency is not None and controller.inertia_pose is not None
-    cut = replace(
-        controller, natural_frequency=controller.natural_frequency[:3], inertia_pose=controller.inertia_pose[:3]
-    )
-    return replace(arm, joints=arm.joints[:3], controller=cut)
-
-
-def swing(joints: int, amplitude: float = 0.6) -> Callable[[np.ndarray], np.ndarray]:
-    """A smooth move of all joints in 1 s, then standing."""
-
-    def demand(t: np.ndarray) -> np.ndarray:
-        s = np.clip(t, 0.0, 1.0)
-        return np.outer(10 * s**3 - 15 * s**4 + 6 * s**5, amplitude * np.array([1, 0.7, -0.8, 0.5, 0.4, -0.6])[:joints])
-
-    return demand
 
 
 @pytest.mark.parametrize("seed", range(4))

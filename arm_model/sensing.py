@@ -1,0 +1,70 @@
+"""What the instruments show of a motion: the effects of sensing and timing, by the laws of ``arm_model.effects``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, Effect, Signals, Values, values_of
+from arm_model.motion import Motion
+from inputs import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """q (..., R, n) rad: motor encoder over gear ratio, as ``Motion.qm``; current (..., R, n) A: as the transducer shows it."""
+
+    q: Array
+    current: Array
+
+
+def recorded(arm: Arm, motion: Motion) -> Readings:
+    """What a recording of ``motion`` holds. Delayed currents are interpolated between rows (cubic; the first row stays before it)."""
+    q, current = motion.qm.copy(), motion.current.copy()
+    terms = [
+        (CATALOGUE[term.name], term.joint, values_of(CATALOGUE[term.name], term.parameters)) for term in arm.effects
+    ]
+    for effect, _, values in terms:
+        if effect.delay is not None:
+            late = np.broadcast_to(np.asarray(effect.delay(values, Signals(t=motion.t)), float), motion.t.shape)
+            current = _at(motion.t, current, motion.t - late)
+    for effect, joint, values in terms:
+        if effect.angle is not None or effect.current is not None:
+            if joint is None:
+                raise InputError(effect.name, "wants a joint")
+            j = joint - 1
+            q[..., j], current[..., j] = _shown(arm, motion, j, effect, values, q[..., j], current[..., j])
+    return Readings(q, current)
+
+
+def _shown(
+    arm: Arm, motion: Motion, j: int, effect: Effect, values: Values, q: Array, current: Array
+) -> tuple[Array, Array]:
+    seen = Signals(
+        q=motion.q[..., j],
+        v=motion.qmd[..., j],
+        motor=motion.qm[..., j] * arm.joints[j].ratio,
+        current=current,
+        torque=motion.torque[..., j],
+        t=motion.t,
+    )
+    if effect.angle is not None:
+        q = q + effect.angle(values, seen)
+    if effect.current is not None:
+        current = current + effect.current(values, seen)
+    return q, current
+
+
+def _at(t: Array, values: Array, wanted: Array) -> Array:
+    """``values`` (..., R, n) at other times (R,)."""
+    from scipy.interpolate import CubicSpline
+
+    if len(t) < 2 or not np.any(wanted != t):
+        return values
+    spline = CubicSpline(t, values, axis=-2)
+    return np.asarray(spline(np.clip(wanted, t[0], t[-1])), dtype=np.float64)
