@@ -47,6 +47,8 @@ class Join:
         self.gone: dict[str, str] = {}  # devices that failed, and how
         self.patience = 0  # triggers by which a tracker may lag before its points are given up
         self.notes: list[str] = []
+        self.begin = 0  # host ns: rows of triggers before this are not of this run
+        self._rebased = False
         self._aligned: set[str] = {clock.name}
 
     def take(self, last: int | None = None) -> Joined | None:
@@ -55,6 +57,8 @@ class Join:
         last  the recording ends with this trigger, and no device will deliver any more: triggers up to it that are still
               without a row are lost
         """
+        if last is None and not self._rebased:
+            return None
         self._align()
         horizon = self._horizon() if last is None else last
         if horizon < self.next or (last is None and self.clock.ready is None):
@@ -70,6 +74,19 @@ class Join:
             elif rows is not None:
                 stream.drop_before(int(rows.host[-1]))
         return rows
+
+    def rebase(self) -> None:
+        """Once: the first trigger after ``begin`` gets index 0, if the line was running before."""
+        clock = self.clock
+        if self._rebased or clock.ready is None or clock.ready["host"][-1] < self.begin:
+            return
+        self._rebased = True
+        before = int(np.searchsorted(clock.ready["host"], self.begin))
+        if before:
+            first = int(clock.ready["index"][before - 1]) + 1
+            for stream in (clock, *self.others):
+                if not stream.polled:
+                    stream.move(-first)
 
     def _horizon(self) -> int:
         """The last trigger that every device has passed."""

@@ -7,11 +7,12 @@ has a thread of its own, so that a slow one delays nobody; on a clock of its own
 from __future__ import annotations
 
 import threading
-from dataclasses import fields, replace
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
+from drivers.blocks import join
 from drivers.clock import SystemClock
 from drivers.shapes import Block, HostClock
 from inputs import DeviceFault
@@ -65,7 +66,9 @@ class Poller:
         with self._lock:
             rows, self._rows = self._rows, []
         if rows:
-            return joined(rows)
+            first = rows[0]
+            columns = (first.counts is not None, first.volts is not None)
+            return join(rows, *columns, points=first.points is not None)
         if self._fault is not None:
             raise self._fault
         return None
@@ -112,14 +115,3 @@ def sleep_until(clock: HostClock, until: int, pollers: list[Poller]) -> None:
         if due is None:
             return
         due.ask()
-
-
-def joined(rows: list[Block]) -> Block:
-    """Blocks of one device, one under the other."""
-    if len(rows) == 1:
-        return rows[0]
-
-    def column(name: str) -> Any:
-        return None if getattr(rows[0], name) is None else np.concatenate([getattr(row, name) for row in rows])
-
-    return Block(**{field.name: column(field.name) for field in fields(Block)})

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -24,12 +23,12 @@ from daq.arming import NEXT, End, Ending, State, check_plan
 from daq.bench import Bench
 from daq.calibration import currents, positions
 from daq.clockfit import ArrivalClock, ClockFit, fit_clock
+from daq.intake import Intake
 from daq.join import Join, Joined
 from daq.ledger import Ledger
-from daq.polling import PolledDevice, Poller, sleep_until
+from daq.recalled import merge_points
 from daq.rows import Rows
-from daq.streams import Stream
-from drivers.shapes import Block, Device, EdgeSource, Latched, Plan, Polled, PositionTracker, TriggerInput
+from drivers.shapes import EdgeSource, Plan, PositionTracker
 from experiment import Experiment, demand_of
 from inputs import DeviceFault, InputError
 
@@ -70,7 +69,8 @@ class Acquisition:
         self._pace_ns = 1e9 / rate
         self._stop: Ending | None = None
         self._lock = threading.Lock()
-        self._pollers: dict[str, Poller] = {}
+        self._held: list[Rows] = []
+        self._connect()
 
     # States
 
@@ -90,10 +90,7 @@ class Acquisition:
                 bench.guard.load(self.experiment)
                 bench.zero(np.array(self.experiment.start), only_start=True)
             self._connect()
-            # The clock last: nobody may miss its first edge.
-            for name in sorted(bench.devices, key=lambda name: name == bench.trigger.device):
-                bench.devices[name].arm(self.plan)
-            self._drain()
+            self._intake.arm()
         except BaseException:
             self._disarm()
             self.state = State.IDLE
@@ -110,13 +107,14 @@ class Acquisition:
         self._go(State.RUNNING)
         self._wall_offset = clock.wall_ns() - clock.monotonic_ns()
         try:
+            self._intake.arm_afresh()
+            self._join.begin = clock.monotonic_ns()
             self.bench.guard.start()
         except BaseException as error:
             self._end(Ending(End.DEVICE_LOST, str(error)))
             raise
         self.started_ns = self._newest_ns = clock.monotonic_ns()
-        for poller in self._pollers.values():
-            poller.start(self.started_ns)
+        self._intake.start(self.started_ns)
 
     def stop(self, reason: End = End.STOPPED, detail: str = "") -> None:
         """Ends the run with the rows of the triggers so far; from any thread."""
@@ -130,7 +128,7 @@ class Acquisition:
 
     def clocks(self) -> list[ClockFit]:
         """The fit of each device's clock to the host's, of the run so far."""
-        fits = [fit_clock(stream.name, stream.pairs) for stream in (self._clock, *self._others)]
+        fits = [fit_clock(stream.name, stream.pairs) for stream in self._intake.streams]
         return [fit for fit in fits if fit is not None]
 
     # Rows
@@ -147,7 +145,7 @@ class Acquisition:
             self.start()
         try:
             while True:
-                self._sleep()
+                self._intake.sleep()
                 last, ending = self._cycle()
                 if ending is None:
                     yield from self._finished(self._join.take())
@@ -160,14 +158,15 @@ class Acquisition:
 
     def _cycle(self) -> tuple[int, Ending | None]:
         """Reads every device once; the last trigger of the run and why it ends, if it does."""
-        for stream in (self._clock, *self._others):
+        for stream in self._intake.streams:
             if stream.name in self._join.gone:
                 continue
             try:
-                self._read(stream)
+                self._intake.read(stream)
             except DeviceFault as fault:
                 self._join.gone[stream.name] = fault.what
                 self.stop(End.DEVICE_LOST, str(fault))
+        self._join.rebase()
         return self._clock.newest, self._ending()
 
     def _tail(self, last: int, ending: Ending) -> Iterator[Rows]:
@@ -176,20 +175,16 @@ class Acquisition:
         if ending.reason is End.ROWS_DONE and self.plan.rows is not None:
             last = self.plan.rows - 1
         deadline = self.bench.clock.monotonic_ns() + PATIENCE * 1e9
-        while self._behind(last) and self.bench.clock.monotonic_ns() < deadline:
-            self._sleep()
+        while self._intake.behind(last, self._join.gone) and self.bench.clock.monotonic_ns() < deadline:
+            self._intake.sleep()
             self._cycle()
-        for poller in self._pollers.values():
-            poller.stop()
-        for stream in (self._clock, *self._others):
-            stream.push(_NOTHING, final=True)
+        self._intake.finish()
         if ending.state is State.FAULT:
             last = max(last, self._clock.newest)
         yield from self._finished(self._join.take(last))
-        if self._recalled is not None:
-            self._recalled.push(cast(PositionTracker, self.bench.devices[self._recalled.name]).recall(), final=True)
-            for rows in self._held:
-                yield with_points(rows, self._recalled)
+        if self._intake.recalled is not None:
+            tracker = cast(PositionTracker, self.bench.devices[self._intake.recalled.name])
+            yield from merge_points(self._held, tracker.recall(), 1.0 / self.plan.rate, self.notes)
         self._note_oddities()
         self._end(ending)
 
@@ -206,7 +201,7 @@ class Acquisition:
         if breach is not None:
             self.stop(End.LIMIT, breach)
         self.rows_made += len(rows)
-        if self._recalled is None:
+        if self._intake.recalled is None:
             yield rows
         else:  # complete once the tracker's memory has been read, at most so many rows as that holds
             self._held.append(rows)
@@ -233,75 +228,14 @@ class Acquisition:
             demand=demand,
         )
 
-    # Reading
-
     def _connect(self) -> None:
-        """A stream for every device that makes rows, the clock's first; pollers for those that have to be asked."""
-        bench, period = self.bench, 1.0 / self.plan.rate
-        streams: dict[str, Stream] = {}
-        self._recalled: Stream | None = None
-        self._held: list[Rows] = []
-        for name, device in bench.devices.items():
-            polled = isinstance(device, Polled) and (
-                self.plan.source is EdgeSource.POLL or not isinstance(device, Latched)
-            )
-            by_time = polled or self._on_its_own_clock(device)
-            stream = Stream(name, bench.columns, period * 1e9, polled=by_time, presets=bench.presets.get(name, {}))
-            if polled:
-                slowest = 1.0 / (bench.identities[name].max_rate or self.plan.rate)
-                self._pollers[name] = Poller(cast(PolledDevice, device), bench.clock, max(period, slowest))
-            elif not isinstance(device, Latched):
-                if name == bench.columns.tracker and isinstance(device, PositionTracker):
-                    self._recalled = stream
-                elif name != bench.trigger.device:
-                    continue
-            streams[name] = stream
-        clock = bench.devices[bench.trigger.device]
-        if not isinstance(clock, Latched | TriggerInput) and bench.trigger.device not in self._pollers:
-            raise InputError(bench.rig.name, f"trigger.device: {bench.trigger.device} sees no edges and makes no rows")
-        self._clock = streams.pop(bench.trigger.device)
-        self._others = [stream for stream in streams.values() if stream is not self._recalled]
-        self._join = Join(self._clock, self._others, bench.columns, self.ledger, period * 1e9)
+        period = 1.0 / self.plan.rate
+        self._intake = Intake(self.bench, self.plan)
+        self._clock = self._intake.clock
+        self._join = Join(self._clock, self._intake.others, self.bench.columns, self.ledger, period * 1e9)
         self._join.patience = max(round(PATIENCE * self.plan.rate / 5), 2)
         self._join.notes = self.notes
         self._arrivals = ArrivalClock(period * 1e9)
-
-    def _on_its_own_clock(self, device: Device) -> bool:
-        """A tracker cannot be triggered: unless it makes the trigger itself, its points are joined by their time."""
-        tracker = isinstance(device, PositionTracker) and isinstance(device, Latched)
-        return tracker and self.plan.source is not EdgeSource.TRACKER
-
-    def _read(self, stream: Stream) -> None:
-        device = self.bench.devices[stream.name]
-        if stream.name in self._pollers:
-            block = self._pollers[stream.name].read()
-        elif isinstance(device, Latched):
-            block = device.read()
-            if stream is self._clock and isinstance(device, TriggerInput):
-                device.read_edges()  # its rows say the same and more; the driver's list must not grow
-        elif isinstance(device, TriggerInput) and stream is self._clock:
-            block = device.read_edges()
-        else:
-            return
-        stream.push(_NOTHING if block is None else block)
-
-    def _drain(self) -> None:
-        """Throws away what lies in the devices' buffers: values latched before this run."""
-        for stream in (self._clock, *self._others):
-            device = self.bench.devices[stream.name]
-            if stream.name not in self._pollers and isinstance(device, Latched) and self._start_line:
-                stale = len(device.read())
-                if stale:
-                    self.notes.append(f"{stream.name}: {stale} rows from before the start were thrown away")
-
-    @property
-    def _start_line(self) -> bool:
-        return "start" in self.bench.rig.outputs
-
-    def _sleep(self) -> None:
-        clock = self.bench.clock
-        until = clock.monotonic_ns() + round(self.plan.block_seconds * 1e9)
-        sleep_until(clock, until, list(self._pollers.values()))
 
     # Ends
 
@@ -338,15 +272,10 @@ class Acquisition:
         return End.TRIGGER_STOPPED, f"after trigger {newest}"
 
     def _look_for_silent_devices(self) -> None:
-        for stream in self._others:
+        for stream in self._intake.others:
             if stream.required and self._clock.newest - stream.newest > PATIENCE * self.plan.rate + 2:
                 self._join.gone[stream.name] = "makes no rows any more"
                 self.stop(End.DEVICE_SILENT, stream.name)
-
-    def _behind(self, last: int) -> bool:
-        """Whether a device that still answers has rows to come up to the last trigger."""
-        waited_for = [s for s in (self._clock, *self._others) if s is self._clock or (s.required and not s.polled)]
-        return any(s.newest < last for s in waited_for if s.name not in self._join.gone)
 
     def _check_first(self, rows: Rows) -> None:
         """A joint that does not read the start pose was never referenced, or shows a stale value."""
@@ -362,7 +291,7 @@ class Acquisition:
 
     def _note_oddities(self) -> None:
         """Sentences about this run that are no losses."""
-        for stream in (self._clock, *self._others):
+        for stream in self._intake.streams:
             if stream.indexer.extra:
                 self.notes.append(f"{stream.name}: {stream.indexer.extra} edges on its trigger input were none")
             if stream.indexer.regular is False and not stream.polled:
@@ -383,27 +312,4 @@ class Acquisition:
         self._disarm()
 
     def _disarm(self) -> None:
-        for poller in self._pollers.values():
-            poller.stop()
-        for name, device in self.bench.devices.items():
-            try:
-                device.disarm()
-            except DeviceFault as fault:
-                self.notes.append(f"{name} could not be disarmed: {fault.what}")
-
-
-def with_points(rows: Rows, tracker: Stream) -> Rows:
-    """Rows with the points that a tracker kept in its memory, by trigger index."""
-    points = np.full((len(rows), 3), np.nan)
-    quality = rows.quality.copy()
-    if tracker.ready is not None:
-        have = tracker.ready["index"]
-        place = np.minimum(np.searchsorted(have, rows.number), len(have) - 1)
-        there = have[place] == rows.number
-        points[there] = tracker.ready["points"][place[there]]
-        quality[there, -1] = tracker.ready["quality"][place[there], -1]
-    return replace(rows, points=points, quality=quality)
-
-
-_NONE = np.empty(0, np.int64)
-_NOTHING = Block(_NONE, _NONE, _NONE, np.empty((0, 0), np.uint8))
+        self.notes += self._intake.disarm()

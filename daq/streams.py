@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from daq.columns import Columns
 from daq.triggers import Indexer
 from drivers.counting import extend
-from drivers.shapes import Block
+from drivers.shapes import Block, Quality
 
 Table = dict[str, NDArray[Any]]
 VALUES = ("counts", "volts", "points")
@@ -73,7 +73,7 @@ class Stream:
         if not keep.all():
             head = {name: column[keep] for name, column in head.items()}
         if "counts" in head:
-            head["counts"] = self._extended(head["counts"])
+            head["counts"] = self._extended(head["counts"], head["quality"])
         if len(head["index"]):
             self.newest = int(head["index"][-1])
             self.ready = append(self.ready, head)
@@ -106,11 +106,18 @@ class Stream:
             table[name] = value
         return table
 
-    def _extended(self, raw: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _extended(self, raw: NDArray[np.int64], quality: NDArray[np.uint8]) -> NDArray[np.int64]:
         out = np.empty_like(raw)
         for c, width in enumerate(self._widths):
-            last = self._last[c]
-            out[:, c] = extend(raw[:, c], width, int(raw[0, c]) if last is None else last)
+            shown, last = raw[:, c], self._last[c]
+            missing = (quality[:, c] & Quality.MISSING) != 0
+            if missing.all():
+                out[:, c] = last or 0
+                continue
+            if missing.any():  # placeholders, not counts: the count of before stands in their place
+                newest = np.maximum.accumulate(np.where(missing, -1, np.arange(len(shown))))
+                shown = shown[np.where(newest >= 0, newest, np.argmin(missing))]
+            out[:, c] = extend(shown, width, int(shown[0]) if last is None else last)
             self._last[c] = int(out[-1, c])
         return out
 

@@ -100,6 +100,7 @@ class Card:
         self.name, self.config = name, config
         self.clock: HostClock = world.get("host_clock", SystemClock())
         self.line: Line = world.setdefault("line", Line(self.clock))
+        self.slow = "slow_arming" in world.get("simulation", {})  # the devices of a rig are armed 23 ms apart
         self.numbered = config.numbered
         self.lines = ("start", "brake")
         self.high: dict[str, bool] = {}
@@ -122,12 +123,15 @@ class Card:
         return []
 
     def arm(self, plan: Plan) -> None:
+        if self.slow:
+            self.clock.sleep(0.023)
         self._reset()
         self.line.period = (1 + self.config.drift) / plan.rate
         if self.config.line_stops_at is not None:
             self.line.last = self.config.line_stops_at
         if self.config.free_running:
             self.line.start()
+        self.cursor = self.line.seen(0.0)  # edges before arming are none of this run's
 
     def disarm(self) -> None:
         self.line.reset()

@@ -18,6 +18,7 @@ from drivers.shapes import Quality
 from experiment import Experiment
 from inputs import DeviceFault, InputError
 from tests.daq.benches import assert_no_row_is_shifted, make_rig, run, take
+from tests.daq.instruments import STEP
 
 MOTION = {
     "name": "there and back",
@@ -133,10 +134,17 @@ def test_devices_that_latch_late_are_waited_for() -> None:
 
 
 def test_a_line_that_runs_before_it_is_armed_is_aligned_by_time() -> None:
-    _, rows = run(make_rig(analog={"free_running": True}, outputs={}), seconds=0.3)
-    assert rows is not None
-    assert_no_row_is_shifted(rows)
-    assert len(rows) == 300
+    for outputs in ({}, {"start": {"device": "card", "line": "start"}}):
+        rig = make_rig(
+            analog={"free_running": True}, outputs=outputs, simulation={"own_time": True, "slow_arming": True}
+        )
+        acquisition, rows = run(rig, seconds=0.3)
+        assert rows is not None
+        assert np.array_equal(rows.number, np.arange(300))
+        assert acquisition.ledger.summary().lost == 0
+        edge = rows.counts[:, 0] // STEP
+        assert edge[0] > 20 and (np.diff(edge) == 1).all()
+        assert np.allclose(rows.volts[:, 0], edge * 1e-3)
 
 
 def test_a_device_that_is_unplugged_ends_the_run_and_every_trigger_is_accounted_for() -> None:
