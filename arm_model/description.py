@@ -167,6 +167,7 @@ class Arm:
     controller: Controller | None = None
     effects: tuple[EffectTerm, ...] = ()
     source: str = ""  # where the numbers come from, for people
+    unphysical: str = ""  # why impossible inertias are kept (a published set, say); without a reason they are refused
 
     @model_validator(mode="after")
     def _belongs_together(self) -> Arm:
@@ -200,6 +201,7 @@ class _ModelFile(BaseModel):
     name: str
     units: Literal["SI"]
     source: str = ""
+    unphysical: str = ""
     gravity: Vector = (0.0, 0.0, -9.80665)
     base: Pose = IDENTITY
     tool: Pose = IDENTITY
@@ -225,7 +227,7 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
     _all_there(table, where)
     layout = check_table(where, table, _ModelFile)
     for number, joint in enumerate(layout.joint, 1):
-        if problem := unphysical(joint.mass, joint.inertia):
+        if not layout.unphysical and (problem := unphysical(joint.mass, joint.inertia)):
             raise InputError(where, f"joint[{number}]: {problem}")
     try:
         arm = Arm(
@@ -237,6 +239,7 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
             controller=layout.controller,
             effects=tuple(layout.effect),
             source=layout.source,
+            unphysical=layout.unphysical,
         )
     except ValidationError as error:
         raise InputError(where, one_line(error)) from None
@@ -258,8 +261,9 @@ def _all_there(table: dict[str, Any], where: str | Path) -> None:
 def model_table(arm: Arm) -> dict[str, Any]:
     """The table that ``arm_of`` reads back as an equal arm; entries at their defaults are left out."""
     table: dict[str, Any] = {"name": arm.name, "units": "SI"}
-    if arm.source:
-        table["source"] = arm.source
+    for text in ("source", "unphysical"):
+        if getattr(arm, text):
+            table[text] = getattr(arm, text)
     table["gravity"] = list(arm.gravity)
     for name in ("base", "tool"):
         if getattr(arm, name) != IDENTITY:

@@ -1,0 +1,228 @@
+"""URDF in and out: the kinematics, inertias, limits and joint friction of one serial chain (http://wiki.ros.org/urdf/XML).
+
+URDF knows no motors: gears, torque constants and controllers do not go through it. Friction and damping are at the joint.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as xml
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm, Joint, Pose
+from arm_model.inertia import about_com, barycentric, transform, unphysical
+from arm_model.kinematics import placement, roll_pitch_yaw
+from inputs import InputError
+
+Array = NDArray[np.float64]
+_MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+_LIMITS = ("lower", "upper")
+
+
+def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
+    """The arm in a URDF file, from its root link to link ``tip`` (needed where the tree branches).
+
+    What is fixed to a link is merged into it; what is fixed behind the last joint and ``tip`` itself make the tool. InputError for
+    anything that is not a serial chain of revolute, continuous and prismatic joints with physical links.
+    """
+    try:
+        robot = xml.parse(path).getroot()
+    except (OSError, xml.ParseError) as error:
+        raise InputError(path, f"cannot be read as URDF: {error}") from None
+    if robot.tag != "robot":
+        raise InputError(path, f"is <{robot.tag}>, not a URDF <robot>")
+    links = {link.get("name", ""): link for link in robot.findall("link")}
+    chain = _chain(path, robot, links, tip)
+    joints: list[Joint] = []
+    offset = np.eye(4)  # of the next joint's parent in the last moving link's frame
+    lump = np.zeros(10)
+    for element in chain:
+        pose = offset @ _origin(path, element)
+        inertial = _inertial(path, links[_attribute(path, element, "child", "link")])
+        kind = element.get("type", "")
+        if kind == "fixed":
+            offset = pose
+            lump = lump + transform(inertial, pose)
+            continue
+        joints = _with_lump(path, joints, lump)
+        joints.append(_joint(path, element, pose))
+        offset, lump = np.eye(4), inertial
+    joints = _with_lump(path, joints, lump)
+    if not joints:
+        raise InputError(path, "has no moving joint")
+    return Arm(name=robot.get("name", "robot"), joints=tuple(joints), tool=_pose(offset))
+
+
+def _pose(matrix: Array) -> Pose:
+    rows = [tuple(float(value) for value in row) for row in matrix]
+    return rows[0], rows[1], rows[2], (0.0, 0.0, 0.0, 1.0)  # type: ignore[return-value]
+
+
+def _chain(path: str | Path, robot: xml.Element, links: dict[str, xml.Element], tip: str | None) -> list[xml.Element]:
+    """Joints from root to tip, in order."""
+    parent_of: dict[str, xml.Element] = {}
+    for joint in robot.findall("joint"):
+        child = _attribute(path, joint, "child", "link")
+        for end in (child, _attribute(path, joint, "parent", "link")):
+            if end not in links:
+                raise InputError(path, f"joint {joint.get('name')!r}: no link {end!r}")
+        if child in parent_of:
+            raise InputError(path, f"link {child!r} has two parents; a tree is wanted")
+        parent_of[child] = joint
+    parents = {_attribute(path, joint, "parent", "link") for joint in parent_of.values()}
+    tips = [name for name in links if name not in parents]
+    if tip is None and len(tips) != 1:
+        raise InputError(path, f"branches into {', '.join(tips)}; say which is the tip")
+    link = tips[0] if tip is None else tip
+    if link not in links:
+        raise InputError(path, f"no link {link!r}")
+    chain: list[xml.Element] = []
+    while link in parent_of and len(chain) <= len(parent_of):
+        chain.append(parent_of[link])
+        link = _attribute(path, chain[-1], "parent", "link")
+    return chain[::-1]
+
+
+def _attribute(path: str | Path, element: xml.Element, child: str, name: str) -> str:
+    found = element.find(child)
+    if found is None or found.get(name) is None:
+        raise InputError(path, f"<{element.tag} name={element.get('name')!r}> wants <{child} {name}=...>")
+    return str(found.get(name))
+
+
+def _numbers(path: str | Path, element: xml.Element | None, name: str, default: str, count: int) -> tuple[float, ...]:
+    text = default if element is None else element.get(name, default)
+    try:
+        values = tuple(float(part) for part in text.split())
+    except ValueError:
+        values = ()
+    if len(values) != count or not np.isfinite(values).all():
+        raise InputError(path, f"{name}={text!r}: {count} numbers are wanted")
+    return values
+
+
+def _origin(path: str | Path, element: xml.Element) -> Array:
+    origin = element.find("origin")
+    roll, pitch, yaw = _numbers(path, origin, "rpy", "0 0 0", 3)
+    pose = roll_pitch_yaw((roll, pitch, yaw))
+    pose[:3, 3] = _numbers(path, origin, "xyz", "0 0 0", 3)
+    return pose
+
+
+def _inertial(path: str | Path, link: xml.Element) -> Array:
+    """(10,) barycentric parameters in the link's frame."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return np.zeros(10)
+    mass = _numbers(path, inertial.find("mass"), "value", "0", 1)[0]
+    tensor = inertial.find("inertia")
+    entries = tuple(_numbers(path, tensor, name, "0", 1)[0] for name in ("ixx", "iyy", "izz", "ixy", "iyz", "ixz"))
+    if problem := unphysical(mass, entries):
+        raise InputError(path, f"link {link.get('name')!r}: {problem}")
+    return transform(barycentric(mass, (0.0, 0.0, 0.0), entries), _origin(path, inertial))
+
+
+def _joint(path: str | Path, element: xml.Element, pose: Array) -> Joint:
+    kind = element.get("type", "")
+    if kind not in _MOVING:
+        allowed = ", ".join([*_MOVING, "fixed"])
+        raise InputError(path, f"joint {element.get('name')!r} is of type {kind!r}; one of {allowed} is wanted")
+    limit, dynamics = element.find("limit"), element.find("dynamics")
+    lower, upper = (_numbers(path, limit, name, "0", 1)[0] for name in _LIMITS)
+    effort = _numbers(path, limit, "effort", "0", 1)[0]
+    speed = _numbers(path, limit, "velocity", "0", 1)[0]
+    axis = _numbers(path, element.find("axis"), "xyz", "1 0 0", 3)
+    friction = _numbers(path, dynamics, "friction", "0", 1)[0]
+    return Joint(
+        name=element.get("name", ""),
+        type=_MOVING[kind],  # type: ignore[arg-type]
+        convention="placed",
+        xyz=(float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3])),
+        rpy=_rpy(pose),
+        axis=(axis[0], axis[1], axis[2]),
+        limits=(lower, upper) if kind != "continuous" and lower < upper else None,
+        torque_limit=effort if effort > 0 else None,
+        motor_speed_limit=speed if speed > 0 else None,
+        viscous=_numbers(path, dynamics, "damping", "0", 1)[0],
+        coulomb=(friction, friction),
+    )
+
+
+def _rpy(pose: Array) -> tuple[float, float, float]:
+    """Roll, pitch, yaw; where only their sum is determined (pitch a right angle), yaw is 0."""
+    r = pose[:3, :3]
+    level = float(np.hypot(r[0, 0], r[1, 0]))
+    pitch = float(np.arctan2(-r[2, 0], level))
+    if level < 1e-9:
+        return float(np.arctan2(-r[1, 2], r[1, 1])), pitch, 0.0
+    return float(np.arctan2(r[2, 1], r[2, 2])), pitch, float(np.arctan2(r[1, 0], r[0, 0]))
+
+
+def _with_lump(path: str | Path, joints: list[Joint], lump: Array) -> list[Joint]:
+    """The last joint's link gets all that is fixed to it; what is fixed to the root does not move."""
+    if not joints:
+        return joints
+    mass, com, inertia = about_com(lump)
+    x, y, z, xy, yz, xz = inertia
+    return [*joints[:-1], replace(joints[-1], mass=mass, com=com, inertia=(x, y, z, xy, yz, xz))]
+
+
+def _text(values: Array | tuple[float, ...] | list[float]) -> str:
+    return " ".join(repr(float(value) + 0.0) for value in values)
+
+
+def _origin_of(pose: Array) -> dict[str, str]:
+    return {"xyz": _text(pose[:3, 3]), "rpy": _text(_rpy(pose))}
+
+
+def write_urdf(path: str | Path, arm: Arm) -> None:
+    """Writes the arm as URDF: link frames sit on the joints' axes; joint-side friction; the tool as a fixed link "tool".
+
+    Rotor inertias, torque constants, effects and the controller have no place in URDF and are left out.
+    """
+    robot = xml.Element("robot", name=arm.name)
+    xml.SubElement(robot, "link", name="base")
+    pose, parent = np.array(arm.base), "base"
+    for number, joint in enumerate(arm.joints, 1):
+        before, after = placement(joint)
+        name = f"link{number}"
+        _write_joint(robot, joint, f"joint{number}", parent, name, pose @ before)
+        _write_link(robot, joint, name, after)
+        pose, parent = after, name
+    fixed = xml.SubElement(robot, "joint", name="flange", type="fixed")
+    xml.SubElement(fixed, "parent", link=parent)
+    xml.SubElement(fixed, "child", link="tool")
+    xml.SubElement(fixed, "origin", _origin_of(pose @ np.array(arm.tool)))
+    xml.SubElement(robot, "link", name="tool")
+    xml.indent(robot)
+    xml.ElementTree(robot).write(path, encoding="utf-8", xml_declaration=True)
+
+
+def _write_joint(robot: xml.Element, joint: Joint, name: str, parent: str, child: str, origin: Array) -> None:
+    kind = joint.type if joint.limits or not joint.revolute else "continuous"
+    element = xml.SubElement(robot, "joint", name=joint.name or name, type=kind)
+    xml.SubElement(element, "parent", link=parent)
+    xml.SubElement(element, "child", link=child)
+    xml.SubElement(element, "origin", _origin_of(origin))
+    xml.SubElement(element, "axis", xyz="0 0 1")
+    lower, upper = joint.limits or (0.0, 0.0)
+    speed = (joint.motor_speed_limit or 0.0) / joint.ratio
+    limit = {"lower": lower, "upper": upper, "effort": joint.torque_limit or 0.0, "velocity": speed}
+    xml.SubElement(element, "limit", {key: repr(float(value)) for key, value in limit.items()})
+    friction = joint.ratio * sum(joint.coulomb) / 2
+    dynamics = {"damping": repr(joint.viscous * joint.ratio**2), "friction": repr(friction)}
+    xml.SubElement(element, "dynamics", dynamics)
+
+
+def _write_link(robot: xml.Element, joint: Joint, name: str, after: Array) -> None:
+    link = xml.SubElement(robot, "link", name=name)
+    inertial = xml.SubElement(link, "inertial")
+    centre = after.copy()
+    centre[:3, 3] = after[:3, :3] @ np.array(joint.com) + after[:3, 3]
+    xml.SubElement(inertial, "origin", _origin_of(centre))
+    xml.SubElement(inertial, "mass", value=repr(float(joint.mass)))
+    names = ("ixx", "iyy", "izz", "ixy", "iyz", "ixz")
+    xml.SubElement(inertial, "inertia", {key: repr(float(value)) for key, value in zip(names, joint.inertia)})

@@ -1,0 +1,134 @@
+"""The arms in config/models against printed figures, and through URDF and back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model import dynamics, kinematics
+from arm_model.description import Arm, read_model
+from arm_model.simulation import simulate
+from arm_model.urdf import read_urdf, write_urdf
+from inputs import InputError
+from tests.arm_model.random_arms import random_arm, random_states
+
+
+def _columns(path: Path, *groups: tuple[str, ...]) -> list[np.ndarray]:
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+    table = np.genfromtxt(lines, delimiter=",", names=True)
+    return [np.stack([table[name] for name in group], axis=1) for group in groups]
+
+
+def test_three_link_puma_of_the_thesis(root: Path, shared: Path) -> None:
+    arm = read_model(root / "config/models/puma560_thesis.toml")
+    q, qd, tau, qdd, entries = _columns(
+        shared / "reference/puma3_appendix_c1.csv",
+        ("q1", "q2", "q3"),
+        ("qd1", "qd2", "qd3"),
+        ("tau1", "tau2", "tau3"),
+        ("qdd1", "qdd2", "qdd3"),
+        ("M11", "M12", "M13", "M22", "M23", "M33"),
+    )
+    np.testing.assert_allclose(dynamics.forward_dynamics(arm, q, qd, tau), qdd, rtol=0, atol=1e-8)
+    matrix = dynamics.mass_matrix(arm, q)
+    upper = np.stack([matrix[:, i, j] for i in range(3) for j in range(i, 3)], axis=1)
+    np.testing.assert_allclose(upper, entries, rtol=0, atol=1e-8)
+
+
+def test_scara_of_the_thesis(root: Path, shared: Path) -> None:
+    arm = read_model(root / "config/models/scara.toml")
+    q, qd, tau, qdd = _columns(
+        shared / "reference/scara_appendix_c2.csv",
+        ("q1", "q2", "z3"),
+        ("qd1", "qd2", "zd3"),
+        ("tau1", "tau2", "f3"),
+        ("qdd1", "qdd2", "zdd3"),
+    )
+    np.testing.assert_allclose(dynamics.forward_dynamics(arm, q, qd, tau), qdd, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(dynamics.inverse_dynamics(arm, q, qd, qdd), tau, rtol=0, atol=1e-8)
+
+
+def test_inverted_pendulum_swings_as_a_pendulum(root: Path) -> None:
+    """Hanging, small: w^2 = m g l / (J - (m l)^2 / (M + m)), the cart free."""
+    arm = read_model(root / "config/models/cart_pendulum.toml")
+    start = np.array([0.0, np.pi - 1e-3])
+    motion = simulate(arm, lambda t: np.zeros((len(t), 2)), duration=4.0, rate=1000, start=start)
+    m, cart, reach = 0.3, 1.0, 0.25
+    inertia = 0.00625 + m * reach**2
+    pulsation = np.sqrt(m * 9.80665 * reach / (inertia - (m * reach) ** 2 / (cart + m)))
+    np.testing.assert_allclose(np.pi - motion.q[:, 1], 1e-3 * np.cos(pulsation * motion.t), atol=2e-6)
+
+
+def test_a_reason_is_wanted_for_an_unphysical_set(root: Path, tmp_path: Path) -> None:
+    text = (root / "config/models/puma560_thesis.toml").read_text()
+    kept = [line for line in text.splitlines() if not line.startswith("unphysical")]
+    (tmp_path / "model.toml").write_text("\n".join(kept))
+    with pytest.raises(InputError, match="inertia"):
+        read_model(tmp_path / "model.toml")
+
+
+def _bare(arm: Arm) -> Arm:
+    """What of an arm goes through URDF."""
+    joints = tuple(replace(j, rotor_inertia=0.0, offset=0.0, coulomb=(sum(j.coulomb) / 2,) * 2) for j in arm.joints)
+    return replace(arm, joints=joints)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_urdf_out_and_in(seed: int, tmp_path: Path) -> None:
+    arm = _bare(random_arm(seed))
+    write_urdf(tmp_path / "arm.urdf", arm)
+    back = read_urdf(tmp_path / "arm.urdf")
+    back = replace(back, gravity=arm.gravity)
+    states = random_states(seed, len(arm))
+    np.testing.assert_allclose(kinematics.forward(back, states[0]), kinematics.forward(arm, states[0]), atol=1e-9)
+    ours, theirs = (dynamics.inverse_dynamics(a, *states) for a in (arm, back))
+    np.testing.assert_allclose(theirs, ours, rtol=1e-8, atol=1e-8)
+
+
+def test_mujoco_reads_our_urdf(root: Path, tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    arm = _bare(read_model(root / "config/models/puma560.toml"))
+    write_urdf(tmp_path / "arm.urdf", arm)
+    text = (tmp_path / "arm.urdf").read_text()
+    text = text.replace('<link name="base" />', "<mujoco><compiler fusestatic='false'/></mujoco><link name=\"base\" />")
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    model.dof_damping[:] = model.dof_frictionloss[:] = 0.0
+    q, qd, qdd = random_states(1, 6, 5)
+    expected = dynamics.rigid_torque(replace(arm, gravity=(0.0, 0.0, -9.81)), q, qd, qdd)
+    for row in range(5):
+        data.qpos, data.qvel, data.qacc = q[row], qd[row], qdd[row]
+        mujoco.mj_inverse(model, data)
+        np.testing.assert_allclose(data.qfrc_inverse, expected[row], rtol=1e-6, atol=1e-6)
+
+
+def test_fixed_links_are_merged(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(
+        """<robot name="r"><link name="world"/><link name="a"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1"/>
+        </inertial></link><link name="b"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial></link>
+        <joint name="j" type="continuous"><parent link="world"/><child link="a"/><axis xyz="0 0 1"/></joint>
+        <joint name="f" type="fixed"><parent link="a"/><child link="b"/><origin xyz="0.5 0 0"/></joint></robot>"""
+    )
+    arm = read_urdf(tmp_path / "arm.urdf")
+    assert len(arm) == 1 and arm.joints[0].mass == 3.0
+    assert dynamics.mass_matrix(arm, np.zeros(1))[0, 0, 0] == pytest.approx(1 + 0.1 + 0.25)
+    assert arm.tool[0][3] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<robot", "cannot be read as URDF"),
+        ("<sdf/>", "not a URDF"),
+        ("<robot><link name='a'/><link name='b'/></robot>", "branches into a, b"),
+        ("<robot><link name='a'/><joint name='j'><parent link='a'/></joint></robot>", "wants <child link"),
+    ],
+)
+def test_bad_urdf_gets_one_line(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "arm.urdf").write_text(text)
+    with pytest.raises(InputError, match=said) as caught:
+        read_urdf(tmp_path / "arm.urdf")
+    assert "\n" not in str(caught.value)
