@@ -20,8 +20,8 @@ from identification.kinematics.parameters import base_pose
 def circle_point_model(circles: Sequence[Circle], nominal: Chain) -> Array:
     """Values (values,) of the chain from circle-point analysis alone; ``nominal`` in standard D-H order, roughly in place.
 
-    Joints that were not swept keep their nominal place relative to the one before. The zero of the last swept joint follows from
-    where its circle's target is, and so is only as good as the target's place on the arm is known.
+    Joints that were not swept keep their nominal place relative to the one before. The zero of the last swept joint, and its place
+    along its own axis, follow from the target, and so are only as good as the target's place on the arm is known.
     """
     hub = axes_at_zero(circles, nominal)
     near = Table(_rows(nominal), base_pose(nominal), np.eye(4), hub.prismatic)
@@ -92,12 +92,16 @@ def _with_outer(screws: Sequence[Array], joint: int, at: Array, home: Array) -> 
 
 
 def _turn_to(circle: Circle, back: Array, predicted: Array, screw: Array) -> Array:
-    """The turn about a swept axis that brings the predicted target at joint angle zero into the measured direction."""
+    """The turn about a swept axis that brings the predicted target at joint angle zero into the measured direction, and the slide
+    along it that brings it into the measured plane."""
     w, point = screw[:3], np.cross(screw[:3], screw[3:])
     measured = back[:3, :3] @ circle.zero
     arm = predicted - point
     arm = arm - w * (w @ arm)
-    return exponential(screw, float(np.arctan2(w @ np.cross(arm, measured), arm @ measured)))
+    pose = exponential(screw, float(np.arctan2(w @ np.cross(arm, measured), arm @ measured)))
+    plane = back[:3, :3] @ circle.centre + back[:3, 3]
+    pose[:3, 3] += w * (w @ (plane - predicted))
+    return pose
 
 
 def _moved(pose: Array, direction: Array, point: Array) -> tuple[Array, Array]:

@@ -18,6 +18,10 @@ from identification.kinematics.chain import Array
 from inputs import InputError
 
 
+_REACH = 30
+"""Starts tried beyond the difference of the counts: both sides may have lost events."""
+
+
 @dataclass(frozen=True)
 class TrackerFile:
     """A tracker's file: t (n,) s on its own clock, xyz (n, 3) m in its own frame, NaN where the beam was broken."""
@@ -94,70 +98,77 @@ def merge(rows_t: Array, tracker: TrackerFile, *, most: int = 2000) -> Merge:
             f"has a sample every {1e3 * theirs:.4g} ms, the run a row every {1e3 * period:.4g} ms: not the same triggers",
         )
     best, second = _starts(a, b, period, most)
-    offset, drift, residual = best
-    pairs = _pair(a, b, offset, drift, period)
+    pairs = _pair(a, b, best.offset, best.drift, period)
     matched = int((pairs >= 0).sum())
     if matched < 0.5 * min(len(a), len(b)):
         raise InputError(
             tracker.name, f"only {matched} of {len(b)} samples fit to the run's {len(a)} triggers: not of this run"
         )
-    sure = bool(second > 2.0 * residual + 1e-7)
-    return Merge(pairs, len(b) - matched, len(a) - matched, drift, residual, sure)
+    sure = bool(second > 2.0 * best.cost + 1e-7)
+    return Merge(pairs, len(b) - matched, len(a) - matched, best.drift, best.residual, sure)
 
 
-def _starts(a: Array, b: Array, period: float, most: int) -> tuple[tuple[float, float, float], float]:
-    """The best (offset, drift, residual) of the clocks among all starts, and the residual of the next best start.
+def _starts(a: Array, b: Array, period: float, most: int) -> tuple[_Clocks, float]:
+    """The best start, and the cost of the next best one.
 
     A start is which row the first sample belongs to, or which sample the first row: a shift by whole periods. Each is tried on up to
     ``most`` events by pairing every row with the nearest sample and following the clocks.
     """
-    reach = max(abs(len(a) - len(b)) + 3, 5)
-    tried: list[tuple[float, float, float, float]] = []
+    reach = abs(len(a) - len(b)) + _REACH
+    tried: list[_Clocks] = []
     for k in range(-reach, reach + 1):
         offset = b[0] - a[k] if 0 <= k < len(a) else (b[-k] - a[0] if 0 < -k < len(b) else None)
-        if offset is None:
-            continue
-        fitted = _follow(a, b, float(offset), period, most)
+        fitted = None if offset is None else _follow(a, b, float(offset), period, 200)
         if fitted is not None:
             tried.append(fitted)
-    if not tried:
+    close = min((f.cost for f in tried), default=0.0) * 3.0 + 1e-7
+    longer = [_follow(a, b, f.offset, period, most) for f in tried if f.cost <= close]
+    final = sorted((f for f in longer if f is not None), key=lambda f: f.cost)
+    if not final:
         raise InputError("tracker file", "no start makes its intervals agree with the run's triggers")
-    # cost: how much of the overlap is left over counts as well as how well the rest agrees
-    tried.sort(key=lambda f: f[3])
-    offset, drift, residual, cost = tried[0]
-    others = [f for f in tried[1:] if abs(f[0] - offset) > 0.5 * period]
-    return (offset, drift, residual), (others[0][3] - cost + residual if others else np.inf)
+    second = min((f.cost for f in tried + final if abs(f.offset - final[0].offset) > 0.5 * period), default=np.inf)
+    return final[0], second
 
 
-def _follow(a: Array, b: Array, offset: float, period: float, most: int) -> tuple[float, float, float, float] | None:
-    """Offset, drift, residual (s) and cost of pairing from one start; the clocks are followed in growing stretches."""
-    drift, n = 0.0, min(len(a), 50)
+@dataclass(frozen=True)
+class _Clocks:
+    """One start followed: t_tracker = t + offset + drift (t - t0); how well the pairs agree (s), and its cost against other starts."""
+
+    offset: float
+    drift: float
+    residual: float
+    cost: float
+
+
+def _follow(a: Array, b: Array, start: float, period: float, most: int) -> _Clocks | None:
+    """The clocks from one start, in growing stretches; None where too few events pair."""
+    offset, drift, n = start, 0.0, min(len(a), 50)
     while True:
         pairs = _pair(a[:n], b, offset, drift, period)
         rows = np.flatnonzero(pairs >= 0)
-        if len(rows) < 0.4 * min(n, len(b)):
+        if len(rows) < max(3, 0.4 * min(n, len(b))):
             return None
-        x, y = a[rows], b[pairs[rows]] - a[rows]
+        x, y = a[rows] - a[0], b[pairs[rows]] - a[rows]
         keep = np.ones(len(x), bool)
         for _ in range(3):
-            slope, level = (
-                np.polyfit(x[keep] - a[0], y[keep], 1) if np.ptp(x[keep]) > 0 else (0.0, float(y[keep].mean()))
-            )
-            off = np.abs(y - level - slope * (x - a[0]))
+            middle = float(x[keep].mean())
+            spread = float(np.sum((x[keep] - middle) ** 2))
+            drift = float(np.sum((x[keep] - middle) * y[keep])) / spread if spread > 0 else 0.0
+            offset = float(y[keep].mean()) - drift * middle
+            off = np.abs(y - offset - drift * x)
             keep = off <= max(4.0 * float(np.median(off)), 1e-9)
-        drift, offset = float(slope), float(level - slope * a[0])
         if n >= min(len(a), most):
             break
-        n = min(2 * n, len(a), most)
-    residual = 1.4826 * float(np.median(off))
-    mean = float(np.sqrt(np.mean(np.minimum(off, period) ** 2)))
-    left = 1.0 - len(rows) / max(1, min(n, len(b)))
-    return offset, drift, residual, mean + 0.5 * period * left
+        n = min(4 * n, len(a), most)
+    mean = float(np.sqrt(np.mean(off**2)))
+    left = 1.0 - float(np.sum(_pair(a, b, offset, drift, period) >= 0)) / min(len(a), len(b))
+    # what is left over decides only between equals: a start that pairs fewer events with the same agreement
+    return _Clocks(offset, drift, 1.4826 * float(np.median(off)), mean + 1e-3 * period * left)
 
 
 def _pair(a: Array, b: Array, offset: float, drift: float, period: float) -> Array:
     """For every row the sample within 0.4 periods of it, or -1; no sample is taken twice."""
-    wanted = a + offset + drift * a
+    wanted = a + offset + drift * (a - a[0])
     right = np.clip(np.searchsorted(b, wanted), 1, len(b) - 1)
     nearest = np.where(np.abs(b[right - 1] - wanted) <= np.abs(b[right] - wanted), right - 1, right)
     nearest = np.where(np.abs(b[nearest] - wanted) < 0.4 * period, nearest, -1)

@@ -206,16 +206,15 @@ def _circle_figure(circles: Sequence[Circle]) -> Figure:
         ahead = np.linspace(circle.q.min(), circle.q.max(), 200)
         at = circle.q + circle.tangential / circle.radius
         reach = circle.radius + circle.radial
-        stride = max(1, len(at) // 2000)
+        keep = np.flatnonzero(circle.inlier)[:: max(1, len(at) // 2000)]
         left.plot(circle.radius * np.cos(ahead), circle.radius * np.sin(ahead), color=GREY, lw=1)
-        left.plot((reach * np.cos(at))[::stride], (reach * np.sin(at))[::stride], ".", ms=2, color=AFTER)
+        left.plot((reach * np.cos(at))[keep], (reach * np.sin(at))[keep], ".", ms=2, color=AFTER)
         left.plot([0, circle.radius], [0, 0], color=BEFORE, lw=1)
         left.plot(0, 0, "+", color=BEFORE)
         left.set_aspect("equal", "datalim")
         left.set_title(f"joint {circle.joint}: radius {1e3 * circle.radius:.2f} mm", loc="left", fontsize=10)
         left.set_xlabel("along the zero direction [m]")
         right = figure.add_subplot(len(circles), 2, 2 * k + 2)
-        keep = np.flatnonzero(circle.inlier)[::stride]
         for part, colour in (("across", GREY), ("radial", BEFORE), ("tangential", AFTER)):
             right.plot(
                 np.degrees(circle.q[keep]), 1e3 * getattr(circle, part)[keep], ".", ms=1.5, color=colour, label=part

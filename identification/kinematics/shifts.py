@@ -58,11 +58,12 @@ def delays(run: Run, chain: Chain, noise: float) -> Delays:
     velocity = np.einsum("nij,nj->ni", derivative[:, :, chain.joint_steps()], run.velocity()) * run.period  # m a row
     residual = run.xyz - at
     length = np.linalg.norm(np.nan_to_num(residual), axis=1)
-    good = good & (length < 6.0 * max(float(np.median(length[good])) if good.any() else 0.0, noise))
     size = max(5, len(run.t) // _WINDOWS)
     first, delay, std = [], [], []
     for start in range(0, len(run.t), size):
         rows = np.flatnonzero(good[start : start + size]) + start
+        # A wrong point is far from its neighbours; late ones are all off together, and are what is looked for.
+        rows = rows[length[rows] < 4.0 * float(np.median(length[rows])) + 3.0 * noise] if len(rows) else rows
         if len(rows) < 3:
             continue
         v, r = velocity[rows], residual[rows]
