@@ -97,7 +97,7 @@ def fit(
     if extension_start is not None:
         x[len(parameters.free) :] = extension_start
     coarse = points.where(slice(None, None, max(1, len(points) // _COARSE)))
-    x, iterations = _descend(_Problem(parameters, coarse, prior, scale), x, _soft_weight, 60, progress)
+    x, iterations = _descend(_Problem(parameters, coarse, prior, scale), x, _soft_weight, 60, progress, enough=0.1)
     problem = _Problem(parameters, points, prior, scale)
     inlier = np.zeros(len(points), bool)
     for _ in range(10):  # reject, refit, until the same points are rejected
@@ -156,8 +156,15 @@ def _scale_of(length: Array) -> float:
 
 
 def _descend(
-    problem: _Problem, x: Array, weight_of: Weight, limit: int, progress: Callable[[int, float], None] | None
+    problem: _Problem,
+    x: Array,
+    weight_of: Weight,
+    limit: int,
+    progress: Callable[[int, float], None] | None,
+    *,
+    enough: float = 1e-6,
 ) -> tuple[Array, int]:
+    """Levenberg-Marquardt until Newton's decrement (twice the fall of the cost still to be had, in squared deviations) is ``enough``."""
     damping = 1e-6
     for iteration in range(1, limit + 1):
         residual, jacobian = problem.linear(x)
@@ -167,9 +174,10 @@ def _descend(
         if progress is not None:
             progress(iteration, noise)
         flat = jacobian.reshape(-1, jacobian.shape[2])
-        weighted = flat * np.repeat(weight / noise**2, 3)[:, None]
-        hessian = flat.T @ weighted + np.eye(len(x))
-        gradient = weighted.T @ residual.ravel() - (x - problem.prior) / problem.scale
+        root = np.repeat(np.sqrt(weight) / noise, 3)
+        weighted = flat * root[:, None]
+        hessian = weighted.T @ weighted + np.eye(len(x))
+        gradient = weighted.T @ (root * residual.ravel()) - (x - problem.prior) / problem.scale
         cost = problem.cost(x, weight, noise, length)
         for _ in range(12):
             step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
@@ -183,7 +191,7 @@ def _descend(
             return x, iteration
         damping = max(damping / 10.0, 1e-12)
         x = trial
-        if gradient @ step < 1e-6:  # Newton's decrement: a thousandth of a standard deviation is left at most
+        if gradient @ step < enough:
             return x, iteration
     return x, limit
 

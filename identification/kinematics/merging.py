@@ -17,7 +17,6 @@ import numpy as np
 from identification.kinematics.chain import Array
 from inputs import InputError
 
-
 _REACH = 30
 """Starts tried beyond the difference of the counts: both sides may have lost events."""
 
