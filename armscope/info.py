@@ -32,6 +32,7 @@ def _text(table: dict[str, Any]) -> str:
         rig=table["rig"],
         experiment=table["experiment"],
         start=table["start"],
+        ended=((table["run"] or {}).get("ending") or {}).get("sentence"),
         size=f"{table['rows']} rows, {table['duration']:.3f} s, {table['bytes'] / 1e6:.2f} MB",
         rate=_rate(table),
         joints=", ".join(table["joints"]),

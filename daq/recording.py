@@ -113,6 +113,12 @@ class Recording:
     def provenance(self) -> dict[str, Any]:
         return json.loads(self.attachments.get("provenance.json", b"{}"))
 
+    @property
+    def run(self) -> dict[str, Any] | None:
+        """How the run ended, its notes and clocks, of a measured recording."""
+        data = self.attachments.get("run.json")
+        return None if data is None else json.loads(data)
+
     def _toml(self, name: str) -> dict[str, Any] | None:
         data = self.attachments.get(name)
         return None if data is None else tomllib.loads(data.decode())

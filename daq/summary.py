@@ -30,6 +30,7 @@ def summary(recording: Recording) -> dict[str, Any]:
         "notes": list(recording.notes),
         "rig": recording.rig.get("name"),
         "experiment": (recording.experiment or {}).get("name"),
+        "run": recording.run,
         "rows": len(recording),
         "start": _wall(recording) if layout.raw else None,
         "duration": float(t[-1]) if len(t) else 0.0,
