@@ -165,9 +165,8 @@ class RowFormat:
             rows[f"times{topic.channel}"] = wall_ns[:, None]
             rows[f"stamp{topic.channel}"] = stamps
             rows[f"sequence{topic.channel}"] = sequence
-        for name, values in columns.items():
-            if name in self._fields:
-                rows[name] = values
+        for name in (*self.columns, *(name for name in _DERIVED if name in self._fields)):
+            rows[name] = columns[name]
         return content
 
     def unpack(self, content: bytes) -> NDArray[np.void]:

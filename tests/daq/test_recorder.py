@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import threading
 from pathlib import Path
@@ -58,15 +59,28 @@ def test_an_empty_recording_is_one(tmp_path: Path) -> None:
 def test_a_rig_without_tracker_and_demand(tmp_path: Path) -> None:
     layout = rows_layout(["joint1", "joint2", "joint3"], counters=["c1", "c2"], inputs=["v1", "v2", "v3", "v4"])
     rows = make_rows(0, 20)
-    rows = type(rows)(*(getattr(rows, name) for name in list(rows.__dataclass_fields__)[:9]))
-    rows = type(rows)(
-        **{name: getattr(rows, name) for name in rows.__dataclass_fields__} | {"quality": rows.quality[:, :6]}
-    )
+    rows = dataclasses.replace(rows, demand=None, points=None, quality=rows.quality[:, :6])
     with Recorder(tmp_path / "run.mcap", layout, Attachments()) as recorder:
         recorder.append(rows)
     recording = open_recording(tmp_path / "run.mcap")
     assert recording.qref is None and recording.points is None and recording.xyz is None
     np.testing.assert_array_equal(recording.quality, rows.quality)
+
+
+def test_demands_and_points_may_come_and_go(tmp_path: Path) -> None:
+    """Rows without demands or points where the layout has them are NaN there; the other way round is a bug, and told."""
+    first, second = make_rows(0, 10), dataclasses.replace(make_rows(10, 10), demand=None, points=None)
+    with Recorder(tmp_path / "run.mcap", LAYOUT, Attachments()) as recorder:
+        recorder.append(first)
+        recorder.append(second)
+    recording = open_recording(tmp_path / "run.mcap")
+    assert np.isnan(recording.qref[10:]).all() and np.isnan(recording.points[10:]).all()
+    np.testing.assert_array_equal(recording.qref[:10], first.demand)
+    narrow = rows_layout(["joint1", "joint2", "joint3"], counters=["c1", "c2"], inputs=["v1", "v2", "v3", "v4"])
+    recorder = Recorder(tmp_path / "other.mcap", narrow, Attachments())
+    recorder.append(first)
+    with pytest.raises(ValueError, match="rows have demand|rows have points"):
+        recorder.finish()
 
 
 def test_losses_before_latching_stand_in_the_ledger(tmp_path: Path) -> None:
@@ -120,7 +134,6 @@ def test_a_full_disk_costs_only_what_did_not_fit(tmp_path: Path, monkeypatch: py
         if place < 10_000:  # the head and the progress have their blocks already
             return pwrite(handle, data, place)
         if room[0] <= 0:
-            written.release()
             raise OSError(28, "No space left on device")
         count = pwrite(handle, data[: room[0]], place)
         room[0] -= count
