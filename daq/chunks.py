@@ -29,10 +29,13 @@ from daq.mcap_file import MAGIC
 LARGEST_CHUNK = 1 << 30
 """Content of a chunk, bytes; more is a broken length."""
 
-# Where to pick up the thread: 37 bytes into a chunk record, or 25 into an attachment of ours.
 _LANDMARK = re.compile(
-    rb"\x04\x00\x00\x00zstd|[\x08-\x10]\x00\x00\x00[a-z]{3,12}\.(?:toml|json)[\x08-\x20]\x00\x00\x00appl"
+    rb"(?P<chunk>\x04\x00\x00\x00zstd)"
+    rb"|(?P<attachment>[\x08-\x10]\x00\x00\x00[a-z]{3,12}\.(?:toml|json)[\x08-\x20]\x00\x00\x00appl)"
+    rb"|(?P<metadata>\x11\x00\x00\x00armscope:progress)"
 )
+"""Where to pick up the thread: what stands at a fixed distance from the beginning of a record of ours."""
+_DISTANCE = {"chunk": 37, "attachment": 25, "metadata": 9}
 
 
 @dataclass(frozen=True)
@@ -101,9 +104,9 @@ def walk(data: memoryview) -> Iterator[Part]:
 
 
 def _resume(data: memoryview, place: int) -> int:
-    """The next chunk or attachment behind ``place`` that its checksum confirms, else the end of the file."""
+    """The next chunk, attachment or progress behind ``place`` that can be read, else the end of the file."""
     for mark in _LANDMARK.finditer(data, place):
-        start = mark.start() - (37 if mark[0].endswith(b"zstd") else 25)
+        start = mark.start() - _DISTANCE[mark.lastgroup or ""]
         if start > place:
             try:
                 _record(data, start)

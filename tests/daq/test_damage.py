@@ -124,6 +124,16 @@ def test_bytes_changed_anywhere(original: Original, whole: bool, hits: list[tupl
     )
 
 
+def test_the_count_in_the_head_is_found_behind_damage(original: Original) -> None:
+    """A channel record ahead of it and the first chunk are hit: which rows are gone is still known."""
+    data = bytearray(original.finished)
+    data[data.index(b"/joint_states") - 16] ^= 255  # in the length of the channel's record
+    data[data.index(b"zstd") + 500] ^= 1
+    recording, complete = rescue(original, bytes(data))
+    check(recording, complete=complete)
+    assert recording.number[0] == CHUNK and recording.ledger.losses[0] == Loss(0, CHUNK, LossReason.DAMAGED)
+
+
 @settings(max_examples=40, deadline=None)
 @given(start=st.floats(0, 1), length=st.integers(1, 40_000), seed=st.integers(0, 99))
 def test_a_stretch_overwritten(original: Original, start: float, length: int, seed: int) -> None:
