@@ -77,7 +77,7 @@ class Publisher:
         self._columns: Columns = {}
         self._next_joint_state = 0.0
         self._joint_state.forget()
-        return str(self._run)
+        return self._run.hex
 
     @property
     def rows(self) -> int:

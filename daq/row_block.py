@@ -27,7 +27,7 @@ import json
 import math
 import struct
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -51,19 +51,22 @@ UNITS = {
 _NAMES = {"position": "q", "current": "i", "demand": "qref"}
 
 Columns = Mapping[str, NDArray]
-_Place = tuple[str, np.dtype, tuple[int, ...], int]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class RowBlock:
-    """A block as received. ``columns``: name -> (rows, ...) read-only views of the message."""
+    """A block as received.
+
+    run      UUID of the run, 32 hexadecimal digits
+    columns  name -> (rows, ...): read-only views of the message
+    """
 
     run: str
     sequence: int
     before: int
     last: bool
     joints: tuple[str, ...]
-    columns: dict[str, NDArray]
+    columns: Columns
     rows: int
 
 
@@ -108,26 +111,46 @@ def decode(data: bytes) -> RowBlock:
         raise ValueError(f"starts with {magic!r}, a row block with {MAGIC!r}")
     if version != VERSION:
         raise ValueError(f"is of version {version}; this reader knows {VERSION}")
-    joints, places, end = _layout(data[HEAD.size : HEAD.size + length], rows)
-    if len(data) < HEAD.size + length + end:
-        raise ValueError(f"has {len(data)} bytes; its columns want {HEAD.size + length + end}")
     start = HEAD.size + length
-    columns: dict[str, NDArray] = {
-        name: np.ndarray(shape, form, data, start + offset) for name, form, shape, offset in places
-    }
-    return RowBlock(str(uuid.UUID(bytes=run)), sequence, before, bool(flags & LAST), joints, columns, rows)
+    joints, layout = _layout(data[HEAD.size : start], rows)
+    if len(data) < start + layout.itemsize:
+        raise ValueError(f"has {len(data)} bytes; its columns want {start + layout.itemsize}")
+    columns = _Columns(np.ndarray((), layout, data, start))
+    return RowBlock(run.hex(), sequence, before, bool(flags & LAST), joints, columns, rows)
+
+
+class _Columns(Mapping[str, NDArray]):
+    """The columns of a message, each made into an array when it is asked for."""
+
+    def __init__(self, record: NDArray) -> None:
+        self._record = record
+
+    def __getitem__(self, name: str) -> NDArray:
+        if name not in (self._record.dtype.names or ()):
+            raise KeyError(name)
+        return self._record[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._record.dtype.names or ())
+
+    def __len__(self) -> int:
+        return len(self._record.dtype.names or ())
 
 
 @lru_cache(maxsize=64)
-def _layout(description: bytes, rows: int) -> tuple[tuple[str, ...], list[_Place], int]:
-    """Joints, where the columns of so many rows lie behind the description, and where they end."""
+def _layout(description: bytes, rows: int) -> tuple[tuple[str, ...], np.dtype]:
+    """Joints, and the columns of so many rows as one structured type."""
     joints, fields = _parse(description)
-    places, offset = [], 0
+    names, forms, offsets, offset = [], [], [], 0
     for name, form, shape in fields:
-        places.append((name, form, (rows, *shape), offset))
+        names.append(name)
+        forms.append((form, (rows, *shape)))
+        offsets.append(offset)
         offset += form.itemsize * rows * math.prod(shape)
         offset += -offset % 8
-    return joints, places, offset
+    if offset >= 2**31:
+        raise ValueError(f"claims {offset} bytes of columns")
+    return joints, np.dtype({"names": names, "formats": forms, "offsets": offsets, "itemsize": offset})
 
 
 def _parse(description: bytes) -> tuple[tuple[str, ...], list[tuple[str, np.dtype, tuple[int, ...]]]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import queue
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,8 @@ from daq.session import Keys
 
 if TYPE_CHECKING:
     import zenoh
+
+QUEUE_BLOCKS = 8192
 
 
 @dataclass
@@ -42,28 +44,29 @@ class Tally:
 class Subscriber:
     """Row blocks of a rig, in order.
 
-    latest  None: every block is kept until it is received (tests, replay checks, own processing: keep up, or memory grows);
+    latest  None: blocks wait in a queue of 8192 (80 s) until they are received; who is slower than that misses some, and knows it.
             k: only the newest k blocks are kept, and what was overwritten counts as missed (viewers: never stale)
     """
 
     def __init__(self, session: zenoh.Session, keys: Keys, *, latest: int | None = None) -> None:
-        from zenoh.handlers import RingChannel
+        from zenoh.handlers import FifoChannel, RingChannel
 
         self.tally = Tally()
-        self._blocks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        self._ring = latest is not None
-        handler: Any = self._keep if latest is None else RingChannel(latest)
-        self._subscriber: Any = session.declare_subscriber(keys.rows, handler)
+        # Zenoh's own channels: a queue in Python would halve the throughput (two threads and one interpreter lock).
+        channel: Any = FifoChannel(QUEUE_BLOCKS) if latest is None else RingChannel(latest)
+        self._subscriber: zenoh.Subscriber[zenoh.Handler[zenoh.Sample]] = session.declare_subscriber(keys.rows, channel)
 
     def receive(self, timeout: float | None = None) -> RowBlock | None:
         """The next block, waiting at most ``timeout`` s (None: for ever); None if there was none.
 
-        With ``latest`` it never waits. ValueError: somebody publishes something else under our key.
+        ValueError: somebody publishes something else under our key.
         """
-        data = self._newest() if self._ring else self._wait(timeout)
-        if data is None:
+        sample = self._subscriber.try_recv()
+        if sample is None:
+            sample = self._subscriber.recv() if timeout is None else self._wait(timeout)
+        if sample is None:
             return None
-        block = decode(data)
+        block = decode(sample.payload.to_bytes())
         self.tally.add(block)
         return block
 
@@ -77,15 +80,9 @@ class Subscriber:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _keep(self, sample: zenoh.Sample) -> None:
-        self._blocks.put(sample.payload.to_bytes())
-
-    def _wait(self, timeout: float | None) -> bytes | None:
-        try:
-            return self._blocks.get(timeout=timeout)
-        except queue.Empty:
-            return None
-
-    def _newest(self) -> bytes | None:
-        sample = self._subscriber.try_recv()
-        return None if sample is None else sample.payload.to_bytes()
+    def _wait(self, timeout: float) -> zenoh.Sample | None:
+        """Asks once a millisecond: Zenoh's channels wait for ever or not at all."""
+        deadline = time.monotonic() + timeout
+        while (sample := self._subscriber.try_recv()) is None and time.monotonic() < deadline:
+            time.sleep(0.001)
+        return sample

@@ -43,7 +43,7 @@ def rows(first: int, count: int, seed: int = 0, tracker: bool = True) -> Rows:
 def test_block_reads_back_as_written(count: int, sequence: int, before: int, last: bool, tracker: bool) -> None:
     columns, run = columns_of(rows(7, count, tracker=tracker)), uuid.uuid4()
     block = decode(encode(columns, describe(columns, JOINTS), run, sequence, before, last=last))
-    assert (block.run, block.sequence, block.before, block.last) == (str(run), sequence, before, last)
+    assert (block.run, block.sequence, block.before, block.last) == (run.hex, sequence, before, last)
     assert (block.rows, block.joints, list(block.columns)) == (count, JOINTS, list(columns))
     for name, values in columns.items():
         assert block.columns[name].dtype == values.dtype
