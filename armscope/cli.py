@@ -17,12 +17,17 @@ from inputs import DeviceFault, InputError
 DONE, UNUSABLE_INPUT, DEVICE_FAILED, SAMPLES_LOST = 0, 2, 3, 4
 
 COMMANDS: dict[str, str] = {
-    "simulate": "the model run on an experiment, or on the demands of a recording",
+    "doctor": "finds, identifies and checks every device of a rig; what to do about each fault",
+    "daemon": "the service of a rig: opens its devices, samples, publishes over Zenoh, answers commands",
+    "record": "one experiment to one file, through a running daemon or with an embedded one",
+    "replay": "a recording over Zenoh once more, at its own pace",
+    "view": "live view for Foxglove and PlotJuggler, of a running daemon or of a recording",
     "info": "what is in a recording: rows, losses, gaps, calibration, provenance",
     "recover": "everything that can be read of an unfinished or damaged recording, and what was lost",
     "import": "measured data from elsewhere (CSV) becomes a recording",
     "export": "a recording becomes a table (CSV), same columns",
     "plot": "a picture of one recording, or of several on one another",
+    "simulate": "the model run on an experiment, or on the demands of a recording",
     "identify": "parameters of an arm from recordings, with their uncertainty and held-out error",
     "calibrate": "kinematic parameters from the tracker, the poses to measure, and corrected targets",
 }

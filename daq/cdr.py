@@ -75,3 +75,12 @@ def stamps(wall_ns: np.ndarray) -> np.ndarray:
     """Times (n,) int64 ns as builtin_interfaces/Time, seconds in the low and nanoseconds in the high half: (n,) uint64."""
     seconds, nanoseconds = np.divmod(wall_ns, 1_000_000_000)
     return seconds.astype(np.uint64) & np.uint64(0xFFFFFFFF) | nanoseconds.astype(np.uint64) << np.uint64(32)
+
+
+def fillable(message: Message) -> tuple[bytearray, np.ndarray]:
+    """The bytes of one message, and a view (1,) of the numbers in them by field name."""
+    data, names = bytearray(message.template), list(message.fields)
+    forms = [message.fields[name][0] for name in names]
+    offsets = [message.fields[name][1] for name in names]
+    layout: np.dtype = np.dtype({"names": names, "formats": forms, "offsets": offsets, "itemsize": len(data)})
+    return data, np.frombuffer(data, layout, 1)

@@ -14,7 +14,7 @@ from inputs import DeviceFault, InputError
 if TYPE_CHECKING:
     import zenoh
 
-COMMANDS = ("status", "identity", "arm", "start", "stop", "zero")
+COMMANDS = ("status", "identity", "arm", "start", "stop", "zero", "reset")
 Table = dict[str, Any]
 
 

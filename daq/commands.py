@@ -49,7 +49,7 @@ class CommandServer:
     """The queue of commands of one rig, and the liveliness token that says that somebody is there to answer."""
 
     def __init__(self, session: zenoh.Session, keys: Keys) -> None:
-        self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._commands: queue.SimpleQueue[Command | None] = queue.SimpleQueue()
         self._queryable = session.declare_queryable(
             keys.command("*"), lambda query: self._commands.put(Command(query)), complete=True
         )
@@ -62,9 +62,14 @@ class CommandServer:
         except queue.Empty:
             return None
 
+    def wake(self) -> None:
+        """Makes a waiting ``next`` return None; from any thread, or a signal handler (SimpleQueue.put is reentrant)."""
+        self._commands.put(None)
+
     def close(self) -> None:
         """Takes back token and queryable; commands still waiting are refused."""
         self._token.undeclare()
         self._queryable.undeclare()
-        while (command := self.next(0)) is not None:
-            command.refuse(DeviceFault("daemon", "is stopping"))
+        while not self._commands.empty():
+            if (command := self.next(0)) is not None:
+                command.refuse(DeviceFault("daemon", "is stopping"))

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq import ros2_messages
-from daq.cdr import stamps
+from daq.cdr import fillable, stamps
 from daq.row_block import MEDIA_TYPE, Columns, describe, encode
 from daq.session import Keys
 
@@ -130,18 +130,9 @@ class _JointState:
     """sensor_msgs/JointState of one row: position, and velocity as the difference to the message before."""
 
     def __init__(self, joints: Sequence[str]) -> None:
-        message = ros2_messages.joint_state(joints, position="position", velocity="velocity")
-        names = list(message.fields)
-        self._buffer = bytearray(message.template)
-        layout = np.dtype(
-            {
-                "names": names,
-                "formats": [message.fields[name][0] for name in names],
-                "offsets": [message.fields[name][1] for name in names],
-                "itemsize": len(message.template),
-            }
+        self._buffer, self._fields = fillable(
+            ros2_messages.joint_state(joints, position="position", velocity="velocity")
         )
-        self._fields = np.frombuffer(self._buffer, layout, 1)
         self.forget()
 
     def forget(self) -> None:

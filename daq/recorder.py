@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from daq.layout import Layout, format_of
 from daq.ledger import LedgerSummary, Loss, LossReason
-from daq.mcap_file import Progress
+from daq.mcap_file import Progress, as_json
 from daq.recording_file import Attachments, Derivatives, finish_file, open_file, write_chunk
 from daq.rows import Rows
 from inputs import DeviceFault
@@ -113,10 +113,21 @@ class Recorder:
             self._queued += len(rows)
             self._change.notify_all()
 
-    def finish(self, *, triggers: int | None = None, losses: Sequence[Loss] = ()) -> LedgerSummary:
+    def discard(self) -> None:
+        """Removes the file; for a recording that was armed and never started."""
+        with self._change:
+            self._closing = True
+            self._change.notify_all()
+        self._writer.join()
+        self._file.abandon()
+
+    def finish(
+        self, *, triggers: int | None = None, losses: Sequence[Loss] = (), closing: dict | None = None
+    ) -> LedgerSummary:
         """Writes what is queued, the ledger and the summary, and gives the file its name. A second call does nothing new.
 
         triggers  edges that the clock made (default: rows appended plus ``losses``); losses  those before the rows were made
+        closing   how the run ended, with what notes and clocks: becomes the attachment ``run.json``
         DeviceFault: the disk refused the end of the file; all recorded rows stay readable in ``RUN.mcap.active``.
         """
         with self._change:
@@ -133,6 +144,8 @@ class Recorder:
             latched + before if triggers is None else triggers, latched, self._recorded, tuple(every)
         )
         try:
+            if closing is not None:
+                self._file.attach("run.json", "application/json", as_json(closing))
             finish_file(self._file, ledger)
         except OSError as error:
             self._file.close()

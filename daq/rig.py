@@ -197,26 +197,29 @@ class ZenohTable(_Table):
     tls: Tls | None = None
     ros2_attachment: bool = False  # rmw_zenoh's attachment on every sample
 
+    @property
+    def loopback(self) -> bool:
+        """Whether only programs of this machine can reach the endpoint."""
+        protocol, _, place = self.endpoint.partition("/")
+        host = place.rpartition(":")[0].strip("[]")
+        try:
+            local = host == "localhost" or ipaddress.ip_address(host).is_loopback
+        except ValueError:
+            local = False
+        return local or protocol == "unixsock-stream"
+
     @model_validator(mode="after")
     def _secured(self) -> Self:
         protocol, _, place = self.endpoint.partition("/")
-        host = place.rpartition(":")[0].strip("[]")
         if protocol not in ("tcp", "tls", "quic", "unixsock-stream") or not place:
             raise ValueError(f"'endpoint' wants a form like tcp/127.0.0.1:7447, has {self.endpoint!r}")
-        if protocol == "unixsock-stream" or _loopback(host):
+        if self.loopback:
             return self
         if protocol == "tcp" or self.tls is None or self.user is None or self.password_file is None:
             raise ValueError(
-                f"{host} is not loopback: 'endpoint' wants tls/{place}, with 'tls', 'user' and 'password_file'"
+                f"{place} is not loopback: 'endpoint' wants tls/{place}, with 'tls', 'user' and 'password_file'"
             )
         return self
-
-
-def _loopback(host: str) -> bool:
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 class RecordingTable(_Table):
