@@ -237,22 +237,41 @@ def session_when_there(lab: Lab, process: subprocess.Popen[str]) -> Any:
             continue
 
 
+UNPLUGGED = '[[simulation.fault]]\nkind = "unplugged"\ndevice = "counter1"\nat = {}\nback = {}\n'
+
+
 def test_unplugged_device_ends_the_run_and_keeps_the_file(lab: Lab) -> None:
-    lab.write_rig('[[simulation.fault]]\nkind = "unplugged"\ndevice = "counter1"\nat = 0.4\nback = 1.5')
+    lab.write_rig(UNPLUGGED.format(1.0, 100.0))
     lab.experiment(60)
-    lab.daemon()
     recorder = lab.record()
     out, err = recorder.communicate(timeout=60)
+    assert recorder.returncode == 3, err
     result = json.loads(out)
-    assert recorder.returncode == 3
     assert err.startswith("error: ")
     assert "counter1" in err
     assert result["ending"]["reason"] == "device_lost"
     recording = open_recording(lab.folder / "run.mcap")
-    assert 300 < len(recording) < 500
+    assert 800 < len(recording) == result["rows"] < 1100
     assert recording.ledger.balanced
+
+
+def test_daemon_survives_an_unplugged_device_and_takes_it_back(lab: Lab) -> None:
+    lab.write_rig(UNPLUGGED.format(1.0, 1.5))
+    lab.experiment(60)
+    lab.daemon()
     with lab.session() as session:
-        assert call(session, lab.keys, "status")["last"]["ending"]["fault"]
+        lab.arm(session)
+        call(session, lab.keys, "start")
+        last = lab.until(session, lambda status: status["state"] == "idle")["last"]
+        assert (last["ending"]["reason"], last["ending"]["fault"]) == ("device_lost", True)
+        assert len(open_recording(lab.folder / "run.mcap")) == last["rows"]
+        while True:  # until it is plugged in again
+            try:
+                assert "counter1" in call(session, lab.keys, "identity")["devices"]
+                break
+            except DeviceFault as fault:
+                assert fault.device == "counter1"
+        assert lab.arm(session, "again.mcap")["state"] == "armed"
 
 
 def test_device_missing_at_the_start(lab: Lab) -> None:
