@@ -241,7 +241,7 @@ UNPLUGGED = '[[simulation.fault]]\nkind = "unplugged"\ndevice = "counter1"\nat =
 
 
 def test_unplugged_device_ends_the_run_and_keeps_the_file(lab: Lab) -> None:
-    lab.write_rig(UNPLUGGED.format(1.0, 100.0))
+    lab.write_rig(UNPLUGGED.format(4.0, 100.0))
     lab.experiment(60)
     recorder = lab.record()
     out, err = recorder.communicate(timeout=60)
@@ -251,12 +251,12 @@ def test_unplugged_device_ends_the_run_and_keeps_the_file(lab: Lab) -> None:
     assert "counter1" in err
     assert result["ending"]["reason"] == "device_lost"
     recording = open_recording(lab.folder / "run.mcap")
-    assert 800 < len(recording) == result["rows"] < 1100
+    assert 3800 < len(recording) == result["rows"] < 4100
     assert recording.ledger.balanced
 
 
 def test_daemon_survives_an_unplugged_device_and_takes_it_back(lab: Lab) -> None:
-    lab.write_rig(UNPLUGGED.format(1.0, 1.5))
+    lab.write_rig(UNPLUGGED.format(4.0, 4.5))
     lab.experiment(60)
     lab.daemon()
     with lab.session() as session:
