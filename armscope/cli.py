@@ -30,6 +30,7 @@ COMMANDS: dict[str, str] = {
     "simulate": "the model run on an experiment, or on the demands of a recording",
     "identify": "parameters of an arm from recordings, with their uncertainty and held-out error",
     "calibrate": "kinematic parameters from the tracker, the poses to measure, and corrected targets",
+    "demo": "the whole experience without hardware: record a simulated Puma, identify it, look at it",
 }
 """Command -> one line of help, in the order in which they are listed."""
 
