@@ -111,7 +111,8 @@ class Run:
             phi = sine_encoder.phase(self._electronics.encoder, first.motor[0])
             quiet = np.zeros_like(phi)
             self._after = [
-                sine_encoder.bounds(line, phi, *sine_encoder.switching(line, quiet))[0] for line in self._lines
+                sine_encoder.bounds(*sine_encoder.place(line, phi), *sine_encoder.switching(line, quiet))[0]
+                for line in self._lines
             ]
         self._keep(first)
 
@@ -132,7 +133,10 @@ class Run:
         phi = sine_encoder.phase(self._electronics.encoder, self._hermite(self._motor, self._rate, at))
         noises = noise.normals(self._encoder_noise, slot[:, None], 2)
         a, b = (
-            np.clip(history[slot], *sine_encoder.bounds(line, phi, *sine_encoder.switching(line, its_noise)))
+            np.clip(
+                history[slot],
+                *sine_encoder.bounds(*sine_encoder.place(line, phi), *sine_encoder.switching(line, its_noise)),
+            )
             for line, its_noise, history in zip(self._lines, noises, self._passed)
         )
         return a, b
@@ -226,7 +230,9 @@ class Run:
         after = []
         for k, (line, its_noise) in enumerate(zip(self._lines, noises)):
             thresholds = sine_encoder.switching(line, its_noise)
-            bounds = zip(*(sine_encoder.bounds(line, phases, *thresholds) for phases in (phi[:-1], phi[1:])))
+            before, within = sine_encoder.place(line, phi)
+            ends_of_slots = ((before[:-1], within[:-1]), (before[1:], within[1:]))
+            bounds = zip(*(sine_encoder.bounds(*end, *thresholds) for end in ends_of_slots))
             lowest, highest = (np.stack(pair, axis=1).reshape(-1, phi.shape[1]) for pair in bounds)
             passed = sine_encoder.follow(lowest, highest, self._after[k])
             self._passed[k].append(passed[0::2])

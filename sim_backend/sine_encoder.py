@@ -116,12 +116,18 @@ def switching(line: Line, noise: Array) -> tuple[Array, Array]:
     return np.arcsin(line.hysteresis - level), np.arcsin(-line.hysteresis - level)
 
 
-def bounds(line: Line, phi: Array, rise: Array, fall: Array) -> tuple[Counts, Counts]:
-    """lowest and highest (see above), (..., n) int64, at encoder phases phi (..., n) with the thresholds of ``switching``."""
+def place(line: Line, phi: Array) -> tuple[Counts, Array]:
+    """Where encoder phases phi (..., n) lie on a line: number of the edge before the period's rise, and rad from the period's zero.
+
+    Periods are cut a quarter before their zero, so that each holds one rise (near 0) and one fall (near pi).
+    """
     own = phi + line.shift
     period = np.floor(own * (0.5 / np.pi) + 0.25)
-    within = own - 2.0 * np.pi * period  # -pi/2 ... 3 pi/2: one rise near 0 and one fall near pi
-    before = (2 * period - 1).astype(np.int64)
+    return (2 * period - 1).astype(np.int64), own - 2.0 * np.pi * period
+
+
+def bounds(before: Counts, within: Array, rise: Array, fall: Array) -> tuple[Counts, Counts]:
+    """lowest and highest (see above), (..., n) int64, at the places of ``place`` with the thresholds of ``switching``."""
     lowest = before + (within >= rise) + (within >= np.pi - fall)
     highest = before + (within >= fall) + (within >= np.pi - rise)
     return lowest, highest

@@ -59,12 +59,12 @@ class World:
         self.line: TriggerLine | None = None
         self.start_ns: int | None = None  # when the start line rose; None while it is low
         self._lock = threading.RLock()
-        self._electronics = electronics_of(settings, plant.encoder_lines)
+        self.electronics = electronics_of(settings, plant.encoder_lines)
         self._pulses: Callable[[int], TriggerLine] | None = None
         self._waiting: Mover | None = None
         self._watchers: list[Callable[[], None]] = []
         self._epoch = self._woken = clock.monotonic_ns()
-        self._run = Run(plant.standing(plant.rest), self._electronics)
+        self._run = Run(plant.standing(plant.rest), self.electronics)
         self._earlier: tuple[int, Run] = (self._epoch, self._run)
 
     def now(self) -> int:
@@ -170,7 +170,7 @@ class World:
     def _replace(self, mover: Mover, now: int) -> None:
         with self._lock:
             self._earlier = (self._epoch, self._run)
-            self._run = Run(mover, self._electronics, (self._run, now - self._epoch))
+            self._run = Run(mover, self.electronics, (self._run, now - self._epoch))
             self._epoch = now
             self._waiting = None
             self.changed()

@@ -36,7 +36,7 @@ def _passed(encoder: SineEncoder, angle: NDArray, noises: tuple[NDArray, NDArray
     phi = sine_encoder.phase(encoder, angle)
     passed = []
     for line, its_noise in zip(sine_encoder.lines_of(encoder), noises):
-        lowest, highest = sine_encoder.bounds(line, phi, *sine_encoder.switching(line, its_noise))
+        lowest, highest = sine_encoder.bounds(*sine_encoder.place(line, phi), *sine_encoder.switching(line, its_noise))
         passed.append(sine_encoder.follow(lowest, highest, lowest[0]))
     return passed
 
