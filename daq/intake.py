@@ -109,7 +109,9 @@ class Intake:
         bench, device = self.bench, self.bench.devices[name]
         period = 1.0 / self.plan.rate
         polled = isinstance(device, Polled) and (self.plan.source is EdgeSource.POLL or not isinstance(device, Latched))
-        stream = Stream(name, bench.columns, period * 1e9, polled=polled, presets=bench.presets.get(name, {}))
+        # A tracker cannot be triggered: unless it makes the trigger itself, its points are joined by their time.
+        by_time = polled or (isinstance(device, PositionTracker) and self.plan.source is not EdgeSource.TRACKER)
+        stream = Stream(name, bench.columns, period * 1e9, polled=by_time, presets=bench.presets.get(name, {}))
         if polled:
             ceiling = bench.identities[name].max_rate or self.plan.rate
             self.pollers[name] = Poller(cast(PolledDevice, device), bench.clock, max(period, 1.0 / ceiling))
