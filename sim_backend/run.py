@@ -51,12 +51,13 @@ class Mover(Protocol):
     ``advance`` gives the next rows, the first one at the epoch, ``CHUNK_ROWS`` at a time; the same however often it is asked.
     ``state`` is all that ``restore`` needs to go on from here once more. ``stop`` slows the motion down from
     ``at`` s on, or as soon after as it can, which it returns. Between rows currents go exponentially, with time constant ``current_lag``
-    s, towards a command that is constant there (inf: they are linear).
+    s, towards a command that is constant there (inf: they are linear). ``current_delay`` s: how late the transducers show them.
     """
 
     step_ns: int
     still_from: float
     current_lag: float
+    current_delay: float
 
     def advance(self) -> Steps: ...
     def state(self) -> object: ...
@@ -143,9 +144,10 @@ class Run:
 
     def transducer_volts(self, at: Times) -> Array:
         """Outputs of the Hall transducers, (k, n) V, at times (k,), or (k, n) where each joint has its own."""
-        self._extend(at)
         at = at if at.ndim == 2 else at[:, None]
-        before, part = self._between(at)
+        shown = np.maximum(at - round(self.mover.current_delay * 1e9), 0)
+        self._extend(shown)
+        before, part = self._between(shown)
         if np.isfinite(self.mover.current_lag):
             steepness = -self.mover.step_ns * 1e-9 / max(self.mover.current_lag, 1e-9)
             part = np.expm1(part * steepness) / np.expm1(steepness)

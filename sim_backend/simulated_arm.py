@@ -6,8 +6,6 @@ own model does not know; its servos do not know it either: a controller is tuned
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,93 +17,13 @@ from arm_model.effects import check_terms, described
 from arm_model.inertia import about_com, barycentric
 from arm_model.kinematics import link_frames
 from arm_model.servo import fixed_gains
-from arm_model.simulation import Stepper, references
 from experiment import Experiment, demand_of
 from experiment.file import Payload
 from inputs import InputError
-from sim_backend.run import CHUNK_ROWS, Mover, Steps
-from sim_backend.stopping import StoppedDemand
+from sim_backend.arm_motion import Instruments, Servoed, Standing
+from sim_backend.run import Mover
 
 Array = NDArray[np.float64]
-
-ROWS_PER_TICK = 4
-"""Rows of the motion in one servo period."""
-STANDING_STEP_NS = 218_750
-
-
-class Standing:
-    """sim_backend.run.Mover: brakes on, no current."""
-
-    step_ns = STANDING_STEP_NS
-    still_from = 0.0
-    current_lag = math.inf
-
-    def __init__(self, pose: Array, gear: Array) -> None:
-        self._steps = _still(pose, gear * pose)
-
-    def advance(self) -> Steps:
-        return self._steps
-
-    def state(self) -> object:
-        return None
-
-    def restore(self, state: object) -> None: ...
-
-    def stop(self, at: float) -> float:
-        return at
-
-
-class Servoed:
-    """sim_backend.run.Mover: follows a demand under the arm's servos until the brakes come on, ``hold`` s after its end.
-
-    Brakes come on between two chunks, at or after ``still_from``.
-    """
-
-    def __init__(self, arm: Arm, experiment: Experiment, hold: float) -> None:
-        self._arm, self._hold = arm, hold
-        self._deceleration = np.array(experiment.full_acceleration)
-        self._asked = demand_of(experiment)
-        self._demand: Callable[[Array], Array] = self._asked
-        self._stepper = Stepper(arm, np.array(experiment.start))
-        self._gear = arm.joint_array("gear")
-        self._last: Steps | None = None
-        self.step_ns = round(self._stepper.period * 1e9 / ROWS_PER_TICK)
-        self.still_from = self._asked.duration + hold
-        assert arm.controller is not None
-        self.current_lag = arm.controller.current_lag
-
-    def advance(self) -> Steps:
-        first, ticks = self._stepper.tick, CHUNK_ROWS // ROWS_PER_TICK
-        if self._last is not None and first * self._stepper.period >= self.still_from:
-            return _still(self._last.q[-1], self._last.motor[-1])
-        demands = references(self._arm, self._demand, first, ticks)
-        rows = np.arange(first * ROWS_PER_TICK, first * ROWS_PER_TICK + CHUNK_ROWS, dtype=np.float64)
-        times = rows * (self._stepper.period / ROWS_PER_TICK)
-        motion = self._stepper.advance(demands, times)
-        self._last = Steps(
-            q=motion.q,
-            qd=motion.qd,
-            motor=self._gear * motion.qm,
-            motor_rate=self._gear * motion.qmd,
-            current=np.sign(self._gear) * motion.current,
-        )
-        return self._last
-
-    def state(self) -> object:
-        return self._stepper.copy(), self._last
-
-    def restore(self, state: object) -> None:
-        assert isinstance(state, tuple)
-        self._stepper, self._last = state
-
-    def stop(self, at: float) -> float:
-        """From the next setpoint on: the one under way has been sent."""
-        assert self._arm.controller is not None
-        period = self._arm.controller.setpoint_period
-        begin = math.ceil(at / period - 1e-9) * period
-        stopped = StoppedDemand(self._asked, begin, self._deceleration)
-        self._demand, self.still_from = stopped, min(self.still_from, stopped.duration + self._hold)
-        return begin
 
 
 class SimulatedArm:
@@ -115,11 +33,10 @@ class SimulatedArm:
         self.arm, self._hold = arm, hold
         self.encoder_lines = arm.joint_array("encoder_lines")
         self.rest = np.zeros(len(arm))
-        self._gear = arm.joint_array("gear")
         self._described = described(arm)
 
     def standing(self, pose: Array) -> Mover:
-        return Standing(pose, self._gear)
+        return Standing(self.arm, pose, pose)
 
     def loadable(self, experiment: Experiment) -> str:
         if len(experiment.start) != len(self.arm):
@@ -136,7 +53,7 @@ class SimulatedArm:
 
     def moving(self, experiment: Experiment) -> Mover:
         if experiment.setup.drives_off:
-            return Standing(np.array(experiment.start), self._gear)
+            return Standing(self.arm, np.array(experiment.start), np.array(experiment.start))
         arm = self.arm if experiment.setup.payload is None else with_payload(self.arm, experiment.setup.payload)
         return Servoed(arm, experiment, self._hold)
 
@@ -152,6 +69,7 @@ def read_arm(path: Path, known: Path | None, hold: float) -> SimulatedArm:
     """
     arm = read_model(path)
     check_terms(arm, path)
+    Instruments(arm)  # refuses what cannot be simulated
     if arm.controller is None:
         raise InputError(path, "has no [controller]; an arm that is to move wants one")
     for number, joint in enumerate(arm.joints, 1):
@@ -170,10 +88,3 @@ def with_payload(arm: Arm, payload: Payload) -> Arm:
     mass, com, (xx, yy, zz, xy, yz, xz) = about_com(together)
     loaded = replace(last, mass=mass, com=com, inertia=(xx, yy, zz, xy, yz, xz))
     return replace(arm, joints=(*arm.joints[:-1], loaded))
-
-
-def _still(q: Array, motor: Array) -> Steps:
-    """A chunk in which nothing moves and no current flows."""
-    rows = (CHUNK_ROWS, 1)
-    nothing = np.zeros((CHUNK_ROWS, len(q)))
-    return Steps(np.tile(q, rows), nothing, np.tile(motor, rows), nothing, nothing)

@@ -27,6 +27,7 @@ class Follower:
 
     step_ns = STEP_NS
     current_lag = np.inf
+    current_delay = 0.0
 
     def __init__(self, demand: Demand | StoppedDemand, deceleration: Array) -> None:
         self.demand, self.deceleration = demand, deceleration
