@@ -77,13 +77,13 @@ class Guard:
             if self.controller is not None:
                 self.controller.load(experiment)
 
-    def start(self) -> None:
-        """Starts the arm and raises the start line; from now on the watchdog wants ``feed``."""
+    def start(self, *, motion: bool) -> None:
+        """Starts the arm, if it has a ``motion``, and raises the start line; from now on the watchdog wants ``feed``."""
         with self._lock:
             self._refuse_if_tripped("the arm")
             self.feed()
             self._watch()
-            if self.controller is not None:
+            if motion and self.controller is not None:
                 self.controller.start()
             if START in self.rig.outputs:
                 self.set_line(START, True)

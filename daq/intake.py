@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import cast
 
 from daq.bench import Bench
 from daq.polling import PolledDevice, Poller, sleep_until
 from daq.streams import Stream
 from drivers.blocks import empty
-from drivers.shapes import EdgeSource, Latched, Plan, Polled, PositionTracker, TriggerInput
+from drivers.shapes import Block, EdgeSource, Latched, Plan, Polled, PositionTracker, TriggerInput
 from inputs import DeviceFault, InputError
 
 
@@ -33,6 +35,7 @@ class Intake:
             raise InputError(bench.rig.name, f"trigger.device: {bench.trigger.device} sees no edges and makes no rows")
         self.clock = streams.pop(bench.trigger.device)
         self.others = [stream for stream in streams.values() if stream is not self.recalled]
+        self._readers = {stream.name: self._reader(stream.name) for stream in self.streams}
 
     @property
     def streams(self) -> list[Stream]:
@@ -62,17 +65,21 @@ class Intake:
 
     def read(self, stream: Stream) -> None:
         """Takes what a device has made since the last time. Raises DeviceFault."""
-        device = self.bench.devices[stream.name]
-        if stream.name in self.pollers:
-            block = self.pollers[stream.name].read()
-            if block is not None:
-                stream.push(block)
-        elif isinstance(device, Latched):
-            stream.push(device.read())
-            if stream is self.clock and isinstance(device, TriggerInput):
-                device.read_edges()  # its rows say the same and more; the driver's list must not grow
-        elif isinstance(device, TriggerInput):
-            stream.push(device.read_edges())
+        block = self._readers[stream.name]()
+        if block is not None:
+            stream.push(block)
+
+    def _reader(self, name: str) -> Callable[[], Block | None]:
+        """How a device is read; looked up once, for asking an object for its shape is slow."""
+        device = self.bench.devices[name]
+        if name in self.pollers:
+            return self.pollers[name].read
+        if isinstance(device, Latched):
+            if name == self.bench.trigger.device and isinstance(device, TriggerInput):
+                return partial(_rows_of_clock, device, device)
+            return device.read
+        assert isinstance(device, TriggerInput)
+        return device.read_edges
 
     def sleep(self) -> None:
         """Until the next reading is due."""
@@ -111,7 +118,7 @@ class Intake:
         polled = isinstance(device, Polled) and (self.plan.source is EdgeSource.POLL or not isinstance(device, Latched))
         # A tracker cannot be triggered: unless it makes the trigger itself, its points are joined by their time.
         by_time = polled or (isinstance(device, PositionTracker) and self.plan.source is not EdgeSource.TRACKER)
-        stream = Stream(name, bench.columns, period * 1e9, polled=by_time, presets=bench.presets.get(name, {}))
+        stream = Stream(name, bench.columns, period * 1e9, by_time=by_time, presets=bench.presets.get(name, {}))
         if polled:
             ceiling = bench.identities[name].max_rate or self.plan.rate
             self.pollers[name] = Poller(cast(PolledDevice, device), bench.clock, max(period, 1.0 / ceiling))
@@ -122,3 +129,9 @@ class Intake:
             self.recalled = stream
             return stream
         return stream if name == bench.trigger.device and isinstance(device, TriggerInput) else None
+
+
+def _rows_of_clock(rows: Latched, edges: TriggerInput) -> Block:
+    """The rows say the same as the edges and more; the driver's list of edges must not grow."""
+    edges.read_edges()
+    return rows.read()

@@ -69,7 +69,7 @@ class Join:
         self._account_for_losses(horizon, present)
         self.next = horizon + 1
         for stream in (self.clock, *self.others):
-            if not stream.polled or stream is self.clock:
+            if not stream.by_time or stream is self.clock:
                 stream.drop_through(horizon)
             elif rows is not None:
                 stream.drop_before(int(rows.host[-1]))
@@ -85,7 +85,7 @@ class Join:
         if before:
             first = int(clock.ready["index"][before - 1]) + 1
             for stream in (clock, *self.others):
-                if not stream.polled:
+                if not stream.by_time:
                     stream.move(-first)
 
     def _horizon(self) -> int:
@@ -96,14 +96,14 @@ class Join:
                 continue
             if stream.required:
                 horizon = min(horizon, stream.newest)
-            elif not stream.polled:  # a tracker
+            elif not stream.by_time:  # a tracker
                 horizon = min(horizon, max(stream.newest, self.clock.newest - self.patience))
             elif self.clock.ready is not None:
-                horizon = min(horizon, self._polled_horizon(stream))
+                horizon = min(horizon, self._horizon_by_time(stream))
         return horizon
 
-    def _polled_horizon(self, stream: Stream) -> int:
-        """The last trigger before the newest poll; a poll that takes long is not waited for longer than the patience."""
+    def _horizon_by_time(self, stream: Stream) -> int:
+        """The last trigger before the newest row; one that takes long is not waited for longer than the patience."""
         assert self.clock.ready is not None
         index = self.clock.ready["index"]
         passed = 0 if stream.ready is None else int(np.searchsorted(self.clock.ready["host"], stream.ready["host"][-1]))
@@ -117,7 +117,7 @@ class Join:
         """
         clock = self.clock
         for stream in self.others:
-            if stream.name in self._aligned or stream.ready is None or clock.ready is None or stream.polled:
+            if stream.name in self._aligned or stream.ready is None or clock.ready is None or stream.by_time:
                 continue
             self._aligned.add(stream.name)
             if self.period_ns / 2 <= STAMP_BIAS_NS or not (_even(stream.ready) and _even(clock.ready)):
@@ -136,7 +136,7 @@ class Join:
         complete: Bools = table["index"] >= self.next
         places = {}
         for stream in self.others:
-            if not stream.polled:
+            if not stream.by_time:
                 places[stream.name], there = _find(stream, table["index"])
                 if stream.required:
                     complete &= there
@@ -160,9 +160,10 @@ class Join:
                 rows, place, doubt = table, np.arange(n), np.zeros(n, np.uint8)
             elif stream.ready is None:
                 continue
-            elif stream.polled:
+            elif stream.by_time:
                 rows = stream.ready
-                place, doubt = _nearest(rows["host"], table["host"], stream.served)
+                place, first = nearest(rows["host"], table["host"], stream.served)
+                doubt = np.where(first, 0, stream.repeat).astype(np.uint8)
                 stream.served = int(rows["host"][place[-1]])
             else:
                 rows, place = stream.ready, places[stream.name]
@@ -216,21 +217,20 @@ def _find(stream: Stream, index: NDArray[np.int64]) -> tuple[NDArray[np.int64], 
     return place, have[place] == index
 
 
-def _nearest(
-    polled: NDArray[np.int64], host: NDArray[np.int64], served: int
-) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-    """Places of the polls nearest in time to triggers; STALE where a poll serves again, for a trigger further from it."""
-    after = np.searchsorted(polled, host)
-    before, after = np.maximum(after - 1, 0), np.minimum(after, len(polled) - 1)
-    place = np.where(np.abs(polled[after] - host) < np.abs(host - polled[before]), after, before)
-    away = np.abs(polled[place] - host)
-    order = np.lexsort((away, place))
-    first = np.ones(len(order), bool)
-    first[1:] = place[order][1:] != place[order][:-1]
-    doubt = np.full(len(host), int(Quality.STALE), np.uint8)
-    doubt[order[first]] = Quality.GOOD
-    doubt[polled[place] <= served] = Quality.STALE
-    return place, doubt
+def nearest(rows: NDArray[np.int64], triggers: NDArray[np.int64], served: int = -1) -> tuple[NDArray[np.int64], Bools]:
+    """Places of the rows (host ns) nearest in time to triggers (host ns), both increasing; and for which trigger each is the nearest.
+
+    served  rows up to this time have served an earlier trigger already
+    """
+    after = np.searchsorted(rows, triggers)
+    before, after = np.maximum(after - 1, 0), np.minimum(after, len(rows) - 1)
+    place = np.where(np.abs(rows[after] - triggers) < np.abs(triggers - rows[before]), after, before)
+    order = np.lexsort((np.abs(rows[place] - triggers), place))
+    best = np.ones(len(order), bool)
+    best[1:] = place[order][1:] != place[order][:-1]
+    first = np.zeros(len(triggers), bool)
+    first[order[best]] = True
+    return place, first & (rows[place] > served)
 
 
 def _even(table: Table) -> bool:

@@ -8,24 +8,28 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from daq.join import nearest
 from daq.rows import Rows
-from drivers.shapes import Block, Quality
+from drivers.shapes import Block, EdgeSource, Plan, Quality
 from drivers.tracker_merge import align
 
 
-def merge_points(held: list[Rows], memory: Block, period: float, notes: list[str]) -> Iterator[Rows]:
+def merge_points(held: list[Rows], memory: Block, plan: Plan, notes: list[str]) -> Iterator[Rows]:
     """The rows of a run with the points of their triggers.
 
     held    all rows of the run, in order
     memory  what the tracker recalled
-    period  s between triggers
+    plan    whether the tracker was the clock, and the rate
     notes   is told how the two were laid over each other, where that is not plain
     """
     if not held:
         return
     number = np.concatenate([rows.number for rows in held])
     host = np.concatenate([rows.host_ns for rows in held])
-    frame = _frames(number, host, memory, period, notes)
+    if plan.source is EdgeSource.TRACKER:
+        frame = _frames(number, host, memory, 1.0 / plan.rate, notes)
+    else:
+        frame = _frames_by_time(host, memory, notes)
     begin = 0
     for rows in held:
         mine = frame[begin : begin + len(rows)]
@@ -62,3 +66,12 @@ def _frames(
         return np.full(len(number), -1, np.int64)
     place = np.minimum(np.searchsorted(memory.number, number), len(memory) - 1)
     return np.where(memory.number[place] == number, place, -1)
+
+
+def _frames_by_time(host: NDArray[np.int64], memory: Block, notes: list[str]) -> NDArray[np.int64]:
+    """Likewise for a tracker that samples on its own time: each point belongs to the row nearest to it."""
+    if len(memory) < 2 or memory.host[-1] <= memory.host[0]:
+        notes.append("tracker: its points have no time of the host's and were left out")
+        return np.full(len(host), -1, np.int64)
+    place, first = nearest(memory.host, host)
+    return np.where(first, place, -1)

@@ -109,7 +109,7 @@ class Acquisition:
         try:
             self._intake.arm_afresh()
             self._join.begin = clock.monotonic_ns()
-            self.bench.guard.start()
+            self.bench.guard.start(motion=self.experiment is not None)
         except BaseException as error:
             self._end(Ending(End.DEVICE_LOST, str(error)))
             raise
@@ -184,7 +184,7 @@ class Acquisition:
         yield from self._finished(self._join.take(last))
         if self._intake.recalled is not None:
             tracker = cast(PositionTracker, self.bench.devices[self._intake.recalled.name])
-            yield from merge_points(self._held, tracker.recall(), 1.0 / self.plan.rate, self.notes)
+            yield from merge_points(self._held, tracker.recall(), self.plan, self.notes)
         self._note_oddities()
         self._end(ending)
 
@@ -208,7 +208,7 @@ class Acquisition:
 
     def _calibrated(self, joined: Joined) -> Rows:
         host: NDArray[np.int64] = joined.host
-        if self._clock.indexer.regular is False and not self._clock.polled:
+        if self._clock.indexer.regular is False and not self._clock.by_time:
             host = self._arrivals.times(joined.number, host)
         demand = None
         if self.experiment is not None and self.bench.guard.controller is not None:
@@ -294,7 +294,7 @@ class Acquisition:
         for stream in self._intake.streams:
             if stream.indexer.extra:
                 self.notes.append(f"{stream.name}: {stream.indexer.extra} edges on its trigger input were none")
-            if stream.indexer.regular is False and not stream.polled:
+            if stream.indexer.regular is False and not stream.by_time:
                 self.notes.append(f"{stream.name}: its time stamps are too uneven to show a missed edge")
         if self._clock.newest > 20 and abs(self._pace_ns * self.plan.rate * 1e-9 - 1) > RATE_TOLERANCE:
             self.notes.append(f"triggers came at {1e9 / self._pace_ns:.4g}/s where {self.plan.rate:g}/s were expected")

@@ -22,15 +22,18 @@ class Stream:
     name      of the device
     columns   value -> columns of the joined rows that this device fills
     quality   columns of the joined quality that it fills
-    required  a trigger without a row of this device is lost; a tracker's missing point is a value missing, and a polled device
-              has no rows of its own triggers: the nearest in time is taken
-    polled    joined by time; ``served`` is the host time of the newest poll that has served a trigger
+    required  a trigger without a row of this device is lost; a tracker's missing point is a value missing
+    by_time   the device makes rows on its own time: the nearest serves a trigger. Other triggers that it is the nearest to get it
+              too, marked STALE, but for a tracker's point, which is MISSING there
+    served    host time of the newest row that has served a trigger by time
     presets   channel -> count that its register was set to, where it was
     """
 
-    def __init__(self, name: str, columns: Columns, period_ns: float, *, polled: bool, presets: dict[int, int]) -> None:
+    def __init__(
+        self, name: str, columns: Columns, period_ns: float, *, by_time: bool, presets: dict[int, int]
+    ) -> None:
         self.name = name
-        self.polled = polled
+        self.by_time = by_time
         counters = [i for i, (owner, _) in enumerate(columns.counters) if owner == name]
         inputs = [i for i, (owner, _) in enumerate(columns.inputs) if owner == name]
         points = [0, 1, 2] if columns.tracker == name else []
@@ -38,11 +41,12 @@ class Stream:
         first_input = len(columns.counters)
         last = first_input + len(columns.inputs)
         self.quality = np.array(counters + [first_input + i for i in inputs] + [last] * bool(points), int)
-        self.required = not self.polled and bool(counters or inputs)
+        self.required = not by_time and bool(counters or inputs)
         self.indexer = Indexer(period_ns)
         self.newest = -1  # index of the newest row that was indexed
         self.rows = 0
         self.served = -1
+        self.repeat = Quality.MISSING if points else Quality.STALE
         self.pairs: list[tuple[int, int]] = []  # tick and host time, one a block, for the fit of the clocks
         self._widths = [columns.widths[i] for i in counters]
         self._last: list[int | None] = [presets.get(columns.counters[i][1]) for i in counters]
@@ -61,7 +65,7 @@ class Stream:
             return
         if self.indexer.regular is None and self.indexer.numbered:
             self.indexer.numbered = bool(waiting["number"][0] >= 0)
-        if self.polled:
+        if self.by_time:
             index, keep = waiting["number"], np.ones(len(waiting["number"]), bool)
         else:
             index, keep = self.indexer.index(waiting["number"], waiting["host"], waiting["tick"], final)
@@ -92,7 +96,7 @@ class Stream:
             self.ready = cut(self.ready, start, None) if start < len(self.ready["index"]) else None
 
     def drop_before(self, host: int) -> None:
-        """Of a polled device: forgets what is older than the newest row before this time."""
+        """Of a device on its own time: forgets what is older than the newest row before this time."""
         if self.ready is not None:
             start = max(int(np.searchsorted(self.ready["host"], host)) - 1, 0)
             self.ready = cut(self.ready, start, None)
