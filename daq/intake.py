@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import cast
 
@@ -45,7 +47,20 @@ class Intake:
     def arm(self) -> None:
         """Arms every device, the clock last: nobody may miss its first edge."""
         for name in sorted(self.bench.devices, key=lambda name: name == self.clock.name):
-            self.bench.devices[name].arm(self.plan)
+            self.bench.devices[name].arm(self._plan_of(name))
+
+    def _plan_of(self, name: str) -> Plan:
+        """What is asked of one device: those on their own time go at their own rate."""
+        device, rate = self.bench.devices[name], self.plan.rate
+        if name in self.pollers:
+            rate = min(rate, 1e9 / self.pollers[name].period_ns)
+        elif isinstance(device, PositionTracker) and self.plan.source is not EdgeSource.TRACKER:
+            rate = device.rate
+        else:
+            return self.plan
+        rows = None if self.plan.rows is None else math.ceil(self.plan.rows * rate / self.plan.rate)
+        source = EdgeSource.POLL if name in self.pollers else self.plan.source
+        return replace(self.plan, source=source, rate=rate, rows=rows)
 
     def arm_afresh(self) -> None:
         """Just before the start: where edges come already (a free-running line), all numbering begins anew."""

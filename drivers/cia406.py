@@ -15,6 +15,7 @@ from drivers import cia406_protocol as cia
 from drivers.blocks import missing_row, one_row
 from drivers.can_bus import CanBus, CanConfig, frame_bits, shared_bus
 from drivers.clock import SystemClock
+from drivers.counting import check_channel
 from drivers.reconnect import Reconnect
 from drivers.registry import World
 from drivers.shapes import Block, CounterMode, HostClock, Identity, Plan, Quality
@@ -215,6 +216,7 @@ class Cia406Encoders:
         return True
 
     def configure(self, channel: int, mode: CounterMode) -> None:
+        check_channel(self.name, channel, len(self.width))
         if mode != CounterMode.X4:
             raise self._fault(
                 f"has no quadrature lines: its position counts in its own units; {mode} means nothing here"
@@ -222,6 +224,7 @@ class Cia406Encoders:
 
     def preset(self, channel: int, value: int) -> None:
         """Writes 6003h: the encoder shows ``value`` where it now stands, and keeps that for good."""
+        check_channel(self.name, channel, len(self.width))
         try:
             self._download(self.config.nodes[channel], cia.PRESET, 0, value & ((1 << self.config.bits) - 1), 4)
         except OSError as error:

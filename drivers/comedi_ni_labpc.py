@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from drivers.blocks import join
 from drivers.clock import SystemClock
+from drivers.counting import check_channel
 from drivers.registry import World
 from drivers.shapes import Block, EdgeSource, HostClock, Identity, Plan, Quality
 from inputs import DeviceFault
@@ -192,6 +193,7 @@ class NiLabPc:
             raise self._fault(f"line {line} cannot be switched")
 
     def write_volts(self, channel: int, volts: float) -> None:
+        check_channel(self.name, channel, len(self.output_range))
         low, high = self.output_range[channel]
         if not low <= volts <= high:
             raise self._fault(f"output {channel}: {volts:g} V asked, {low:g} to {high:g} V possible")

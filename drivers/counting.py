@@ -1,9 +1,11 @@
-"""Counts of a register of finite width, extended to 64 bit."""
+"""Counter channels: which there are, and counts of a register of finite width, extended to 64 bit."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from inputs import DeviceFault
 
 
 def extend(raw: NDArray[np.int64], width: int, last: int) -> NDArray[np.int64]:
@@ -22,3 +24,10 @@ def extend(raw: NDArray[np.int64], width: int, last: int) -> NDArray[np.int64]:
     mask = (np.int64(1) << width) - 1
     steps = np.diff(raw, prepend=np.int64(last))
     return last + np.cumsum(((steps + half) & mask) - half)
+
+
+def check_channel(device: str, channel: int, channels: int) -> None:
+    """DeviceFault where a device has no such channel."""
+    if not 0 <= channel < channels:
+        has = f"0 to {channels - 1}" if channels > 1 else "only 0"
+        raise DeviceFault(device, f"has no channel {channel}; it has {has}")

@@ -22,7 +22,7 @@ from drivers import labjack_t7_protocol as t7
 from drivers import labjack_t7_setup as setup
 from drivers.blocks import join
 from drivers.clock import SystemClock
-from drivers.counting import extend
+from drivers.counting import check_channel, extend
 from drivers.labjack_t7_link import T7Link
 from drivers.modbus_tcp import FrameError
 from drivers.reconnect import Reconnect
@@ -276,12 +276,14 @@ class LabJackT7:
     # -- counters and outputs -----------------------------------------------------------------------------------------
 
     def configure(self, channel: int, mode: CounterMode) -> None:
+        check_channel(self.name, channel, len(self.width))
         if mode != CounterMode.X4:
             raise self._fault(f"counts x4 only; {mode} asked: write x4 for this encoder")
         self._guarded(lambda: setup.start_counter(self._link, self.config.counters[channel]))
         self._preset[channel] = 0
 
     def preset(self, channel: int, value: int) -> None:
+        check_channel(self.name, channel, len(self.width))
         line = self.config.counters[channel]
         self._guarded(lambda: self._link.read_uint(t7.EF_READ_A + CLEAR_OFFSET + 2 * line))
         self._preset[channel] = value
@@ -298,6 +300,7 @@ class LabJackT7:
         self._guarded(lambda: self._link.write_word(t7.DIO + self.config.lines[line], int(high)))
 
     def write_volts(self, channel: int, volts: float) -> None:
+        check_channel(self.name, channel, len(self.output_range))
         low, high = self.output_range[channel]
         if not low <= volts <= high:
             raise self._fault(f"DAC{channel}: {volts:g} V asked, {low:g} to {high:g} V possible")

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from drivers.blocks import missing_row, one_row
 from drivers.clock import SystemClock
+from drivers.counting import check_channel
 from drivers.reconnect import Reconnect
 from drivers.registry import World
 from drivers.shapes import Block, CounterMode, HostClock, Identity, Plan, Quality
@@ -61,13 +62,14 @@ class LinuxCounter:
                 self.configure(channel, CounterMode.X4)
             self._open_files()
             skew, row = self._trial()
+            self._fastest = 1.0 / row
         except OSError as error:
             self.close()
             raise self._fault(f"{error}; is the counter's kernel module loaded?") from None
         return Identity(
             maker="Linux counter subsystem",
             model=model,
-            max_rate=1.0 / row,
+            max_rate=self._fastest,
             channel_skew=skew,
             bits=self.config.bits,
             details={"sysfs": str(self._folder)},
@@ -103,6 +105,10 @@ class LinuxCounter:
     def arm(self, plan: Plan) -> None:
         if not self._files:
             raise self._fault("is not open")
+        if plan.rate > self._fastest:
+            raise self._fault(
+                f"{plan.rate:g} rows/s asked, {self._fastest:.0f} possible, as measured when it was opened"
+            )
         self._reset = [False] * len(self._files)
         self._reconnect = self._new_reconnect()
 
@@ -145,6 +151,7 @@ class LinuxCounter:
         return True
 
     def configure(self, channel: int, mode: CounterMode) -> None:
+        check_channel(self.name, channel, len(self.width))
         number = self.config.counts[channel]
         try:
             self._write(number, "enable", "0")
@@ -156,6 +163,7 @@ class LinuxCounter:
             raise self._fault(f"{error}; can count{number} do {FUNCTIONS[mode]!r}?") from None
 
     def preset(self, channel: int, value: int) -> None:
+        check_channel(self.name, channel, len(self.width))
         try:
             self._write(self.config.counts[channel], "count", str(value & ((1 << self.width[channel]) - 1)))
         except OSError as error:
@@ -163,6 +171,7 @@ class LinuxCounter:
 
     def index_enable(self, channel: int) -> None:
         """Arms a load of ``preset`` (set to 0) at the next index pulse, where the counter has it."""
+        check_channel(self.name, channel, len(self.width))
         number = self.config.counts[channel]
         try:
             self._write(number, "preset", "0")

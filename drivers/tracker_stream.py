@@ -106,6 +106,8 @@ class TrackerStream:
         return []
 
     def arm(self, plan: Plan) -> None:
+        if self._socket is None and not self._serial.is_open:
+            raise self._fault("is not open")
         if plan.rate > self.config.max_rate:
             raise self._fault(f"{plan.rate:g} samples/s asked, the tracker does at most {self.config.max_rate:g}")
         if plan.rows is not None and plan.rows > self.memory:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from drivers import us_digital_ad4b_protocol as ad4b
 from drivers.blocks import missing_row, one_row
 from drivers.clock import SystemClock
+from drivers.counting import check_channel
 from drivers.reconnect import Reconnect
 from drivers.registry import World
 from drivers.serial_port import SerialPort
@@ -74,6 +75,8 @@ class Ad4b:
         return problems
 
     def arm(self, plan: Plan) -> None:
+        if not self._port.is_open:
+            raise self._fault("is not open")
         if plan.rate > ad4b.RATE:
             raise self._fault(f"{plan.rate:g} rows/s asked, {ad4b.RATE:.0f} possible at {ad4b.BAUD} baud")
         self._was_reset = False
@@ -98,12 +101,14 @@ class Ad4b:
         return one_row(latch, [(count + self._added) & 0xFFFFFF], quality=[int(quality)])
 
     def configure(self, channel: int, mode: CounterMode) -> None:
+        check_channel(self.name, channel, len(self.width))
         self._mode = mode
         self._guarded(self._initialise)
 
     def preset(self, channel: int, value: int) -> None:
         """Reads the counter; the driver adds what is missing to ``value`` from now on. (The document does not say which way
         round the bytes of its preset register are, nor when they reach the counter.)"""
+        check_channel(self.name, channel, len(self.width))
         self._guarded(lambda: setattr(self, "_added", value - self._position()))
 
     def index_enable(self, channel: int) -> None:

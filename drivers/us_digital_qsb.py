@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from drivers import us_digital_qsb_protocol as qsb
 from drivers.blocks import missing_row, one_row
 from drivers.clock import SystemClock
+from drivers.counting import check_channel
 from drivers.reconnect import Reconnect
 from drivers.registry import World
 from drivers.serial_port import SerialPort
@@ -177,6 +178,7 @@ class Qsb:
         return True
 
     def configure(self, channel: int, mode: CounterMode) -> None:
+        check_channel(self.name, channel, len(self.width))
         self._mode = mode
         self._guarded_mode()
         self._added = 0
@@ -193,6 +195,7 @@ class Qsb:
 
     def preset(self, channel: int, value: int) -> None:
         """Clears the counter; the driver adds ``value`` from now on."""
+        check_channel(self.name, channel, len(self.width))
         self._guarded_mode()
         self._added = value
 

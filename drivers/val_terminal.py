@@ -141,6 +141,8 @@ class ValTerminal:
             )
 
     def start(self) -> None:
+        if not self._steps:
+            raise self._fault("has no experiment: load one before starting")
         self._pending = list(self._steps)
         self._running = True
         self._wait_until = 0

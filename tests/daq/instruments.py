@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from drivers.clock import SystemClock
+from drivers.counting import check_channel
 from drivers.registry import World
 from drivers.shapes import Block, CounterMode, Device, HostClock, Identity, Plan, Quality
+from experiment import Demand, Experiment, demand_of
 from inputs import DeviceFault
 
 STEP = 3  # counts an edge on channel 0
@@ -123,6 +125,7 @@ class Card:
         return []
 
     def arm(self, plan: Plan) -> None:
+        refuse(self, plan)
         if self.slow:
             self.clock.sleep(0.023)
         self._reset()
@@ -140,6 +143,8 @@ class Card:
         self.opened = False
 
     def write_line(self, line: str, high: bool) -> None:
+        if line not in self.lines:
+            raise DeviceFault(self.name, f"has no line {line}")
         self.high[line] = high
         self.is_safe = False
         if line == "start" and high:
@@ -191,13 +196,16 @@ class Counter(Card):
         self.modes: dict[int, CounterMode] = {}
 
     def configure(self, channel: int, mode: CounterMode) -> None:
+        check_channel(self.name, channel, len(self.width))
         self.modes[channel] = mode
         self.presets[channel] = 0
 
     def preset(self, channel: int, value: int) -> None:
+        check_channel(self.name, channel, len(self.width))
         self.presets[channel] = value
 
-    def index_enable(self, channel: int) -> None: ...
+    def index_enable(self, channel: int) -> None:
+        check_channel(self.name, channel, len(self.width))
 
     def index_seen(self, channel: int) -> int | None:
         return None
@@ -228,6 +236,8 @@ class Analog(Card):
         del self.numbered, self.lines
 
     def write_volts(self, channel: int, volts: float) -> None:
+        if channel >= len(self.output_range) or not self.output_range[0][0] <= volts <= self.output_range[0][1]:
+            raise DeviceFault(self.name, f"has no output {channel} that gives {volts:g} V")
         self.output = volts
 
     def safe(self) -> None:
@@ -280,17 +290,20 @@ class Slow:
     def __init__(self, name: str, config: Config, world: World) -> None:
         self.name, self.config = name, config
         self.clock: HostClock = world.get("host_clock", SystemClock())
-        self.range_volts = ((-10.0, 10.0),) * config.channels
+        self.range_volts = ((-10.0, 1e6),) * config.channels
         self.bits = 16
         self.polls = 0
+        self.opened = False
 
     def open(self) -> Identity:
+        self.opened = True
         return Identity("armscope tests", "slow", max_rate=self.config.max_rate, bits=16)
 
     def check(self) -> list[str]:
         return []
 
     def arm(self, plan: Plan) -> None:
+        refuse(self, plan)
         self.polls = 0
 
     def disarm(self) -> None: ...
@@ -316,6 +329,7 @@ class Controller:
         self.clock: HostClock = world.get("host_clock", SystemClock())
         self.duration, self.begun, self.stopped = 0.0, 0, 0
         self.experiment: object = None
+        self.motion: Demand | None = None
 
     def open(self) -> Identity:
         return Identity("armscope tests", "controller")
@@ -330,14 +344,15 @@ class Controller:
     def close(self) -> None: ...
 
     def load(self, experiment: object) -> None:
-        from experiment import Experiment, demand_of
-
-        assert isinstance(experiment, Experiment)
+        if not isinstance(experiment, Experiment):
+            raise DeviceFault(self.name, "wants an Experiment")
         self.experiment = experiment
         self.motion = demand_of(experiment)
         self.duration = self.motion.duration
 
     def start(self) -> None:
+        if self.motion is None:
+            raise DeviceFault(self.name, "has no experiment")
         self.begun = self.clock.monotonic_ns()
 
     def stop(self) -> None:
@@ -347,7 +362,15 @@ class Controller:
         return self.clock.monotonic_ns() >= self.begun + self.duration * 1e9
 
     def demand(self, times: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        return self.motion(times)
+        return None if self.motion is None else self.motion(times)
+
+
+def refuse(device: Card | Slow, plan: Plan) -> None:
+    """What a device says that is closed, or asked for more than it can."""
+    if not device.opened:
+        raise DeviceFault(device.name, "is not open")
+    if device.config.max_rate is not None and plan.rate > device.config.max_rate:
+        raise DeviceFault(device.name, "cannot be that fast")
 
 
 def _empty() -> Block:

@@ -144,7 +144,9 @@ def life_cycle(specimen: Specimen) -> None:
         device.disarm()
     device.close()
     device.close()
-    assert device.open() == first, "another identity after it was closed and opened"
+    again = device.open()
+    for name in ("maker", "model", "serial", "firmware", "memory", "bits"):
+        assert getattr(again, name) == getattr(first, name), f"{name} is another one after it was closed and opened"
     device.close()
 
 

@@ -106,7 +106,8 @@ def comedi_ni_labpc(tmp: Path) -> Iterator[Specimen]:
     sys.modules["comedi"] = library
 
     def scans(seconds: float) -> None:
-        os.write(library.writing, b"\0\x04" * 4 * max(round(seconds * 1000), 1))
+        time.sleep(seconds)
+        os.write(library.writing, b"\0\x04" * 4 * round(seconds * 1000))
 
     try:
         yield Specimen(lambda: driver.make("card", driver.Config(inputs=4), {}), TIMER, 1000.0, wait=scans)
