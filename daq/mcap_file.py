@@ -90,7 +90,9 @@ class McapFile:
     _attachments: list[AttachmentIndex] = field(default_factory=list)
     _metadata: list[MetadataIndex] = field(default_factory=list)
     _counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
-    _compressor: zstandard.ZstdCompressor = field(default_factory=lambda: zstandard.ZstdCompressor(level=LEVEL))
+    _compressor: zstandard.ZstdCompressor = field(
+        default_factory=lambda: zstandard.ZstdCompressor(level=LEVEL, write_checksum=True)
+    )
 
     def begin(self, library: str, schemas: Sequence[Schema], channels: Sequence[Channel]) -> None:
         """The head: profile ros2, schemas and channels, ahead of everything else, and the progress."""
