@@ -18,10 +18,13 @@ from inputs import InputError
 
 Array = NDArray[np.float64]
 
+PAUSE = 10.0
+"""Median periods; jitter of a working acquisition stays below."""
+
 
 @dataclass(frozen=True)
 class Gap:
-    """Between rows ``row`` and ``row + 1`` (from 0) ``triggers`` rows are missing; the pause is ``seconds`` long."""
+    """Between rows ``row`` and ``row + 1`` (from 0) ``triggers`` rows are known to be missing; ``seconds`` lie between them."""
 
     row: int
     triggers: int
@@ -47,7 +50,7 @@ class Recording:
     calibration, provenance  as recorded
     attachments every attachment by file name
     ledger      triggers = rows here + rows lost, each loss with its reason
-    gaps        where triggers are missing between rows
+    gaps        where triggers are missing between rows, or more than ``PAUSE`` median periods pass (also in a table)
     finished    False: the recording was cut off
     notes       sentences about what is wrong with the file; empty for a whole one
     """
@@ -182,8 +185,11 @@ def _by_joint(values: Array | None, layout: Layout, signal: str) -> Array | None
 
 
 def _gaps(number: NDArray[np.int64], t: Array) -> list[Gap]:
-    steps = np.diff(number)
-    return [Gap(int(row), int(steps[row]) - 1, float(t[row + 1] - t[row])) for row in np.flatnonzero(steps != 1)]
+    if len(t) < 2:
+        return []
+    steps, pauses = np.diff(number), np.diff(t)
+    places = np.flatnonzero((steps != 1) | (pauses > PAUSE * np.median(pauses)))
+    return [Gap(int(row), int(steps[row]) - 1, float(pauses[row])) for row in places]
 
 
 def _in_base_frame(recording: Recording) -> Recording:

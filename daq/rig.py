@@ -226,8 +226,6 @@ class RecordingTable(_Table):
     """How recordings are written."""
 
     chunk_seconds: Annotated[float, Field(gt=0, le=10)] = 0.2  # what a power cut may cost
-    compression: Literal["zstd", "lz4", "none"] = "zstd"
-    topic: str = ""  # first part of every topic, for several rigs in one file system of topics
 
 
 class Rig(_Table):
