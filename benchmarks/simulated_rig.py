@@ -51,7 +51,7 @@ def devices_alone(bench: Bench, experiment: Experiment, rate: float) -> float:
     for device in bench.devices.values():
         device.arm(Plan(EdgeSource(bench.trigger.source), rate, None, BLOCK))
     began = time.process_time()
-    bench.guard.start()
+    bench.guard.start(motion=True)
     for _ in range(round(demand_of(experiment).duration / BLOCK)):
         bench.clock.sleep(BLOCK)
         bench.guard.feed()

@@ -115,6 +115,17 @@ def test_twenty_kilohertz_on_the_timer_with_the_tracker_on_its_own_clock(root: P
     assert np.abs(rows.points[fresh] - target).max() < 2e-3, "a wrist that sags under its servos, and encoder steps"
 
 
+def test_looking_moves_nothing(root: Path) -> None:
+    """Neither at first, nor after a run whose experiment the controller still has."""
+    with open_bench(_fast(root)) as bench:
+        first = joined(list(Acquisition(bench, seconds=0.5).rows()))
+        list(Acquisition(bench, _experiment()).rows())
+        second = joined(list(Acquisition(bench, seconds=0.5).rows()))
+    assert len(first) == len(second) == 500
+    for rows, settling in ((first, 1), (second, 10)):  # counts; servos still settle after a motion
+        assert np.ptp(rows.counts, axis=0).max() <= settling and rows.demand is None
+
+
 def test_payload_and_drives_off_are_carried_out(root: Path) -> None:
     hold = [{"type": "hold", "duration": 0.5}]
     still = {"segment": hold, "start": [0.0] * 6}
