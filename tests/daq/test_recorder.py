@@ -194,4 +194,14 @@ def test_a_table_comes_back_to_the_last_bit(tmp_path: Path) -> None:
     for name, values in {"time": t, "t": t - t[0], "q": q, "i": i, "ql": ql}.items():
         np.testing.assert_array_equal(getattr(recording, name), values, err_msg=name)
     np.testing.assert_array_equal(recording.extra["room"], t * 2)
+    assert not recording.gaps, "jitter is no gap"
     assert recording.counts is None and recording.qref is None and recording.layout.signals["ql"] == (2,)
+
+
+def test_a_pause_in_a_table_is_a_gap(tmp_path: Path) -> None:
+    t = np.arange(100) * 0.01
+    t[40:] += 0.5
+    q = np.zeros((100, 1))
+    write_table(tmp_path / "t.mcap", t, {"q": q, "i": q}, Attachments())
+    (gap,) = open_recording(tmp_path / "t.mcap").gaps
+    assert (gap.row, gap.triggers) == (39, 0) and gap.seconds == pytest.approx(0.51)
