@@ -99,7 +99,7 @@ def positions(calibration: Calibration, counts: NDArray[np.int64], quality: NDAr
     have = which != NONE
     used = which[have]
     q[:, have] = np.array(calibration.offset)[have] + counts[:, used] / np.array(calibration.scale)[have]
-    missing = (quality[:, used] & Quality.MISSING) != 0
+    missing = (quality[:, used] & int(Quality.MISSING)) != 0
     if missing.any():
         q[:, have] = np.where(missing, np.nan, q[:, have])
     return q

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from daq.columns import Columns
 from daq.ledger import Ledger, LossReason
-from daq.streams import Stream, Table, cut
-from drivers.shapes import Quality
+from daq.streams import MISSING, Stream, Table, cut
 
 Bools = NDArray[np.bool_]
 
@@ -154,7 +153,7 @@ class Join:
             "volts": np.full((n, len(self.columns.inputs)), np.nan),
             "points": np.full((n, 3), np.nan),
         }
-        quality = np.full((n, self.columns.quality), int(Quality.MISSING), np.uint8)
+        quality = np.full((n, self.columns.quality), MISSING, np.uint8)
         for stream in (self.clock, *self.others):
             if stream is self.clock:
                 rows, place, doubt = table, np.arange(n), np.zeros(n, np.uint8)
@@ -163,20 +162,20 @@ class Join:
             elif stream.by_time:
                 rows = stream.ready
                 place, first = nearest(rows["host"], table["host"], stream.served)
-                doubt = np.where(first, 0, stream.repeat).astype(np.uint8)
+                doubt = np.where(first, 0, int(stream.repeat)).astype(np.uint8)
                 stream.served = int(rows["host"][place[-1]])
             else:
                 rows, place = stream.ready, places[stream.name]
-                doubt = np.where(rows["index"][place] == table["index"], 0, Quality.MISSING).astype(np.uint8)
-            there = (doubt & Quality.MISSING) == 0
+                doubt = np.where(rows["index"][place] == table["index"], 0, MISSING).astype(np.uint8)
+            there = (doubt & MISSING) == 0
             every = bool(there.all())
             for name, columns in stream.columns.items():
                 if every:
                     values[name][:, columns] = rows[name][place]
                 else:
-                    values[name][np.ix_(there, columns)] = rows[name][place[there]]
+                    values[name][there, columns] = rows[name][place[there]]
             marks = rows["quality"][place] | doubt[:, None]
-            quality[:, stream.quality] = marks if every else np.where(there[:, None], marks, Quality.MISSING)
+            quality[:, stream.quality] = marks if every else np.where(there[:, None], marks, np.uint8(MISSING))
         return Joined(
             table["index"],
             table["host"],

@@ -14,6 +14,7 @@ from drivers.shapes import Block, Quality
 
 Table = dict[str, NDArray[Any]]
 VALUES = ("counts", "volts", "points")
+MISSING = int(Quality.MISSING)  # numpy looks an enum member over at every operation
 
 
 class Stream:
@@ -37,7 +38,7 @@ class Stream:
         counters = [i for i, (owner, _) in enumerate(columns.counters) if owner == name]
         inputs = [i for i, (owner, _) in enumerate(columns.inputs) if owner == name]
         points = [0, 1, 2] if columns.tracker == name else []
-        self.columns = {k: np.array(v, int) for k, v in zip(VALUES, (counters, inputs, points)) if v}
+        self.columns = {k: slice(v[0], v[-1] + 1) for k, v in zip(VALUES, (counters, inputs, points)) if v}
         first_input = len(columns.counters)
         last = first_input + len(columns.inputs)
         self.quality = np.array(counters + [first_input + i for i in inputs] + [last] * bool(points), int)
@@ -112,13 +113,14 @@ class Stream:
 
     def _extended(self, raw: NDArray[np.int64], quality: NDArray[np.uint8]) -> NDArray[np.int64]:
         out = np.empty_like(raw)
+        gaps = bool((quality[:, : len(self._widths)] & MISSING).any())
         for c, width in enumerate(self._widths):
             shown, last = raw[:, c], self._last[c]
-            missing = (quality[:, c] & Quality.MISSING) != 0
-            if missing.all():
-                out[:, c] = last or 0
-                continue
-            if missing.any():  # placeholders, not counts: the count of before stands in their place
+            if gaps:  # placeholders, not counts: the count of before stands in their place
+                missing = (quality[:, c] & MISSING) != 0
+                if missing.all():
+                    out[:, c] = last or 0
+                    continue
                 newest = np.maximum.accumulate(np.where(missing, -1, np.arange(len(shown))))
                 shown = shown[np.where(newest >= 0, newest, np.argmin(missing))]
             out[:, c] = extend(shown, width, int(shown[0]) if last is None else last)

@@ -116,9 +116,9 @@ class Indexer:
         return keep
 
     def _advance(self, clock: float, number: int, index: int, off_grid: NDArray[np.float64]) -> None:
-        """Moves the grid to the newest row: its own stamp may be a bad one, the median of the good ones is not."""
+        """Moves the grid to the newest row: its own stamp may be a bad one, the mean of the good ones is not."""
         good = off_grid[np.abs(off_grid) < TAIL]
-        on_grid = clock - float(off_grid[-1] - (np.median(good) if len(good) else 0.0)) * self.period
+        on_grid = clock - float(off_grid[-1] - (good.mean() if len(good) else 0.0)) * self.period
         self._last = on_grid, number
         assert self._first is not None
         if index - self._first[1] > 4 * SETTLE:

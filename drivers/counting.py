@@ -22,7 +22,9 @@ def extend(raw: NDArray[np.int64], width: int, last: int) -> NDArray[np.int64]:
         return np.empty(0, np.int64)
     half = np.int64(1) << (width - 1)
     mask = (np.int64(1) << width) - 1
-    steps = np.diff(raw, prepend=np.int64(last))
+    steps = np.empty_like(raw)
+    steps[0] = raw[0] - last
+    np.subtract(raw[1:], raw[:-1], out=steps[1:])
     return last + np.cumsum(((steps + half) & mask) - half)
 
 
