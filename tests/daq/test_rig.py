@@ -78,7 +78,7 @@ def test_a_good_rig_is_read(tmp_path: Path) -> None:
         ({"limits.position.1": [1.0, -1.0]}, ["limits.position", "entry 2"]),
         ({"outputs.start.line": "go"}, ["outputs.start.line", "'go'", "start"]),
         ({"outputs.start.device": "analog"}, ["outputs.start.device", "no digital lines"]),
-        ({"zenoh": {"endpoint": "tcp/0.0.0.0:7447"}}, ["zenoh", "0.0.0.0 is not loopback", "tls"]),
+        ({"zenoh": {"endpoint": "tcp/0.0.0.0:7447"}}, ["zenoh", "0.0.0.0:7447 is not loopback", "tls"]),
         ({"zenoh": {"endpoint": "7447"}}, ["zenoh", "tcp/127.0.0.1:7447"]),
         ({"model": "nowhere.toml"}, ["model", "nowhere.toml"]),
         ({"tracker": {"base_from_tracker": [[1, 0, 0, 0]] * 4}}, ["tracker.base_from_tracker", "rotation"]),
