@@ -78,7 +78,7 @@ class Recorder:
         self._progress = Progress()
         self._recorded = 0
         self._losses: list[Loss] = []
-        self._disk_error = ""
+        self._ledger: LedgerSummary | None = None
         self._writer = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._writer.start()
 
@@ -124,12 +124,14 @@ class Recorder:
     def finish(
         self, *, triggers: int | None = None, losses: Sequence[Loss] = (), closing: dict | None = None
     ) -> LedgerSummary:
-        """Writes what is queued, the ledger and the summary, and gives the file its name. A second call does nothing new.
+        """Writes what is queued, the ledger and the summary, and gives the file its name. A second call returns the same.
 
         triggers  edges that the clock made (default: rows appended plus ``losses``); losses  those before the rows were made
         closing   how the run ended, with what notes and clocks: becomes the attachment ``run.json``
         DeviceFault: the disk refused the end of the file; all recorded rows stay readable in ``RUN.mcap.active``.
         """
+        if self._ledger is not None:
+            return self._ledger
         with self._change:
             self._closing = True
             self._change.notify_all()
@@ -154,6 +156,7 @@ class Recorder:
                 f"{error.strerror} at the end of {self._file.path}: {self._recorded} rows are safe in {self._file.active}, "
                 f"{ledger.lost} are lost; make room and run 'armscope recover'",
             ) from None
+        self._ledger = ledger
         return ledger
 
     def __enter__(self) -> Recorder:
@@ -168,10 +171,8 @@ class Recorder:
         first = self._progress.first if self._progress.rows else int(rows.number[0])
         count = self._progress.rows + len(rows)
         self._progress = Progress(count, first, int(rows.number[-1]), int(rows.wall_ns[-1]))
-        try:
+        with contextlib.suppress(OSError):  # the rows themselves will meet the same disk, and are counted there
             self._file.progress(self._progress)
-        except OSError as error:  # the rows themselves will meet the same disk, and are counted there
-            self._disk_error = str(error.strerror)
 
     def _run(self) -> None:
         try:

@@ -30,6 +30,7 @@ def test_rows_come_back_to_the_last_bit(tmp_path: Path) -> None:
             recorder.append(block)
         ledger = recorder.finish()
     assert ledger.balanced and ledger.recorded == 5014 and not ledger.losses
+    assert recorder.finish() is ledger
     recording = armscope.open(tmp_path / "run.mcap")
     for name, field in COLUMNS.items():
         np.testing.assert_array_equal(getattr(recording, name), join(blocks, field), err_msg=name)
