@@ -1,4 +1,4 @@
-"""How much faster than real time the simulated Puma is: its devices alone, and through the sampler.
+"""How much faster than real time the simulated Puma is: its devices alone, through the sampler, and recorded to MCAP files.
 
 CPU time of one process; six joints' dynamics, encoders and transducers are computed at every rate. NAME_times_real_time: seconds of the
 rig's time a second of CPU time.
@@ -6,10 +6,14 @@ rig's time a second of CPU time.
 
 from __future__ import annotations
 
+import tempfile
 import time
 from pathlib import Path
 
+import tomli_w
+
 from benchmarks.report import report
+from daq.acquire import Run, order_of
 from daq.bench import Bench, open_bench
 from daq.rig import Rig, read_rig
 from daq.sampler import Acquisition
@@ -74,6 +78,18 @@ def through_the_sampler(bench: Bench, experiment: Experiment) -> float:
     return time.process_time() - began
 
 
+def to_a_file(bench: Bench, experiment: Experiment) -> float:
+    """s of CPU time for one recording, of all threads."""
+    text = tomli_w.dumps(experiment.model_dump(exclude_none=True, exclude_defaults=True, mode="json"))
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.process_time()
+        run = Run(bench, "", order_of(text, "benchmark", Path(folder) / "run.mcap"), None)
+        run.arm()
+        run.start()
+        assert run.take()["ledger"]["lost"] == 0
+        return time.process_time() - began
+
+
 def figures() -> dict[str, float]:
     """All figures; the first run of each bench compiles and warms up, and is not counted."""
     experiment, found = motion(), {}
@@ -82,8 +98,10 @@ def figures() -> dict[str, float]:
         with open_bench(fast(name, rate)) as bench:
             through_the_sampler(bench, experiment)
             alone, sampled = devices_alone(bench, experiment, rate), through_the_sampler(bench, experiment)
+            written = to_a_file(bench, experiment)
         found[f"devices_{rate / 1000:.0f}khz_times_real_time"] = duration / alone
         found[f"sampler_{rate / 1000:.0f}khz_times_real_time"] = duration / sampled
+        found[f"recorded_{rate / 1000:.0f}khz_times_real_time"] = duration / written
     return found
 
 

@@ -17,6 +17,7 @@ from daq.sampler import Acquisition
 from drivers.shapes import Quality
 from experiment import Experiment, demand_of
 from tests.daq.benches import joined
+from tests.sim_backend.recordings import fast_rig
 
 FULL_SPEED = [1.8, 1.4, 2.2, 5.0, 5.0, 5.0]
 
@@ -38,8 +39,7 @@ def _experiment(**changes: object) -> Experiment:
 
 
 def _fast(root: Path, name: str = "puma560_sim", **simulation: object) -> Rig:
-    rig = read_rig(root / f"config/{name}.toml")
-    return rig.model_copy(update={"simulation": {**rig.simulation, "pace": "fast", **simulation}, "block_seconds": 0.2})
+    return fast_rig(root / f"config/{name}.toml", **simulation)
 
 
 def _record(rig: Rig, experiment: Experiment) -> tuple[Rows, Acquisition]:
