@@ -64,6 +64,7 @@ class Plant(NamedTuple):
     kd: Array
     nominal_torque_per_ampere: Array
     current_limit: Array
+    velocity_reference: float  # share of the demanded velocity that the velocity loop is given
     velocity_bandwidth: float
     current_lag: float
     servo_period: float
@@ -201,6 +202,8 @@ def run(p, demand, settle, substeps):  # type: ignore[no-untyped-def]
     h = p.servo_period / substeps
     smooth = 1.0 - np.exp(-p.velocity_bandwidth * p.servo_period)
     follow = 1.0 - np.exp(-h / p.current_lag)
+    mean = 1.0 - follow * p.current_lag / h  # of the way from now to the demand, averaged over a step
+    average = np.zeros(n)
     for step in range(-settle, steps):
         row = max(step, 0)
         t = row * p.servo_period
@@ -213,19 +216,20 @@ def run(p, demand, settle, substeps):  # type: ignore[no-untyped-def]
             before[j] = x[0, j]
             e = demand[row, j] - x[0, j]
             last = demand[max(row - 1, 0), j]
-            e_rate = (demand[row, j] - last) / p.servo_period - speed[j]
+            e_rate = p.velocity_reference * (demand[row, j] - last) / p.servo_period - speed[j]
             integral[j] += p.ki[j] * e * p.servo_period
             wanted[j] = (p.kp[j] * e + integral[j] + p.kd[j] * e_rate) / p.nominal_torque_per_ampere[j]
             wanted[j] = min(max(wanted[j], -p.current_limit[j]), p.current_limit[j])
         for _ in range(substeps):
             for j in range(n):
+                average[j] = current[j] + mean * (wanted[j] - current[j])
                 current[j] += follow * (wanted[j] - current[j])
-            _rates(p, t, x, current, load, k1, work, mm, bias)
-            _rates(p, t, x + 0.5 * h * k1, current, load, k2, work, mm, bias)
-            _rates(p, t, x + 0.5 * h * k2, current, load, k3, work, mm, bias)
-            _rates(p, t, x + h * k3, current, load, k4, work, mm, bias)
+            _rates(p, t, x, average, load, k1, work, mm, bias)
+            _rates(p, t, x + 0.5 * h * k1, average, load, k2, work, mm, bias)
+            _rates(p, t, x + 0.5 * h * k2, average, load, k3, work, mm, bias)
+            _rates(p, t, x + h * k3, average, load, k4, work, mm, bias)
             x += (h / 6.0) * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         for j in range(n):
             friction, _ = _friction(p, j, x[1, j], x[4, j], load[j], t)
-            load[j] = current[j] * p.torque_per_ampere[j] - friction - p.rotor[j] * k4[1, j]
+            load[j] = average[j] * p.torque_per_ampere[j] - friction - p.rotor[j] * k4[1, j]
     return angle, amps, link, through

@@ -1,0 +1,193 @@
+"""Every effect of the catalogue at every joint, as what it would add to the recorded currents.
+
+A candidate is one effect at one joint (or of the whole arm) with its nonlinear parameters fixed; its columns are the first-order change of the
+residual currents of all joints for a unit of each linear parameter, from the effect's own law. Parameters that enter by a phase or a rest
+position span a plane, and become two columns; ``solve`` turns coefficients back into parameters.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from arm_model.dynamics import inverse_dynamics
+from arm_model.effects import CATALOGUE, Effect, Parameter, Signals, Values
+from diagnosis.evidence import ROWS_PER_SECOND, Run, signals_of
+
+Array = NDArray[np.float64]
+
+SPANNED = {"phase": (0.0, np.pi / 2), "rest_angle": (0.0, 1.0)}
+"""Nonlinear parameters whose whole family is spanned by the law at two values."""
+
+ORDERS = tuple(range(1, 61))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one joint (None: the arm), with values for its nonlinear parameters that are not spanned."""
+
+    effect: str
+    joint: int | None
+    shape: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def definition(self) -> Effect:
+        return CATALOGUE[self.effect]
+
+    @cached_property
+    def key(self) -> tuple[str, int | None]:
+        """Effect and joint, whatever the shape."""
+        return self.effect, self.joint
+
+    def units(self) -> list[Values]:
+        """Parameter values, one set a column: each linear parameter at 1, each spanned one at its two values."""
+        effect = self.definition
+        spanned = [p.name for p in effect.nonlinear if p.name in SPANNED]
+        sets = []
+        for values in itertools.product(*(SPANNED[name] for name in spanned)):
+            for one in effect.linear or (None,):
+                chosen = {p.name: 0.0 for p in effect.linear} | dict(self.shape) | dict(zip(spanned, values))
+                if one is not None:
+                    chosen[one.name] = 1.0
+                sets.append(Values(chosen))
+        return sets
+
+    def columns(self, run: Run, arm: Arm) -> Array:
+        """(m, n, k) A: change of ``run.residual`` for a unit of each of k coefficients."""
+        effect = self.definition
+        if effect.name == "payload":
+            # mass and first moment, which carry gravity; its own inertia follows from them when it is fitted
+            return _link_columns(run, arm, len(arm))[..., :4]
+        if effect.name == "link_inertia":
+            assert self.joint is not None
+            return _link_columns(run, arm, self.joint)
+        if effect.change is not None:
+            return np.stack([_changed(run, arm, effect, self.joint, unit) for unit in self.units()], axis=-1)
+        if effect.coupling:
+            return np.stack([_coupled(run, arm, unit) for unit in self.units()], axis=-1)
+        if effect.delay is not None:
+            return -np.gradient(run.current, 1.0 / ROWS_PER_SECOND, axis=0)[..., None]
+        assert self.joint is not None
+        s = signals_of(run, arm, self.joint)
+        return np.stack([_law(run, arm, effect, self.joint, unit, s) for unit in self.units()], axis=-1)
+
+
+def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) -> Array:
+    j = joint - 1
+    change = np.zeros_like(run.current)
+    if effect.torque is not None:
+        if effect.rate is not None:
+            s = replace(s, state=_integrated(effect, p, s))
+        change[:, j] = effect.torque(p, s) / arm.joints[j].drive_constant
+    elif effect.current is not None:
+        change[:, j] = effect.current(p, s)
+    elif effect.deflection is not None:
+        # the link stands where the motor is, less the deflection
+        change = -_moved(run, j, np.asarray(effect.deflection(p, s)))
+    elif effect.angle is not None:
+        # the whole joint stands where it reads, less the error
+        error = np.asarray(effect.angle(p, s))
+        change = -_moved(run, j, error)
+        drive = arm.joints[j]
+        change[:, j] -= drive.ratio**2 * drive.rotor_inertia * _second(error) / drive.drive_constant
+    return change
+
+
+def _moved(run: Run, j: int, angle: Array) -> Array:
+    """(m, n) A: change of the expected currents of all joints when link j is displaced by ``angle`` (m,) rad."""
+    speed = np.gradient(angle, 1.0 / ROWS_PER_SECOND)
+    return (
+        run.by_angle[..., j] * angle[:, None]
+        + run.by_speed[..., j] * speed[:, None]
+        + run.by_acceleration[..., j] * _second(angle)[:, None]
+    )
+
+
+def _second(values: Array) -> Array:
+    return np.gradient(np.gradient(values, 1.0 / ROWS_PER_SECOND), 1.0 / ROWS_PER_SECOND)
+
+
+def _changed(run: Run, arm: Arm, effect: Effect, joint: int | None, unit: Values) -> Array:
+    """First-order change by finite difference of the description."""
+    assert effect.change is not None
+    step = 1e-4
+    small = Values({k: (v * step if any(p.name == k for p in effect.linear) else v) for k, v in unit.items()})
+    other = effect.change(arm, joint, small)
+    before = inverse_dynamics(arm, run.q, run.v, run.a) / arm.joint_array("drive_constant")
+    after = inverse_dynamics(other, run.q, run.v, run.a) / other.joint_array("drive_constant")
+    return (after - before) / step
+
+
+def _link_columns(run: Run, arm: Arm, joint: int) -> Array:
+    """(m, n, 10) A: barycentric parameters of one link, exactly."""
+    return run.by_link[..., 10 * (joint - 1) : 10 * joint] / arm.joint_array("drive_constant")[:, None]
+
+
+def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
+    """link = (1 + C) motor: links displaced by C q, torques returned by C^T."""
+    change = np.zeros_like(run.current)
+    constant = arm.joint_array("drive_constant")
+    for name, value in unit.items():
+        if value == 0.0:
+            continue
+        i, j = int(name[1]) - 1, int(name[2]) - 1
+        if i >= len(arm) or j >= len(arm):
+            continue
+        change += _moved(run, i, value * run.q[:, j])
+        change[:, j] += value * run.rigid[:, i] / constant[j]
+    return change
+
+
+def _integrated(effect: Effect, p: Values, s: Signals) -> Array:
+    """State of an effect along a run, by exponential steps of its rate, which is affine in the state."""
+    assert effect.rate is not None
+    at0 = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=0.0)), float), s.v.shape)
+    slope = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=1.0)), float), s.v.shape) - at0
+    h = 1.0 / ROWS_PER_SECOND
+    grow = np.exp(np.minimum(slope * h, 0.0))
+    forced = np.where(np.abs(slope) > 1e-9, at0 * (grow - 1.0) / np.where(np.abs(slope) > 1e-9, slope, 1.0), at0 * h)
+    state = np.zeros_like(s.v)
+    z = 0.0
+    for k, (g, f) in enumerate(zip(grow.tolist(), forced.tolist())):
+        state[k] = z
+        z = g * z + f
+    return state
+
+
+def _grid(parameter: Parameter) -> tuple[float, ...]:
+    low, high = parameter.typical
+    if parameter.whole:
+        return tuple(float(k) for k in range(int(low), int(high) + 1))
+    if low <= 0:
+        return (high / 10,)
+    return tuple(np.geomspace(low, high, 6))
+
+
+LEFT_TO_OTHERS = {"missed_counts", "dropped_trigger", "mains_hum", "current_limit"}
+"""Found by detectors of their own (``diagnosis.events``), not by columns."""
+
+
+def candidates(arm: Arm) -> Iterator[Candidate]:
+    """Every candidate for this arm, nonlinear parameters on the grid of their typical ranges."""
+    for effect in CATALOGUE.values():
+        if effect.name in LEFT_TO_OTHERS or (effect.coupling and len(arm) < 6):
+            continue
+        searched = [p for p in effect.nonlinear if p.name not in SPANNED]
+        if effect.delay is not None or effect.name == "payload":
+            searched = []
+        fixed = {"contact_stiffness": (1e5,), "contact_damping": (100.0,), "damping": (10.0,)}
+        if effect.name == "joint_compliance":
+            fixed["stiffness"] = (1e4,)  # enters by its inverse: the coefficient scales it
+        shapes = [
+            tuple(zip((p.name for p in searched), values))
+            for values in itertools.product(*(fixed.get(p.name) or _grid(p) for p in searched))
+        ]
+        for joint in range(1, len(arm) + 1) if effect.per_joint else (None,):
+            for shape in shapes:
+                yield Candidate(effect.name, joint, shape)

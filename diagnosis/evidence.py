@@ -1,0 +1,159 @@
+"""Recordings seen through the model: what current the model expects for the motion that was measured, and what is left.
+
+Every signal is smoothed by the same zero-phase filters on both sides of the equation, then thinned to ``ROWS_PER_SECOND``. The residual is
+the measured motor current less the expected one, in A; partial derivatives of the expected current by angle, speed and acceleration
+turn whatever disturbs an angle into what it does to the currents of all joints.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, signal
+
+from arm_model.description import Arm
+from arm_model.dynamics import inverse_dynamics, mass_matrix, rigid_torque
+from arm_model.effects import Signals
+from arm_model.regressor import regressor
+
+Array = NDArray[np.float64]
+
+MOTION_BAND = 60.0
+"""Hz: pass-band of the motion from which the model's currents are computed."""
+COMPARE_BAND = 20.0
+"""Hz: pass-band in which measured and expected currents are compared."""
+COLUMN_BAND = 10.0
+"""Hz: pass-band of the motion from which the columns of effects are computed."""
+ROWS_PER_SECOND = 100
+CREEP = 0.02
+"""rad/s (m/s): below it, what friction does depends on more than the velocity."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One recording seen through one model. m rows at ROWS_PER_SECOND, n joints.
+
+    t (m,) s; q, v, a (m, n) rad and per second of the motor over gear; current, expected, residual (m, n) A;
+    rigid (m, n) N m: torque to the links; by_angle, by_speed, by_acceleration (m, n, n): d expected_j / d q_k, A/rad ..., of the links alone;
+    by_link (m, n, 10 n) N m per inertial parameter of each link;
+    deviation (m, n) A: standard deviation that the residual has with nothing wrong; block (m,): block of one second, from 0.
+    """
+
+    name: str
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    current: Array
+    expected: Array
+    rigid: Array
+    by_angle: Array
+    by_speed: Array
+    by_acceleration: Array
+    by_link: Array
+    deviation: Array
+    noise: Array
+    block: NDArray[np.intp]
+
+    @property
+    def residual(self) -> Array:
+        """(m, n) A."""
+        return self.current - self.expected
+
+    @property
+    def whitened(self) -> Array:
+        """(m, n) residual over its deviation."""
+        return self.residual / self.deviation
+
+
+def low_pass(values: Array, band: float, rate: float) -> Array:
+    """Zero-phase fourth-order Butterworth along the first axis."""
+    sos = signal.butter(4, min(band / (rate / 2), 0.98), output="sos")
+    smooth: Array = signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(3 * rate / band)))
+    return smooth
+
+
+def see(name: str, arm: Arm, t: Array, q: Array, i: Array) -> Run:
+    """A recording t (m,) s, q (m, n) rad, i (m, n) A, uniformly sampled and without gaps, seen through ``arm``."""
+    rate = 1.0 / float(np.median(np.diff(t)))
+    position = low_pass(q, MOTION_BAND, rate)
+    v = np.gradient(position, 1.0 / rate, axis=0)
+    a = np.gradient(v, 1.0 / rate, axis=0)
+    constant = arm.joint_array("drive_constant")
+    keep = slice(int(0.2 * rate), -int(0.2 * rate), max(1, round(rate / ROWS_PER_SECOND)))
+
+    def thin(values: Array) -> Array:
+        return low_pass(values, COMPARE_BAND, rate)[keep]
+
+    expected = inverse_dynamics(arm, position, v, a) / constant
+    noise = channel_noise(q, i, arm, rate)
+    # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would look like a cause.
+    low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
+    partials = [_partial(arm, low, slow_v, slow_a, which) / constant[:, None] for which in range(3)]
+    # the wobble of friction near standstill, as far as the filters smear it
+    coulomb = np.array([joint.ratio * max(joint.coulomb) for joint in arm.joints]) / constant
+    slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
+    width = arm.joint_array("sign_velocity")
+    unsure = np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
+    deviation = np.hypot(noise, coulomb * unsure)
+    rows = t[keep]
+    return Run(
+        name=name, t=rows - t[0], q=low, v=slow_v, a=slow_a, current=thin(i), expected=thin(expected),
+        rigid=rigid_torque(arm, low, slow_v, slow_a), by_angle=partials[0], by_speed=partials[1], by_acceleration=partials[2],
+        by_link=regressor(arm, low, slow_v, slow_a)[0][..., : 10 * len(arm)],
+        deviation=deviation, noise=noise, block=((rows - rows[0]) // 1.0).astype(np.intp),
+    )  # fmt: skip
+
+
+def _partial(arm: Arm, q: Array, v: Array, a: Array, which: int) -> Array:
+    """(m, n, n): derivative of the rigid torque of joint j by q_k, v_k or a_k, by central differences."""
+    state = [q, v, a]
+    columns = []
+    for k in range(q.shape[1]):
+        step = np.zeros(q.shape[1])
+        step[k] = 1e-5 if which == 0 else 0.5
+        up, down = list(state), list(state)
+        up[which], down[which] = state[which] + step, state[which] - step
+        columns.append((rigid_torque(arm, *up) - rigid_torque(arm, *down)) / (2 * step[k]))
+    return np.stack(columns, axis=-1)
+
+
+def channel_noise(q: Array, i: Array, arm: Arm, rate: float) -> Array:
+    """(n,) A: standard deviation of the residual from the instruments alone, in the band of comparison.
+
+    Current: the scatter above 3/4 of half the sampling rate, taken for white. Angle: its step (quantisation, variance step^2 / 12), through two
+    differentiations and the joint's own inertia.
+    """
+    sos = signal.butter(4, 0.7, "highpass", output="sos")
+    high = signal.sosfiltfilt(sos, i, axis=0)
+    white = 1.4826 * np.median(np.abs(high), axis=0) / np.sqrt(0.3)
+    frequency = np.linspace(0.0, rate / 2, 2000)
+    through = 1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) / (1.0 + (frequency / MOTION_BAND) ** 8)
+    share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
+    wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
+    step = np.array([_smallest_step(column) for column in q.T])
+    inertia = mass_matrix(arm, q[:: max(1, len(q) // 50)]).diagonal(axis1=1, axis2=2).mean(axis=0)
+    from_angle = inertia / arm.joint_array("drive_constant") * step / np.sqrt(12) * np.sqrt(wobble)
+    return np.sqrt(white**2 * share + from_angle**2) + 1e-9
+
+
+def _smallest_step(values: Array) -> float:
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 1e-9]
+    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
+
+
+def signals_of(run: Run, arm: Arm, joint: int) -> Signals:
+    """What laws of effects may look at, at one joint (1-based) of a run; arrays (m,)."""
+    j = joint - 1
+    drive = arm.joints[j]
+    v = run.v[:, j]
+    sign = v / np.sqrt(v**2 + drive.sign_velocity**2)
+    up, down = (drive.ratio * c for c in drive.coulomb)
+    return Signals(
+        q=run.q[:, j], v=v, a=run.a[:, j], motor=drive.ratio * run.q[:, j], sign=sign, load=run.rigid[:, j],
+        coulomb=(up + down) / 2 + (up - down) / 2 * sign, current=run.current[:, j],
+        torque=run.current[:, j] * drive.drive_constant, t=run.t,
+    )  # fmt: skip
