@@ -1,44 +1,41 @@
 """Forward selection with joint refit and backward deletion, judged on held-out recordings.
 
-A candidate enters only if the squared whitened error of whole held-out recordings falls by more than the scatter of that fall over blocks of
-one second allows (``diagnosis.significance``), with false-discovery control over all candidates that were looked at.
+The whitened residual is y = A b + X c + e: A the columns of causes accepted so far, X those of a candidate. Which shape of a candidate fits
+best is decided on the fit recordings; whether it enters, on the held-out ones: their squared error must fall by more than its scatter over blocks
+allows (``diagnosis.significance``), with false-discovery control over all effects that were looked at, and by an amount that matters.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.candidates import Candidate
+from diagnosis.library import Columns, Side
 from diagnosis.significance import benjamini_hochberg, p_value
 
 Array = NDArray[np.float64]
+Key = tuple[str, int | None]
+Pair = tuple[Columns, Columns]
+
+SIGNIFICANT = 0.05
+"""False-discovery rate at which a candidate may enter."""
+SHARE_OF_NOISE = 0.1
+"""A gain below this share of one joint's noise energy does not matter: the effect is a third of the noise, and the noise is known no better."""
+SHADOW = 1e-3
+"""A gain below this share of what is already explained may be the rest of a first-order column: 3 % of its amplitude."""
+ALIKE = 0.005
+"""Candidates whose gains differ by less than this share of the best are the same to this data."""
 
 
 @dataclass(frozen=True)
-class Column:
-    """Columns of one candidate over all rows and joints, whitened: fit (N, k) and held out (M, k)."""
+class Look:
+    """One candidate beside the accepted ones: its coefficients, gains in units of noise variance, and the held-out gain by block."""
 
-    fit: Array
-    held_out: Array
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Whitened residuals: fit (N,), held_out (M,), and the block of each row, numbered from 0 over all recordings."""
-
-    fit: Array
-    held_out: Array
-    fit_block: NDArray[np.intp]
-    held_out_block: NDArray[np.intp]
-
-
-@dataclass(frozen=True)
-class Step:
-    """One look at one candidate: gains of held-out blocks, and of fit blocks, in units of variance of the noise."""
-
-    key: object
+    candidate: Candidate
     coefficients: Array
     fit_gain: float
     held_out_gain: float
@@ -46,34 +43,102 @@ class Step:
     blocks: Array = field(repr=False)
 
 
-def least_squares(columns: Array, y: Array) -> Array:
-    """Coefficients (k,) of y (N,) on columns (N, k), truncated where they are dependent (relative 1e-8)."""
-    scale = np.linalg.norm(columns, axis=0)
-    scale[scale == 0] = 1.0
-    coefficients: Array = np.linalg.lstsq(columns / scale, y, rcond=1e-6)[0] / scale
-    return coefficients
+@dataclass(frozen=True)
+class Accepted:
+    """Columns of accepted candidates, fit together: residuals (fit, held out), and a basis to project others off."""
+
+    fit: Array
+    held_out: Array
+    basis: Array  # (N, r) orthonormal
+    to_held_out: Array  # (M, r): what the basis is on the held-out side
+    coefficients: Array
 
 
-def look(problem: Problem, accepted: list[Column], candidate: Column, key: object, before: tuple[Array, Array]) -> Step:
-    """What the candidate adds to those accepted; ``before`` are the residuals (fit, held out) with the accepted ones alone."""
-    fit = np.hstack([*(c.fit for c in accepted), candidate.fit])
-    held_out = np.hstack([*(c.held_out for c in accepted), candidate.held_out])
-    b = least_squares(fit, problem.fit)
-    after = problem.held_out - held_out @ b
-    blocks = np.bincount(problem.held_out_block, weights=before[1] ** 2 - after**2)
-    fit_gain = float(np.sum(before[0] ** 2) - np.sum((problem.fit - fit @ b) ** 2))
-    return Step(key, b, fit_gain, float(blocks.sum()), p_value(blocks), blocks)
+def accept(fit: Side, held_out: Side, chosen: Iterable[Pair]) -> Accepted:
+    """Least squares of the chosen columns together."""
+    pairs = list(chosen)
+    if not pairs:
+        empty = np.empty((len(fit.y), 0)), np.empty((len(held_out.y), 0))
+        return Accepted(fit.y, held_out.y, *empty, np.empty(0))
+    a = np.hstack([_whole(pair[0], len(fit.y)) for pair in pairs])
+    a_held_out = np.hstack([_whole(pair[1], len(held_out.y)) for pair in pairs])
+    scale = np.linalg.norm(a, axis=0)
+    scale[scale == 0.0] = 1.0
+    u, s, vt = np.linalg.svd(a / scale, full_matrices=False)
+    keep = s > 1e-7 * s[0]
+    back = (vt[keep].T / s[keep]) / scale[:, None]  # basis coordinates -> coefficients
+    basis = u[:, keep]
+    seen = basis.T @ fit.y
+    to_held_out = a_held_out @ back
+    return Accepted(fit.y - basis @ seen, held_out.y - to_held_out @ seen, basis, to_held_out, back @ seen)
 
 
-def residuals(problem: Problem, accepted: list[Column]) -> tuple[Array, Array]:
-    """Residuals (fit, held out) with the accepted columns refitted together."""
-    if not accepted:
-        return problem.fit, problem.held_out
-    fit = np.hstack([c.fit for c in accepted])
-    b = least_squares(fit, problem.fit)
-    return problem.fit - fit @ b, problem.held_out - np.hstack([c.held_out for c in accepted]) @ b
+def _whole(columns: Columns, length: int) -> Array:
+    whole = np.zeros((length, columns.x.shape[1]))
+    whole[columns.where] = columns.x
+    return whole
 
 
-def q_values(steps: list[Step]) -> Array:
-    """Benjamini-Hochberg over the candidates of one round."""
-    return benjamini_hochberg(np.array([step.p for step in steps]))
+def fit_gain(columns: Columns, accepted: Accepted) -> tuple[float, Array]:
+    """Fall of the squared fit error by a candidate beside the accepted ones, and its coefficients (k,)."""
+    inside = columns.dot(accepted.basis)  # (k, r)
+    gram = columns.x.T @ columns.x
+    scale = np.sqrt(np.diag(gram))
+    scale[scale == 0.0] = 1.0
+    gram = (gram - inside @ inside.T) / np.outer(scale, scale)
+    toward = columns.dot(accepted.fit) / scale
+    values, vectors = np.linalg.eigh(gram)
+    keep = values > 1e-6
+    along = vectors[:, keep].T @ toward
+    coefficients = vectors[:, keep] @ (along / values[keep])
+    return float(along @ (along / values[keep])), coefficients / scale
+
+
+def look(candidate: Candidate, pair: Pair, accepted: Accepted, held_out: Side) -> Look:
+    """What one candidate adds beside the accepted ones."""
+    gain, c = fit_gain(pair[0], accepted)
+    inside = pair[0].dot(accepted.basis).T @ c
+    after = accepted.held_out - pair[1].spread(c, len(held_out.y)) + accepted.to_held_out @ inside
+    blocks = np.bincount(held_out.block, weights=accepted.held_out**2 - after**2)
+    return Look(candidate, c, gain, float(blocks.sum()), p_value(blocks), blocks)
+
+
+def best_shapes(library: Mapping[Candidate, Pair], accepted: Accepted, taken: set[Key]) -> list[Candidate]:
+    """For every effect at every joint, the shape that fits best beside the accepted ones."""
+    best: dict[Key, tuple[float, Candidate]] = {}
+    for candidate, pair in library.items():
+        if candidate.key in taken:
+            continue
+        gain = fit_gain(pair[0], accepted)[0]
+        if candidate.key not in best or gain > best[candidate.key][0]:
+            best[candidate.key] = (gain, candidate)
+    return [candidate for _, candidate in best.values()]
+
+
+def matters(gain: float, explained: float, held_out: Side) -> bool:
+    """Whether a held-out gain is large against the noise and against the shadow of what is already explained."""
+    return gain > max(SHARE_OF_NOISE * held_out.rows, SHADOW * explained)
+
+
+def round_of(library: Mapping[Candidate, Pair], accepted: Accepted, held_out: Side, taken: set[Key]) -> list[Look]:
+    """One round: every candidate looked at; those that may enter, best held-out gain first."""
+    looks = [look(c, library[c], accepted, held_out) for c in best_shapes(library, accepted, taken)]
+    q = benjamini_hochberg(np.array([one.p for one in looks]))
+    explained = float(np.sum(held_out.y**2) - np.sum(accepted.held_out**2))
+    able = [
+        one for one, q_one in zip(looks, q) if q_one < SIGNIFICANT and matters(one.held_out_gain, explained, held_out)
+    ]
+    return sorted(able, key=lambda one: -one.held_out_gain)
+
+
+def simplest(able: list[Look], held_out: Side) -> tuple[Look, list[Look]]:
+    """Of the candidates that explain as much as the best one, the one with the fewest coefficients; and all that are its equals.
+
+    A candidate with more coefficients than another that explains the same is not an alternative but an excess.
+    """
+    best = able[0].held_out_gain
+    level = best - max(ALIKE * best, 0.02 * held_out.rows)
+    alike = [one for one in able if one.held_out_gain >= level]
+    fewest = min(len(one.coefficients) for one in alike)
+    equals = [one for one in alike if len(one.coefficients) == fewest]
+    return equals[0], equals

@@ -1,0 +1,71 @@
+"""All candidates as whitened columns over all recordings, laid out joint by joint, so that each is computed once and is as short as it can be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from diagnosis.candidates import Candidate
+from diagnosis.evidence import Run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Side:
+    """Whitened residuals of all recordings of one side (fit or held out), joint after joint: y (n * rows,); block (n * rows,)."""
+
+    runs: tuple[Run, ...]
+    y: Array
+    block: NDArray[np.intp]
+    rows: int
+
+    def of(self, joint: int) -> slice:
+        """Where joint (1-based) stands in ``y``."""
+        return slice((joint - 1) * self.rows, joint * self.rows)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Whitened columns of one candidate on one side; ``where`` says at which rows of ``y`` they stand, elsewhere they are 0."""
+
+    x: Array  # (rows, k)
+    where: slice
+
+    def dot(self, other: Array) -> Array:
+        """x^T other, for other (N,) or (N, r)."""
+        product: Array = self.x.T @ other[self.where]
+        return product
+
+    def spread(self, coefficients: Array, length: int) -> Array:
+        """x coefficients, (length,)."""
+        values = np.zeros(length)
+        values[self.where] = self.x @ coefficients
+        return values
+
+
+def side_of(runs: Sequence[Run]) -> Side:
+    """The residuals of some recordings, in the layout of ``Side``."""
+    numbers, first = [], 0
+    for run in runs:
+        numbers.append(run.block + first)
+        first += int(run.block[-1]) + 1
+    block = np.concatenate(numbers)
+    joints = runs[0].q.shape[1]
+    y = np.concatenate([run.whitened for run in runs]).T.ravel()
+    return Side(tuple(runs), y, np.tile(block, joints), len(block))
+
+
+def columns_of(candidate: Candidate, side: Side, arm: Arm) -> Columns:
+    """The candidate's columns over all recordings of a side, over the deviation of each row."""
+    parts = [candidate.columns(run, arm) / run.deviation[..., None] for run in side.runs]
+    x = np.concatenate(parts)  # (rows, n, k)
+    touched = np.flatnonzero(np.any(x != 0.0, axis=(0, 2)))
+    if len(touched) == 1:
+        return Columns(np.ascontiguousarray(x[:, touched[0]]), side.of(int(touched[0]) + 1))
+    flat = x.transpose(1, 0, 2).reshape(-1, x.shape[2])
+    return Columns(flat, slice(0, len(flat)))

@@ -1,0 +1,154 @@
+"""From coefficients of columns to the parameters of an effect, with uncertainty that coloured residuals do not flatter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from arm_model.description import Arm
+from diagnosis.candidates import Candidate
+from diagnosis.library import Columns, Side, columns_of
+from diagnosis.selection import Accepted, fit_gain
+
+Array = NDArray[np.float64]
+
+SYSTEMATIC = 0.02
+"""Share of a value added to its deviation: columns are first order in the effect, and seen through filters."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter of a cause."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
+
+
+def parameters_of(candidate: Candidate, coefficients: Array) -> dict[str, float]:
+    """Parameter values (SI) that a candidate's coefficients (k,) stand for; see ``Candidate.units`` for their order."""
+    effect, shape, c = candidate.definition, dict(candidate.shape), [float(value) for value in coefficients]
+    names = {p.name for p in effect.parameters}
+    if effect.name == "payload":
+        mass = c[0]
+        centre = {axis: (c[k] / mass if mass else 0.0) for k, axis in enumerate("xyz", 1)}
+        return {"mass": mass, **centre}
+    if effect.name == "joint_compliance":
+        return {**shape, "stiffness": shape["stiffness"] / c[0] if c[0] else float("inf")}
+    if effect.delay is not None:
+        return {"delay": c[0]}
+    if "phase" in names:
+        amplitude = effect.linear[0].name
+        return {**shape, amplitude: float(np.hypot(c[0], c[1])), "phase": float(np.arctan2(c[1], c[0]))}
+    if "rest_angle" in names:
+        stiffness = c[0] + c[1]
+        return {**shape, "stiffness": stiffness, "rest_angle": c[1] / stiffness if stiffness else 0.0}
+    if effect.name == "presliding_friction":
+        return {name: value for name, value in shape.items()}
+    return {**shape, **{p.name: value for p, value in zip(effect.linear, c)}}
+
+
+def sharpened(candidate: Candidate, accepted: Accepted, fit: Side, arm: Arm) -> Candidate:
+    """The candidate with each continuous shape parameter at its best between the neighbours on its grid, one after the other."""
+    for name, value in candidate.shape:
+        parameter = next(p for p in candidate.definition.parameters if p.name == name)
+        if parameter.whole or name in FIXED.get(candidate.effect, ()):
+            continue
+
+        def worse(log_value: float, name: str = name, now: Candidate = candidate) -> float:
+            trial = replace(now, shape=tuple((n, float(np.exp(log_value)) if n == name else v) for n, v in now.shape))
+            return -fit_gain(columns_of(trial, fit, arm), accepted)[0]
+
+        found = optimize.minimize_scalar(
+            worse, bounds=(np.log(value / 3), np.log(value * 3)), method="bounded", options={"xatol": 0.02, "maxiter": 12}
+        )
+        best = float(np.exp(found.x))
+        candidate = replace(candidate, shape=tuple((n, best if n == name else v) for n, v in candidate.shape))
+    return candidate
+
+
+FIXED = {
+    "backlash": ("contact_stiffness", "contact_damping"),
+    "joint_compliance": ("stiffness", "damping"),
+    "presliding_friction": ("damping",),
+}
+"""Shape parameters that the currents hardly show, or that the coefficient already scales."""
+
+
+def estimates(chosen: Sequence[Candidate], coefficients: Array, fit: Side, arm: Arm) -> list[list[Estimate]]:
+    """Parameters of every chosen candidate, coefficients (sum of k,) in their order, with standard deviations.
+
+    Covariance: the sandwich B (sum over blocks of g_b g_b^T) B with g_b = X_b^T e_b and B = (X^T X)^+, X with a column more for every continuous
+    shape parameter (derivative of its columns): right for residuals correlated within a block (Liang & Zeger, Biometrika 73, 1986).
+    """
+    columns = [columns_of(candidate, fit, arm) for candidate in chosen]
+    parts = np.split(coefficients, np.cumsum([c.x.shape[1] for c in columns])[:-1])
+    wide, moves = [], []  # whitened columns; for each, how parameters follow
+    for index, (candidate, column, part) in enumerate(zip(chosen, columns, parts)):
+        for k in range(len(part)):
+            wide.append(_spread(column, np.eye(len(part))[k], fit))
+            moves.append((index, _by_coefficient(candidate, part, k)))
+        for name, value in candidate.shape:
+            if name in FIXED.get(candidate.effect, ()) or _whole(candidate, name):
+                continue
+            step = 0.02 * value
+            other = replace(candidate, shape=tuple((n, v + step if n == name else v) for n, v in candidate.shape))
+            slope = _spread(columns_of(other, fit, arm), part, fit) - _spread(column, part, fit)
+            wide.append(slope / step)
+            moves.append((index, {name: 1.0}))
+    covariance = _sandwich(np.column_stack(wide), fit, coefficients, [len(part) for part in parts], columns, parts)
+    result = []
+    for index, (candidate, part) in enumerate(zip(chosen, parts)):
+        values = parameters_of(candidate, part)
+        units = {p.name: p.unit for p in candidate.definition.parameters}
+        rows = []
+        for name, value in values.items():
+            if name in FIXED.get(candidate.effect, ()) and name != "stiffness":
+                continue
+            slope = np.array([move.get(name, 0.0) if owner == index else 0.0 for owner, move in moves])
+            std = float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
+            systematic = 0.0 if _whole(candidate, name) else SYSTEMATIC * abs(value)
+            rows.append(Estimate(name, value, float(np.hypot(std, systematic)), units[name]))
+        result.append(rows)
+    return result
+
+
+def _whole(candidate: Candidate, name: str) -> bool:
+    return any(p.name == name and p.whole for p in candidate.definition.parameters)
+
+
+def _spread(columns: Columns, coefficients: Array, side: Side) -> Array:
+    return columns.spread(coefficients, len(side.y))
+
+
+def _by_coefficient(candidate: Candidate, part: Array, k: int) -> dict[str, float]:
+    """Derivative of every parameter by coefficient k, by central differences."""
+    step = 1e-4 * max(float(np.max(np.abs(part))), 1e-9)
+    up, down = part.copy(), part.copy()
+    up[k] += step
+    down[k] -= step
+    after, before = parameters_of(candidate, up), parameters_of(candidate, down)
+    return {name: (after[name] - before[name]) / (2 * step) for name in after}
+
+
+def _sandwich(
+    wide: Array, fit: Side, coefficients: Array, sizes: list[int], columns: list[Columns], parts: list[Array]
+) -> Array:
+    left = fit.y - sum((_spread(c, p, fit) for c, p in zip(columns, parts)), start=np.zeros(len(fit.y)))
+    scale = np.linalg.norm(wide, axis=0)
+    scale[scale == 0.0] = 1.0
+    x = wide / scale
+    bread = np.linalg.pinv(x.T @ x, rcond=1e-8)
+    scores = np.stack([np.bincount(fit.block, weights=column * left) for column in x.T], axis=1)
+    blocks = len(scores)
+    meat = scores.T @ scores * blocks / max(blocks - len(scale), 1)
+    covariance: Array = bread @ meat @ bread / np.outer(scale, scale)
+    return covariance
+
+
+Progress = Callable[[str], None]
