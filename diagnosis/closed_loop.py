@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm
+from arm_model.sensing import recorded
 from arm_model.simulation import simulate
 from daq.recording import Recording
 
@@ -46,7 +47,5 @@ def compare(recording: Recording, arm: Arm) -> Compared | None:
 
     duration = float(knots[-1])
     motion = simulate(arm, demand, duration=duration, rate=1.0 / recording.dt, times=knots - knots[0], sampled=True)
-    from arm_model.instruments import read
-
-    shown = read(arm, motion)
-    return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.angle)
+    shown = recorded(arm, motion)
+    return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q)

@@ -65,7 +65,10 @@ def sharpened(candidate: Candidate, accepted: Accepted, fit: Side, arm: Arm) -> 
             return -fit_gain(columns_of(trial, fit, arm), accepted)[0]
 
         found = optimize.minimize_scalar(
-            worse, bounds=(np.log(value / 3), np.log(value * 3)), method="bounded", options={"xatol": 0.02, "maxiter": 12}
+            worse,
+            bounds=(np.log(value / 3), np.log(value * 3)),
+            method="bounded",
+            options={"xatol": 0.02, "maxiter": 12},
         )
         best = float(np.exp(found.x))
         candidate = replace(candidate, shape=tuple((n, best if n == name else v) for n, v in candidate.shape))

@@ -1,0 +1,248 @@
+"""From recordings and a model to causes: show, ask, name, extend, measure.
+
+1. events in raw rows (``events``); 2. every recording seen through the model (``evidence``); 3. all candidates as columns (``library``); 4. forward
+selection on held-out gain with joint refit, shapes sharpened, then backward deletion (``selection``); 5. parameters (``parameters``); 6. what is left
+(``remainder``); 7. the extended model in closed loop (``closed_loop``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm, EffectTerm
+from daq.recording import Recording
+from diagnosis import events as event_search
+from diagnosis.candidates import Candidate, candidates
+from diagnosis.closed_loop import Compared, compare
+from diagnosis.evidence import Run, see
+from diagnosis.events import Event
+from diagnosis.library import Side, columns_of, side_of
+from diagnosis.parameters import Estimate, estimates, sharpened
+from diagnosis.projection import confusability, span_of
+from diagnosis.remainder import Structure, structure_left
+from diagnosis.selection import Accepted, Look, Pair, accept, look, matters, round_of, simplest
+from diagnosis.visibility import Invisible, not_visible
+from inputs import InputError
+
+Array = NDArray[np.float64]
+
+MOST_CAUSES = 8
+GROUP_ABOVE = 0.98
+"""Canonical correlation above which two effects are one to this data."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One accepted effect. gain: rms of its joint's held-out residual before and after, A; group: effects this data cannot tell from it."""
+
+    effect: str
+    joint: int | None
+    parameters: list[Estimate]
+    confidence: float
+    before: float
+    after: float
+    group: tuple[tuple[str, int | None], ...]
+    separate_by: str | None
+    evidence: str
+    felt_at: int
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything that the report and diagnosis.json say."""
+
+    arm: Arm
+    extended: Arm
+    fit: tuple[Run, ...]
+    held_out: tuple[Run, ...]
+    left: tuple[Array, Array]
+    causes: list[Cause]
+    not_visible: list[Invisible]
+    unexplained: list[Structure]
+    compared: dict[str, list[tuple[Compared, Compared]]] = field(repr=False)
+
+    @property
+    def verdict(self) -> str:
+        """``consistent``, ``explained`` or ``unexplained``, as the contract defines them."""
+        if self.unexplained:
+            return "unexplained"
+        return "explained" if self.causes else "consistent"
+
+
+def diagnose(
+    arm: Arm,
+    fit: Sequence[Recording],
+    held_out: Sequence[Recording],
+    progress: Callable[[str], None] = lambda sentence: None,
+) -> Diagnosis:
+    """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm."""
+    everything = [*fit, *held_out]
+    _check(arm, everything)
+    progress("looking for events")
+    found = [*event_search.hum(everything), *event_search.jumps(everything), *event_search.clipped(everything)]
+    runs = []
+    for index, recording in enumerate(everything):
+        progress(f"seeing {recording.path.name} through the model")
+        q = event_search.without_jumps(recording, index, found)
+        runs.append(see(recording.path.name, arm, recording.t, q, event_search.without_hum(recording, found)))
+    sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
+    progress("computing what each effect would look like")
+    library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in candidates(arm)}
+    chosen, looks = _select(library, sides, arm, progress)
+    accepted = accept(*sides, [library[c] for c in chosen])
+    progress("estimating parameters")
+    values = estimates(chosen, accepted.coefficients, sides[0], arm) if chosen else []
+    causes = [_from_event(event, sides) for event in found]
+    causes += [_cause(c, v, one, chosen, library, sides, accepted) for c, v, one in zip(chosen, values, looks)]
+    extended = extend(arm, causes)
+    progress("judging in closed loop")
+    compared = {
+        side: [pair for r in recordings if (pair := _before_and_after(r, arm, extended)) is not None]
+        for side, recordings in (("fit", fit), ("held_out", held_out))
+    }
+    left = (accepted.fit, accepted.held_out)
+    named = {c.key for c in chosen}
+    return Diagnosis(
+        arm, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
+        not_visible(library, sides[1], accepted, named, arm), structure_left(*sides, left, arm), compared,
+    )  # fmt: skip
+
+
+def _check(arm: Arm, recordings: list[Recording]) -> None:
+    for r in recordings:
+        if r.joints != len(arm):
+            raise InputError(r.path, f"has {r.joints} joints, the model {arm.name} has {len(arm)}")
+        if len(r) < 3 / r.dt:
+            raise InputError(r.path, f"is {len(r) * r.dt:.1f} s long; at least 3 s are wanted")
+        for name, values in (("position", r.q), ("current", r.i)):
+            missing = np.isnan(values).any(axis=0)
+            if missing.any():
+                raise InputError(r.path, f"{name} of joint {int(np.argmax(missing)) + 1} has missing samples")
+        constant = np.ptp(r.i, axis=0) == 0.0
+        if constant.any():
+            raise InputError(r.path, f"current of joint {int(np.argmax(constant)) + 1} never changes; is it connected?")
+
+
+def _select(
+    library: dict[Candidate, Pair], sides: tuple[Side, Side], arm: Arm, progress: Callable[[str], None]
+) -> tuple[list[Candidate], list[list[Look]]]:
+    """Chosen candidates in the order of acceptance, and for each the candidates that would have done as well."""
+    fit, held_out = sides
+    chosen: list[Candidate] = []
+    equals: dict[tuple[str, int | None], list[Look]] = {}
+    for number in range(1, MOST_CAUSES + 1):
+        progress(f"looking for cause {number}")
+        accepted = accept(fit, held_out, [library[c] for c in chosen])
+        able = round_of(library, accepted, held_out, {c.key for c in chosen})
+        if not able:
+            break
+        best, alike = simplest(able, held_out)
+        sharp = sharpened(best.candidate, accepted, fit, arm)
+        library[sharp] = columns_of(sharp, fit, arm), columns_of(sharp, held_out, arm)
+        chosen.append(sharp)
+        equals[sharp.key] = alike
+        chosen = _weeded(chosen, library, sides)
+    return chosen, [equals[c.key] for c in chosen]
+
+
+def _weeded(chosen: list[Candidate], library: dict[Candidate, Pair], sides: tuple[Side, Side]) -> list[Candidate]:
+    """Backward deletion: causes whose held-out gain beside all others no longer matters are dropped, the least first."""
+    fit, held_out = sides
+    while len(chosen) > 1:
+        gains = []
+        for c in chosen:
+            others = accept(fit, held_out, [library[o] for o in chosen if o is not c])
+            gains.append(look(c, library[c], others, held_out))
+        total = float(np.sum(held_out.y**2) - np.sum(accept(fit, held_out, [library[c] for c in chosen]).held_out ** 2))
+        least = min(gains, key=lambda one: one.held_out_gain)
+        if matters(least.held_out_gain, total, held_out):
+            break
+        chosen = [c for c in chosen if c is not least.candidate]
+    return chosen
+
+
+def _cause(
+    candidate: Candidate,
+    values: list[Estimate],
+    alike: list[Look],
+    chosen: list[Candidate],
+    library: dict[Candidate, Pair],
+    sides: tuple[Side, Side],
+    accepted: Accepted,
+) -> Cause:
+    fit, held_out = sides
+    others = accept(fit, held_out, [library[c] for c in chosen if c is not candidate])
+    one = look(candidate, library[candidate], others, held_out)
+    joint = candidate.joint or _most_felt(others.held_out, accepted.held_out, held_out)
+    before, after = (_rms_in_amperes(values_, held_out, joint) for values_ in (others.held_out, accepted.held_out))
+    group = [candidate.key]
+    basis = span_of(others.basis) if others.basis.shape[1] else span_of(np.zeros((len(fit.y), 1)))
+    for other in alike:
+        if other.candidate.key != candidate.key:
+            pair = library[candidate][0], library[other.candidate][0]
+            if confusability(basis, *(_full(c.x, c.where, len(fit.y)) for c in pair)) > GROUP_ABOVE:
+                group.append(other.candidate.key)
+    definition = candidate.definition
+    where = f"joint {candidate.joint}" if candidate.joint else "all joints"
+    sentence = (
+        f"{definition.shows}: with it the held-out current error of joint {joint} falls from {before:.3g} to {after:.3g} A rms, "
+        f"in {int(np.sum(one.blocks > 0))} of {int(np.sum(one.blocks != 0))} one-second blocks ({where})"
+    )
+    separate = None
+    if len(group) > 1:
+        separate = next((definition.confused_with[e] for e, _ in group[1:] if e in definition.confused_with), None)
+    confidence = float(np.clip(1.0 - one.p, 0.0, 0.99)) / len(group)
+    return Cause(
+        candidate.effect, candidate.joint, values, confidence, before, after, tuple(group), separate, sentence, joint
+    )
+
+
+def _full(x: Array, where: slice, length: int) -> Array:
+    whole = np.zeros((length, x.shape[1]))
+    whole[where] = x
+    return whole
+
+
+def _most_felt(before: Array, after: Array, side: Side) -> int:
+    """Joint (from 1) whose residual falls most."""
+    fall = (before**2 - after**2).reshape(-1, side.rows).sum(axis=1)
+    return int(np.argmax(fall)) + 1
+
+
+def _rms_in_amperes(whitened: Array, side: Side, joint: int) -> float:
+    """A: rms of a joint's residual where it is known to better than three times the instruments' noise."""
+    deviation = np.concatenate([run.deviation[:, joint - 1] for run in side.runs])
+    noise = np.concatenate([np.full(len(run.t), run.noise[joint - 1]) for run in side.runs])
+    certain = deviation < 3 * noise
+    values = (whitened[side.of(joint)] * deviation)[certain] if certain.any() else np.zeros(1)
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _from_event(event: Event, sides: tuple[Side, Side]) -> Cause:
+    amplitude = next((p.value for p in event.parameters if p.unit == "A"), 0.0)
+    noise = float(np.mean([run.noise[event.joint - 1] for run in sides[1].runs]))
+    before = float(np.hypot(noise, amplitude / np.sqrt(2))) if event.effect == "mains_hum" else noise
+    return Cause(
+        event.effect, event.joint, event.parameters, 0.99, before, noise, ((event.effect, event.joint),), None,
+        event.evidence, event.joint,
+    )  # fmt: skip
+
+
+def extend(arm: Arm, causes: Sequence[Cause]) -> Arm:
+    """The model with every cause as an effect of its own, beside those it had."""
+    terms = list(arm.effects)
+    for cause in causes:
+        terms.append(EffectTerm(cause.effect, cause.joint, {p.name: float(p.value) for p in cause.parameters}))
+    return replace(arm, effects=tuple(terms))
+
+
+def _before_and_after(recording: Recording, arm: Arm, extended: Arm) -> tuple[Compared, Compared] | None:
+    before = compare(recording, arm)
+    if before is None:
+        return None
+    after = compare(recording, extended) if extended.effects != arm.effects else before
+    return (before, after) if after is not None else None

@@ -1,0 +1,197 @@
+"""Effects that are events or lines rather than columns: hum in the current, counts that jump, a current that is clipped.
+
+Each is looked for in the raw rows of every recording, before any filter would smear it, and taken away before the rest is judged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from daq.recording import Recording
+from diagnosis.parameters import Estimate
+
+Array = NDArray[np.float64]
+
+HUM_BAND = (45.0, 65.0)
+HUM_OVER_FLOOR = 40.0
+"""Power of a line over the median of its neighbours; white noise exceeds 40 once in e^28 bins."""
+JUMP_IN_STEPS = 5.0
+"""Steps of the encoder that a jump must exceed."""
+FLAT_ROWS = 20
+"""Consecutive rows at one extreme value that make a clipped current, at 1 kHz 20 ms."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """An effect found in raw rows: name, joint, parameters, sentence, and the recordings (by index) that show it."""
+
+    effect: str
+    joint: int
+    parameters: list[Estimate]
+    evidence: str
+    recordings: tuple[int, ...]
+
+
+def hum(recordings: list[Recording]) -> list[Event]:
+    """A line between 45 and 65 Hz in a current that stands out of the floor in every recording, at one frequency."""
+    events = []
+    for j in range(recordings[0].joints):
+        lines = [_line(r.t, r.i[:, j]) for r in recordings]
+        frequencies = np.array([line[0] for line in lines])
+        if min(line[2] for line in lines) < HUM_OVER_FLOOR or np.ptp(frequencies) > 1.0:
+            continue
+        amplitudes = np.array([line[1] for line in lines])
+        phase = lines[0][3]
+        events.append(
+            Event(
+                "mains_hum",
+                j + 1,
+                [
+                    Estimate(
+                        "amplitude", float(amplitudes.mean()), float(amplitudes.std() + 0.02 * amplitudes.mean()), "A"
+                    ),
+                    Estimate("frequency", float(np.median(frequencies)), 0.05, "Hz"),
+                    Estimate("phase", phase, 0.2, "rad"),
+                ],
+                f"the current of joint {j + 1} carries a line at {np.median(frequencies):.2f} Hz in all {len(recordings)} recordings",
+                tuple(range(len(recordings))),
+            )
+        )
+    return events
+
+
+def _line(t: Array, current: Array) -> tuple[float, float, float, float]:
+    """Frequency Hz, amplitude A, power over the floor, phase at t = 0 of the strongest line in the hum's band."""
+    dt = float(np.median(np.diff(t)))
+    window = signal.windows.hann(len(t))
+    spectrum = np.fft.rfft((current - current.mean()) * window, 4 * len(t))
+    frequency = np.fft.rfftfreq(4 * len(t), dt)
+    band = np.flatnonzero((frequency >= HUM_BAND[0]) & (frequency <= HUM_BAND[1]))
+    if len(band) == 0:
+        return 0.0, 0.0, 0.0, 0.0
+    power = np.abs(spectrum[band]) ** 2
+    top = int(np.argmax(power))
+    f = float(frequency[band[top]])
+    basis = np.column_stack([np.sin(2 * np.pi * f * t), np.cos(2 * np.pi * f * t)]) * window[:, None]
+    high = signal.sosfiltfilt(signal.butter(4, min(30.0 * 2 * dt, 0.9), "highpass", output="sos"), current)
+    a, b = np.linalg.lstsq(basis, high * window, rcond=None)[0]
+    return f, float(np.hypot(a, b)), float(power[top] / np.median(power)), float(np.arctan2(b, a))
+
+
+def without_hum(recording: Recording, events: list[Event]) -> Array:
+    """(n, J) A: the currents with the lines taken out, each with its own phase in this recording."""
+    current = recording.i.copy()
+    for event in events:
+        if event.effect != "mains_hum":
+            continue
+        f = next(p.value for p in event.parameters if p.name == "frequency")
+        basis = np.column_stack([np.sin(2 * np.pi * f * recording.t), np.cos(2 * np.pi * f * recording.t)])
+        column = current[:, event.joint - 1]
+        dt = recording.dt
+        high = signal.sosfiltfilt(signal.butter(4, min(30.0 * 2 * dt, 0.9), "highpass", output="sos"), column)
+        current[:, event.joint - 1] = column - basis @ np.linalg.lstsq(basis, high, rcond=None)[0]
+    return current
+
+
+def jumps(recordings: list[Recording]) -> list[Event]:
+    """Angles that jump by several steps of the encoder between two rows and stay there, against the demand."""
+    events = []
+    for j in range(recordings[0].joints):
+        for index, recording in enumerate(recordings):
+            found = _jump(recording, j)
+            if found is None:
+                continue
+            row, size, step = found
+            events.append(
+                Event(
+                    "missed_counts",
+                    j + 1,
+                    [
+                        Estimate("counts", float(np.round(size / step)), 1.0, "1"),
+                        Estimate("time", float(recording.t[row]), recording.dt, "s"),
+                        Estimate("resolution", step, 0.01 * step, "rad"),
+                    ],
+                    f"joint {j + 1} jumps by {size:.3g} rad between two rows at {recording.t[row]:.3f} s of "
+                    f"{recording.path.name} and stays there",
+                    (index,),
+                )
+            )
+    return events
+
+
+def encoder_step(q: Array) -> float:
+    """rad: smallest step that occurs often in an angle (n,)."""
+    steps = np.abs(np.diff(q))
+    steps = steps[steps > 1e-9]
+    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
+
+
+def _jump(recording: Recording, j: int) -> tuple[int, float, float] | None:
+    """Row after the largest jump that stays, its size and the encoder's step, rad."""
+    q, dt = recording.q[:, j], recording.dt
+    step = encoder_step(q)
+    near = max(3, round(0.01 / dt))
+    if step == 0.0 or len(q) < 8 * near:
+        return None
+    bend = np.diff(q)
+    usual = signal.medfilt(bend, 2 * (near // 2) + 1)
+    row = int(np.argmax(np.abs(bend - usual)))
+    size = float(bend[row] - usual[row])
+    if abs(size) < JUMP_IN_STEPS * step or not near < row < len(q) - 2 * near:
+        return None
+    # it stays: lines through the rows before and after are apart by the jump
+    before, after = slice(max(row - 5 * near, 0), row + 1), slice(row + 1, row + 1 + 5 * near)
+    t = recording.t - recording.t[row]
+    apart = np.polyval(np.polyfit(t[after], q[after], 2), dt / 2) - np.polyval(
+        np.polyfit(t[before], q[before], 2), dt / 2
+    )
+    if abs(apart - size) > 0.3 * abs(size):
+        return None
+    return row + 1, float(apart), step
+
+
+def without_jumps(recording: Recording, index: int, events: list[Event]) -> Array:
+    """(n, J) rad: the angles of recording ``index`` with the jumps taken out."""
+    q = recording.q.copy()
+    for event in events:
+        if event.effect == "missed_counts" and index in event.recordings:
+            values = {p.name: p.value for p in event.parameters}
+            q[recording.t >= values["time"] - recording.dt / 2, event.joint - 1] -= (
+                values["counts"] * values["resolution"]
+            )
+    return q
+
+
+def clipped(recordings: list[Recording]) -> list[Event]:
+    """Currents that lie flat at one extreme value for many rows, in either direction, in at least one recording."""
+    events = []
+    for j in range(recordings[0].joints):
+        top = max(float(np.nanmax(np.abs(r.i[:, j]))) for r in recordings)
+        spread = max(encoder_step(recordings[0].i[:, j]) * 1.5, 0.002 * top)
+        showing = [
+            k
+            for k, r in enumerate(recordings)
+            if _longest(np.abs(r.i[:, j]) > top - 2 * spread) * r.dt > FLAT_ROWS * 1e-3
+        ]
+        moving = [k for k in showing if np.ptp(recordings[k].q[:, j]) > 0.01]
+        if top > 10 * spread and moving:
+            events.append(
+                Event(
+                    "current_limit",
+                    j + 1,
+                    [Estimate("limit", top - spread, spread, "A")],
+                    f"the current of joint {j + 1} lies flat at {top:.2f} A in {len(moving)} of {len(recordings)} recordings",
+                    tuple(moving),
+                )
+            )
+    return events
+
+
+def _longest(flags: NDArray[np.bool_]) -> int:
+    """Length of the longest run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.view(np.int8), [0]])))
+    return int(np.max(edges[1::2] - edges[::2])) if len(edges) else 0
