@@ -18,8 +18,8 @@ from daq.recording import Recording
 from diagnosis import events as event_search
 from diagnosis.candidates import Candidate, candidates
 from diagnosis.closed_loop import Compared, compare
-from diagnosis.evidence import Run, see
 from diagnosis.events import Event
+from diagnosis.evidence import Run, see
 from diagnosis.library import Side, columns_of, side_of
 from diagnosis.parameters import Estimate, estimates, sharpened
 from diagnosis.projection import confusability, span_of
@@ -64,6 +64,7 @@ class Diagnosis:
     not_visible: list[Invisible]
     unexplained: list[Structure]
     compared: dict[str, list[tuple[Compared, Compared]]] = field(repr=False)
+    encoder_noise: Array
 
     @property
     def verdict(self) -> str:
@@ -109,6 +110,7 @@ def diagnose(
     return Diagnosis(
         arm, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
         not_visible(library, sides[1], accepted, named, arm), structure_left(*sides, left, arm), compared,
+        np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]),
     )  # fmt: skip
 
 

@@ -49,7 +49,7 @@ def parameters_of(candidate: Candidate, coefficients: Array) -> dict[str, float]
         stiffness = c[0] + c[1]
         return {**shape, "stiffness": stiffness, "rest_angle": c[1] / stiffness if stiffness else 0.0}
     if effect.name == "presliding_friction":
-        return {name: value for name, value in shape.items()}
+        return dict(shape)
     return {**shape, **{p.name: value for p, value in zip(effect.linear, c)}}
 
 
@@ -61,7 +61,8 @@ def sharpened(candidate: Candidate, accepted: Accepted, fit: Side, arm: Arm) -> 
             continue
 
         def worse(log_value: float, name: str = name, now: Candidate = candidate) -> float:
-            trial = replace(now, shape=tuple((n, float(np.exp(log_value)) if n == name else v) for n, v in now.shape))
+            value = float(np.exp(float(log_value)))
+            trial = replace(now, shape=tuple((n, value if n == name else v) for n, v in now.shape))
             return -fit_gain(columns_of(trial, fit, arm), accepted)[0]
 
         found = optimize.minimize_scalar(

@@ -99,7 +99,7 @@ def look(candidate: Candidate, pair: Pair, accepted: Accepted, held_out: Side) -
     gain, c = fit_gain(pair[0], accepted)
     inside = pair[0].dot(accepted.basis).T @ c
     after = accepted.held_out - pair[1].spread(c, len(held_out.y)) + accepted.to_held_out @ inside
-    blocks = np.bincount(held_out.block, weights=accepted.held_out**2 - after**2)
+    blocks = np.bincount(held_out.block, weights=accepted.held_out**2 - after**2).astype(float)
     return Look(candidate, c, gain, float(blocks.sum()), p_value(blocks), blocks)
 
 

@@ -83,7 +83,7 @@ def _wrist(p: Plant, joint: int, v: Values) -> Plant:
 
 def _elastic(p: Plant, joint: int, v: Values) -> Plant:
     j = joint - 1
-    stiffness = v.get("stiffness", 4e4 if joint <= 3 else 3e3)
+    stiffness = v.get("stiffness", 2e5 if joint <= 3 else 2e4)  # teeth in contact, where only a gap is hidden
     damping = v.get("damping", 2 * 0.1 * np.sqrt(stiffness * p.rotor[j]))
     return p._replace(
         stiffness=_set(p.stiffness, joint, stiffness),

@@ -57,7 +57,7 @@ def nominal_plant(model: Path) -> Plant:
         stiffness=zero, damping=zero, half_gap=zero, coupling=np.eye(n),
         kp=wn**2 * felt, ki=control["integral_rate"] * wn**2 * felt, kd=2 * control["damping_ratio"] * wn * felt,
         nominal_torque_per_ampere=torque_per_ampere, current_limit=column("torque_limit") / torque_per_ampere,
-        velocity_reference=0.0, velocity_bandwidth=control["velocity_bandwidth"], current_lag=control["current_lag"],
+        velocity_reference=1.0, velocity_bandwidth=control["velocity_bandwidth"], current_lag=control["current_lag"],
         servo_period=control["servo_period"],
     )  # fmt: skip
 

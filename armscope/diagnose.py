@@ -1,0 +1,68 @@
+"""``armscope diagnose``: what the simulation gets wrong, why, the extended model, the gain."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from diagnosis.diagnose import Diagnosis
+
+
+def command(
+    model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="the model whose simulation is judged")],
+    fit: Annotated[list[Path], typer.Option(metavar="RUN.mcap", help="a recording to find causes in; may be repeated")],
+    held_out: Annotated[
+        list[Path], typer.Option("--held-out", metavar="RUN.mcap", help="a recording to judge by; may be repeated")
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="folder for diagnosis.json, report.html, model.toml")],
+    more: Annotated[
+        list[Path] | None, typer.Argument(metavar="[RUN.mcap...]", help="more recordings to find causes in")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print diagnosis.json and nothing else")] = False,
+) -> None:
+    """Diagnoses recordings against a model."""
+    from rich.console import Console
+
+    from arm_model.description import read_model
+    from daq.recording import open_recording
+    from diagnosis.diagnose import diagnose
+    from diagnosis.files import write_diagnosis
+
+    arm = read_model(model)
+    fitted = [open_recording(path) for path in [*fit, *(more or [])]]
+    held = [open_recording(path) for path in held_out]
+    with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
+        result = diagnose(arm, fitted, held, progress=status.update)
+        status.update("report")
+        table = write_diagnosis(out, result, fitted, held)
+    if as_json:
+        print(json.dumps(table))
+    else:
+        _print(result, out)
+
+
+def _print(result: Diagnosis, out: Path) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from diagnosis.report import sentence, title
+
+    console = Console(highlight=False)
+    console.print(sentence(result), markup=False, soft_wrap=True)
+    if result.causes:
+        table = Table(box=None, pad_edge=False)
+        for heading in ("cause", "parameters", "held-out error, A", "confidence"):
+            table.add_column(heading)
+        for cause in result.causes:
+            values = ", ".join(
+                f"{p.name} {p.value:.4g} ± {2 * p.std:.2g}{'' if p.unit == '1' else ' ' + p.unit}"
+                for p in cause.parameters
+            )
+            table.add_row(title(cause), values, f"{cause.before:.3g} -> {cause.after:.3g}", f"{cause.confidence:.0%}")
+        console.print(table)
+    console.print(f"{out / 'report.html'}", markup=False, soft_wrap=True)

@@ -1,0 +1,92 @@
+"""diagnosis.json, report.html, model.toml and the separating experiments, as the contract fixes them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_model.description import write_model
+from daq.recording import Recording
+from diagnosis.diagnose import Cause, Diagnosis
+from diagnosis.report import report
+from diagnosis.separate import separating_experiment
+from experiment import write_experiment
+
+SCHEMA = "armscope.diagnosis/1"
+
+
+def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording]) -> dict[str, Any]:
+    """The content of diagnosis.json."""
+    return {
+        "schema": SCHEMA,
+        "verdict": result.verdict,
+        "fit": [str(r.path) for r in fit],
+        "held_out": [str(r.path) for r in held_out],
+        "signals": _signals(result),
+        "causes": [_cause(cause) for cause in result.causes],
+        "not_visible": [
+            {"effect": one.effect, "joint": one.joint, "why": one.why, "experiment": one.experiment}
+            for one in result.not_visible
+        ],
+        "unexplained": [
+            {"signal": one.signal, "joint": one.joint, "against": one.against, "share": round(one.share, 4)}
+            for one in result.unexplained
+        ],
+    }
+
+
+def _signals(result: Diagnosis) -> list[dict[str, Any]]:
+    rows = []
+    noise = np.mean([run.noise for run in result.held_out], axis=0)
+    for signal, attribute, unit in (("current", "current", "A"), ("position", "angle", "rad")):
+        for j in range(len(result.arm)):
+            errors = {
+                side: {
+                    when: float(np.sqrt(np.mean([pair[k].error_rms(attribute)[j] ** 2 for pair in pairs])))
+                    for k, when in enumerate(("before", "after"))
+                }
+                for side, pairs in result.compared.items()
+                if pairs
+            }
+            if errors:
+                row = {"signal": signal, "joint": j + 1, "unit": unit, "error_rms": errors}
+                row["noise_rms"] = float(noise[j]) if signal == "current" else float(result.encoder_noise[j])
+                rows.append(row)
+    return rows
+
+
+def _cause(cause: Cause) -> dict[str, Any]:
+    return {
+        "effect": cause.effect,
+        "joint": cause.joint,
+        "parameters": {p.name: {"value": p.value, "std": p.std, "unit": p.unit} for p in cause.parameters},
+        "confidence": round(cause.confidence, 4),
+        "gain": {"held_out_rms_before": cause.before, "held_out_rms_after": cause.after, "unit": "A"},
+        "group": [{"effect": effect, "joint": joint} for effect, joint in cause.group],
+        "separate_by": cause.separate_by,
+        "evidence": cause.evidence,
+    }
+
+
+def write_diagnosis(out: Path, result: Diagnosis, fit: list[Recording], held_out: list[Recording]) -> dict[str, Any]:
+    """Writes DIR/diagnosis.json, report.html, model.toml, and separate_K.toml for every cause that comes as a group."""
+    out.mkdir(parents=True, exist_ok=True)
+    table = table_of(result, fit, held_out)
+    for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
+        if len(cause.group) > 1:
+            path = out / f"separate_{number}.toml"
+            write_experiment(path, separating_experiment(cause, result), heading=cause.separate_by or "")
+            row["separate_by"] = str(path)
+    write_model(out / "model.toml", result.extended)
+    _write(out / "report.html", report(result, table))
+    _write(out / "diagnosis.json", json.dumps(table, indent=2) + "\n")
+    return table
+
+
+def _write(path: Path, text: str) -> None:
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(path)

@@ -1,0 +1,110 @@
+"""The pictures of a diagnosis: what a person should see at a glance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.diagnose import Cause, Diagnosis
+from diagnosis.library import side_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+MEASURED, BEFORE, AFTER = "#8fa1b3", "#c8501e", "#1f5fa8"
+
+
+def overview(result: Diagnosis) -> tuple[Figure, str]:
+    """Held-out residual of every joint over time, in units of the noise, before and after."""
+    from matplotlib.figure import Figure
+
+    joints = len(result.arm)
+    side = side_of(result.held_out)
+    figure = Figure(figsize=(10.5, 0.8 + 1.35 * joints), layout="constrained")
+    axes = figure.subplots(joints, 1, sharex=True, squeeze=False)[:, 0]
+    t = np.arange(side.rows) / 100.0
+    for j, axis in enumerate(axes, 1):
+        noise = np.concatenate([run.noise[j - 1] / run.deviation[:, j - 1] for run in result.held_out])
+        shown = noise > 1 / 3  # elsewhere, near standstill, the current is not determined
+        for values, colour, label in ((side.y, BEFORE, "before"), (result.left[1], AFTER, "after")):
+            axis.plot(t, np.where(shown, values[side.of(j)] / noise, np.nan), color=colour, lw=0.7, label=label)
+        top = max(4.0, float(np.quantile(np.abs(side.y[side.of(j)][shown]), 0.99)) * 1.2) if shown.any() else 4.0
+        axis.set_ylim(-top, top)
+        axis.set_ylabel(f"joint {j}")
+        axis.grid(color="#e6eaef")
+    edges = np.cumsum([len(run.t) for run in result.held_out]) / 100.0
+    for run, edge in zip(result.held_out, edges):
+        axes[0].text(edge - len(run.t) / 100.0, axes[0].get_ylim()[1], run.name, fontsize="small", va="bottom")
+        for axis in axes:
+            axis.axvline(edge, color="#b8c2cc", lw=0.8)
+    axes[0].legend(loc="upper right", ncols=2, fontsize="small")
+    axes[-1].set_xlabel("held-out recordings, s")
+    figure.suptitle("measured less expected current, times the noise", x=0.01, ha="left", fontsize="medium")
+    return figure, "held-out residuals of all joints before and after"
+
+
+VIEWS = {
+    "velocity": ("coulomb_friction", "viscous_friction", "friction_asymmetry", "stribeck_friction", "hydrodynamic_drag",
+                 "presliding_friction", "current_offset"),
+    "load torque": ("load_friction", "backlash", "joint_compliance"),
+    "current": ("torque_constant", "current_gain", "current_nonlinearity"),
+    "acceleration": ("rotor_inertia", "time_skew"),
+    "motor angle": ("gear_ripple", "cogging", "encoder_ripple"),
+}  # fmt: skip
+"""The variable that shows an effect best; position otherwise."""
+
+
+def view_of(effect: str) -> str:
+    """The variable against which an effect's residual is drawn."""
+    return next((name for name, effects in VIEWS.items() if effect in effects), "position")
+
+
+def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
+    """The residual current of the joint that feels it, against the telling variable, before and after all causes."""
+    from matplotlib.figure import Figure
+
+    from diagnosis.remainder import variables
+
+    side = side_of(result.held_out)
+    joint = cause.felt_at
+    name = view_of(cause.effect)
+    x = dict(variables(side, result.arm, joint))[name]
+    deviation = np.concatenate([run.deviation[:, joint - 1] for run in result.held_out])
+    certain = deviation < 3 * np.concatenate([np.full(len(r.t), r.noise[joint - 1]) for r in result.held_out])
+    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    for axis, values, colour, title in zip(
+        axes, (side.y, result.left[1]), (BEFORE, AFTER), ("before", "after all causes")
+    ):
+        axis.plot(x[certain], (values[side.of(joint)] * deviation)[certain], ".", ms=1.6, color=colour)
+        axis.set_title(title, loc="left", fontsize="medium")
+        axis.set_xlabel(f"{name} of joint {joint}")
+        axis.grid(color="#e6eaef")
+    axes[0].set_ylabel(f"measured less expected\ncurrent of joint {joint}, A")
+    return figure, f"residual current of joint {joint} against {name}"
+
+
+def loops(result: Diagnosis) -> Iterator[tuple[Figure, str]]:
+    """Measured current, and simulated in closed loop before and after, of the joints that a cause is felt at; one held-out recording."""
+    from matplotlib.figure import Figure
+
+    pairs = result.compared.get("held_out") or []
+    joints = sorted({cause.felt_at for cause in result.causes}) or [1]
+    for before, after in pairs[:1]:
+        figure = Figure(figsize=(10.5, 0.8 + 2.0 * len(joints)), layout="constrained")
+        axes = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
+        for axis, joint in zip(axes, joints):
+            axis.plot(before.t, before.current[:, joint - 1], color=MEASURED, lw=2.0, label="measured")
+            axis.plot(before.t, before.simulated_current[:, joint - 1], color=BEFORE, lw=0.8, label="simulated, before")
+            axis.plot(after.t, after.simulated_current[:, joint - 1], color=AFTER, lw=0.8, label="simulated, after")
+            axis.set_ylabel(f"joint {joint}, A")
+            axis.grid(color="#e6eaef")
+        axes[0].legend(loc="upper right", ncols=3, fontsize="small")
+        axes[0].set_title(f"{before.name} (held out), closed loop on the same demands", loc="left", fontsize="medium")
+        axes[-1].set_xlabel("time, s")
+        yield figure, f"measured and simulated currents of {before.name}"
