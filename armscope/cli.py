@@ -29,6 +29,7 @@ COMMANDS: dict[str, str] = {
     "plot": "a picture of one recording, or of several on one another",
     "simulate": "the model run on an experiment, or on the demands of a recording",
     "identify": "parameters of an arm from recordings, with their uncertainty and held-out error",
+    "diagnose": "what the simulation gets wrong, why, the extended model, and the gain on held-out recordings",
     "calibrate": "kinematic parameters from the tracker, the poses to measure, and corrected targets",
     "demo": "the whole experience without hardware: record a simulated Puma, identify it, look at it",
 }
@@ -71,11 +72,28 @@ def _call(name: str, arguments: list[str]) -> int:
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.command(name, help=COMMANDS[name])(module.command)
     try:
-        status = app(arguments, prog_name=f"armscope {name}", standalone_mode=False)
+        status = app(
+            spread(arguments, getattr(module, "MANY", ())), prog_name=f"armscope {name}", standalone_mode=False
+        )
     except TyperException as error:
         message = error.format_message() if hasattr(error, "format_message") else str(error)
         return _refuse(f"{name}: {message}; see 'armscope {name} --help'")
     return status if isinstance(status, int) else DONE
+
+
+def spread(arguments: list[str], many: tuple[str, ...]) -> list[str]:
+    """Repeats an option of ``many`` before each of its values: ``--fit A B`` becomes ``--fit A --fit B``."""
+    wide: list[str] = []
+    option = None
+    for argument in arguments:
+        if argument.startswith("-"):
+            option = argument if argument in many else None
+            wide.append(argument)
+        elif option and wide[-1] != option:
+            wide += [option, argument]
+        else:
+            wide.append(argument)
+    return wide
 
 
 def _refuse(line: str) -> int:

@@ -13,16 +13,15 @@ if TYPE_CHECKING:
     from diagnosis.diagnose import Diagnosis
 
 
+MANY = ("--fit", "--held-out")
+"""Options that take several values."""
+
+
 def command(
     model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="the model whose simulation is judged")],
-    fit: Annotated[list[Path], typer.Option(metavar="RUN.mcap", help="a recording to find causes in; may be repeated")],
-    held_out: Annotated[
-        list[Path], typer.Option("--held-out", metavar="RUN.mcap", help="a recording to judge by; may be repeated")
-    ],
+    fit: Annotated[list[Path], typer.Option(metavar="A.mcap ...", help="recordings to find causes in")],
+    held_out: Annotated[list[Path], typer.Option("--held-out", metavar="B.mcap ...", help="recordings to judge by")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder for diagnosis.json, report.html, model.toml")],
-    more: Annotated[
-        list[Path] | None, typer.Argument(metavar="[RUN.mcap...]", help="more recordings to find causes in")
-    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print diagnosis.json and nothing else")] = False,
 ) -> None:
     """Diagnoses recordings against a model."""
@@ -34,7 +33,7 @@ def command(
     from diagnosis.files import write_diagnosis
 
     arm = read_model(model)
-    fitted = [open_recording(path) for path in [*fit, *(more or [])]]
+    fitted = [open_recording(path) for path in fit]
     held = [open_recording(path) for path in held_out]
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
         result = diagnose(arm, fitted, held, progress=status.update)

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from identification.result import Identification, Value
 
 
+MANY = ("--held-out",)
+"""Options that take several values."""
+
+
 class Method(StrEnum):
     ols = "ols"
     wls = "wls"

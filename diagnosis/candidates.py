@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 from arm_model.description import Arm
 from arm_model.dynamics import inverse_dynamics
 from arm_model.effects import CATALOGUE, Effect, Parameter, Signals, Values
-from diagnosis.evidence import ROWS_PER_SECOND, Run, signals_of
+from arm_model.effects.definition import Law
+from diagnosis.evidence import ROWS_PER_SECOND, Run, passed, signals_of
 
 Array = NDArray[np.float64]
 
 SPANNED = {"phase": (0.0, np.pi / 2), "rest_angle": (0.0, 1.0)}
 """Nonlinear parameters whose whole family is spanned by the law at two values."""
-
-ORDERS = tuple(range(1, 61))
 
 
 @dataclass(frozen=True)
@@ -89,28 +88,42 @@ def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) 
         change[:, j] = effect.current(p, s)
     elif effect.deflection is not None:
         # the link stands where the motor is, less the deflection
-        change = -_moved(run, j, np.asarray(effect.deflection(p, s)))
+        change = -_moved(run, j, *_rates(effect.deflection, p, s, arm.joints[j].ratio))
     elif effect.angle is not None:
         # the whole joint stands where it reads, less the error
-        error = np.asarray(effect.angle(p, s))
-        change = -_moved(run, j, error)
+        error, speed, acceleration = _rates(effect.angle, p, s, arm.joints[j].ratio)
+        change = -_moved(run, j, error, speed, acceleration)
         drive = arm.joints[j]
-        change[:, j] -= drive.ratio**2 * drive.rotor_inertia * _second(error) / drive.drive_constant
+        change[:, j] -= drive.ratio**2 * drive.rotor_inertia * acceleration / drive.drive_constant
+    cycles = p.get("order", p.get("pole_pairs"))
+    if cycles is not None:
+        change *= passed(cycles * arm.joints[j].ratio * np.abs(s.v) / (2 * np.pi))[:, None]
     return change
 
 
-def _moved(run: Run, j: int, angle: Array) -> Array:
+def _rates(law: Law, p: Values, s: Signals, ratio: float) -> tuple[Array, Array, Array]:
+    """Value, rate and second rate (m,) of an angle that a law gives.
+
+    One that follows the motor angle may turn faster than there are rows: its rates come by the chain rule, d/dt = ratio v d/d motor.
+    """
+    value = np.asarray(law(p, s), float)
+    step = 1e-3
+    up = np.asarray(law(p, replace(s, motor=s.motor + step)), float)
+    down = np.asarray(law(p, replace(s, motor=s.motor - step)), float)
+    if np.array_equal(up, value):
+        speed = np.gradient(value, 1.0 / ROWS_PER_SECOND)
+        return value, speed, np.gradient(speed, 1.0 / ROWS_PER_SECOND)
+    slope, bend = (up - down) / (2 * step), (up - 2 * value + down) / step**2
+    return value, slope * ratio * s.v, bend * (ratio * s.v) ** 2 + slope * ratio * s.a
+
+
+def _moved(run: Run, j: int, angle: Array, speed: Array, acceleration: Array) -> Array:
     """(m, n) A: change of the expected currents of all joints when link j is displaced by ``angle`` (m,) rad."""
-    speed = np.gradient(angle, 1.0 / ROWS_PER_SECOND)
     return (
         run.by_angle[..., j] * angle[:, None]
         + run.by_speed[..., j] * speed[:, None]
-        + run.by_acceleration[..., j] * _second(angle)[:, None]
+        + run.by_acceleration[..., j] * acceleration[:, None]
     )
-
-
-def _second(values: Array) -> Array:
-    return np.gradient(np.gradient(values, 1.0 / ROWS_PER_SECOND), 1.0 / ROWS_PER_SECOND)
 
 
 def _changed(run: Run, arm: Arm, effect: Effect, joint: int | None, unit: Values) -> Array:
@@ -139,7 +152,7 @@ def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
         i, j = int(name[1]) - 1, int(name[2]) - 1
         if i >= len(arm) or j >= len(arm):
             continue
-        change += _moved(run, i, value * run.q[:, j])
+        change += _moved(run, i, value * run.q[:, j], value * run.v[:, j], value * run.a[:, j])
         change[:, j] += value * run.rigid[:, i] / constant[j]
     return change
 

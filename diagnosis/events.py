@@ -98,28 +98,28 @@ def without_hum(recording: Recording, events: list[Event]) -> Array:
 
 
 def jumps(recordings: list[Recording]) -> list[Event]:
-    """Angles that jump by several steps of the encoder between two rows and stay there, against the demand."""
+    """Angles that jump by several steps of the encoder between two rows and stay there; one event a joint, told by its largest jump."""
     events = []
     for j in range(recordings[0].joints):
-        for index, recording in enumerate(recordings):
-            found = _jump(recording, j)
-            if found is None:
-                continue
-            row, size, step = found
-            events.append(
-                Event(
-                    "missed_counts",
-                    j + 1,
-                    [
-                        Estimate("counts", float(np.round(size / step)), 1.0, "1"),
-                        Estimate("time", float(recording.t[row]), recording.dt, "s"),
-                        Estimate("resolution", step, 0.01 * step, "rad"),
-                    ],
-                    f"joint {j + 1} jumps by {size:.3g} rad between two rows at {recording.t[row]:.3f} s of "
-                    f"{recording.path.name} and stays there",
-                    (index,),
-                )
+        found = [(index, jump) for index, r in enumerate(recordings) if (jump := _jump(r, j)) is not None]
+        if not found:
+            continue
+        index, (row, size, step) = max(found, key=lambda one: abs(one[1][1]))
+        t, dt, name = recordings[index].t[row], recordings[index].dt, recordings[index].path.name
+        events.append(
+            Event(
+                "missed_counts",
+                j + 1,
+                [
+                    Estimate("counts", float(np.round(size / step)), max(1.0, 0.01 * abs(size / step)), "1"),
+                    Estimate("time", float(t), dt, "s"),
+                    Estimate("resolution", step, 0.01 * step, "rad"),
+                ],
+                f"the angle of joint {j + 1} jumps by {size:.3g} rad between two rows at {t:.3f} s of {name} and stays there "
+                f"({len(found)} of {len(recordings)} recordings show a jump)",
+                tuple(index for index, _ in found),
             )
+        )
     return events
 
 
@@ -155,14 +155,14 @@ def _jump(recording: Recording, j: int) -> tuple[int, float, float] | None:
 
 
 def without_jumps(recording: Recording, index: int, events: list[Event]) -> Array:
-    """(n, J) rad: the angles of recording ``index`` with the jumps taken out."""
+    """(n, J) rad: the angles of recording ``index`` with its jumps taken out."""
     q = recording.q.copy()
     for event in events:
         if event.effect == "missed_counts" and index in event.recordings:
-            values = {p.name: p.value for p in event.parameters}
-            q[recording.t >= values["time"] - recording.dt / 2, event.joint - 1] -= (
-                values["counts"] * values["resolution"]
-            )
+            found = _jump(recording, event.joint - 1)
+            if found is not None:
+                row, size, _ = found
+                q[row:, event.joint - 1] -= size
     return q
 
 

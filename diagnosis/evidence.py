@@ -107,6 +107,12 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array) -> Run:
     )  # fmt: skip
 
 
+def passed(frequency: Array) -> Array:
+    """Share of an oscillation at ``frequency`` Hz that is left in the residual: the filters of motion and comparison, forwards and back."""
+    share: Array = 1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) / (1.0 + (frequency / MOTION_BAND) ** 8)
+    return share
+
+
 def _partial(arm: Arm, q: Array, v: Array, a: Array, which: int) -> Array:
     """(m, n, n): derivative of the rigid torque of joint j by q_k, v_k or a_k, by central differences."""
     state = [q, v, a]
@@ -130,7 +136,7 @@ def channel_noise(q: Array, i: Array, arm: Arm, rate: float) -> Array:
     high = signal.sosfiltfilt(sos, i, axis=0)
     white = 1.4826 * np.median(np.abs(high), axis=0) / np.sqrt(0.3)
     frequency = np.linspace(0.0, rate / 2, 2000)
-    through = 1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) / (1.0 + (frequency / MOTION_BAND) ** 8)
+    through = passed(frequency)
     share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
     wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
     step = np.array([_smallest_step(column) for column in q.T])

@@ -69,3 +69,21 @@ def columns_of(candidate: Candidate, side: Side, arm: Arm) -> Columns:
         return Columns(np.ascontiguousarray(x[:, touched[0]]), side.of(int(touched[0]) + 1))
     flat = x.transpose(1, 0, 2).reshape(-1, x.shape[2])
     return Columns(flat, slice(0, len(flat)))
+
+
+def free_columns(side: Side, arm: Arm) -> list[Columns]:
+    """Columns that are always in the model: how friction turns from one direction to the other.
+
+    No data sheet says it, and simulations differ in it: a joint's Coulomb friction may change sign over a wider or narrower band of velocity
+    than the model's ``sign_velocity``. d/dw of v / sqrt(v^2 + w^2) = -v w / (v^2 + w^2)^(3/2), times F over the drive's constant.
+    """
+    columns = []
+    for j, joint in enumerate(arm.joints):
+        width = joint.sign_velocity
+        force = joint.ratio * max(joint.coulomb) / joint.drive_constant
+        v = np.concatenate([run.v[:, j] for run in side.runs])
+        deviation = np.concatenate([run.deviation[:, j] for run in side.runs])
+        if force > 0.0:
+            x = force * v * width**2 / np.hypot(v, width) ** 3 / deviation
+            columns.append(Columns(x[:, None], side.of(j + 1)))
+    return columns

@@ -53,6 +53,13 @@ def parameters_of(candidate: Candidate, coefficients: Array) -> dict[str, float]
     return {**shape, **{p.name: value for p, value in zip(effect.linear, c)}}
 
 
+def physical(candidate: Candidate, coefficients: Array) -> bool:
+    """Whether the parameters have the signs that they must have: no negative mass, stiffness, gap or friction share."""
+    values = parameters_of(candidate, coefficients)
+    signed = {p.name for p in candidate.definition.parameters if p.signed}
+    return all(np.isfinite(value) and (name in signed or value >= 0.0) for name, value in values.items())
+
+
 def sharpened(candidate: Candidate, accepted: Accepted, fit: Side, arm: Arm) -> Candidate:
     """The candidate with each continuous shape parameter at its best between the neighbours on its grid, one after the other."""
     for name, value in candidate.shape:
@@ -84,8 +91,12 @@ FIXED = {
 """Shape parameters that the currents hardly show, or that the coefficient already scales."""
 
 
-def estimates(chosen: Sequence[Candidate], coefficients: Array, fit: Side, arm: Arm) -> list[list[Estimate]]:
+def estimates(
+    chosen: Sequence[Candidate], coefficients: Array, left: Array, free: Sequence[Columns], fit: Side, arm: Arm
+) -> list[list[Estimate]]:
     """Parameters of every chosen candidate, coefficients (sum of k,) in their order, with standard deviations.
+
+    left (N,): whitened residual with all of them fitted; free: columns that were fitted beside them.
 
     Covariance: the sandwich B (sum over blocks of g_b g_b^T) B with g_b = X_b^T e_b and B = (X^T X)^+, X with a column more for every continuous
     shape parameter (derivative of its columns): right for residuals correlated within a block (Liang & Zeger, Biometrika 73, 1986).
@@ -105,7 +116,8 @@ def estimates(chosen: Sequence[Candidate], coefficients: Array, fit: Side, arm: 
             slope = _spread(columns_of(other, fit, arm), part, fit) - _spread(column, part, fit)
             wide.append(slope / step)
             moves.append((index, {name: 1.0}))
-    covariance = _sandwich(np.column_stack(wide), fit, coefficients, [len(part) for part in parts], columns, parts)
+    covariance = _sandwich(np.column_stack(wide + [_spread(c, np.ones(1), fit) for c in free]), left, fit)
+    covariance = covariance[: len(moves), : len(moves)]
     result = []
     for index, (candidate, part) in enumerate(zip(chosen, parts)):
         values = parameters_of(candidate, part)
@@ -115,7 +127,7 @@ def estimates(chosen: Sequence[Candidate], coefficients: Array, fit: Side, arm: 
             if name in FIXED.get(candidate.effect, ()) and name != "stiffness":
                 continue
             slope = np.array([move.get(name, 0.0) if owner == index else 0.0 for owner, move in moves])
-            std = float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
+            std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
             systematic = 0.0 if _whole(candidate, name) else SYSTEMATIC * abs(value)
             rows.append(Estimate(name, value, float(np.hypot(std, systematic)), units[name]))
         result.append(rows)
@@ -140,10 +152,7 @@ def _by_coefficient(candidate: Candidate, part: Array, k: int) -> dict[str, floa
     return {name: (after[name] - before[name]) / (2 * step) for name in after}
 
 
-def _sandwich(
-    wide: Array, fit: Side, coefficients: Array, sizes: list[int], columns: list[Columns], parts: list[Array]
-) -> Array:
-    left = fit.y - sum((_spread(c, p, fit) for c, p in zip(columns, parts)), start=np.zeros(len(fit.y)))
+def _sandwich(wide: Array, left: Array, fit: Side) -> Array:
     scale = np.linalg.norm(wide, axis=0)
     scale[scale == 0.0] = 1.0
     x = wide / scale

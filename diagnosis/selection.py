@@ -7,7 +7,7 @@ allows (``diagnosis.significance``), with false-discovery control over all effec
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -55,7 +55,7 @@ class Accepted:
 
 
 def accept(fit: Side, held_out: Side, chosen: Iterable[Pair]) -> Accepted:
-    """Least squares of the chosen columns together."""
+    """Least squares of the chosen columns together; coefficients in their order."""
     pairs = list(chosen)
     if not pairs:
         empty = np.empty((len(fit.y), 0)), np.empty((len(held_out.y), 0))
@@ -115,18 +115,31 @@ def best_shapes(library: Mapping[Candidate, Pair], accepted: Accepted, taken: se
     return [candidate for _, candidate in best.values()]
 
 
-def matters(gain: float, explained: float, held_out: Side) -> bool:
-    """Whether a held-out gain is large against the noise and against the shadow of what is already explained."""
-    return gain > max(SHARE_OF_NOISE * held_out.rows, SHADOW * explained)
+def matters(gain: float, coefficients: int, explained: float, held_out: Side) -> bool:
+    """Whether a held-out gain is large against the noise, and against the shadow of what is already explained.
+
+    An effect with k coefficients is given the shadow k times: it has k ways to follow it.
+    """
+    return gain > max(SHARE_OF_NOISE * held_out.rows, SHADOW * explained * coefficients)
 
 
-def round_of(library: Mapping[Candidate, Pair], accepted: Accepted, held_out: Side, taken: set[Key]) -> list[Look]:
-    """One round: every candidate looked at; those that may enter, best held-out gain first."""
+def round_of(
+    library: Mapping[Candidate, Pair],
+    accepted: Accepted,
+    held_out: Side,
+    taken: set[Key],
+    physical: Callable[[Candidate, Array], bool],
+) -> list[Look]:
+    """One round: every candidate looked at; those that may enter (and are ``physical``), best held-out gain first."""
     looks = [look(c, library[c], accepted, held_out) for c in best_shapes(library, accepted, taken)]
     q = benjamini_hochberg(np.array([one.p for one in looks]))
     explained = float(np.sum(held_out.y**2) - np.sum(accepted.held_out**2))
     able = [
-        one for one, q_one in zip(looks, q) if q_one < SIGNIFICANT and matters(one.held_out_gain, explained, held_out)
+        one
+        for one, q_one in zip(looks, q)
+        if q_one < SIGNIFICANT
+        and physical(one.candidate, one.coefficients)
+        and matters(one.held_out_gain, len(one.coefficients), explained, held_out)
     ]
     return sorted(able, key=lambda one: -one.held_out_gain)
 

@@ -1,0 +1,73 @@
+"""Effects hidden in a plant that shares no code with the finder have to be found; the fast part of the suite.
+
+Every case is recorded through encoder steps and a 12-bit current, and comes to the finder as files would: columns only.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model.description import read_model
+from daq.recording import Recording, open_recording
+from diagnosis.diagnose import Diagnosis, diagnose
+from tests.blind.hide import Hidden
+from tests.blind.motions import suite
+from tests.blind.record import nominal_plant, record
+
+pytest.importorskip("numba", reason="the plant of the hidden-effect tests is compiled by numba")
+
+CASES = {
+    "nothing": (),
+    "coulomb_friction": (Hidden("coulomb_friction", 1, {"coulomb": 4.0}),),
+    "load_friction": (Hidden("load_friction", 2, {"mu": 0.08}),),
+    "base_tilt": (Hidden("base_tilt", None, {"roll": 0.01, "pitch": 0.015}),),
+    "time_skew": (Hidden("time_skew", None, {"delay": 0.003}),),
+    "pair": (
+        Hidden("friction_drift", 1, {"fraction": 0.25, "time_constant": 8.0}),
+        Hidden("current_offset", 3, {"offset": 0.06}),
+    ),
+}
+
+
+def _recordings(
+    root: Path, folder: Path, hidden: tuple[Hidden, ...], seed: int
+) -> tuple[list[Recording], list[Recording]]:
+    from armscope.cli import run
+
+    plant = nominal_plant(root / "config" / "models" / "puma560.toml")
+    fit, held_out = suite(seed)
+    paths: list[Path] = []
+    for number, experiment in enumerate([*fit[:3], *held_out[:2]]):
+        taken = record(plant, experiment, hidden, seed * 100 + number)
+        table = np.column_stack([taken.t, taken.q, taken.i, taken.qref])
+        names = ["t"] + [f"{signal}{j}" for signal in ("q", "i", "qref") for j in range(1, 7)]
+        path = folder / f"{number}.csv"
+        np.savetxt(path, table, delimiter=",", fmt="%.10g", header=",".join(names), comments="")
+        recording = folder / f"{number}.mcap"
+        assert run(["import", str(path), "--rig", str(root / "config/puma560_sim.toml"), "--out", str(recording)]) == 0
+        paths.append(recording)
+    return [open_recording(p) for p in paths[:3]], [open_recording(p) for p in paths[3:]]
+
+
+def _diagnosed(root: Path, folder: Path, name: str) -> Diagnosis:
+    arm = read_model(root / "config" / "models" / "puma560.toml")
+    return diagnose(arm, *_recordings(root, folder, CASES[name], seed=sum(map(ord, name)) % 97))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_names_what_is_hidden_and_nothing_else(name: str, root: Path, tmp_path: Path) -> None:
+    result = _diagnosed(root, tmp_path, name)
+    wanted = {(hidden.effect, hidden.joint) for hidden in CASES[name]}
+    found = {(cause.effect, cause.joint) for cause in result.causes}
+    assert found == wanted
+    assert result.verdict == ("explained" if wanted else "consistent")
+    for hidden in CASES[name]:
+        cause = next(c for c in result.causes if (c.effect, c.joint) == (hidden.effect, hidden.joint))
+        for parameter in cause.parameters:
+            assert abs(parameter.value - hidden.parameters[parameter.name]) < 4 * parameter.std + 0.02 * abs(
+                parameter.value
+            )
+        assert cause.after < 0.5 * cause.before

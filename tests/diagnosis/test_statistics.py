@@ -1,0 +1,68 @@
+"""The judges of a cause: block scores under coloured noise, false-discovery control, projections."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal, stats
+
+from diagnosis.projection import confusability, smallest_detectable, span_of, survival
+from diagnosis.significance import benjamini_hochberg, p_value, score
+
+
+def _coloured(rng: np.random.Generator, seconds: float, correlation: float, rate: float = 100.0) -> np.ndarray:
+    a = np.exp(-1.0 / (correlation * rate))
+    return signal.lfilter([np.sqrt(1 - a * a)], [1, -a], rng.normal(size=int(seconds * rate)))
+
+
+def test_block_scores_keep_their_level_where_independent_samples_would_not() -> None:
+    """Absent effects in noise correlated over 0.2 s: tests on samples find half of them, block scores the stated share."""
+    rng = np.random.default_rng(1)
+    by_sample, by_block = [], []
+    block = np.arange(6000) // 100
+    for _ in range(300):
+        noise, column = _coloured(rng, 60, 0.2), _coloured(rng, 60, 0.2)
+        products = noise * column
+        by_sample.append(stats.norm.sf(products.sum() / np.sqrt(np.sum(products**2))))
+        by_block.append(p_value(np.bincount(block, weights=products)))
+    assert np.mean(np.array(by_sample) < 0.05) > 0.2
+    assert np.mean(np.array(by_block) < 0.05) < 0.09
+
+
+def test_few_blocks_never_look_certain() -> None:
+    assert p_value(np.array([5.0])) == 1.0
+    assert score(np.full(8, 3.0)) == pytest.approx(np.sqrt(8))
+    assert p_value(np.full(8, 3.0)) == pytest.approx(0.5**8)
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=40))
+def test_q_values_are_p_values_adjusted_upwards_in_their_order(p: list[float]) -> None:
+    values = np.array(p)
+    q = benjamini_hochberg(values)
+    assert np.all(q >= values - 1e-15) and np.all(q <= 1)
+    order = np.argsort(values)
+    assert np.all(np.diff(q[order]) >= -1e-15)
+    np.testing.assert_allclose(q, stats.false_discovery_control(values))
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**32 - 1))
+def test_survival_is_the_sine_of_the_angle_to_the_span(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns, other = rng.normal(size=(200, 4)), rng.normal(size=200)
+    span = span_of(columns)
+    assert survival(span, columns @ rng.normal(size=4)) < 1e-10
+    left = other - columns @ np.linalg.lstsq(columns, other, rcond=None)[0]
+    assert survival(span, other) == pytest.approx(np.linalg.norm(left) / np.linalg.norm(other))
+    assert confusability(span, left, left + columns @ rng.normal(size=4)) == pytest.approx(1.0)
+
+
+def test_smallest_detectable_amplitude_is_detected_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(5)
+    column, span = rng.normal(size=400), span_of(np.ones((400, 1)))
+    amplitude = smallest_detectable(span, column, false_alarm=0.05, power=0.8)
+    seen = span.remove(column)
+    statistics = [seen @ (amplitude * column + rng.normal(size=400)) / np.linalg.norm(seen) for _ in range(2000)]
+    assert np.mean(np.array(statistics) > stats.norm.isf(0.05)) == pytest.approx(0.8, abs=0.03)
