@@ -71,7 +71,7 @@ class Candidate:
         if effect.coupling:
             return np.stack([_coupled(run, arm, unit) for unit in self.units()], axis=-1)
         if effect.delay is not None:
-            return -np.gradient(run.current, 1.0 / ROWS_PER_SECOND, axis=0)[..., None]
+            return -run.current_rate[..., None]
         assert self.joint is not None
         s = signals_of(run, arm, self.joint)
         return np.stack([_law(run, arm, effect, self.joint, unit, s) for unit in self.units()], axis=-1)

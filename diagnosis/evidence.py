@@ -35,7 +35,7 @@ CREEP = 0.02
 class Run:
     """One recording seen through one model. m rows at ROWS_PER_SECOND, n joints.
 
-    t (m,) s; q, v, a (m, n) rad and per second of the motor over gear; current, expected, residual (m, n) A;
+    t (m,) s; q, v, a (m, n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
     rigid (m, n) N m: torque to the links; by_angle, by_speed, by_acceleration (m, n, n): d expected_j / d q_k, A/rad ..., of the links alone;
     by_link (m, n, 10 n) N m per inertial parameter of each link;
     deviation (m, n) A: standard deviation that the residual has with nothing wrong; block (m,): block of one second, from 0.
@@ -47,6 +47,7 @@ class Run:
     v: Array
     a: Array
     current: Array
+    current_rate: Array
     expected: Array
     rigid: Array
     by_angle: Array
@@ -100,7 +101,9 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array) -> Run:
     deviation = np.hypot(noise, coulomb * unsure)
     rows = t[keep]
     return Run(
-        name=name, t=rows - t[0], q=low, v=slow_v, a=slow_a, current=thin(i), expected=thin(expected),
+        name=name, t=rows - t[0],
+        q=low, v=slow_v, a=slow_a, current=thin(i), 
+        current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)), expected=thin(expected),
         rigid=rigid_torque(arm, low, slow_v, slow_a), by_angle=partials[0], by_speed=partials[1], by_acceleration=partials[2],
         by_link=regressor(arm, low, slow_v, slow_a)[0][..., : 10 * len(arm)],
         deviation=deviation, noise=noise, block=((rows - rows[0]) // 1.0).astype(np.intp),

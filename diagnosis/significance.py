@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import optimize
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -24,32 +24,27 @@ def block_sums(values: Array, block: Index, blocks: int) -> Array:
     return sums
 
 
-def score(gains: Array) -> float:
-    """Block score s = sum g_b / sqrt(sum g_b^2) of gains (blocks,), by sign symmetry about N(0, 1) under no effect.
-
-    Blocks with no gain and no loss (the arm stood still) do not count. 0 where there is nothing to judge. A single
-    block gives at most 1 and eight at most 2.8: few blocks can never look certain.
-    """
-    gains = gains[gains != 0.0]
-    scale = float(np.sqrt(np.sum(gains**2)))
-    return float(np.sum(gains) / scale) if scale > 0 else 0.0
-
-
 def p_value(gains: Array) -> float:
-    """One-sided probability of a total gain at least this large if gains were as often losses.
+    """Probability of a total gain at least this large if each block were as likely to lose what it gained; gains (blocks,).
 
-    Exact distribution of the self-normalised sum is bounded by Student's t with n - 1 degrees of freedom after
-    t = s sqrt((n - 1) / (n - s^2)) (Efron, JASA 64, 1969, symmetric case).
+    Chernoff's bound of the sign-change distribution, min over s of exp(sum log cosh(s g_b) - s sum g_b): never too small, whatever the
+    distribution of the gains, and 2^-n where all n blocks gain. Blocks with no gain and no loss (the arm stood still) do not count.
     """
-    gains = gains[gains != 0.0]
-    n = len(gains)
-    if n < 2:
+    gains = gains[np.abs(gains) > 1e-9 * np.max(np.abs(gains), initial=0.0)]
+    total = float(gains.sum())
+    if len(gains) == 0 or total <= 0.0:
         return 1.0
-    s = score(gains)
-    if s * s >= n:
-        return float(0.5**n)
-    t = s * np.sqrt((n - 1) / (n - s * s))
-    return float(stats.t.sf(t, n - 1))
+    size = np.abs(gains) / np.max(np.abs(gains))
+    share = total / float(np.max(np.abs(gains)))
+
+    def bound(log_s: float) -> float:
+        x = np.exp(log_s) * size
+        log_cosh = x + np.log1p(np.exp(-2 * x)) - np.log(2.0)
+        return float(log_cosh.sum() - np.exp(log_s) * share)
+
+    smallest = float(np.min(size))
+    found = optimize.minimize_scalar(bound, bounds=(-10.0, np.log(40.0 / smallest)), method="bounded")
+    return float(min(1.0, np.exp(found.fun)))
 
 
 def benjamini_hochberg(p: Array) -> Array:
