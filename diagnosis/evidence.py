@@ -102,7 +102,7 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array) -> Run:
     rows = t[keep]
     return Run(
         name=name, t=rows - t[0],
-        q=low, v=slow_v, a=slow_a, current=thin(i), 
+        q=low, v=slow_v, a=slow_a, current=thin(i),
         current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)), expected=thin(expected),
         rigid=rigid_torque(arm, low, slow_v, slow_a), by_angle=partials[0], by_speed=partials[1], by_acceleration=partials[2],
         by_link=regressor(arm, low, slow_v, slow_a)[0][..., : 10 * len(arm)],
