@@ -14,7 +14,7 @@ import numpy as np
 
 from drivers.blocks import join
 from drivers.clock import SystemClock
-from drivers.shapes import Block, HostClock
+from drivers.shapes import Block, HostClock, Quality
 from inputs import DeviceFault
 
 
@@ -74,7 +74,11 @@ class Poller:
         return None
 
     def ask(self) -> None:
-        """One row, for the tick that is due; the next is due at the next tick after the answer."""
+        """One row, for the tick that is due; the next is due at the next tick after the answer.
+
+        An answer that took longer than the period is LATE: when in that time the value was taken, nobody knows.
+        """
+        before = self.clock.monotonic_ns()
         try:
             row = self.device.poll()
         except DeviceFault as fault:
@@ -85,9 +89,11 @@ class Poller:
             self._fault = DeviceFault(self.device.name, f"its driver failed: {type(error).__name__}: {error}")
             self._stop.set()
             return
+        after = self.clock.monotonic_ns()
+        quality = row.quality | np.uint8(Quality.LATE) if after - before > self.period_ns else row.quality
         with self._lock:
-            self._rows.append(replace(row, number=np.array([self._number])))
-        passed = (self.clock.monotonic_ns() - self._begin) // self.period_ns
+            self._rows.append(replace(row, number=np.array([self._number]), quality=quality))
+        passed = (after - self._begin) // self.period_ns
         self._number = max(self._number, int(passed)) + 1
         self.due = self._begin + self._number * self.period_ns
 

@@ -55,6 +55,8 @@ def test_rows_lie_on_the_grid_and_a_tick_that_came_while_busy_is_skipped() -> No
     assert block.number[0] == 0
     steps = np.diff(block.number)
     assert (steps >= 1).all() and steps[5] >= 4  # 20 ms of 4 ms each
+    late = block.quality[:, 0] == Quality.LATE
+    assert late[5] and np.count_nonzero(late) <= len(late) // 2
     due = poller._begin + block.number * poller.period_ns
     assert (block.host >= due).all()
 
