@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_model.layout import layout_of
 from arm_model.loop import System
 from arm_model.tape import Expr, needed
 
@@ -93,24 +94,16 @@ def _key(system: System, params: tuple[Expr, ...], width: int) -> str:
     return hashlib.sha256(_generator() + "\0".join(text).encode()).hexdigest()
 
 
-_programs: dict[str, Program] = {}
-
-
 def program_of(system: System, width: int) -> Program:
-    """The compiled code of a system: from memory, from the cache folder, or generated and compiled now."""
-    from arm_model.layout import layout_of
-
+    """The compiled code of a system, from the cache folder, or generated and compiled now."""
     params = layout_of(system)
     key = _key(system, params, width)
-    if key not in _programs:
-        code = _kept(key) or _compiled(system, params, width, key)
-        llvm = _target()[0]
-        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine_for_engine())
-        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-        engine.finalize_object()
-        run = _SIGNATURE(engine.get_function_address("run"))
-        _programs[key] = Program(system, params, width, run, engine)
-    return _programs[key]
+    code = _kept(key) or _compiled(system, params, width, key)
+    llvm = _target()[0]
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine_for_engine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return Program(system, params, width, _SIGNATURE(engine.get_function_address("run")), engine)
 
 
 def machine_for_engine() -> Any:
@@ -131,10 +124,7 @@ def _compiled(system: System, params: tuple[Expr, ...], width: int, key: str) ->
 
     llvm, machine, _ = _target()
     module = llvm.parse_assembly(str(module_of(system, params, width)))
-    tuning = llvm.create_pipeline_tuning_options(speed_level=1)
-    llvm.create_pass_builder(machine, tuning).getModulePassManager().run(
-        module, llvm.create_pass_builder(machine, tuning)
-    )
+    # The tape is free of common and dead parts already: LLVM's passes double the time and change nothing.
     code: bytes = machine.emit_object(module)
     try:
         handle, temporary = tempfile.mkstemp(dir=cache_folder(), suffix=".part")

@@ -70,16 +70,53 @@ def references(arm: Arm, demand: Demand, first: int, count: int, *, sampled: boo
     return np.column_stack([np.interp(times, knots, setpoints[:, j]) for j in range(setpoints.shape[1])])
 
 
+_kept: dict[str, Program] = {}
+KEPT = 128
+"""Programs that are kept in memory."""
+
+
+def _program(arm: Arm, inputs: Mapping[str, Array], lanes: int) -> Program:
+    """The arm's equations, compiled; kept from an arm that differs from it in numbers only."""
+    zero = _zeros(inputs)
+    joints = [
+        (
+            j.type,
+            j.convention,
+            j.theta,
+            j.d,
+            j.a,
+            j.alpha,
+            j.beta,
+            j.xyz,
+            j.rpy,
+            j.axis,
+            j.ratio,
+            j.torque_limit is None,
+        )
+        for j in arm.joints
+    ]
+    terms = [(term.name, term.joint) for term in arm.effects]
+    width = 1 if lanes == 1 else LANES
+    key = repr((width, joints, arm.base, arm.controller, terms, sorted(zero)))
+    if key not in _kept:
+        if len(_kept) >= KEPT:
+            _kept.pop(next(iter(_kept)))
+        _kept[key] = program_of(build(arm, zero), width)
+    return _kept[key]
+
+
+def _zeros(inputs: Mapping[str, Array]) -> frozenset[str]:
+    return frozenset(name for name, value in inputs.items() if not value.any())
+
+
 def _prepared(arm: Arm, variations: Mapping[str, Array] | None, start: Array, substeps: int | None) -> _Run:
     """Lanes standing still at ``start`` ((n,) or (lanes, n) rad of the motors), held by their motors."""
     check_terms(arm)
     inputs = numbers(arm, variations)
     lanes = len(inputs["gravity0"])
     start = np.array(np.broadcast_to(start, (lanes, len(arm))), dtype=np.float64)
-    zero = frozenset(name for name, value in inputs.items() if not value.any())
-    system = build(arm, zero)
-    width = 1 if lanes == 1 else LANES
-    program = program_of(system, width)
+    program = _program(arm, inputs, lanes)
+    system, width = program.system, program.width
     states, current = standing(system, inputs, start)
     memories = start_memories(arm, start, current)
     period = servo_period(arm)
@@ -290,8 +327,7 @@ class Stepper:
         return single(_motion(self._run, rows, times, shown))
 
 
-def system_of(arm: Arm) -> System:
-    """The equations of an arm as they are compiled, for printing and counting."""
+def system_of(arm: Arm, variations: Mapping[str, Array] | None = None) -> System:
+    """The equations of an arm (and of its ``variations``) as they are compiled, for printing and counting."""
     check_terms(arm)
-    inputs = numbers(arm)
-    return build(arm, frozenset(name for name, value in inputs.items() if not value.any()))
+    return build(arm, _zeros(numbers(arm, variations)))

@@ -1,0 +1,127 @@
+"""``armscope model``: what a model file says, its equations as text or source, and URDF in and out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from arm_model.description import Arm, read_model, write_model
+from inputs import InputError
+
+
+class Form(StrEnum):
+    """How equations are printed."""
+
+    TEXT = "text"
+    PYTHON = "python"
+    C = "c"
+
+
+def command(
+    model: Annotated[Path, typer.Argument(help="the arm: a model file (.toml) or a URDF file (.urdf)")],
+    out: Annotated[Path | None, typer.Option(help="write the arm as .toml or .urdf")] = None,
+    equations: Annotated[Form | None, typer.Option(help="print the accelerations: text, python or c")] = None,
+    tip: Annotated[str | None, typer.Option(help="last link, of a URDF file that branches")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+) -> None:
+    arm = _read(model, tip)
+    if out is not None:
+        _write(out, arm)
+    if equations is not None:
+        print(_equations(arm, equations), end="")
+        return
+    summary = _summary(arm)
+    print(json.dumps(summary) if as_json else _text(summary))
+
+
+def _read(path: Path, tip: str | None) -> Arm:
+    if path.suffix == ".urdf":
+        from arm_model.urdf import read_urdf
+
+        return read_urdf(path, tip=tip)
+    return read_model(path)
+
+
+def _write(path: Path, arm: Arm) -> None:
+    if path.suffix == ".urdf":
+        from arm_model.urdf import write_urdf
+
+        write_urdf(path, arm)
+    elif path.suffix == ".toml":
+        write_model(path, arm)
+    else:
+        raise InputError(path, "ends in neither .toml nor .urdf; that says which of the two is wanted")
+
+
+def _summary(arm: Arm) -> dict[str, Any]:
+    from arm_model.dynamics import mass_matrix
+    from arm_model.simulation import system_of
+    from arm_model.tape import operations
+
+    system = system_of(arm)
+    diagonal = mass_matrix(arm, [0.0] * len(arm))[0].diagonal()
+    joints = [
+        {
+            "joint": number,
+            "name": joint.name,
+            "type": joint.type,
+            "mass": joint.mass,
+            "inertia_at_zero": float(diagonal[number - 1]),
+            "gear": joint.gear,
+            "viscous": joint.viscous * joint.ratio**2,
+            "coulomb": [joint.ratio * value for value in joint.coulomb],
+        }
+        for number, joint in enumerate(arm.joints, 1)
+    ]
+    effects = [{"effect": term.name, "joint": term.joint, "parameters": term.parameters} for term in arm.effects]
+    controller = None if arm.controller is None else arm.controller.kind
+    return {
+        "name": arm.name,
+        "joints": joints,
+        "controller": controller,
+        "effects": effects,
+        "operations": operations(system.tape, system.rates),
+        "states": len(system.states),
+    }
+
+
+def _text(summary: dict[str, Any]) -> str:
+    lines = [
+        f"{summary['name']}: {len(summary['joints'])} joints, controller: {summary['controller'] or 'none'}",
+        f"{summary['operations']} operations for the rates of {summary['states']} states",
+        "",
+        "joint  type        mass    inertia at q = 0 (with rotor)  viscous    coulomb + / -",
+    ]
+    for joint in summary["joints"]:
+        forwards, backwards = joint["coulomb"]
+        lines.append(
+            f"{joint['joint']:>5}  {joint['type']:<9} {joint['mass']:>7.4g} {joint['inertia_at_zero']:>18.4g}"
+            f" {joint['viscous']:>21.4g}    {forwards:.4g} / {backwards:.4g}  {joint['name']}".rstrip()
+        )
+    for term in summary["effects"]:
+        values = ", ".join(f"{name} {value:g}" for name, value in term["parameters"].items())
+        where = "arm" if term["joint"] is None else f"joint {term['joint']}"
+        lines.append(f"effect {term['effect']} ({where}): {values}")
+    return "\n".join(lines)
+
+
+def _equations(arm: Arm, form: Form) -> str:
+    from arm_model import printing
+    from arm_model.simulation import system_of
+
+    system = system_of(arm)
+    if form is Form.TEXT:
+        rates = {f"d {name}/dt": rate for name, rate in zip(system.states, system.rates)}
+        return printing.equations(system.tape, rates) + "\n"
+    used = dict.fromkeys(node.name for node in system.tape.nodes if node.operation == "input")
+    write: Callable[..., str] = printing.python_function if form is Form.PYTHON else printing.c_function
+    prefix = "" if form is Form.PYTHON else "double "
+    inputs = [name for name in used if not name.startswith(("demand", "last", "integral", "filtered", "k"))]
+    legal = {name: name.replace(".", "_") for name in inputs}
+    head = "" if form is Form.PYTHON else "#include <math.h>\n\n"
+    return head + write("rates", [prefix + name for name in legal.values()], system.tape, system.rates, legal)

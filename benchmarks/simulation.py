@@ -1,0 +1,208 @@
+"""How fast an arm is simulated under its servos, against other simulators of the same arm on the same move.
+
+    python -m benchmarks.simulation [--json]
+
+NAME_x_real_time: simulated seconds (of all parameter sets together) a second of wall time. ours_vs_PEER: ratios of these.
+differs_PEER: largest difference of a joint angle from ours, rad. Wants the extra "bench"; peers that do not import are left out.
+MuJoCo's batch (mujoco.rollout, two threads) runs open loop without friction, which is the most it can do at once in C.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm, read_model
+from arm_model.engine import cores
+from arm_model.simulation import references, servo_period, simulate, simulate_batch
+from benchmarks import pendulum
+from benchmarks import simulation_peers as peers
+from benchmarks.report import report
+
+Array = NDArray[np.float64]
+MODELS = Path(__file__).resolve().parent.parent / "config" / "models"
+SETS = 1000
+
+
+def first_joints(arm: Arm, n: int) -> Arm:
+    controller = arm.controller
+    assert controller is not None and controller.natural_frequency and controller.inertia_pose
+    frequency, pose = controller.natural_frequency[:n], controller.inertia_pose[:n]
+    return replace(
+        arm, joints=arm.joints[:n], controller=replace(controller, natural_frequency=frequency, inertia_pose=pose)
+    )
+
+
+def move(n: int) -> Callable[[Array], Array]:
+    """To and fro, all joints, a second each way."""
+    reach = np.array([0.8, 0.6, -0.7, 0.5, 0.4, -0.6])[:n]
+    return lambda t: np.outer((1 - np.cos(np.pi * t)) / 2, reach)
+
+
+def timed(work: Callable[[], Any], repeats: int = 5) -> tuple[float, Any]:
+    """Shortest of ``repeats`` wall times, after one run that is not counted, and the result."""
+    result = work()
+    times = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        result = work()
+        times.append(time.perf_counter() - begin)
+    return min(times), result
+
+
+def variations(sets: int) -> dict[str, Array]:
+    return {"joint2.viscous": np.linspace(6.0, 14.0, sets), "link3.mass": np.linspace(4.0, 6.0, sets)}
+
+
+def ours(figures: dict[str, float], puma: Arm) -> None:
+    for n, name in ((3, "three_links"), (6, "six_links")):
+        arm = first_joints(puma, n)
+        seconds, _ = timed(lambda a=arm, n=n: simulate(a, move(n), duration=20.0, rate=100))
+        figures[f"{name}_one_x_real_time"] = 20.0 / seconds
+        sets = variations(SETS)
+        seconds, _ = timed(
+            lambda a=arm, n=n, sets=sets: simulate_batch(a, move(n), duration=5.0, rate=20, parameters=sets)
+        )
+        figures[f"{name}_1000_sets_x_real_time"] = 5.0 * SETS / seconds
+
+
+def against(figures: dict[str, float], puma: Arm) -> None:
+    """Three links, the same move, each peer over as long a stretch as it needs to be timed well."""
+    arm, demand = first_joints(puma, 3), move(3)
+    period = servo_period(arm)
+    one, many = figures["three_links_one_x_real_time"], figures["three_links_1000_sets_x_real_time"]
+
+    def demands(duration: float) -> Array:
+        return references(arm, demand, 0, int(duration / period))
+
+    def at_ticks(duration: float) -> Array:
+        count = int(duration / period)
+        return simulate(arm, demand, duration=duration, rate=1, times=np.arange(count) * period).qm
+
+    singles: dict[str, Callable[[Arm], Callable[[Array], Array]]] = {
+        "pinocchio": peers.pinocchio,
+        "mujoco": peers.mujoco_stepped,
+        "numba_one": lambda arm: peers.numba_loops(arm, peers.printed(arm, {}, np.zeros(3)))[0],
+    }
+    for name, make in singles.items():
+        try:
+            run, given = make(arm), demands(1.0)
+        except ImportError:
+            continue
+        seconds, shown = timed(lambda run=run, given=given: run(given))
+        figures[f"{name}_x_real_time"] = len(given) * period / seconds
+        figures[f"ours_one_vs_{name}"] = one / figures[f"{name}_x_real_time"]
+        figures[f"differs_{name}"] = float(np.abs(shown - at_ticks(1.0)).max())
+        if name != "numba_one":
+            figures[f"ours_1000_sets_vs_{name}"] = many / figures[f"{name}_x_real_time"]
+    batches: dict[str, Callable[[Arm, peers.Printed], Callable[[Array], Array]]] = {
+        "numba_1000_sets": lambda arm, code: peers.numba_loops(arm, code)[1],
+        "jax_1000_sets": peers.jax_batch,
+    }
+    sets, given = variations(SETS), demands(1.0)
+    last = simulate_batch(
+        arm, demand, duration=1.0, rate=1, parameters=sets, times=np.array([(len(given) - 1) * period])
+    )
+    for name, build in batches.items():
+        try:
+            begin = time.perf_counter()
+            batch = build(arm, peers.printed(arm, sets, np.zeros(3)))
+            batch(given[:2])
+            figures[f"{name}_ready_s"] = time.perf_counter() - begin
+        except ImportError:
+            continue
+        seconds, end = timed(lambda batch=batch: batch(given), 2)
+        figures[f"{name}_x_real_time"] = SETS * len(given) * period / seconds
+        figures[f"ours_1000_sets_vs_{name}"] = many / figures[f"{name}_x_real_time"]
+        figures[f"differs_{name}"] = float(np.abs(end - last.qm[:, 0]).max())
+    mujoco_rollout(figures, arm, many, period)
+
+
+def mujoco_rollout(figures: dict[str, float], arm: Arm, many: float, period: float) -> None:
+    try:
+        import mujoco
+        from mujoco import rollout
+    except ImportError:
+        return
+    model = peers.mujoco_model(arm, period)
+    data = [mujoco.MjData(model) for _ in range(cores())]
+    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    start, steps = np.zeros((SETS, size)), 200
+    control = np.zeros((SETS, steps, len(arm)))
+    seconds, _ = timed(lambda: rollout.rollout(model, data, start, control), 2)
+    figures["mujoco_rollout_1000_sets_x_real_time"] = SETS * steps * period / seconds
+    figures["ours_1000_sets_vs_mujoco_rollout"] = many / figures["mujoco_rollout_1000_sets_x_real_time"]
+
+
+_READY = """
+import sys, time
+import numpy as np
+from arm_model.description import read_model
+arm = read_model(sys.argv[1])
+import llvmlite.binding
+from arm_model import simulation
+begin = time.perf_counter()
+simulation.simulate(arm, lambda t: np.zeros((len(t), len(arm))), duration=0.001, rate=1000)
+print(time.perf_counter() - begin)
+"""
+
+
+def ready(figures: dict[str, float]) -> None:
+    """A new process, its modules imported: from the model to the first result, without and with kept machine code."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("ready_cold_s", "ready_cached_s"):
+            command = [sys.executable, "-c", _READY, str(MODELS / "puma560.toml")]
+            environment = {**os.environ, "ARMSCOPE_CACHE": folder, "PYTHONPATH": os.pathsep.join(sys.path)}
+            done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+            figures[name] = float(done.stdout)
+
+
+def double_pendulum(figures: dict[str, float]) -> None:
+    """Table 3.1; the thesis had 84.9 s for AUTOLEV, 24.8 s for SD/FAST and 8.99 s for its own interface."""
+    arm = read_model(MODELS / "cart_double_pendulum.toml")
+    free = np.array([pendulum.DURATION])
+
+    def own() -> Array:
+        nothing = lambda t: np.zeros((len(t), 3))  # noqa: E731
+        return simulate(arm, nothing, duration=pendulum.DURATION, rate=1, times=free, start=pendulum.START).q[0]
+
+    figures["double_pendulum_ours_s"], mine = timed(own)
+    begin = time.perf_counter()
+    rates = pendulum.lagrange()
+    figures["double_pendulum_sympy_generation_s"] = time.perf_counter() - begin
+    runs: dict[str, Callable[[], Array]] = {
+        "sympy_lambdify": lambda: pendulum.runge_kutta(rates),
+        "scipy": lambda: pendulum.scipy(rates),
+    }
+    with contextlib.suppress(ImportError):
+        runs["mujoco"] = pendulum.mujoco(arm)
+    for name, run in runs.items():
+        seconds, end = timed(run, 1)
+        figures[f"double_pendulum_{name}_s"] = seconds
+        figures[f"double_pendulum_ours_vs_{name}"] = seconds / figures["double_pendulum_ours_s"]
+        figures[f"double_pendulum_differs_{name}"] = float(np.abs(end - mine).max())
+
+
+def main() -> None:
+    puma = read_model(MODELS / "puma560.toml")
+    figures: dict[str, float] = {"cores": cores()}
+    ours(figures, puma)
+    against(figures, puma)
+    ready(figures)
+    double_pendulum(figures)
+    report(figures)
+
+
+if __name__ == "__main__":
+    main()
