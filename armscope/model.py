@@ -8,6 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from arm_model.description import Arm, read_model, write_model
@@ -64,7 +65,7 @@ def _summary(arm: Arm) -> dict[str, Any]:
     from arm_model.tape import operations
 
     system = system_of(arm)
-    diagonal = mass_matrix(arm, [0.0] * len(arm))[0].diagonal()
+    diagonal = mass_matrix(arm, np.zeros(len(arm)))[0].diagonal()
     joints = [
         {
             "joint": number,
@@ -113,15 +114,16 @@ def _text(summary: dict[str, Any]) -> str:
 def _equations(arm: Arm, form: Form) -> str:
     from arm_model import printing
     from arm_model.simulation import system_of
+    from arm_model.tape import needed
 
     system = system_of(arm)
     if form is Form.TEXT:
         rates = {f"d {name}/dt": rate for name, rate in zip(system.states, system.rates)}
         return printing.equations(system.tape, rates) + "\n"
-    used = dict.fromkeys(node.name for node in system.tape.nodes if node.operation == "input")
-    write: Callable[..., str] = printing.python_function if form is Form.PYTHON else printing.c_function
-    prefix = "" if form is Form.PYTHON else "double "
-    inputs = [name for name in used if not name.startswith(("demand", "last", "integral", "filtered", "k"))]
-    legal = {name: name.replace(".", "_") for name in inputs}
-    head = "" if form is Form.PYTHON else "#include <math.h>\n\n"
-    return head + write("rates", [prefix + name for name in legal.values()], system.tape, system.rates, legal)
+    nodes = [system.tape.nodes[index] for index in needed(system.tape, system.rates)]
+    legal = {node.name: node.name.replace(".", "_") for node in nodes if node.operation == "input"}
+    python = form is Form.PYTHON
+    write: Callable[..., str] = printing.python_function if python else printing.c_function
+    arguments = [name if python else f"double {name}" for name in legal.values()]
+    head = "" if python else "#include <math.h>\n\n"
+    return head + write("rates", arguments, system.tape, system.rates, legal)

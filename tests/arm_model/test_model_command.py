@@ -1,0 +1,50 @@
+"""``armscope model``: a summary, equations that compile, URDF there and back."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model import dynamics
+from arm_model.description import read_model
+from armscope.cli import run
+from inputs import InputError
+from tests.arm_model.random_arms import random_states
+
+MODEL = "config/models/puma560.toml"
+
+
+def test_summary(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["model", str(root / MODEL), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["states"] == 12 and len(summary["joints"]) == 6
+    assert run(["model", str(root / MODEL)]) == 0
+    assert "Unimation Puma 560: 6 joints, controller: bandwidth" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("form", ["text", "python", "c"])
+def test_equations(root: Path, form: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["model", str(root / MODEL), "--equations", form]) == 0
+    printed = capsys.readouterr().out
+    assert "sin(theta1)" in printed
+    if form == "python":
+        compile(printed, "rates", "exec")
+
+
+def test_through_urdf(root: Path, tmp_path: Path) -> None:
+    urdf, model = tmp_path / "arm.urdf", tmp_path / "arm.toml"
+    assert run(["model", str(root / MODEL), "--out", str(urdf)]) == 0
+    assert run(["model", str(urdf), "--out", str(model)]) == 0
+    states = random_states(0, 6)
+    ours, back = (dynamics.rigid_torque(read_model(path), *states) for path in (root / MODEL, model))
+    np.testing.assert_allclose(back, ours, atol=1e-8)
+
+
+def test_refuses_other_files(root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["model", str(root / MODEL), "--out", str(tmp_path / "arm.xml")]) == 2
+    assert "neither .toml nor .urdf" in capsys.readouterr().err
+    with pytest.raises(InputError, match="no such file"):
+        read_model(tmp_path / "absent.toml")
