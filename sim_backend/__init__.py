@@ -1,1 +1,1 @@
-"""The arm, its controller, encoders, transducers and tracker, as drivers."""
+"""The simulated rig: arm, controller, encoders, transducers and tracker, behind the shapes of the drivers (docs/simulated_rig.md)."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.blocks import join
 from drivers.shapes import Block, Plan
 from inputs import DeviceFault
 from sim_backend import noise
@@ -78,7 +79,7 @@ class Latch:
         self.check_plugged()
 
     def read(self) -> Block:
-        """All rows since the last call, up to now; the reader's own copy."""
+        """All rows since the last call, up to now."""
         self.check_open()
         now, line = self._world.now(), self._line()
         if not self._armed or line is None:
@@ -122,9 +123,8 @@ class Latch:
         self._seen_at = self._world.changes
         ahead = self._ahead
         if len(ahead.edge):
-            first = int(
-                np.argmax(ahead.time == line.times(ahead.edge))
-            )  # not a glitch after an edge already handed over
+            # From the first edge of the line itself: the line's edge of a glitch may have been handed over already.
+            first = int(np.argmax(ahead.time == line.times(ahead.edge)))
             self._edge, self._number = int(ahead.edge[first]), int(ahead.number[0])
             self._ahead = _NO_EDGES
 
@@ -163,9 +163,10 @@ def rows_of(block: Block, rows: slice) -> Block:
 
 
 def joined(blocks: list[Block]) -> Block:
-    """The rows of blocks of one device, at least one, in a copy."""
-    together = zip(*map(_columns, blocks))
-    return Block(*(None if parts[0] is None else np.concatenate(parts) for parts in together))  # type: ignore[arg-type]
+    """The rows of blocks of one device, at least one block."""
+    first = blocks[0]
+    counts, volts, points = (column is not None for column in (first.counts, first.volts, first.points))
+    return join(blocks, counts, volts, points=points)
 
 
 def _columns(block: Block) -> tuple[NDArray | None, ...]:

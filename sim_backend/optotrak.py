@@ -124,7 +124,7 @@ class Tracker:
         """The first ``memory`` samples since the start line rose, all rows full, but for broken beams."""
         self._latch.check_open()
         self._remember()
-        return joined(self._remembered)
+        return joined([_block(np.empty((0, 3))), *self._remembered])
 
     def _remember(self) -> None:
         """Takes into memory what has been sampled since the last time, as far as there is room."""

@@ -154,6 +154,7 @@ def test_register_wraps_presets_and_resets_at_the_index_pulse() -> None:
 
 def test_tracker_keeps_what_it_has_room_for_and_streams_what_its_link_carries() -> None:
     rig = make_rig(tracker={"stream": 350.0, "memory": 1000})
+    assert len(rig.tracker.recall()) == 0
     begin(rig)
     sent = read_for(rig, 3.0)["tracker"]
     assert len(sent) == 3000
