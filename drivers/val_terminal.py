@@ -26,6 +26,7 @@ from inputs import DeviceFault
 ARRIVED = 0.1  # deg: how near to the start pose the arm must stand
 SMALLEST = 5e-4  # deg: no move
 PERCENT_TOLERANCE = 1e-6
+SAME_SPEED = 0.02  # relative
 QUIET = 0.05  # s without a letter: 50 letters' time at 9600 baud
 MOST_DRAINED = 200
 
@@ -35,6 +36,8 @@ class Config(BaseModel):
 
     dialect         "val2" knows joint-interpolated moves of all joints (DO MOVE #PPOINT); "val" only DRIVE
     sign, zero      VAL's joint angle (deg) = sign x the model's angle + zero, one entry a joint
+    full_speed, full_acceleration  rad/s and rad/s2 of each joint at 100 %: an experiment that means something else by
+                    "full speed" is refused
     approach_speed  per cent, on the way to the start pose
     answer_timeout  s until a command that moves nothing must be answered
     move_timeout    s until the longest single move must be over
@@ -47,6 +50,8 @@ class Config(BaseModel):
     joints: Annotated[int, Field(ge=1, le=6)] = 6
     sign: tuple[Literal[-1, 1], ...] = (1, 1, 1, 1, 1, 1)
     zero: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    full_speed: tuple[Annotated[float, Field(gt=0)], ...] = (1.4312, 1.2915, 2.1293, 3.9794, 4.2062, 3.9794)
+    full_acceleration: tuple[Annotated[float, Field(gt=0)], ...] = (8.0, 6.0, 12.0, 20.0, 25.0, 25.0)
     approach_speed: Annotated[int, Field(ge=1, le=100)] = 20
     answer_timeout: Annotated[float, Field(gt=0)] = 2.0
     move_timeout: Annotated[float, Field(gt=0)] = 60.0
@@ -123,6 +128,9 @@ class ValTerminal:
             raise self._fault(f"wants an Experiment, has {type(experiment).__name__}")
         if len(experiment.start) != self.joints:
             raise self._fault(f"the experiment is for {len(experiment.start)} joints, the arm has {self.joints}")
+        if not np.allclose(experiment.full_speed, self.config.full_speed[: self.joints], rtol=SAME_SPEED):
+            has, wants = list(experiment.full_speed), list(self.config.full_speed)
+            raise self._fault(f"the experiment takes {has} rad/s for full speed, this controller does {wants}")
         self._steps = self._compile(experiment)
         try:
             self._command(val.speed(100))

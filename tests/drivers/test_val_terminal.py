@@ -47,7 +47,7 @@ def experiment(*segments: dict[str, object], start: list[float] | None = None) -
         {
             "name": "test",
             "start": start or [0.0] * 6,
-            "full_speed": [1.0] * 6,
+            "full_speed": list(driver.Config.model_fields["full_speed"].default),
             "full_acceleration": [5.0] * 6,
             "segment": list(segments),
         }

@@ -1,0 +1,111 @@
+"""The simulated arm on the wires of the protocol simulators: the same world that the simulated rig's own drivers sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiment import Experiment, demand_of
+from sim_backend.protocol.wires import Times, TriggerLine, Wires
+from sim_backend.settings import electronics_of
+from sim_backend.world import World
+
+Array = NDArray[np.float64]
+IN_POSITION = 0.1  # s after the demand's end at which the controller says that the arm has arrived
+
+
+@dataclass(frozen=True)
+class EncoderWire:
+    """An encoder input and what is on it: joint (from 0), and for an encoder that gives a position by itself its counts per rad of
+    the joint and the joint's position at count 0. ``counts_per_radian`` None: the square lines of the motor's sine encoder."""
+
+    joint: int
+    counts_per_radian: float | None = None
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class CurrentWire:
+    """An analogue input and the transducer on it: joint (from 0); ``amperes`` True: a sensor that gives A, not V."""
+
+    joint: int
+    amperes: bool = False
+
+
+class ArmBehindTerminal:
+    """sim_backend.protocol.wires.Arm: moves as a VAL controller's commands say, under the arm's servos.
+
+    full_speed, full_acceleration  (n,) rad/s and rad/s2 of the controller at 100 %
+    """
+
+    def __init__(self, world: World, gear: Array, full_speed: list[float], full_acceleration: list[float]) -> None:
+        self._world, self._gear = world, gear
+        self._speed, self._acceleration = full_speed, full_acceleration
+        self._ends: float | None = None  # s after the beginning of the motion
+
+    def position(self, at: int) -> Array:
+        motor: Array = self._world.motor_angle(np.array([at], np.int64))[0]
+        return motor / self._gear
+
+    def move(self, target: Array, fraction: float, at: int) -> None:
+        motion = Experiment.model_validate(
+            {
+                "name": "typed",
+                "start": self.position(at).tolist(),
+                "full_speed": self._speed,
+                "full_acceleration": self._acceleration,
+                "segment": [{"type": "move", "to": target.tolist(), "speed": fraction}],
+            }
+        )
+        self._world.move(self._world.plant.moving(motion), on_start_line=False)
+        self._ends = demand_of(motion).duration + IN_POSITION
+
+    def moving(self, at: int) -> bool:
+        moved = self._world.moved_s()
+        return self._ends is not None and moved is not None and moved < self._ends
+
+    def halt(self, at: int) -> None:
+        if self.moving(at):
+            self._world.stop()
+        self._ends = None
+
+
+def wires(
+    world: World,
+    trigger: TriggerLine,
+    encoders: Mapping[int, EncoderWire],
+    currents: Mapping[int, CurrentWire],
+    *,
+    gear: Array,
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    tracker_from_base: Array | None = None,
+) -> Wires:
+    """The terminals of one device: channel -> what is wired to it; channels that are not there are open (0 counts, 0 V)."""
+    hall = electronics_of(world.settings, world.plant.encoder_lines).transducer
+
+    def counts(channel: int, at: Times) -> NDArray[np.int64]:
+        wire = encoders.get(channel)
+        if wire is None or not len(at):
+            return np.zeros(len(at), np.int64)
+        if wire.counts_per_radian is None:
+            return world.motor_counts(at)[:, wire.joint]
+        q = world.motor_angle(at)[:, wire.joint] / gear[wire.joint]
+        return np.rint((q - wire.offset) * wire.counts_per_radian).astype(np.int64)
+
+    def volts(channel: int, at: Times) -> Array:
+        wire = currents.get(channel)
+        if wire is None or not len(at):
+            return np.zeros(len(at))
+        v = world.transducer_volts(at)[:, wire.joint]
+        if not wire.amperes:
+            return v
+        return (v - hall.offset[wire.joint]) * hall.rated_current / hall.rated_voltage / hall.turns[wire.joint]
+
+    def points(at: Times) -> Array:
+        homogeneous = np.column_stack([world.target(at, target), np.ones(len(at))])
+        return (homogeneous @ (np.eye(4) if tracker_from_base is None else tracker_from_base).T)[:, :3]
+
+    return Wires(counts=counts, volts=volts, points=points, trigger=trigger)
