@@ -164,7 +164,12 @@ class LabJackT7:
         self._was_reset = False
         self._reconnect = Reconnect(self.name, self.config.patience, "is it powered, and is the cable in?")
         self._ticks = TickClock(t7.CORE_TIMER_HZ)
+        self._guarded(self._first_tick)
         self._guarded(self._start_stream)
+
+    def _first_tick(self) -> None:
+        """Ticks are 64 bit from here on, and positive."""
+        self._tick = self._link.read_uint(t7.CORE_TIMER)
 
     def _start_stream(self) -> None:
         assert self._plan is not None
