@@ -32,6 +32,7 @@ COMMANDS: dict[str, str] = {
     "identify": "parameters of an arm from recordings, with their uncertainty and held-out error",
     "diagnose": "what the simulation gets wrong, why, the extended model, and the gain on held-out recordings",
     "calibrate": "kinematic parameters from the tracker, the poses to measure, and corrected targets",
+    "sim-devices": "a simulator of every device of a rig, on its own protocol, until stopped",
     "demo": "the whole experience without hardware: record a simulated Puma, identify it, look at it",
 }
 """Command -> one line of help, in the order in which they are listed."""

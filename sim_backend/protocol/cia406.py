@@ -109,8 +109,8 @@ class SimulatedCia406:
         encoder.node.nmt._state = PRE_OPERATIONAL
         self.bus.send(cia.HEARTBEAT + number, cia.BOOT_UP)
 
-    def _position(self, encoder: Encoder) -> int:
-        at = np.array([time.monotonic_ns()], np.int64)
+    def _position(self, encoder: Encoder, now: int | None = None) -> int:
+        at = np.array([time.monotonic_ns() if now is None else now], np.int64)
         return (int(self.wires.counts(encoder.channel, at)[0]) + encoder.offset) & self._mask
 
     def _preset(self, encoder: Encoder, index: int, data: bytes) -> None:
@@ -118,13 +118,14 @@ class SimulatedCia406:
             encoder.offset += (int.from_bytes(data, "little") - self._position(encoder)) & self._mask
 
     def _on_sync(self, _identifier: int, _data: bytes, _stamp: float) -> None:
+        now = time.monotonic_ns()
         for number, encoder in self.encoders.items():
             get = encoder.node.get_data
             off = int.from_bytes(get(cia.TPDO1_PARAMETERS, 1), "little") & cia.OFF
             every = get(cia.TPDO1_PARAMETERS, 2)[0] == cia.EVERY_SYNC
             if encoder.mute or off or not every or encoder.node.nmt._state != OPERATIONAL:
                 continue
-            answer = struct.pack("<I", self._position(encoder))
+            answer = struct.pack("<I", self._position(encoder, now))
             if encoder.delay:
                 timer = threading.Timer(encoder.delay, self._answer, (number, answer))
                 self._timers.append(timer)

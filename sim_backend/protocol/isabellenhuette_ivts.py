@@ -84,8 +84,9 @@ class SimulatedIvts:
     def _measure(self, k: int, sensor: Sensor, now: int) -> None:
         for channel, period in enumerate(sensor.period):
             while period and now >= sensor.due[channel]:
-                at = sensor.due[channel] or now
-                sensor.due[channel] = at + int(period * 1e9)
+                step = int(period * 1e9)
+                at = (sensor.due[channel] or now) // step * step  # all sensors on one grid
+                sensor.due[channel] = at + step
                 if now - at > 1_000_000_000:
                     continue
                 value = int(np.rint(1000 * self.wires.volts(k, np.array([at], np.int64))[0])) if channel == 0 else 0

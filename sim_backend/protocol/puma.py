@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,20 +86,24 @@ def wires(
     """The terminals of one device: channel -> what is wired to it; channels that are not there are open (0 counts, 0 V)."""
     hall = electronics_of(world.settings, world.plant.encoder_lines).transducer
 
+    motor_counts, motor_angle, transducer_volts = (
+        _asked_once(signal) for signal in (world.motor_counts, world.motor_angle, world.transducer_volts)
+    )
+
     def counts(channel: int, at: Times) -> NDArray[np.int64]:
         wire = encoders.get(channel)
         if wire is None or not len(at):
             return np.zeros(len(at), np.int64)
         if wire.counts_per_radian is None:
-            return world.motor_counts(at)[:, wire.joint]
-        q = world.motor_angle(at)[:, wire.joint] / gear[wire.joint]
+            return motor_counts(at)[:, wire.joint]
+        q = motor_angle(at)[:, wire.joint] / gear[wire.joint]
         return np.rint((q - wire.offset) * wire.counts_per_radian).astype(np.int64)
 
     def volts(channel: int, at: Times) -> Array:
         wire = currents.get(channel)
         if wire is None or not len(at):
             return np.zeros(len(at))
-        v = world.transducer_volts(at)[:, wire.joint]
+        v = transducer_volts(at)[:, wire.joint]
         if not wire.amperes:
             return v
         return (v - hall.offset[wire.joint]) * hall.rated_current / hall.rated_voltage / hall.turns[wire.joint]
@@ -109,3 +113,16 @@ def wires(
         return (homogeneous @ (np.eye(4) if tracker_from_base is None else tracker_from_base).T)[:, :3]
 
     return Wires(counts=counts, volts=volts, points=points, trigger=trigger)
+
+
+def _asked_once(signal: Callable[[Times], NDArray]) -> Callable[[Times], NDArray]:
+    """The signals of all joints at the same times are computed together: the answer to the last question is kept."""
+    last: list[tuple[bytes, NDArray]] = []
+
+    def ask(at: Times) -> NDArray:
+        key = at.tobytes()
+        if not last or last[0][0] != key:
+            last[:] = [(key, signal(at))]
+        return last[0][1]
+
+    return ask
