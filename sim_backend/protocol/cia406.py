@@ -117,8 +117,10 @@ class SimulatedCia406:
         if index == cia.PRESET:
             encoder.offset += (int.from_bytes(data, "little") - self._position(encoder)) & self._mask
 
-    def _on_sync(self, _identifier: int, _data: bytes, _stamp: float) -> None:
+    def _on_sync(self, _identifier: int, _data: bytes, stamp: float) -> None:
+        # Latched when the SYNC arrived, not when this process got round to it.
         now = time.monotonic_ns()
+        now -= max(0, time.time_ns() - int(stamp * 1e9)) if stamp else 0
         for number, encoder in self.encoders.items():
             get = encoder.node.get_data
             off = int.from_bytes(get(cia.TPDO1_PARAMETERS, 1), "little") & cia.OFF
