@@ -65,6 +65,7 @@ def make_simulators(rig: Rig, where: str | Path) -> list[Simulator]:
     world = world_of(make_world(rig))
     trigger = TriggerLine()
     gear = np.array([joint.gear for joint in rig.joint])
+    puma.warm_up(world)
     simulators: list[Simulator] = []
     trackers: list[Any] = []
     for number, device in enumerate(rig.device, 1):

@@ -73,6 +73,14 @@ class ArmBehindTerminal:
         self._ends = None
 
 
+def warm_up(world: World) -> None:
+    """Compiles the arm's dynamics now, so that its first motion does not have to wait for that."""
+    rest = world.plant.rest.tolist()
+    speeds = [1.0] * len(rest)
+    motion = {"name": "warm-up", "start": rest, "full_speed": speeds, "full_acceleration": speeds}
+    world.plant.moving(Experiment.model_validate({**motion, "segment": [{"type": "hold", "duration": 1.0}]})).advance()
+
+
 def wires(
     world: World,
     trigger: TriggerLine,
