@@ -56,10 +56,9 @@ def simulated_devices(rig: Rig, where: str | Path) -> Iterator[list[Simulator]]:
 
 def make_simulators(rig: Rig, where: str | Path) -> list[Simulator]:
     """The simulators, closed, wired to one world as the rig file says."""
-    from sim_backend.world import world_of
-
     from sim_backend.protocol import puma
     from sim_backend.protocol.wires import TriggerLine
+    from sim_backend.world import world_of
 
     modules = {device.name: _simulator_of(device, where) for device in rig.device}
     world = world_of(make_world(rig))

@@ -28,7 +28,8 @@ from daq.join import Join, Joined
 from daq.ledger import Ledger
 from daq.recalled import merge_points
 from daq.rows import Rows
-from drivers.shapes import EdgeSource, Plan, PositionTracker
+from daq.streams import Stream
+from drivers.shapes import EdgeSource, Plan, PositionTracker, Reconnecting
 from experiment import Experiment, demand_of
 from inputs import DeviceFault, InputError
 
@@ -255,6 +256,8 @@ class Acquisition:
                 self.stop(End.DEVICE_LOST, str(fault))
         elif self._stop is None and plan.rows is not None and newest + 1 >= plan.rows:
             self.stop(End.ROWS_DONE)
+        if self._seeks(self._clock):
+            self._newest_ns = now
         if self._stop is None and now - self._newest_ns > max(PATIENCE, 20 / plan.rate) * 1e9:
             self.stop(*self._quiet())
         if self._stop is None:
@@ -273,9 +276,15 @@ class Acquisition:
 
     def _look_for_silent_devices(self) -> None:
         for stream in self._intake.others:
-            if stream.required and self._clock.newest - stream.newest > PATIENCE * self.plan.rate + 2:
+            behind = self._clock.newest - stream.newest > PATIENCE * self.plan.rate + 2
+            if stream.required and behind and not self._seeks(stream):
                 self._join.gone[stream.name] = "makes no rows any more"
                 self.stop(End.DEVICE_SILENT, stream.name)
+
+    def _seeks(self, stream: Stream) -> bool:
+        """Whether its device has lost its connection and is seeking it: it will be back, or raise."""
+        device = self.bench.devices[stream.name]
+        return isinstance(device, Reconnecting) and device.seeking
 
     def _check_first(self, rows: Rows) -> None:
         """A joint that does not read the start pose was never referenced, or shows a stale value."""

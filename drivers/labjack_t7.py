@@ -22,7 +22,7 @@ from drivers import labjack_t7_protocol as t7
 from drivers import labjack_t7_setup as setup
 from drivers.blocks import join
 from drivers.clock import SystemClock
-from drivers.counting import check_channel, extend
+from drivers.counting import check_channel, extend, signed
 from drivers.labjack_t7_link import T7Link
 from drivers.modbus_tcp import FrameError
 from drivers.reconnect import Reconnect
@@ -70,7 +70,7 @@ class Config(BaseModel):
 
 
 class LabJackT7:
-    """The device (shapes: Latched, TriggerInput, QuadratureCounter, AnalogInput, DigitalOutput, AnalogOutput)."""
+    """The device (shapes: Latched, Reconnecting, TriggerInput, QuadratureCounter, AnalogInput, both outputs)."""
 
     numbered = True
     bits = 16
@@ -232,7 +232,7 @@ class LabJackT7:
             quality[:, : len(self.config.counters)] |= np.uint8(Quality.DEVICE_RESET)
         saturated = (scans.codes == 0) | (scans.codes >= t7.SEPARATOR - 1)
         quality[:, len(self.config.counters) :] |= saturated * np.uint8(Quality.SATURATED)
-        counts = (scans.counts + self._preset) & 0xFFFFFFFF
+        counts = signed(scans.counts + self._preset, 32)
         self._rows.append(Block(number, host, tick, quality, counts, self._calibration.volts(scans.codes)))
         self._edges.append(Block(number, host, tick, np.zeros((len(number), 0), np.uint8)))
 
@@ -277,6 +277,11 @@ class LabJackT7:
         if self._last[0] > self._first[0]:
             interval = (self._last[1] - self._first[1]) / (self._last[0] - self._first[0])
         return self._last[0] + max(1, round((host - self._last[1]) / interval))
+
+    @property
+    def seeking(self) -> bool:
+        """True while a lost connection is sought."""
+        return self._plan is not None and (self._reconnect.lost or self._resume)
 
     # -- counters and outputs -----------------------------------------------------------------------------------------
 

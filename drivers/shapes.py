@@ -44,6 +44,7 @@ __all__ = [
     "PositionTracker",
     "QuadratureCounter",
     "Quality",
+    "Reconnecting",
     "TriggerInput",
 ]
 
@@ -165,6 +166,17 @@ class Polled(Protocol):
     """No latch: ``poll`` reads every channel now and returns one row (number -1; host time halfway through the reading)."""
 
     def poll(self) -> Block: ...
+
+
+@runtime_checkable
+class Reconnecting(Protocol):
+    """A Latched device that seeks a lost connection by itself (hardware on a cable is pulled and put back).
+
+    While it is ``seeking``, ``read`` gives no rows and nobody ends the run for that; the driver raises DeviceFault when it gives up.
+    When it is back, its numbers go on with those of the triggers: the gap in them is what was lost.
+    """
+
+    seeking: bool
 
 
 @runtime_checkable

@@ -1,0 +1,56 @@
+"""A rig file of one simulated T7, and a program that runs on it, as a process of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from drivers import labjack_t7
+from tests.drivers.swing import free_port
+
+RIG = """
+name = "t7"
+[trigger]
+source = "timer"
+device = "daq"
+rate = 500.0
+[[device]]
+name = "daq"
+driver = "drivers.labjack_t7"
+host = "127.0.0.1"
+port = {port}
+stream_port = {stream_port}
+counters = [0, 2]
+inputs = [0, 1]
+watchdog = 1
+timeout = 0.3
+patience = {patience}
+[outputs.start]
+device = "daq"
+line = "start"
+[[joint]]
+encoder = {{ device = "daq", channel = 0, lines = 1000 }}
+current = {{ device = "daq", channel = 0, rated_current = 10.0, rated_voltage = 10.0 }}
+[[joint]]
+encoder = {{ device = "daq", channel = 1, lines = 1000 }}
+"""
+
+PROGRAM = """
+import sys
+from daq.bench import open_bench
+from daq.rig import read_rig
+from daq.sampler import Acquisition
+with open_bench(read_rig(sys.argv[1])) as bench:
+    for rows in Acquisition(bench).rows():
+        print(int(rows.number[-1]), flush=True)
+"""
+
+
+def write_rig(folder: Path, patience: float = 3.0) -> tuple[Path, labjack_t7.Config]:
+    """The rig file, and its T7's Config for a simulator."""
+    port, stream_port = free_port(), free_port()
+    path = folder / "rig.toml"
+    path.write_text(RIG.format(port=port, stream_port=stream_port, patience=patience))
+    where = labjack_t7.Config(
+        host="127.0.0.1", port=port, stream_port=stream_port, counters=(0, 2), inputs=(0, 1), watchdog=1
+    )
+    return path, where
