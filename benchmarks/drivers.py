@@ -1,0 +1,227 @@
+"""Rates of the drivers against the limits of their wires: ``python -m benchmarks.drivers [--json] [NAME ...]``.
+
+Each device is simulated in a process of its own, at the pace of its wire. NAME_rate_vs_wire is rows made over the rows that the
+wire could carry in the same time; NAME_cpu the share of one core that the driver took for it; NAME_edge_to_row_us the median
+time from a row's trigger to the row in the program, and ..._p99_us its 99th percentile. ``*_decode`` are parsers alone, in memory.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import multiprocessing
+import resource
+import socket
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from drivers.can_bus import frame_bits
+from drivers.shapes import Block, EdgeSource, Plan
+
+SECONDS = 3.0
+
+
+def signal_counts(channel: int, at: np.ndarray) -> np.ndarray:
+    return np.rint(20_000 * np.sin((channel + 1) * at * 1e-9)).astype(np.int64)
+
+
+def signal_volts(channel: int, at: np.ndarray) -> np.ndarray:
+    return 3.0 * np.cos((channel + 1) * at * 1e-9)
+
+
+def serve(driver: str, options: dict[str, Any], ready: Any, stop: Any) -> None:
+    """The simulator's process."""
+    from sim_backend.protocol.wires import Wires
+
+    config = importlib.import_module(f"drivers.{driver}").Config.model_validate(options)
+    box = importlib.import_module(f"sim_backend.protocol.{driver}").make(
+        driver, config, Wires(counts=signal_counts, volts=signal_volts)
+    )
+    box.open()
+    ready.set()
+    if hasattr(box, "start"):
+        time.sleep(0.3)
+        box.start(time.monotonic_ns())
+    stop.wait()
+    box.close()
+
+
+@contextmanager
+def device(driver: str, **options: Any) -> Iterator[Any]:
+    """An open device of this driver, its simulator at the other end."""
+    context = multiprocessing.get_context("spawn")
+    ready, stop = context.Event(), context.Event()
+    process = context.Process(target=serve, args=(driver, options, ready, stop))
+    process.start()
+    try:
+        if not ready.wait(20):
+            raise RuntimeError(f"the simulator of {driver} did not start")
+        module = importlib.import_module(f"drivers.{driver}")
+        box = module.make(driver, module.Config.model_validate(options), {})
+        box.open()
+        yield box
+        box.close()
+    finally:
+        stop.set()
+        process.join(10)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def measure(name: str, take: Callable[[], Block], limit: float, pause: float) -> dict[str, float]:
+    """``take`` again and again, ``pause`` s between, for SECONDS: rows a second against ``limit``, CPU, latency."""
+    take()
+    begun, cpu = time.monotonic(), _cpu()
+    rows, ages = 0, []
+    while (now := time.monotonic()) - begun < SECONDS:
+        block = take()
+        rows += len(block)
+        if len(block) and block.host[-1]:
+            ages.append((time.monotonic_ns() - block.host) * 1e-3)
+        if pause:
+            time.sleep(pause)
+    seconds = now - begun
+    figures = {f"{name}_rows_per_s": rows / seconds, f"{name}_rate_vs_wire": rows / seconds / limit}
+    figures[f"{name}_cpu"] = (_cpu() - cpu) / seconds
+    if ages:
+        all_ages = np.concatenate(ages)
+        figures[f"{name}_edge_to_row_us"] = float(np.median(all_ages))
+        figures[f"{name}_edge_to_row_p99_us"] = float(np.percentile(all_ages, 99))
+    return figures
+
+
+def _cpu() -> float:
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
+
+
+def labjack_t7() -> dict[str, float]:
+    """The T7's stream at its ceiling of 100 000 samples/s: 8 AIN, 3 encoders, CORE_TIMER."""
+    where = {"host": "127.0.0.1", "port": free_port(), "stream_port": free_port()}
+    with device("labjack_t7", **where) as t7:
+        rate = t7.scan.fastest
+        t7.arm(Plan(EdgeSource.TIMER, rate, None))
+        return measure("t7", t7.read, rate, 0.01)
+
+
+def labjack_t7_decode() -> dict[str, float]:
+    """Stream bytes to scans, in memory, against 100 000 samples/s."""
+    from drivers import labjack_t7_protocol as t7
+
+    scan = t7.ScanList(tuple(range(8)), (0, 2, 6))
+    samples = np.random.default_rng(1).integers(0, 65535, 32 * scan.slots).astype(np.uint16)
+    data = b"".join(t7.encode_packet(k, t7.Packet(0, 0, 0, samples)) for k in range(100))
+    stream, begun, count = t7.Stream(scan), time.perf_counter(), 0
+    while time.perf_counter() - begun < 1.0:
+        count += len(stream.feed(data).number) * scan.slots
+    return {"t7_decode_vs_wire": count / (time.perf_counter() - begun) / t7.SAMPLES_PER_SECOND}
+
+
+def us_digital_qsb() -> dict[str, float]:
+    """All that a QSB can send at 230400 baud; polled 1000 times a second for its newest count."""
+    from drivers import us_digital_qsb_protocol as qsb
+
+    with tempfile.TemporaryDirectory() as folder, device("us_digital_qsb", port=f"{folder}/qsb") as counter:
+        counter.arm(Plan(EdgeSource.POLL, 1000.0, None))
+        received = 0
+        feed = counter._replies.feed
+
+        def counted(data: bytes) -> list[Any]:
+            nonlocal received
+            replies: list[Any] = feed(data)
+            received += len(replies)
+            return replies
+
+        counter._replies.feed = counted
+        begun = time.monotonic()
+        figures = measure("qsb", counter.poll, 1000.0, 0.001)
+        figures["qsb_rate_vs_wire"] = received / (time.monotonic() - begun) / qsb.STREAM_RATE
+        return figures
+
+
+def us_digital_ad4b() -> dict[str, float]:
+    """Question and answer at 9600 baud."""
+    from drivers import us_digital_ad4b_protocol as ad4b
+
+    with tempfile.TemporaryDirectory() as folder, device("us_digital_ad4b", port=f"{folder}/ad4b") as counter:
+        counter.arm(Plan(EdgeSource.POLL, 100.0, None))
+        return measure("ad4b", counter.poll, ad4b.RATE, 0.0)
+
+
+def cia406() -> dict[str, float]:
+    """One encoder over a multicast bus, as fast as SYNC and answer go; against a 125 kbit/s bus, a usual rate for encoders."""
+    bus = {"interface": "udp_multicast", "channel": "239.74.163.9", "port": free_port(), "bitrate": 125_000}
+    with device("cia406", nodes=[1], timeout=0.05, **bus) as encoders:
+        limit = encoders.max_rate
+        encoders.arm(Plan(EdgeSource.POLL, 100.0, None))
+        figures = measure("cia406", encoders.poll, limit, 0.0)
+    figures["cia406_bus_limit_1mbit_6_nodes"] = 1e6 / (frame_bits(0) + 6 * frame_bits(4))
+    return figures
+
+
+def isabellenhuette_ivts_decode() -> dict[str, float]:
+    """Results a second through the .dbc, against a 1 Mbit/s bus full of them."""
+    from drivers import isabellenhuette_ivts_protocol as ivt
+
+    results, begun, count = ivt.Results(), time.perf_counter(), 0
+    frames = [bytes([0, k % 16, 0, 0, 3, k % 256]) for k in range(1600)]
+    while time.perf_counter() - begun < 1.0:
+        for frame in frames:
+            results.take(frame)
+        count += len(frames)
+    return {"ivts_decode_vs_wire": count / (time.perf_counter() - begun) / (1e6 / frame_bits(ivt.RESULT_BYTES))}
+
+
+def tracker_stream() -> dict[str, float]:
+    """A tracker at 1000 points/s over UDP."""
+    with device("tracker_stream", port=free_port()) as tracker:
+        tracker.arm(Plan(EdgeSource.TRACKER, 1000.0, None))
+        deadline = time.monotonic() + 10
+        while not len(tracker.read()) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        return measure("tracker", tracker.read, 1000.0, 0.01)
+
+
+def linux_counter() -> dict[str, float]:
+    """Three channels from files like sysfs' (real registers behind a bus are slower to read)."""
+    with tempfile.TemporaryDirectory() as folder, device("linux_counter", sysfs=folder) as counter:
+        counter.arm(Plan(EdgeSource.POLL, 1000.0, None))
+        return measure("linux_counter", counter.poll, 1000.0, 0.0)
+
+
+BENCHMARKS = [
+    labjack_t7,
+    labjack_t7_decode,
+    us_digital_qsb,
+    us_digital_ad4b,
+    cia406,
+    isabellenhuette_ivts_decode,
+    tracker_stream,
+    linux_counter,
+]
+
+
+def main() -> None:
+    names = [a for a in sys.argv[1:] if a != "--json"]
+    figures: dict[str, float] = {}
+    for benchmark in BENCHMARKS:
+        if not names or benchmark.__name__ in names:
+            figures |= benchmark()
+    if "--json" in sys.argv:
+        print(json.dumps(figures))
+    else:
+        print("\n".join(f"{name:<36}{value:12.4g}" for name, value in figures.items()))
+
+
+if __name__ == "__main__":
+    main()
