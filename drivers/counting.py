@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import numpy as np
 from numpy.typing import NDArray
 
 from inputs import DeviceFault
-
-Counts = TypeVar("Counts", NDArray[np.int64], np.int64)
 
 
 def extend(raw: NDArray[np.int64], width: int, last: int) -> NDArray[np.int64]:
@@ -37,9 +33,3 @@ def check_channel(device: str, channel: int, channels: int) -> None:
     if not 0 <= channel < channels:
         has = f"0 to {channels - 1}" if channels > 1 else "only 0"
         raise DeviceFault(device, f"has no channel {channel}; it has {has}")
-
-
-def signed(raw: Counts, width: int) -> Counts:
-    """Register values as two's complement numbers: what a counter that starts at 0 shows once it has turned backwards."""
-    half = np.int64(1) << (width - 1)
-    return ((raw + half) & ((np.int64(1) << width) - 1)) - half

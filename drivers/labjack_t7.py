@@ -22,7 +22,7 @@ from drivers import labjack_t7_protocol as t7
 from drivers import labjack_t7_setup as setup
 from drivers.blocks import join
 from drivers.clock import SystemClock
-from drivers.counting import check_channel, extend, signed
+from drivers.counting import check_channel, extend
 from drivers.labjack_t7_link import T7Link
 from drivers.modbus_tcp import FrameError
 from drivers.reconnect import Reconnect
@@ -232,7 +232,7 @@ class LabJackT7:
             quality[:, : len(self.config.counters)] |= np.uint8(Quality.DEVICE_RESET)
         saturated = (scans.codes == 0) | (scans.codes >= t7.SEPARATOR - 1)
         quality[:, len(self.config.counters) :] |= saturated * np.uint8(Quality.SATURATED)
-        counts = signed(scans.counts + self._preset, 32)
+        counts = (scans.counts + self._preset) & 0xFFFFFFFF
         self._rows.append(Block(number, host, tick, quality, counts, self._calibration.volts(scans.codes)))
         self._edges.append(Block(number, host, tick, np.zeros((len(number), 0), np.uint8)))
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from drivers import us_digital_ad4b_protocol as ad4b
 from drivers.blocks import missing_row, one_row
 from drivers.clock import SystemClock
-from drivers.counting import check_channel, signed
+from drivers.counting import check_channel
 from drivers.reconnect import Reconnect
 from drivers.registry import World
 from drivers.serial_port import SerialPort
@@ -99,7 +98,7 @@ class Ad4b:
             return missing_row(now, 1, 0)
         quality = Quality.DEVICE_RESET if self._was_reset else Quality.GOOD
         latch = now + int(BYTE_SECONDS * 1e9)
-        return one_row(latch, [int(signed(np.int64(count + self._added), ad4b.WIDTH))], quality=[int(quality)])
+        return one_row(latch, [(count + self._added) & 0xFFFFFF], quality=[int(quality)])
 
     def configure(self, channel: int, mode: CounterMode) -> None:
         check_channel(self.name, channel, len(self.width))

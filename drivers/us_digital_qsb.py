@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from drivers import us_digital_qsb_protocol as qsb
 from drivers.blocks import missing_row, one_row
 from drivers.clock import SystemClock
-from drivers.counting import check_channel, signed
+from drivers.counting import check_channel
 from drivers.reconnect import Reconnect
 from drivers.registry import World
 from drivers.serial_port import SerialPort
@@ -159,7 +158,7 @@ class Qsb:
     def _row(self, host: int, count: int, quality: Quality) -> Block:
         if self._was_reset:
             quality |= Quality.DEVICE_RESET
-        return one_row(host, [int(signed(np.int64(count + self._added), WIDTH))], quality=[int(quality)])
+        return one_row(host, [(count + self._added) & 0xFFFFFFFF], quality=[int(quality)])
 
     def _restored(self, now: int) -> bool:
         if not self._reconnect.due(now):

@@ -28,10 +28,10 @@ patience = {patience}
 device = "daq"
 line = "start"
 [[joint]]
-encoder = {{ device = "daq", channel = 0, lines = 1000 }}
+encoder = {{ device = "daq", channel = 0, lines = 1000, preset = 0 }}
 current = {{ device = "daq", channel = 0, rated_current = 10.0, rated_voltage = 10.0 }}
 [[joint]]
-encoder = {{ device = "daq", channel = 1, lines = 1000 }}
+encoder = {{ device = "daq", channel = 1, lines = 1000, preset = 0 }}
 """
 
 PROGRAM = """
