@@ -21,6 +21,7 @@ from drivers.registry import World
 from drivers.shapes import Block, HostClock, Identity, Plan, Quality
 from inputs import DeviceFault
 
+TRIES = 3  # of a command
 Identifier = Annotated[int, Field(ge=0, le=0x7FF)]
 
 
@@ -95,16 +96,20 @@ class IvtSensors:
         return serial[1:5].hex() if serial else ""
 
     def _command(self, k: int, command: bytes, *, wanted: bool = True) -> bytes:
-        """Sends, waits for the reply, pauses. OSError where none comes (b'' with ``wanted`` False)."""
+        """Sends, waits for the reply, pauses; tries again twice, for a command may be given any number of times.
+
+        OSError where no reply comes (b'' with ``wanted`` False).
+        """
         sensor, replies = self.config.sensors[k], self._replies[k]
-        replies.take()
-        self._bus.send(sensor.command, command.ljust(8, b"\0"))
-        deadline = time.monotonic() + self.config.timeout
-        while time.monotonic() < deadline:
-            for _, _, data in replies.wait(deadline):
-                if data[:1] == bytes([ivt.reply_to(command[0])]):
-                    self._clock.sleep(ivt.COMMAND_PAUSE)
-                    return data
+        for _ in range(TRIES):
+            replies.take()
+            self._bus.send(sensor.command, command.ljust(8, b"\0"))
+            deadline = time.monotonic() + self.config.timeout
+            while time.monotonic() < deadline:
+                for _, _, data in replies.wait(deadline):
+                    if data[:1] == bytes([ivt.reply_to(command[0])]):
+                        self._clock.sleep(ivt.COMMAND_PAUSE)
+                        return data
         if wanted:
             raise OSError(f"the sensor at {sensor.command:03X}h did not answer command {command[0]:02X}h")
         return b""

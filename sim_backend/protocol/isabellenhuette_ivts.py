@@ -15,11 +15,11 @@ from sim_backend.protocol.wires import Wires
 
 
 class Sensor:
-    """One sensor's settings, as delivered: every channel each 20 ms, running from power-up on."""
+    """One sensor's settings, as delivered: current and voltages every 20 ms, running from power-up on."""
 
     def __init__(self) -> None:
         self.running = True
-        self.period = [0.02] * len(ivt.CHANNELS)
+        self.period = [0.02] * 4 + [0.0] * (len(ivt.CHANNELS) - 4)
         self.due = [0] * len(ivt.CHANNELS)
         self.counter = [0] * len(ivt.CHANNELS)
         self.drop = 0  # frames that will be lost on the way
