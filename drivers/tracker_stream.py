@@ -72,6 +72,7 @@ class TrackerStream:
         self._serial = SerialPort(config.serial or "", config.baud)
         self._lines = Lines()
         self._last = 0  # newest frame
+        self._sending: int | None = None  # newest frame of an earlier run that the tracker is still sending
         self._armed = False
 
     def open(self) -> Identity:
@@ -118,7 +119,8 @@ class TrackerStream:
         if plan.source == EdgeSource.TRACKER and plan.rate != self.rate:
             raise self._fault(f"is set to {self.rate:g} Hz, the rig expects {plan.rate:g}: set one of them")
         with contextlib.suppress(OSError):
-            self._receive()
+            before = Lines().feed(self._receive() + b"\n").number
+            self._sending = int(before[-1]) if len(before) else None
         self._lines, self._last, self._armed = Lines(), 0, True
 
     def disarm(self) -> None:
@@ -138,12 +140,25 @@ class TrackerStream:
             frames = self._lines.feed(self._receive())
         except OSError as error:
             raise self._fault(f"{self._place}: {error}; is the cable in?") from None
+        frames = self._of_this_run(frames)
         # A datagram that was overtaken, or doubled, is no new sample.
         fresh = frames.number > np.maximum.accumulate(np.concatenate([[self._last], frames.number[:-1]]))
         frames = Frames(frames.number[fresh], frames.seconds[fresh], frames.points[fresh])
         if len(frames):
             self._last = int(frames.number[-1])
         return self._block(frames, self._clock.monotonic_ns())
+
+    def _of_this_run(self, frames: Frames) -> Frames:
+        """Without what still comes of an earlier run: frames that go on from those before arming. A start begins at 1 again."""
+        if self._sending is None or not len(frames):
+            return frames
+        again = np.flatnonzero(np.diff(frames.number, prepend=self._sending) < 0)
+        if not len(again):
+            self._sending = int(frames.number[-1])
+            return Frames(frames.number[:0], frames.seconds[:0], frames.points[:0])
+        self._sending = None
+        first = again[0]
+        return Frames(frames.number[first:], frames.seconds[first:], frames.points[first:])
 
     def recall(self) -> Block:
         """The tracker's own file. Raises DeviceFault where there is none, or a line of it is no point."""

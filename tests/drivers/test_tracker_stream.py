@@ -66,6 +66,22 @@ def test_a_lost_line_is_a_gap_and_no_shift(rig) -> None:
     assert np.abs(block.points - points(np.array(box.edges)[block.number])).max() < 1e-8
 
 
+def test_what_still_comes_of_an_earlier_run_is_not_taken(rig) -> None:
+    device, box = rig
+    device.open()
+    device.arm(plan(300))
+    box.start(time.monotonic_ns())
+    read_rows(device.read, 20)
+    time.sleep(0.03)
+    device.arm(plan(300))
+    time.sleep(0.03)
+    assert len(device.read()) == 0
+    box.start(time.monotonic_ns())
+    block = join(read_rows(device.read, 20), points=True)
+    assert block.number.tolist() == list(range(len(block)))
+    assert np.abs(block.points - points(np.array(box.edges)[block.number])).max() < 1e-8
+
+
 def test_ceilings_are_checked_before_arming(rig) -> None:
     device, _ = rig
     device.open()
