@@ -25,6 +25,7 @@ from inputs import DeviceFault
 SYSFS = "/sys/bus/counter/devices"
 FUNCTIONS = {CounterMode.X1: "quadrature x1 a", CounterMode.X2: "quadrature x2 a", CounterMode.X4: "quadrature x4"}
 TRIAL_READS = 32
+PRESET_TRIES, PRESET_PAUSE, PRESET_SLACK = 5, 0.005, 500  # times, s, counts that it may have moved on by then
 
 
 class Config(BaseModel):
@@ -163,11 +164,19 @@ class LinuxCounter:
             raise self._fault(f"{error}; can count{number} do {FUNCTIONS[mode]!r}?") from None
 
     def preset(self, channel: int, value: int) -> None:
+        """Writes the count, and reads back whether it was taken: some counters ignore it, others are caught in the middle."""
         check_channel(self.name, channel, len(self.width))
+        number, mask = self.config.counts[channel], (1 << self.width[channel]) - 1
         try:
-            self._write(self.config.counts[channel], "count", str(value & ((1 << self.width[channel]) - 1)))
-        except OSError as error:
+            for _ in range(PRESET_TRIES):
+                self._write(number, "count", str(value & mask))
+                self._clock.sleep(PRESET_PAUSE)
+                away = (parse_count(self._read(number, "count").encode() + b"\n") - value) & mask
+                if min(away, mask + 1 - away) <= PRESET_SLACK:
+                    return
+        except (OSError, ValueError) as error:
             raise self._fault(f"{error}; its count cannot be set") from None
+        raise self._fault(f"count{number} does not take the count {value}: does its hardware have a preset?")
 
     def index_enable(self, channel: int) -> None:
         """Arms a load of ``preset`` (set to 0) at the next index pulse, where the counter has it."""
