@@ -9,6 +9,7 @@ from tests.drivers.swing import free_port
 
 RIG = """
 name = "t7"
+watchdog = 4.0
 [trigger]
 source = "timer"
 device = "daq"
@@ -21,7 +22,7 @@ port = {port}
 stream_port = {stream_port}
 counters = [0, 2]
 inputs = [0, 1]
-watchdog = 1
+watchdog = 2
 timeout = 0.3
 patience = {patience}
 [outputs.start]
@@ -51,6 +52,6 @@ def write_rig(folder: Path, patience: float = 3.0) -> tuple[Path, labjack_t7.Con
     path = folder / "rig.toml"
     path.write_text(RIG.format(port=port, stream_port=stream_port, patience=patience))
     where = labjack_t7.Config(
-        host="127.0.0.1", port=port, stream_port=stream_port, counters=(0, 2), inputs=(0, 1), watchdog=1
+        host="127.0.0.1", port=port, stream_port=stream_port, counters=(0, 2), inputs=(0, 1), watchdog=2
     )
     return path, where
