@@ -23,7 +23,7 @@ from inputs import InputError
 class Contents:
     """What was found.
 
-    form         of the rows
+    form         of the rows; None only while nothing has been found
     columns      column -> its piece of each chunk
     torn         of each chunk: something unreadable stands before it
     attachments  intact ones, by file name
@@ -33,7 +33,7 @@ class Contents:
     finished     the file has its end
     """
 
-    form: RowFormat
+    form: RowFormat | None = None
     columns: dict[str, list[NDArray]] = field(default_factory=dict)
     torn: list[bool] = field(default_factory=list)
     attachments: dict[str, bytes] = field(default_factory=dict)
@@ -44,12 +44,27 @@ class Contents:
 
     @property
     def layout(self) -> Layout:
+        assert self.form is not None
         return self.form.layout
+
+    def add_rows(self, part: chunks.Rows, *, torn: bool) -> bool:
+        """Takes the rows of a chunk, if they have the columns of those before them."""
+        if not self.columns:
+            self.form = part.form  # what a chunk's checksum confirms is surer than the head
+            self.columns = {name: [] for name in _columns(part.form, part.rows)}
+        if part.form.layout != self.layout:
+            self.damages.append(chunks.Damage(0, 0, "a chunk has other columns than those before it"))
+            return False
+        for name, column in _columns(part.form, part.rows).items():
+            self.columns[name].append(column.copy())
+        self.torn.append(torn)
+        return True
 
     def arrays(self) -> dict[str, NDArray]:
         """Column -> (n, ...) array."""
-        empty = np.empty(0, self.form.dtype)
-        pieces = self.columns or {name: [column] for name, column in _columns(self.form, empty).items()}
+        assert self.form is not None
+        nothing = _columns(self.form, np.empty(0, self.form.dtype))
+        pieces = self.columns or {name: [column] for name, column in nothing.items()}
         return {name: np.concatenate(column) for name, column in pieces.items()}
 
     def ledger(self) -> tuple[LedgerSummary, bool]:
@@ -88,42 +103,29 @@ class Contents:
 def read_contents(path: Path) -> Contents:
     """Walks the file. InputError where it is absent, or no row and no layout of ours can be found in it."""
     data = mapped(path)
-    form, contents = None, Contents(form=None)  # type: ignore[arg-type]
-    torn = False
+    contents, torn = Contents(), False
     for part in chunks.walk(data):
         match part:
             case chunks.Rows():
-                if not contents.columns:
-                    form = part.form  # what a chunk's checksum confirms is surer than the head
-                    contents.columns = {name: [] for name in _columns(form, part.rows)}
-                if form is None or part.form.layout != form.layout:
-                    contents.damages.append(chunks.Damage(0, 0, "a chunk has other columns than those before it"))
-                    continue
-                for name, column in _columns(form, part.rows).items():
-                    contents.columns[name].append(column.copy())
-                contents.torn.append(torn)
-                torn = False
+                if contents.add_rows(part, torn=torn):
+                    torn = False
             case chunks.File():
                 contents.attachments[part.name] = part.data
             case Metadata() if part.name == PROGRESS:
                 contents.progress = Progress.from_metadata(part.metadata)
-            case Channel() if form is None and "layout" in part.metadata:
-                form = _layout(part.metadata["layout"])
+            case Channel() if contents.form is None and "layout" in part.metadata:
+                contents.form = _layout(part.metadata["layout"])
             case chunks.Damage():
                 torn = True
                 contents.damages.append(part)
             case chunks.End():
                 contents.finished = True
-    if form is None:
-        kind = (
-            "is not an MCAP file"
-            if data[: len(MAGIC)] != MAGIC
-            else "is no recording of armscope, or broken beyond repair"
-        )
+    if contents.form is None:
+        magic = data[: len(MAGIC)] == MAGIC
+        kind = "is no recording of armscope, or broken beyond repair" if magic else "is not an MCAP file"
         raise InputError(path, f"{kind}; 'armscope import' takes tables")
     if not contents.finished and contents.damages and contents.damages[-1].end == len(data):
         contents.cut = contents.damages.pop()
-    contents.form = form
     return contents
 
 

@@ -226,10 +226,14 @@ def create(path: str | Path, *, live: bool = False, replace: bool = False) -> Mc
         raise InputError(path, "is a folder; the name of a file is wanted")
     if path.exists() and not replace:
         raise InputError(path, "exists already, and no recording is overwritten; another name is wanted")
-    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | (os.O_EXCL if live else os.O_TRUNC)
+    handle = -1
     try:
-        handle = os.open(active, flags, 0o644)
+        handle = os.open(active, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | (os.O_EXCL if live else 0), 0o644)
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        os.ftruncate(handle, 0)
+    except BlockingIOError:
+        os.close(handle)
+        raise InputError(path, "is being written by another process") from None
     except FileExistsError:
         raise InputError(
             active, "an unfinished recording is there; 'armscope recover' it first, or remove it"

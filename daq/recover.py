@@ -10,6 +10,7 @@ import numpy as np
 
 from daq import chunks
 from daq.contents import mapped, read_contents
+from daq.layout import format_of
 from daq.ledger import LedgerSummary
 from daq.mcap_file import ACTIVE, as_json, being_written
 from daq.recording_file import finish_file, open_file, write_content
@@ -51,7 +52,7 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
         raise InputError(path, "is being recorded right now; wait until it is finished")
     ledger, sure = contents.ledger()
     notes = contents.notes(sure)
-    file = open_file(out, contents.form, {}, replace=replace)
+    file = open_file(out, format_of(contents.layout.to_json()), {}, replace=replace)
     try:
         for part in chunks.walk(mapped(path)):
             match part:

@@ -12,7 +12,7 @@ import pytest
 
 import armscope
 from daq.ledger import Loss, LossReason
-from daq.mcap_file import McapFile
+from daq.mcap_file import McapFile, create
 from daq.recorder import Recorder, rows_layout
 from daq.recording import open_recording
 from daq.recording_file import Attachments
@@ -182,6 +182,16 @@ def test_no_recording_is_overwritten(tmp_path: Path) -> None:
         Recorder(tmp_path / "other.mcap", LAYOUT, Attachments())
     with pytest.raises(InputError, match="No such file"):
         Recorder(tmp_path / "nowhere" / "other.mcap", LAYOUT, Attachments())
+
+
+def test_two_processes_do_not_write_the_same_file(tmp_path: Path) -> None:
+    first = create(tmp_path / "run.mcap", replace=True)
+    first.attach("notes.txt", "text/plain", b"mine")
+    with pytest.raises(InputError, match="being written by another process"):
+        create(tmp_path / "run.mcap", replace=True)
+    assert b"mine" in first.active.read_bytes()
+    first.abandon()
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_table_comes_back_to_the_last_bit(tmp_path: Path) -> None:
