@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ class Gap:
     seconds: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recording:
     """n rows of J joints. Missing samples are NaN; what a recording does not have at all is None.
 
@@ -75,7 +75,7 @@ class Recording:
     tick: NDArray[np.int64] | None
     time: Array | None
     extra: dict[str, Array]
-    attachments: dict[str, bytes] = field(repr=False)
+    attachments: dict[str, bytes]
     ledger: LedgerSummary
     gaps: list[Gap]
     finished: bool
@@ -83,6 +83,11 @@ class Recording:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def __repr__(self) -> str:
+        seconds = float(self.t[-1]) if len(self) else 0.0
+        lost = f", {self.ledger.lost} rows lost" if self.ledger.lost else ""
+        return f"<Recording {self.path.name}: {len(self)} rows of {self.joints} joints, {seconds:.3f} s{lost}>"
 
     @property
     def joints(self) -> int:

@@ -35,6 +35,7 @@ def test_rows_come_back_to_the_last_bit(tmp_path: Path) -> None:
     for name, field in COLUMNS.items():
         np.testing.assert_array_equal(getattr(recording, name), join(blocks, field), err_msg=name)
     np.testing.assert_allclose(recording.t, (recording.wall_ns - recording.wall_ns[0]) / 1e9)
+    assert repr(recording) == f"<Recording run.mcap: 5014 rows of 3 joints, {recording.t[-1]:.3f} s>"
     assert recording.rig == {"name": "bench"} and recording.calibration == {"hash": "x"}
     assert recording.ledger == ledger and recording.finished and not recording.notes and not recording.gaps
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
