@@ -2,8 +2,9 @@
 
 The spectrum of the differentiated position, P(f), falls where the motion of the arm ends and rises as f^4 where encoder noise takes
 over. The cut-off for differentiation stands in the valley between: there, noise let in and motion cut off balance, whatever the
-instrument. The second, parallel filter passes what the equations of motion speak about: twice the band that holds 95 % of the
-acceleration's power (Janot, Vandanjon, Gautier, IEEE T-CST 22 (2014) 132: "at least twice the bandwidth of the dynamics").
+instrument. The second, parallel filter passes what the equations of motion speak about: twice the band that holds 95 % of the power of the
+acceleration, and of the sign of the velocity, whose harmonics alone tell Coulomb from viscous friction (Janot, Vandanjon, Gautier, IEEE
+T-CST 22 (2014) 132: at least twice the bandwidth of the dynamics).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from scipy import signal
 Array = NDArray[np.float64]
 
 OCCUPIED = 0.95  # share of the acceleration's power that counts as the bandwidth of the dynamics
+STANDING = 0.02  # of a joint's peak speed: below it the sign of the velocity may be noise
 SEGMENT = 8.0  # s, length of Welch's segments: resolution 0.125 Hz
 
 
@@ -48,9 +50,24 @@ def choose_band(q: Array, dt: float) -> Band:
     share = density[:, moving] / np.maximum(density[:, moving].max(axis=0), 1e-300)
     motion = _valley(f, share)
     inside = (f > 0) & (f <= motion)
-    power = np.cumsum(np.mean(share[inside] / share[inside].sum(axis=0), axis=1))
-    dynamics = float(f[inside][np.searchsorted(power, OCCUPIED * power[-1])])
+    dynamics = _occupied(f[inside], share[inside])
+    signs = _signs(q[:, moving], dt, motion)
+    turns, sign_density = signal.welch(signs, rate, nperseg=segment, axis=0, detrend="constant")
+    dynamics = max(dynamics, _occupied(turns[1:], sign_density[1:]))
     return Band(motion, min(motion, 2.0 * dynamics), f, density, noise)
+
+
+def _occupied(f: Array, density: Array) -> float:
+    """Hz below which OCCUPIED of the power is, of the mean over columns of equal power each."""
+    power = np.cumsum(np.mean(density / np.maximum(density.sum(axis=0), 1e-300), axis=1))
+    return float(f[np.searchsorted(power, OCCUPIED * power[-1])])
+
+
+def _signs(q: Array, dt: float, cut: float) -> Array:
+    """Direction of motion (n, J), 0 where a joint all but stands."""
+    low_pass = signal.butter(2, min(2 * cut * dt, 0.98), output="sos")
+    speed = np.gradient(signal.sosfiltfilt(low_pass, q, axis=0), dt, axis=0)
+    return np.where(np.abs(speed) > STANDING * np.max(np.abs(speed), axis=0), np.sign(speed), 0.0)
 
 
 def _white_noise(f: Array, density: Array, dt: float) -> Array:
@@ -78,4 +95,8 @@ def _valley(f: Array, share: Array) -> float:
     smooth = (total[last] - total[first]) / (last - first)
     # Beyond half the Nyquist frequency anti-aliasing makes valleys of its own, and filters ring long.
     usable = (2.0**grid <= 0.5 * f[-1]) & (2.0**grid >= min(slow, 0.25 * f[-1]))
-    return float(2.0 ** grid[usable][np.argmin(smooth[usable])])
+    floor, frequency = smooth[usable], 2.0 ** grid[usable]
+    lowest = int(np.argmin(floor))
+    # Its far side, where the power has doubled again: filters take off the corner of what they pass.
+    risen = np.flatnonzero(floor[lowest:] > floor[lowest] + np.log(2.0))
+    return float(frequency[lowest + (risen[0] if len(risen) else 0)])
