@@ -127,7 +127,7 @@ def _filtered(x: Array, dt: float, bandwidth: float) -> tuple[Array, Array, Arra
 
 
 def _integral(x: Array, dt: float) -> Array:
-    return np.asarray(cumulative_trapezoid(x, dx=dt, initial=0.0))
+    return np.asarray(cumulative_trapezoid(x, dx=dt, initial=0))
 
 
 def _pseudo_inverse(rows: Equations) -> Fit:
