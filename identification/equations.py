@@ -76,11 +76,18 @@ def model_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction 
 
 
 def model_values(arm: Arm, friction: Friction = "symmetric") -> Array:
-    """(p,) the arm's own values of the parameters ``column_names(arm, friction)``."""
+    """(p,) the arm's own values of the parameters ``column_names(arm, friction)``.
+
+    With symmetric friction the offset carries half the difference of the two Coulomb magnitudes: while a joint moves, no one can tell.
+    """
     values = []
     for name, value in zip(parameter_names(arm, friction=friction), parameter_vector(arm, friction=friction)):
-        if not _left_out(arm, name, friction):
-            values += [value, value] if friction == "asymmetric" and name.endswith(".viscous") else [value]
+        if _left_out(arm, name, friction):
+            continue
+        if name.endswith(".offset"):
+            joint = arm.joints[int(name.partition(".")[0].removeprefix("joint")) - 1]
+            value += joint.ratio * (joint.coulomb[0] - joint.coulomb[1]) / 2
+        values += [value, value] if friction == "asymmetric" and name.endswith(".viscous") else [value]
     return np.array(values)
 
 

@@ -133,7 +133,9 @@ def _experiment(arm: Arm, proposal: Array, limits: Limits, duration: float, fund
     series = proposal[:, 1:]
     unit = _fourier(series, harmonics, np.zeros(len(arm)), np.array(limits.speed), limits, duration, fundamental)
     _, q, qd, qdd = _motion(unit, max(ROWS, int(20 * harmonics * duration * fundamental)))
-    room = np.minimum((high - start) / np.maximum(q.max(axis=0), 1e-9), (start - low) / np.maximum(-q.min(axis=0), 1e-9))
+    room = np.minimum(
+        (high - start) / np.maximum(q.max(axis=0), 1e-9), (start - low) / np.maximum(-q.min(axis=0), 1e-9)
+    )
     scale = np.minimum.reduce(
         [
             room,

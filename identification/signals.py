@@ -24,6 +24,7 @@ JITTER = 0.01  # of the period: stamps this close to a grid are on it
 FLAT = 5  # rows at the extreme value of a channel, while the joint moves, that make it saturated
 CREEP = 0.005  # of a joint's peak speed: below it the direction of Coulomb friction is not known
 
+REVERSAL = 0.01  # s: a joint slow for longer stands, or sticks; what is quicker is a reversal, and Coulomb's law holds through it
 SPLINE_END = 25  # rows in which a quintic spline forgets its end or a hole (by 0.43 a row; Unser, 1999)
 
 
@@ -73,7 +74,7 @@ def smooth_motion(
         "gap": _dilate(np.any(far_q > bridge, axis=1, keepdims=True) | (far_torque > bridge), reach),
         "end": np.repeat(_ends(len(grid), reach)[:, None], q.shape[1], axis=1),
         "saturated": _dilate(_nearest(t, clipped, grid), reach),
-        "standstill": _lasting(np.abs(qd) < slowest_certain_speed(q, qd, band, dt), memory),
+        "standstill": _lasting(np.abs(qd) < slowest_certain_speed(q, qd, band, dt), int(np.ceil(REVERSAL / dt))),
     }
     usable = np.ones(q_grid.shape, bool)
     excluded = {}

@@ -1,8 +1,7 @@
 """Where the motion ends and the noise begins: cut-off frequencies read off the recording's own spectrum.
 
-The spectrum of the differentiated position, P(f), falls where the motion of the arm ends and rises as f^4 where encoder noise takes
-over. The cut-off for differentiation stands in the valley between: there, noise let in and motion cut off balance, whatever the
-instrument. The second, parallel filter passes what the equations of motion speak about: twice the band that holds 95 % of the power of the
+The spectrum of the acceleration, from positions differenced twice, falls where the motion of the arm ends and rises as f^4 where encoder
+noise takes over. The cut-off for differentiation stands at twice the far side of the valley between them, whatever the instrument. The second, parallel filter passes what the equations of motion speak about: twice the band that holds 95 % of the power of the
 acceleration, and of the sign of the velocity, whose harmonics alone tell Coulomb from viscous friction (Janot, Vandanjon, Gautier, IEEE
 T-CST 22 (2014) 132: at least twice the bandwidth of the dynamics).
 """
@@ -48,13 +47,15 @@ def choose_band(q: Array, dt: float) -> Band:
     if not moving.any():
         return Band(rate / 4, rate / 8, f, density, noise)
     share = density[:, moving] / np.maximum(density[:, moving].max(axis=0), 1e-300)
-    motion = _valley(f, share)
-    inside = (f > 0) & (f <= motion)
+    valley = _valley(f, share)
+    # Twice: the noise let in by this is cut by the parallel filter, while a reversal, and with it friction, stays where it was.
+    motion = min(2.0 * valley, 0.25 / dt)
+    inside = (f > 0) & (f <= valley)
     dynamics = _occupied(f[inside], share[inside])
-    signs = _signs(q[:, moving], dt, motion)
+    signs = _signs(q[:, moving], dt, valley)
     turns, sign_density = signal.welch(signs, rate, nperseg=segment, axis=0, detrend="constant")
     dynamics = max(dynamics, _occupied(turns[1:], sign_density[1:]))
-    return Band(motion, min(motion, 2.0 * dynamics), f, density, noise)
+    return Band(motion, min(valley, 2.0 * dynamics), f, density, noise)
 
 
 def _occupied(f: Array, density: Array) -> float:
@@ -97,6 +98,6 @@ def _valley(f: Array, share: Array) -> float:
     usable = (2.0**grid <= 0.5 * f[-1]) & (2.0**grid >= min(slow, 0.25 * f[-1]))
     floor, frequency = smooth[usable], 2.0 ** grid[usable]
     lowest = int(np.argmin(floor))
-    # Its far side, where the power has doubled again: filters take off the corner of what they pass.
+    # Its far side, where the power has doubled again.
     risen = np.flatnonzero(floor[lowest:] > floor[lowest] + np.log(2.0))
     return float(frequency[lowest + (risen[0] if len(risen) else 0)])
