@@ -1,9 +1,10 @@
 """Where the motion ends and the noise begins: cut-off frequencies read off the recording's own spectrum.
 
-The spectrum of the acceleration, from positions differenced twice, falls where the motion of the arm ends and rises as f^4 where encoder
-noise takes over. The cut-off for differentiation stands at twice the far side of the valley between them, whatever the instrument. The second, parallel filter passes what the equations of motion speak about: twice the band that holds 95 % of the power of the
-acceleration, and of the sign of the velocity, whose harmonics alone tell Coulomb from viscous friction (Janot, Vandanjon, Gautier, IEEE
-T-CST 22 (2014) 132: at least twice the bandwidth of the dynamics).
+The spectrum of the acceleration, from positions differenced twice, falls where the motion of the arm ends and rises as f^4 where
+encoder noise takes over. The cut-off for differentiation stands at twice the far side of the valley between them, whatever the
+instrument. The second, parallel filter passes what the equations of motion speak about: twice the band that holds 95 % of the
+power of the acceleration, and of the sign of the velocity, whose harmonics alone tell Coulomb from viscous friction (Janot,
+Vandanjon, Gautier, IEEE T-CST 22 (2014) 132: at least twice the bandwidth of the dynamics).
 """
 
 from __future__ import annotations

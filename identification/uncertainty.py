@@ -40,8 +40,8 @@ class Uncertainty:
     blocks: int
 
 
-def uncertainty(columns: Array, rows: Equations, fit: Fit, *, seed: int = 0) -> Uncertainty:
-    """Of ``fit`` = least squares of ``rows.torque`` by ``columns`` (rows, b).
+def uncertainty(columns: Array, rows: Equations, fit: Fit, *, instruments: Array | None = None) -> Uncertainty:
+    """Of ``fit`` = least squares of ``rows.torque`` by ``columns`` (rows, b), or by ``instruments`` (rows, b) of these.
 
     2 std covers 95 %: the factor between Student's quantile at the blocks' degrees of freedom and 1.96 is in it.
     """
@@ -49,7 +49,7 @@ def uncertainty(columns: Array, rows: Equations, fit: Fit, *, seed: int = 0) -> 
     length = block_length(rows, fit.residual)
     block = _blocks(rows, length)
     count = int(block.max()) + 1
-    grams, scores = _normal_equations(columns, fit, block, count)
+    grams, scores = _normal_equations(columns, fit, block, count, instruments)
     total = grams.sum(axis=0)
     # Leaving out one block at a time: unlike plain resampling, not deceived where a block alone determines a parameter.
     scale = 1 / np.sqrt(np.maximum(np.diag(total), 1e-300))
@@ -125,16 +125,20 @@ def _blocks(rows: Equations, length: float) -> NDArray[np.intp]:
     return block
 
 
-def _normal_equations(columns: Array, fit: Fit, block: NDArray[np.intp], count: int) -> tuple[Array, Array]:
-    """Per block: W^T W (count, b, b) and W^T e (count, b) of the weighted rows; e the residual, so that a solve gives the change."""
+def _normal_equations(
+    columns: Array, fit: Fit, block: NDArray[np.intp], count: int, instruments: Array | None = None
+) -> tuple[Array, Array]:
+    """Per block: W^T W (count, b, b) and W^T e (count, b) of the weighted rows; e the residual, so that a solve gives the change;
+    Z^T W and Z^T e with instruments Z."""
     weighted, residual = columns * fit.weight[:, None], fit.weight * fit.residual
+    by = weighted if instruments is None else instruments * fit.weight[:, None]
     grams = np.empty((count, columns.shape[1], columns.shape[1]))
     scores = np.empty((count, columns.shape[1]))
     order = np.argsort(block, kind="stable")
     edges = np.searchsorted(block[order], np.arange(count + 1))
     for b in range(count):
-        w = weighted[order[edges[b] : edges[b + 1]]]
-        grams[b], scores[b] = w.T @ w, w.T @ residual[order[edges[b] : edges[b + 1]]]
+        mine = order[edges[b] : edges[b + 1]]
+        grams[b], scores[b] = by[mine].T @ weighted[mine], by[mine].T @ residual[mine]
     return grams, scores
 
 
@@ -142,8 +146,6 @@ def _solve(gram: Array, score: Array, scale: Array) -> Array:
     """gram^-1 score, scaled; least norm where a resample leaves a direction without rows."""
     scaled = gram * scale[:, None] * scale
     try:
-        return scale * linalg.cho_solve(
-            linalg.cho_factor(scaled, check_finite=False), scale * score, check_finite=False
-        )
+        return scale * np.linalg.solve(scaled, scale * score)
     except linalg.LinAlgError:
         return scale * (np.linalg.pinv(scaled, rcond=1e-10) @ (scale * score))

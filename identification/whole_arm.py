@@ -147,7 +147,7 @@ def conclude(
         model_values(problem.arm, problem.friction),
         problem.base.names,
     )
-    identified = _with_values(problem, physical, warnings)
+    identified = with_values(problem, physical, warnings)
     reduced = problem.base.grouping[problem.excited] @ physical
     compared = {"physically consistent model": _errors(problem, reduced)}
     base, parameters = _named(problem, best, spread, physical)
@@ -247,7 +247,8 @@ def _errors(problem: Problem, values: Array) -> tuple[float, float]:
     return found[0], found[1]
 
 
-def _with_values(problem: Problem, physical: Array, warnings: list[str]) -> Arm:
+def with_values(problem: Problem, physical: Array, warnings: list[str]) -> Arm:
+    """The arm with standard parameters ``physical`` (p,); ``warnings`` grows by what a model cannot carry."""
     values = dict(zip(problem.base.names, map(float, physical)))
     for j in range(1, len(problem.arm) + 1):
         if f"joint{j}.viscous_positive" in values:

@@ -1,0 +1,143 @@
+"""Identification against the simulated closed loop, whose motion is free of the measurement's noise.
+
+iv      instrumental variables (IDIM-IV): the regressor of the simulated motion is correlated with the measured one but not with its noise,
+        (Z^T W) beta = Z^T y; iterated (Janot, Vandanjon, Gautier, IEEE T-CST 22(1), 2014)
+didim   closed-loop output error, measured torque against simulated, linear in the parameters once the simulated motion is taken for the
+        real one: beta = least squares of y by Z; iterated (Gautier, Janot, Vandanjon, IEEE T-CST 21(2), 2013)
+
+Both need the demands of the run and a controller in the model that is the real one: a wrong controller makes a wrong motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from arm_model.description import Arm
+from arm_model.simulation import simulate
+from daq.recording import Recording
+from identification.consistency import consistent_parameters
+from identification.equations import filtered_columns, model_values
+from identification.least_squares import Fit, joint_noise, least_squares, weighted
+from identification.result import Identification
+from identification.signals import Motion, parallel_rows, smooth_motion
+from identification.uncertainty import uncertainty
+from identification.whole_arm import Problem, conclude, with_values
+from inputs import InputError
+
+Array = NDArray[np.float64]
+ClosedLoopMethod = Literal["iv", "didim"]
+Progress = Callable[[str], None]
+
+ITERATIONS = 8
+SETTLED = 0.1  # standard deviations: a step smaller than this in all parameters ends the iteration
+ASTRAY = 0.5  # of the measured range: a simulated motion further off is not that of this run
+
+
+def identify_closed_loop(
+    problem: Problem, method: ClosedLoopMethod, *, progress: Progress = lambda _: None
+) -> Identification:
+    """IDIM-IV or DIDIM, from weighted least squares on. InputError where demands or controller are missing, or do not fit."""
+    for recording in problem.fit:
+        if recording.qref is None:
+            raise InputError(
+                recording.path, f"has no demanded positions (qref); method {method} simulates the closed loop from them"
+            )
+    if problem.arm.controller is None:
+        raise InputError("model", f"has no [controller]; method {method} simulates the closed loop with it")
+    columns = problem.rows.columns[:, problem.columns]
+    torque = problem.rows.torque - problem.given(problem.rows)
+    fit = least_squares(columns, torque, problem.rows.joint, "wls")
+    weight = 1.0 / joint_noise(fit.residual, problem.rows.joint)[problem.rows.joint]
+    spread = uncertainty(columns, problem.rows, fit)
+    taken = 0
+    for number in range(ITERATIONS):
+        taken = number + 1
+        progress(f"{method}: simulation {taken}")
+        arm = _arm_of(problem, fit, spread.information)
+        simulated = np.concatenate([_simulated_columns(problem, arm, run) for run in range(len(problem.fit))])
+        simulated = simulated[:, problem.columns]
+        before = fit.values
+        if method == "iv":
+            fit = _instrumental(simulated, columns, torque, weight)
+            spread = uncertainty(columns, problem.rows, fit, instruments=simulated)
+        else:
+            fit = weighted(simulated, torque, weight)
+            spread = uncertainty(simulated, problem.rows, fit)
+        if np.all(np.abs(fit.values - before) < SETTLED * spread.std):
+            break
+    # What is reported is the same measure for every method: the inverse dynamics on the measured motion.
+    solved = Fit(fit.values, fit.weight, torque - columns @ fit.values, fit.condition)
+    result = conclude(
+        problem,
+        method,
+        solved,
+        spread,
+        lambda rows: least_squares(
+            rows.columns[:, problem.columns], rows.torque - problem.given(rows), rows.joint, "wls"
+        ),
+    )
+    result.notes.append(
+        f"{method}: {taken} simulations of the closed loop" + ("" if taken < ITERATIONS else ", not settled")
+    )
+    if problem.held is None:
+        result.notes.append("the split's held-out error is that of weighted least squares")
+    return result
+
+
+def _arm_of(problem: Problem, fit: Fit, information: Array) -> Arm:
+    physical = consistent_parameters(
+        problem.base.grouping[problem.excited],
+        fit.values,
+        information,
+        model_values(problem.arm, problem.friction),
+        problem.base.names,
+    )
+    return with_values(problem, physical, [])
+
+
+def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:
+    """The closed loop run on the recorded demands, smoothed as ``motion`` (of the recording) was, on its grid."""
+    demands, t = recording.qref, recording.t - recording.t[0]
+    assert demands is not None
+
+    def demand(times: Array) -> Array:
+        return np.column_stack(
+            [np.interp(times, t[ok], column[ok]) for column in demands.T for ok in [np.isfinite(column)]]
+        )
+
+    run = simulate(
+        arm, demand, duration=float(motion.t[-1]), rate=1 / motion.dt, start=motion.q[0], sampled=True, times=motion.t
+    )
+    off = np.max(np.abs(run.qm - motion.q), axis=0) / np.maximum(np.ptp(motion.q, axis=0), 1e-9)
+    moving = motion.usable.any(axis=0)
+    if not np.isfinite(run.qm).all() or np.any(off[moving] > ASTRAY):
+        joint = int(np.argmax(np.where(moving, np.nan_to_num(off, nan=np.inf), 0))) + 1
+        raise InputError(
+            recording.path,
+            f"the simulated joint {joint} leaves the recorded motion; the model's controller is not that of this run"
+            " (methods ols, wls and irls do without it)",
+        )
+    return smooth_motion(motion.t, run.qm, run.torque, band=motion.band)
+
+
+def _simulated_columns(problem: Problem, arm: Arm, run: int) -> Array:
+    """(rows of this run, p) the regressor on the simulated motion, for the rows that the measured one keeps."""
+    motion = problem.motions[run]
+    simulated = simulated_motion(arm, problem.fit[run], motion)
+    columns = filtered_columns(problem.arm, motion, simulated.q, simulated.qd, simulated.qdd, problem.friction)
+    joint, row = np.nonzero(parallel_rows(motion)[1].T)
+    return np.asarray(columns[row, joint])
+
+
+def _instrumental(instruments: Array, columns: Array, torque: Array, weight: Array) -> Fit:
+    """(Z^T W) beta = Z^T y of the weighted rows, scaled."""
+    z, w, y = instruments * weight[:, None], columns * weight[:, None], torque * weight
+    left = 1 / np.maximum(np.linalg.norm(z, axis=0), 1e-300)
+    right = 1 / np.maximum(np.linalg.norm(w, axis=0), 1e-300)
+    values = right * linalg.solve((z * left).T @ (w * right), (z * left).T @ y)
+    return Fit(values, weight, torque - columns @ values, float(np.linalg.cond(w * right)))
