@@ -22,6 +22,11 @@ class Method(StrEnum):
     ols = "ols"
     wls = "wls"
     irls = "irls"
+    iv = "iv"
+    didim = "didim"
+    motor_link = "motor-link"
+    sequence = "sequence"
+    friction = "friction"
 
 
 class Friction(StrEnum):
@@ -39,7 +44,13 @@ def command(
         list[Path] | None,
         typer.Option("--held-out", metavar="RUN.mcap", help="a recording to judge by; may be repeated"),
     ] = None,
-    method: Annotated[Method, typer.Option(help="how to fit")] = Method.wls,
+    method: Annotated[
+        Method,
+        typer.Option(
+            help="ols, wls, irls: least squares on the inverse dynamics; iv, didim: against the simulated closed loop; motor-link: one"
+            " joint a run; sequence: one joint a run, tip first; friction: tuned in the simulated closed loop"
+        ),
+    ] = Method.wls,
     friction: Annotated[
         Friction, typer.Option(help="asymmetric: viscous and Coulomb friction of their own for each direction")
     ] = Friction.symmetric,
@@ -51,15 +62,13 @@ def command(
     from arm_model.description import read_model
     from daq.recording import open_recording
     from identification.files import write_identification
-    from identification.whole_arm import identify
+    from identification.methods import identify_by
 
     arm = read_model(model)
     fitted = [open_recording(path) for path in run]
     held = [open_recording(path) for path in held_out or []]
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
-        result = identify(
-            fitted, arm, held_out=held, method=method.value, friction=friction.value, progress=status.update
-        )
+        result = identify_by(method.value, fitted, arm, held_out=held, friction=friction.value, progress=status.update)
         status.update("report")
         table = write_identification(out, result)
     if as_json:

@@ -36,7 +36,9 @@ def report(result: Identification) -> str:
         "<p class=note>± is two standard deviations. They come from whole blocks of time, so that residuals may be coloured; beside them"
         " those of the textbook formula, which takes every row for news.</p>",
         _values(result.base, "base parameter"),
-        f"<p>Condition number {result.condition:.3g} (columns scaled to the same size).</p>",
+        ""
+        if result.condition != result.condition
+        else f"<p>Condition number {result.condition:.3g} (columns scaled to the same size).</p>",
         "<details><summary>Every parameter of the model</summary>",
         _values(result.parameters, "parameter"),
         "</details>",
@@ -56,6 +58,8 @@ def report(result: Identification) -> str:
 def verdict(result: Identification) -> str:
     """The one sentence; training error alone validates nothing."""
     fit, held = result.relative_error(False), result.relative_error(True)
+    if held != held:
+        return f"Relative error {fit:.2%} on what was fitted. Not validated: no recording was held out."
     if result.held_out == "split":
         return (
             f"Relative error {fit:.2%} on what was fitted, {held:.2%} on the last part of the same runs, predicted from the first."
@@ -74,22 +78,29 @@ def _errors(result: Identification) -> str:
         rows.append(
             f"<tr><td>{j + 1}</td>"
             + "".join(
-                f"<td class=n>{result.rms(held, j):.4g} {unit}</td><td class=n>{result.relative_error(held, j):.2%}</td>"
+                f"<td class=n>{_size(result.rms(held, j), unit)}</td><td class=n>{_percent(result.relative_error(held, j))}</td>"
                 for held in (False, True)
             )
             + "</tr>"
         )
-    total = "".join(f"<td></td><td class=n>{result.relative_error(held):.2%}</td>" for held in (False, True))
+    total = "".join(f"<td></td><td class=n>{_percent(result.relative_error(held))}</td>" for held in (False, True))
     for name, (fit, held) in result.compared.items():
-        after = "" if held != held else f"{held:.2%}"
         rows.append(
-            f"<tr><td>{escape(name)}</td><td></td><td class=n>{fit:.2%}</td><td></td><td class=n>{after}</td></tr>"
+            f"<tr><td>{escape(name)}</td><td></td><td class=n>{fit:.2%}</td><td></td><td class=n>{_percent(held)}</td></tr>"
         )
     return (
         "<table><tr><th>joint</th><th class=n>fitted, rms</th><th class=n>relative</th><th class=n>held out, rms</th>"
         f"<th class=n>relative</th></tr>{''.join(rows[: len(result.arm)])}<tr><td>all</td>{total}</tr>"
         f"{''.join(rows[len(result.arm) :])}</table>"
     )
+
+
+def _percent(share: float) -> str:
+    return "" if share != share else f"{share:.2%}"
+
+
+def _size(value: float, unit: str) -> str:
+    return "" if value != value else f"{value:.4g} {unit}"
 
 
 def _values(values: list[Value], what: str) -> str:

@@ -74,7 +74,7 @@ def smooth_motion(
         "gap": _dilate(np.any(far_q > bridge, axis=1, keepdims=True) | (far_torque > bridge), reach),
         "end": np.repeat(_ends(len(grid), reach)[:, None], q.shape[1], axis=1),
         "saturated": _dilate(_nearest(t, clipped, grid), reach),
-        "standstill": _lasting(np.abs(qd) < slowest_certain_speed(q, qd, band, dt), int(np.ceil(REVERSAL / dt))),
+        "standstill": _lasting(np.abs(qd) <= slowest_certain_speed(q, qd, band, dt), int(np.ceil(REVERSAL / dt))),
     }
     usable = np.ones(q_grid.shape, bool)
     excluded = {}

@@ -26,7 +26,8 @@ MEMORIES = 4.0  # block length in correlation times of the residual
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """covariance (b, b) from blocks of ``block`` s (``blocks`` of them); std (b,) its root; std_formula (b,) for white residuals.
+    """covariance (b, b) from blocks of ``block`` s (``blocks`` of them); std (b,) its root, never below std_formula (b,), which
+    takes residuals for white.
 
     information (b, b): inverse of the formula's covariance, divided by how much too sure the formula is on the whole. Unlike the blocks'
     own covariance, whose rank is at most their number, it can be inverted and is what a further fit may lean on.
@@ -59,7 +60,11 @@ def uncertainty(columns: Array, rows: Equations, fit: Fit, *, instruments: Array
     spread = away - away.mean(axis=0)
     factor = stats.t.ppf(0.975, max(count - 1, 1)) / stats.norm.ppf(0.975)
     covariance = factor**2 * (count - 1) / count * spread.T @ spread
-    std = np.sqrt(np.diag(covariance))
+    # Few blocks may agree by luck; no claim is finer than what white residuals would allow.
+    blockwise = np.sqrt(np.diag(covariance))
+    std = np.maximum(blockwise, formula)
+    raised = std / np.maximum(blockwise, 1e-300)
+    covariance = covariance * raised[:, None] * raised
     variance = float(np.sum((fit.weight * fit.residual) ** 2)) / max(len(fit.residual) - len(std), 1)
     too_sure = float(np.exp(np.mean(np.log(np.maximum(std, 1e-300) / np.maximum(formula, 1e-300)))))
     return Uncertainty(covariance, std, formula, total / (variance * max(too_sure, 1.0) ** 2), length, count)

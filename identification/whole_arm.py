@@ -79,8 +79,12 @@ def prepare(
     held_out: Sequence[Recording] = (),
     friction: Friction = "symmetric",
     progress: Progress = lambda _: None,
+    sparse: bool = False,
 ) -> Problem:
-    """Checks the recordings and makes their equations; InputError where nothing can come of them."""
+    """Checks the recordings and makes their equations; InputError where nothing can come of them.
+
+    ``sparse``: the runs are of one joint each and need not excite the whole arm.
+    """
     for recording in [*fit, *held_out]:
         readiness.check_recording(recording, arm)
     progress("smoothing")
@@ -97,12 +101,12 @@ def prepare(
         [np.std(rows.torque[rows.joint == j]) if (rows.joint == j).any() else 1.0 for j in range(len(arm))]
     )
     shown = rows.columns[:, base.kept] / np.maximum(spread, 1e-12)[rows.joint, None]
-    if len(shown) < 2 * len(base):
+    if len(shown) < (1 if sparse else 2) * len(base):
         raise readiness.too_short([recording.path for recording in fit], len(shown), len(base))
     labels = [base.names[k] for k in base.kept]
     excited = base_parameters(shown, labels, order=range(len(base)), negligible=EXCITED).kept
     excited = np.sort(excited)
-    for k in np.setdiff1d(np.arange(len(base)), excited):
+    for k in [] if sparse else np.setdiff1d(np.arange(len(base)), excited):
         warnings.append(f"{base.expression(int(k))}: not excited by these runs; taken from the model")
     return Problem(arm, friction, fit, held_out, motions, held_motions, rows, held, base, excited, warnings)
 

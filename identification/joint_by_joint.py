@@ -1,0 +1,175 @@
+"""The motor-link pair for every joint that moves in its run: ``--method motor-link`` (thesis, sections 5.2 and 5.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from arm_model.dynamics import rigid_torque
+from arm_model.parameters import with_parameters
+from daq.recording import Recording
+from identification import readiness
+from identification.motor_link import MotorLink, motor_link_of, motor_link_rows
+from identification.result import Identification, Prediction, Value, unit_of
+from identification.signals import Motion
+from identification.whole_arm import SPLIT, motion_of
+from inputs import InputError
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+ACTIVE = 0.2  # of the liveliest joint's travel: a joint that moves less in a run is not the one that run is about
+
+
+def identify_joints(
+    fit: Sequence[Recording],
+    arm: Arm,
+    *,
+    held_out: Sequence[Recording] = (),
+    progress: Progress = lambda _: None,
+) -> Identification:
+    """Each joint from the run in which it moves furthest; state-variable filter, beside it the integrated equation."""
+    for recording in [*fit, *held_out]:
+        readiness.check_recording(recording, arm)
+    progress("smoothing")
+    motions = [motion_of(recording, arm) for recording in fit]
+    held_motions = [motion_of(recording, arm) for recording in held_out]
+    warnings: list[str] = []
+    parameters, predictions, conditions = [], [], []
+    compared: dict[str, tuple[float, float]] = {}
+    values: dict[str, float] = {}
+    for j in range(len(arm)):
+        run = own_run(motions, j)
+        if run is None:
+            warnings.append(f"joint {j + 1} does not move in any run; nothing is said about it")
+            continue
+        progress(f"joint {j + 1}")
+        gravity = _feels_gravity(arm, j)
+        found = motor_link_of(motions[run], j, gravity=gravity)
+        other = motor_link_of(motions[run], j, gravity=gravity, way="integral")
+        compared |= {
+            f"joint{j + 1}.{name} by the integrated equation": (other.value(name), float("nan")) for name in other.names
+        }
+        _warn_of_others(fit[run], motions[run], j, warnings)
+        parameters += _named(found, j, arm)
+        conditions.append(found.fit.condition)
+        predictions.append(
+            _prediction(fit[run], found.rows.t, found.rows.torque, found.rows.columns @ found.fit.values, j)
+        )
+        values |= {
+            f"joint{j + 1}.{name}": found.value(name) for name in ("viscous", "coulomb_positive", "coulomb_negative")
+        }
+        predictions += _held(found, motions[run], fit[run], held_motions, held_out, j, gravity)
+    if not parameters:
+        raise InputError(
+            ", ".join(str(recording.path) for recording in fit), "no joint moves on its own; nothing to identify"
+        )
+    if not held_out:
+        warnings.append(
+            f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, predicted from the first"
+            f" {SPLIT:.0%}; give --held-out recordings before calling these values validated"
+        )
+    warnings.append(
+        "inertia and gravity of a motor-link pair include what the joint carries in this pose; model.toml takes the friction only"
+    )
+    physical = {name: max(value, 0.0) for name, value in values.items()}
+    # The two directions' Coulomb friction carries the offset already.
+    physical |= {name.replace("viscous", "offset"): 0.0 for name in values if name.endswith("viscous")}
+    return Identification(
+        method="motor-link",
+        friction="per direction",
+        arm=with_parameters(arm, physical),
+        fit=[str(recording.path) for recording in fit],
+        held_out=[str(recording.path) for recording in held_out] if held_out else "split",
+        parameters=parameters,
+        base=parameters,
+        condition=max(conditions),
+        predictions=predictions,
+        warnings=warnings,
+        bands=[motion.band for motion in motions],
+        extra={
+            "integrated_equation": {
+                name.removesuffix(" by the integrated equation"): value for name, (value, _) in compared.items()
+            }
+        },
+    )
+
+
+def own_run(motions: Sequence[Motion], j: int) -> int | None:
+    """The run in which joint j travels furthest against the others; None where it is never among the lively ones."""
+    share = []
+    for motion in motions:
+        travel = np.ptp(motion.q, axis=0)
+        share.append(travel[j] / travel.max() if motion.usable[:, j].any() else 0.0)
+    best = int(np.argmax(share))
+    return best if share[best] > ACTIVE else None
+
+
+def _feels_gravity(arm: Arm, j: int) -> bool:
+    if not arm.joints[j].revolute:
+        return False
+    q = np.random.default_rng(0).uniform(-1.5, 1.5, (20, len(arm)))
+    torque = rigid_torque(arm, q, 0 * q, 0 * q)[:, j]
+    return bool(np.max(np.abs(torque)) > 1e-9)
+
+
+def _warn_of_others(recording: Recording, motion: Motion, j: int, warnings: list[str]) -> None:
+    travel = np.ptp(motion.q, axis=0)
+    others = [k + 1 for k in range(len(travel)) if k != j and travel[k] > ACTIVE * travel[j]]
+    if others:
+        warnings.append(
+            f"{recording.path.name}: joint {', '.join(map(str, others))} moves too; its coupling torque is taken for inertia and friction"
+            f" of joint {j + 1}: these are not that joint's values"
+        )
+
+
+def _named(found: MotorLink, j: int, arm: Arm) -> list[Value]:
+    values = []
+    for k, name in enumerate(found.names):
+        value, std = float(found.fit.values[k]), float(found.uncertainty.std[k])
+        label = f"joint{j + 1}.{name}"
+        values.append(
+            Value(
+                label,
+                value,
+                std,
+                float(found.uncertainty.std_formula[k]),
+                unit_of(label, arm),
+                std < 0.3 * abs(value) or std < 0.02 * float(np.std(found.rows.torque)),
+            )
+        )
+    return values
+
+
+def _held(
+    found: MotorLink,
+    motion: Motion,
+    recording: Recording,
+    held_motions: Sequence[Motion],
+    held: Sequence[Recording],
+    j: int,
+    gravity: bool,
+) -> list[Prediction]:
+    """Predictions of the held-out runs in which joint j moves, or of the end of its own from its beginning."""
+    if held:
+        found_rows = []
+        for other, name in zip(held_motions, held):
+            if own_run([other], j) is not None:
+                rows = motor_link_rows(other, j, gravity=gravity, bandwidth=motion.band.parallel)
+                found_rows.append(_prediction(name, rows.t, rows.torque, rows.columns @ found.fit.values, j, True))
+        return found_rows
+    rows = found.rows
+    early, late = rows.t < SPLIT * motion.t[-1], rows.t >= SPLIT * motion.t[-1]
+    if early.sum() < 4 * len(found.names) or not late.any():
+        return []
+    values = np.linalg.lstsq(rows.columns[early], rows.torque[early], rcond=1e-9)[0]
+    return [_prediction(recording, rows.t[late], rows.torque[late], rows.columns[late] @ values, j, True)]
+
+
+def _prediction(
+    recording: Recording, t: Array, measured: Array, predicted: Array, j: int, held: bool = False
+) -> Prediction:
+    return Prediction(recording.path.name, held, t, np.full(len(t), j), measured, predicted)

@@ -1,0 +1,80 @@
+"""The methods of ``armscope identify`` by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from arm_model.description import Arm
+from daq.recording import Recording
+from identification import closed_loop, joint_by_joint, sequence, whole_arm
+from identification.equations import Friction
+from identification.friction_tuning import simulated_error, tune_friction
+from identification.result import Identification, Prediction, Value, unit_of
+from identification.whole_arm import Progress
+
+Method = Literal["ols", "wls", "irls", "iv", "didim", "motor-link", "sequence", "friction"]
+
+
+def identify_by(
+    method: Method,
+    fit: Sequence[Recording],
+    arm: Arm,
+    *,
+    held_out: Sequence[Recording] = (),
+    friction: Friction = "symmetric",
+    progress: Progress = lambda _: None,
+) -> Identification:
+    """Identifies ``arm`` from recordings by one of the methods; InputError where they cannot be used for it."""
+    match method:
+        case "ols" | "wls" | "irls":
+            return whole_arm.identify(fit, arm, held_out=held_out, method=method, friction=friction, progress=progress)
+        case "iv" | "didim":
+            problem = whole_arm.prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
+            return closed_loop.identify_closed_loop(problem, method, progress=progress)
+        case "motor-link":
+            return joint_by_joint.identify_joints(fit, arm, held_out=held_out, progress=progress)
+        case "sequence":
+            return sequence.identify_in_sequence(fit, arm, held_out=held_out, friction=friction, progress=progress)
+        case "friction":
+            return tuned(fit, arm, held_out=held_out, progress=progress)
+
+
+def tuned(
+    fit: Sequence[Recording], arm: Arm, *, held_out: Sequence[Recording] = (), progress: Progress = lambda _: None
+) -> Identification:
+    """Friction tuned in the closed loop; errors are those of the simulated against the measured torque."""
+    problem = whole_arm.prepare(fit, arm, held_out=held_out, progress=progress, sparse=True)
+    tuning = tune_friction(fit, problem.motions, arm, progress=progress)
+    values = [
+        Value(name, float(value), float(std), float(formula), unit_of(name, arm), bool(std < 0.3 * abs(value)))
+        for name, value, std, formula in zip(
+            tuning.names, tuning.values, tuning.uncertainty.std, tuning.uncertainty.std_formula
+        )
+    ]
+    warnings = list(problem.warnings)
+    if not held_out:
+        warnings.append(
+            "no recording is held out: give --held-out recordings of another motion before calling this friction validated"
+        )
+    predictions: list[Prediction] = []
+    for held, recordings, motions in ((False, fit, problem.motions), (True, held_out, problem.held_motions)):
+        for recording, motion in zip(recordings, motions):
+            predictions.append(simulated_error(recording, motion, tuning.arm, held))
+    return Identification(
+        method="friction",
+        friction="per direction",
+        arm=tuning.arm,
+        fit=[str(recording.path) for recording in fit],
+        held_out=[str(recording.path) for recording in held_out] if held_out else "split",
+        parameters=values,
+        base=values,
+        condition=float("nan"),
+        predictions=predictions,
+        warnings=warnings,
+        notes=[f"{tuning.simulations} simulations of the closed loop, in batches"],
+        bands=[motion.band for motion in problem.motions],
+        compared={"the friction that the model came with": (tuning.before, float(np.nan))},
+    )

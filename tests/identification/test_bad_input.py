@@ -1,0 +1,117 @@
+"""Recordings that no identification can use are refused at once, in one line that says where, what and what would be right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model.description import Arm, read_model
+from arm_model.dynamics import inverse_dynamics
+from armscope.cli import run
+from daq.recording_file import Attachments
+from daq.table import write_table
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    return read_model(root / "config/models/scara.toml")
+
+
+@pytest.fixture(scope="module")
+def motion(arm: Arm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """t (n,), q (n, 3), i (n, 3) A of a lively SCARA with friction."""
+    t = np.arange(8000) / 500
+    w = 2 * np.pi * np.array([0.31, 0.43, 0.37])
+    fade = np.clip(t / 1.0, 0, 1) ** 3 * (10 - 15 * np.clip(t, 0, 1) + 6 * np.clip(t, 0, 1) ** 2)
+    q = fade[:, None] * np.array([0.8, 0.9, 0.1]) * np.sin(w * t[:, None])
+    qd = np.gradient(q, t, axis=0)
+    qdd = np.gradient(qd, t, axis=0)
+    rubbing = replace(
+        arm, joints=tuple(replace(j, viscous=2.0, coulomb=(3.0, 3.0), sign_velocity=1e-3) for j in arm.joints)
+    )
+    return t, q, inverse_dynamics(rubbing, q, qd, qdd)
+
+
+def refused(path: Path, model: Path, capfd: pytest.CaptureFixture) -> str:
+    """The one line on standard error, without its 'error: '."""
+    out = path.parent / "out"
+    assert run(["identify", str(path), "--model", str(model), "--out", str(out)]) == 2
+    captured = capfd.readouterr()
+    assert captured.out == ""
+    assert not out.exists()
+    lines = captured.err.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("error: ")
+    return lines[0]
+
+
+def break_it(what: str, q: np.ndarray, i: np.ndarray) -> None:
+    match what:
+        case "stuck current":
+            i[:, 1] = 0.25
+        case "nothing moves":
+            q[:] = q[:1]
+        case "noise only":
+            q[:] = 1e-5 * np.random.default_rng(0).standard_normal(q.shape)
+        case "holes":
+            i[1000:6500, 2] = np.nan
+        case "reversed":
+            i[:, 0] *= -1
+
+
+@pytest.mark.parametrize(
+    ("what", "says"),
+    [
+        ("stuck current", "i2: constant at 0.25 A while joint 2 moves"),
+        ("nothing moves", "no joint moves"),
+        ("noise only", "noise"),
+        ("holes", "i3: 69% of its samples are missing"),
+        ("reversed", "i1: the friction of joint 1 would drive it; the sign of its current is reversed"),
+    ],
+)
+def test_what_is_wrong_is_named(
+    what: str, says: str, motion: tuple, root: Path, tmp_path: Path, capfd: pytest.CaptureFixture
+) -> None:
+    t, q, i = (array.copy() for array in motion)
+    break_it(what, q, i)
+    path = tmp_path / "run.mcap"
+    write_table(path, t, {"q": q, "i": i}, Attachments())
+    line = refused(path, root / "config/models/scara.toml", capfd)
+    assert "run.mcap" in line
+    assert says in line
+
+
+def test_recording_of_another_arm(motion: tuple, root: Path, tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
+    t, q, i = motion
+    path = tmp_path / "run.mcap"
+    write_table(path, t, {"q": q, "i": i}, Attachments())
+    line = refused(path, root / "config/models/puma560.toml", capfd)
+    assert "has 3 joints, the model 'Unimation Puma 560' has 6" in line
+    write_table(path, t, {"q": q, "i": i}, Attachments(model=(root / "config/models/scara.toml").read_text()))
+    twin = (root / "config/models/scara.toml").read_text().replace('type = "prismatic"', 'type = "revolute"')
+    (tmp_path / "twin.toml").write_text(twin)
+    assert "whose joint 3 is prismatic" in refused(path, tmp_path / "twin.toml", capfd)
+
+
+def test_degrees_are_noticed(motion: tuple, root: Path, tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
+    t, q, i = motion
+    path = tmp_path / "run.mcap"
+    limited = (
+        (root / "config/models/scara.toml")
+        .read_text()
+        .replace('type = "revolute"', 'type = "revolute"\nlimits = [-3.0, 3.0]')
+    )
+    (tmp_path / "limited.toml").write_text(limited)
+    write_table(path, t, {"q": np.degrees(q), "i": i}, Attachments())
+    assert "in degrees?" in refused(path, tmp_path / "limited.toml", capfd)
+
+
+def test_whole_recording_of_the_same_motion_is_taken(motion: tuple, root: Path, tmp_path: Path) -> None:
+    t, q, i = motion
+    path = tmp_path / "run.mcap"
+    write_table(path, t, {"q": q, "i": i}, Attachments())
+    model = root / "config/models/scara.toml"
+    assert run(["identify", str(path), "--model", str(model), "--out", str(tmp_path / "out"), "--json"]) == 0
