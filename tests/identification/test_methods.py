@@ -54,7 +54,7 @@ def test_methods_agree_on_the_truth(method: str, drive: Arm, run: Recording, roo
     for value in result.base:
         # Stick-slip at reversals costs up to a percent of friction, beyond the stated deviation.
         assert abs(value.value - TRUTH[value.name]) < max(3 * value.std, 0.01 * abs(TRUTH[value.name])), value
-        assert value.std < 0.02 * abs(TRUTH[value.name])
+        assert value.std < 0.05 * abs(TRUTH[value.name])
         assert np.isclose(parameter(result.arm, value.name), value.value, rtol=1e-3)
 
 
