@@ -23,7 +23,7 @@ LASTING = 3  # rows for which a shift must last
 REGULAR = 0.25  # of a period: intervals that scatter more cannot show a missed edge
 TAIL = 0.3  # of a period: rows at the end of a batch that are further off wait for their successors
 MOST_HELD = 16  # rows that may wait for their successors
-NOMINAL = 0.02  # relative: a few rows whose interval is that near to the rig's rate say nothing better
+UNSURE = 6.0  # standard deviations by which a first look at the period must differ from the rig file's to be believed
 
 
 @dataclass
@@ -58,6 +58,30 @@ class Indexer:
         Returns (m,) indices and (m,) bool. Where m < n the rest must be given again, with the rows that follow: either the period
         is not yet known, or the last rows may belong to a shift that has to be seen to last.
         """
+        parts = []
+        begin, size = 0, self._carries()
+        while begin < len(number):
+            stop = min(begin + size, len(number))
+            rows = slice(begin, stop)
+            part = self._index_some(number[rows], host[rows], tick[rows], final and stop == len(number))
+            if len(part[0]):
+                parts.append(part)
+                begin, size = begin + len(part[0]), self._carries()
+            elif stop == len(number):
+                break
+            else:
+                size *= 2
+        if len(parts) == 1:
+            return parts[0]
+        if not parts:
+            return number[:0], np.empty(0, bool)
+        return np.concatenate([index for index, _ in parts]), np.concatenate([keep for _, keep in parts])
+
+    def _carries(self) -> int:
+        """For how many rows the period is known well enough: one that was taken from n rows carries over some n more."""
+        return 1 << 30 if self.regular is not True else max(self._count, SETTLE)
+
+    def _index_some(self, number: Ints, host: Ints, tick: Ints, final: bool) -> tuple[Ints, NDArray[np.bool_]]:
         n = len(number)
         if n == 0 or (self.regular is None and n < SETTLE and not final):
             return number[:0], np.empty(0, bool)
@@ -97,10 +121,13 @@ class Indexer:
         self.regular = median > 0 and bool(np.median(np.abs(intervals / np.diff(number) / median - 1)) < REGULAR)
         if not self.regular:
             return
-        periods = float(np.round(intervals / median).sum())  # counts missed edges too
-        self.period = float(clock[-1] - clock[0]) / periods
-        if not self._ticks and abs(self.period / self.period_ns - 1) < NOMINAL:
-            self.period = self.period_ns
+        steps = np.round(intervals / median)  # counts missed edges too
+        self.period = float(clock[-1] - clock[0]) / float(steps.sum())
+        # A few uneven intervals say less than the rig file, until there are more.
+        scatter = float(np.std(np.cumsum(intervals / self.period - steps)))
+        nominal = self.period_ns * float(clock[-1] - clock[0]) / max(float(host[-1] - host[0]), 1.0)
+        if abs(self.period / nominal - 1) < UNSURE * scatter / len(steps):
+            self.period = nominal
 
     def _note_steps(self, index: Ints, step: Ints, off_grid: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Notes missed and extra edges; of two rows on one index keeps the one that lies on the grid."""
@@ -121,7 +148,7 @@ class Indexer:
         on_grid = clock - float(off_grid[-1] - (good.mean() if len(good) else 0.0)) * self.period
         self._last = on_grid, number
         assert self._first is not None
-        if index - self._first[1] > 4 * SETTLE:
+        if index - self._first[1] > 2 * SETTLE:
             self.period = (on_grid - self._first[0]) / (index - self._first[1])
 
     def move(self, edges: int) -> None:
