@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm, EffectTerm
+from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from diagnosis import events as event_search
 from diagnosis.candidates import Candidate, candidates
@@ -101,7 +102,7 @@ def diagnose(
     values = estimates(chosen, own, accepted.fit, [pair[0] for pair in free], sides[0], arm) if chosen else []
     causes = [_from_event(event, sides) for event in found]
     causes += [_cause(c, v, one, chosen, library, free, sides, accepted) for c, v, one in zip(chosen, values, looks)]
-    extended = extend(arm, causes)
+    extended = extend(arm, causes) if causes else arm
     progress("judging in closed loop")
     compared = {
         side: [pair for r in recordings if (pair := _before_and_after(r, arm, extended)) is not None]
@@ -250,7 +251,7 @@ def extend(arm: Arm, causes: Sequence[Cause]) -> Arm:
     terms = list(arm.effects)
     for cause in causes:
         terms.append(EffectTerm(cause.effect, cause.joint, {p.name: float(p.value) for p in cause.parameters}))
-    return replace(arm, effects=tuple(terms))
+    return replace(fixed_gains(arm), effects=tuple(terms))
 
 
 def _before_and_after(recording: Recording, arm: Arm, extended: Arm) -> tuple[Compared, Compared] | None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm
 from arm_model.parameters import with_parameters
+from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from identification import readiness
 from identification.base_parameters import BaseParameters, base_parameters
@@ -261,7 +262,7 @@ def with_values(problem: Problem, physical: Array, warnings: list[str]) -> Arm:
             warnings.append(
                 f"model.toml carries the mean viscous friction of joint {j}; a model has one for both directions"
             )
-    return with_parameters(problem.arm, values)
+    return with_parameters(fixed_gains(problem.arm), values)  # the real servo does not follow our estimates
 
 
 def _named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) -> tuple[list[Value], list[Value]]:
