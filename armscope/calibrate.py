@@ -34,8 +34,8 @@ def command(
         ),
     ] = None,
     target: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(metavar="X Y Z", help="the target in the frame of the last link, m"),
+        str | None,
+        typer.Option(metavar="X,Y,Z", help="the target in the frame of the last link, m; default: the rig's"),
     ] = None,
     target_std: Annotated[float, typer.Option(metavar="M", help="how well the target's place is known, m")] = 1e-4,
     unknown_frame: Annotated[bool, typer.Option("--unknown-frame", help="estimate where the tracker stands")] = False,
@@ -63,19 +63,20 @@ def command(
         raise InputError("RUN.mcap", "is missing; recordings with tracker points are wanted, or --poses N, or --cube")
     if not 0 < target_std < 10:
         raise InputError("--target-std", f"wants a length in m above 0, is {target_std:g}")
+    point = None if target is None else _point(target)
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
         tracked = _read(run or [], held_out or [], tracker or [])
         written: dict[str, Any] = {}
         calibration = None
         if run:
-            known, place = _ground(tracked, target, unknown_frame)
+            known, place = _ground(tracked, point, unknown_frame)
             calibration = _calibrate(arm, tracked, len(run), place, target_std, known, geometry_only, status.update)
             status.update("report")
         _folder(out)
         if calibration is not None:
             written = _write(out, arm, tracked, calibration)
         if poses is not None:
-            _write_poses(out, arm, target or _target_of(tracked), poses, memory, written)
+            _write_poses(out, arm, point or _target_of(tracked), poses, memory, written)
         if cube:
             _write_cube(out, arm, calibration)
     if as_json:
@@ -90,6 +91,14 @@ def command(
         names = ("kinematics.json", "report.html", "model.toml") if calibration is not None else ()
         more = [n for n, there in (("poses.toml", poses is not None), ("iso_cube.toml", cube)) if there]
         print("\n".join(str(out / name) for name in [*names, *more]))
+
+
+def _point(text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError("--target", f"wants three numbers X,Y,Z in m, is {text!r}") from None
+    return x, y, z
 
 
 def _read(run: list[Path], held_out: list[Path], tracker: list[Path]) -> list[Tracked]:
@@ -114,7 +123,7 @@ def _target_of(tracked: list[Tracked]) -> tuple[float, float, float]:
     place = tracked[0].target if tracked else None
     if place is None:
         raise InputError(
-            "--target", "is missing: where the tracker's target sits in the frame of the last link, X Y Z in m"
+            "--target", "is missing: where the tracker's target sits in the frame of the last link, X,Y,Z in m"
         )
     return place
 

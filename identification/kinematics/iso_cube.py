@@ -21,7 +21,8 @@ from identification.kinematics.correction import Corrected, corrected_inverse, l
 from identification.kinematics.runs import Run
 from inputs import InputError
 
-NAME = "ISO cube"
+NAME = "iso_cube"
+"""Name of the experiment, by which a recording is known to be of the cube."""
 _STANDING = 2e-4  # rad over a window: at rest
 
 

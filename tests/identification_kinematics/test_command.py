@@ -69,9 +69,9 @@ def test_writes_what_the_contract_says(root: Path, recordings, tmp_path: Path, c
 
 
 def test_plans_poses_and_the_cube_without_a_recording(root: Path, tmp_path: Path, capsys) -> None:
-    assert calibrate(root, "--out", tmp_path, "--poses", "12", "--target", "0.05", "0", "0.1", "--cube") == 0
+    assert calibrate(root, "--out", tmp_path, "--poses", "12", "--target", "0.05,0,0.1", "--cube") == 0
     assert len(read_experiment(tmp_path / "poses.toml").segment) == 24
-    assert read_experiment(tmp_path / "iso_cube.toml").name == "ISO cube"
+    assert read_experiment(tmp_path / "iso_cube.toml").name == "iso_cube"
     assert "poses.toml" in capsys.readouterr().out
 
 
