@@ -44,12 +44,16 @@ def block() -> Columns:
     return columns_of(Rows(number, number, number, number, counts, volts, quality, q, i, points, demand))
 
 
-def rig() -> Rig:
-    """A rig that is only an endpoint."""
+def free_endpoint() -> str:
+    """A loopback endpoint that nobody uses."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    return Rig.model_validate({"name": "bench", "joint": [{}] * 6, "zenoh": {"endpoint": endpoint}})
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def rig() -> Rig:
+    """A rig that is only an endpoint."""
+    return Rig.model_validate({"name": "bench", "joint": [{}] * 6, "zenoh": {"endpoint": free_endpoint()}})
 
 
 def send(table: Rig, encoded: bool) -> None:
@@ -62,6 +66,7 @@ def send(table: Rig, encoded: bool) -> None:
         bare = session.declare_publisher(keys.rows, congestion_control=zenoh.CongestionControl.BLOCK)
         described = describe(columns, JOINTS)
         payloads = [encode(columns, described, run, k, k * ROWS, last=False) for k in range(BLOCKS if encoded else 0)]
+        print("ready", flush=True)
         while not ours.watched:
             time.sleep(0.001)
         for k in range(BLOCKS):
@@ -76,10 +81,16 @@ def receive(*, encoded: bool, bare: bool) -> float:
     """Rows/s of one round, from the first block received to the last."""
     table = rig()
     command = [sys.executable, "-m", "benchmarks.zenoh_pair", "--send", table.model_dump_json(), str(int(encoded))]
-    with subprocess.Popen(command, stdin=subprocess.PIPE) as sender:
+    sender = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        assert sender.stdout is not None
+        assert sender.stdout.readline() == b"ready\n"
         with open_session(table, listen=False) as session:
             seconds = (_bare if bare else _ours)(session, table)
         sender.communicate()
+    finally:
+        sender.kill()
+        sender.wait()
     return ROWS * (BLOCKS - 1) / seconds
 
 

@@ -94,8 +94,8 @@ def session_config(rig: Rig, *, listen: bool) -> dict[str, Any]:
             "tx": {
                 "queue": {
                     "size": {"data": QUEUE_BATCHES},
-                    # A full queue drops at once: the sampler's thread is the one that would wait.
-                    "congestion_control": {"drop": {"wait_before_drop": 0, "max_wait_before_drop_fragments": 0}},
+                    # us that the sampler's thread waits for a queue that has just filled up; while it stays full, not at all.
+                    "congestion_control": {"drop": {"wait_before_drop": 1000, "max_wait_before_drop_fragments": 5000}},
                 }
             }
         },
