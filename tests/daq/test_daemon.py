@@ -370,3 +370,28 @@ def test_systemd_unit_is_sound(root: Path) -> None:
     assert settings["NotifyAccess"] == "main"
     assert int(settings["WatchdogSec"]) > 5
     assert "armscope daemon --rig" in settings["ExecStart"]
+
+
+def test_endpoint_in_use_costs_the_publishing_not_the_recording(lab: Lab) -> None:
+    host, port = lab.endpoint.removeprefix("tcp/").split(":")
+    with socket.socket() as other:
+        other.bind((host, int(port)))
+        other.listen()
+        recorder = lab.record()
+        out, err = recorder.communicate(timeout=60)
+        assert recorder.returncode == 0, err
+        assert "not published: cannot listen on" in err
+        assert json.loads(out)["published"] is None
+        daemon = lab.start("daemon", "--rig", "rig.toml")
+        _, err = daemon.communicate(timeout=60)
+        assert (daemon.returncode, err.count("\n")) == (3, 1), err
+
+
+def test_state_is_published(lab: Lab) -> None:
+    lab.daemon()
+    with lab.session() as session, session.declare_subscriber(lab.keys.state) as states:
+        finished(lab.record())
+        seen = []
+        while not seen or seen[-1] != "idle":
+            seen.append(json.loads(states.recv().payload.to_bytes())["state"])
+    assert list(dict.fromkeys(seen)) == ["armed", "running", "idle"]

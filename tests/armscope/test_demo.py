@@ -1,0 +1,33 @@
+"""The demo, with short motions: what it promises to leave behind is there and is what it says."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from daq.recording import open_recording
+
+
+@pytest.mark.slow
+def test_demo(root: Path, tmp_path: Path) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-m", "armscope", "demo", "--out", "demo"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(root)},
+        text=True,
+        capture_output=True,
+        timeout=170,
+    )
+    assert ended.returncode == 0, ended.stderr
+    picture = Path(ended.stdout.splitlines()[-1])
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    runs = [open_recording(tmp_path / f"demo/{name}.mcap") for name in ("excitation", "iso_cube")]
+    (heard,) = re.findall(r"heard (\d+) rows in 2 runs and missed 0", ended.stdout)
+    assert int(heard) == sum(map(len, runs))
+    assert all(recording.ledger.lost == 0 for recording in runs)
+    assert (tmp_path / "demo/identified/report.html").stat().st_size > 1000
