@@ -56,15 +56,15 @@ def virtual_bus() -> dict[str, Any]:
 
 
 def us_digital_qsb(tmp: Path) -> Any:
-    return polled("us_digital_qsb", {"port": str(tmp / "qsb"), "timeout": 0.2})
+    return polled("us_digital_qsb", {"port": str(tmp / "qsb"), "timeout": 1.0})
 
 
 def us_digital_ad4b(tmp: Path) -> Any:
-    return polled("us_digital_ad4b", {"port": str(tmp / "ad4b")})
+    return polled("us_digital_ad4b", {"port": str(tmp / "ad4b"), "timeout": 1.0})
 
 
 def cia406(tmp: Path) -> Any:
-    return polled("cia406", {"nodes": (1, 2), "bits": 25, "timeout": 0.1, **virtual_bus()})
+    return polled("cia406", {"nodes": (1, 2), "bits": 25, "timeout": 0.5, **virtual_bus()})
 
 
 def isabellenhuette_ivts(tmp: Path) -> Any:
