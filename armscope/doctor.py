@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from daq.arming import check_plan
 from daq.bench import Bench
-from daq.rig import read_rig
+from daq.rig import DeviceTable, read_rig
 from daq.rig_lock import RigLock
-from drivers.shapes import Device, Identity, Plan
+from drivers.registry import find_devices
+from drivers.shapes import Device, EdgeSource, Identity, Latched, Plan, Polled, Quality
 from inputs import DeviceFault
+
+TRIAL = 0.3  # s of rows from every device that makes them without the start line
+MOST_DOUBTFUL = 0.1  # share of a column's values
+WORRIES = {
+    Quality.MISSING: "look at its cable and supply",
+    Quality.STALE: "it is asked more often than it measures",
+    Quality.SATURATED: "look at what is wired there, and its range",
+    Quality.QUADRATURE_ERROR: "look at the encoder's two lines and their shield",
+}
 
 
 def command(
@@ -27,9 +39,9 @@ def command(
     identities: dict[str, Identity] = {}
     findings = []
     try:
-        for name, device in bench.devices.items():
-            findings.append(_examine(name, device, identities))
         plan = Plan(bench.trigger.source, bench.trigger.rate, None)
+        for table in checked.device:
+            findings.append(_examine(table, bench.devices[table.name], identities, plan))
         problems = check_plan(checked, bench.devices, identities, plan) if len(identities) == len(findings) else []
     finally:
         for device in bench.devices.values():
@@ -37,23 +49,50 @@ def command(
         lock.release()
     healthy = not problems and not any(finding["problems"] for finding in findings)
     if as_json:
-        table = {"schema": "armscope.doctor/1", "rig": checked.name, "healthy": healthy}
-        print(json.dumps(table | {"devices": findings, "problems": problems}, indent=1))
+        result: dict[str, Any] = {"schema": "armscope.doctor/1", "rig": checked.name, "healthy": healthy}
+        print(json.dumps(result | {"devices": findings, "problems": problems}, indent=1))
     else:
         print("\n".join(_text(checked.name, findings, problems)))
     return 0 if healthy else 3
 
 
-def _examine(name: str, device: Device, identities: dict[str, Identity]) -> dict[str, Any]:
-    """What a device says, opened by itself so that one that is missing hides no other."""
-    finding: dict[str, Any] = {"device": name, "identity": None, "problems": []}
+def _examine(table: DeviceTable, device: Device, identities: dict[str, Identity], plan: Plan) -> dict[str, Any]:
+    """What a device says, opened by itself so that one that is missing hides no other; where it is silent, what there is instead."""
+    finding: dict[str, Any] = {"device": table.name, "identity": None, "problems": [], "found": []}
     try:
-        identities[name] = device.open()
-        finding["identity"] = asdict(identities[name])
-        finding["problems"] += device.check()
+        identities[table.name] = device.open()
+        finding["identity"] = asdict(identities[table.name])
+        finding["problems"] += device.check() or _try_out(device, plan)
     except DeviceFault as fault:
         finding["problems"].append(fault.what)
+        if table.name not in identities:
+            finding["found"] = find_devices(table.driver, table.options, table.name)
     return finding
+
+
+def _try_out(device: Device, plan: Plan) -> list[str]:
+    """A few rows of a device that makes them without the start line, at the rig's rate: do they come, have they values?"""
+    if plan.source is EdgeSource.TRACKER or not isinstance(device, Polled | Latched):
+        return []
+    device.arm(plan)
+    try:
+        blocks, end = [], time.monotonic() + TRIAL
+        while time.monotonic() < end:
+            blocks.append(device.poll() if isinstance(device, Polled) else device.read())
+            time.sleep(1 / plan.rate if isinstance(device, Polled) else plan.block_seconds)
+    finally:
+        device.disarm()
+    quality = [block.quality for block in blocks if len(block)]
+    if not quality:
+        return [f"made no rows in {TRIAL:g} s: is its clock running?"]
+    rows = np.concatenate(quality)
+    share = {flag: (rows & np.uint8(flag) != 0).mean(axis=0) for flag in WORRIES}
+    return [
+        f"column {column + 1} of {rows.shape[1]}: {part:.0%} of its values are {str(flag.name).lower()}, {WORRIES[flag]}"
+        for flag, parts in share.items()
+        for column, part in enumerate(parts)
+        if part > MOST_DOUBTFUL
+    ]
 
 
 def _text(rig: str, findings: list[dict[str, Any]], problems: list[str]) -> list[str]:
@@ -62,6 +101,7 @@ def _text(rig: str, findings: list[dict[str, Any]], problems: list[str]) -> list
         identity = finding["identity"]
         lines.append(f"  {'ok   ' if not finding['problems'] else 'FAULT'} {finding['device']}: {_describe(identity)}")
         lines += [f"        {problem}" for problem in finding["problems"]]
+        lines += [f"        there is {place}" for place in finding["found"]]
     lines += [f"  FAULT {problem}" for problem in problems]
     faults = sum(bool(finding["problems"]) for finding in findings) + len(problems)
     return lines + [f"{len(findings)} devices, " + ("all is well" if not faults else f"{faults} with faults")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Iterable
@@ -117,6 +118,9 @@ class CanBus:
         import canopen
 
         if not self._networks:
+            log = logging.getLogger("canopen")  # what it would print, drivers raise
+            log.addHandler(logging.NullHandler())
+            log.propagate = False
             self._networks.append(canopen.Network(self._bus))
         return self._networks[0]
 

@@ -21,6 +21,7 @@ from drivers.registry import World
 from drivers.shapes import Block, CounterMode, HostClock, Identity, Plan, Quality
 from inputs import DeviceFault
 
+SEARCH = 0.3  # s for all nodes to answer
 Node = Annotated[int, Field(ge=1, le=127)]
 
 
@@ -264,3 +265,24 @@ class Cia406Encoders:
 def make(name: str, config: Config, world: World) -> Cia406Encoders:
     """The encoders of ``config.nodes``, closed."""
     return Cia406Encoders(name, config, shared_bus(world, config), world.get("host_clock", SystemClock()))
+
+
+def find(config: Config) -> list[str]:
+    """The nodes that answer on the bus when all are asked for their device type."""
+    bus = CanBus(
+        CanConfig(interface=config.interface, channel=config.channel, bitrate=config.bitrate, port=config.port)
+    )
+    answers = bus.listen([cia.SDO_REPLY + n for n in range(1, 128)])
+    try:
+        bus.open()
+        for number in range(1, 128):
+            bus.send(cia.SDO_REQUEST + number, cia.ASK_DEVICE_TYPE)
+            if number % 16 == 0:
+                time.sleep(0.005)
+        time.sleep(SEARCH)
+        profiles = {i - cia.SDO_REPLY: int.from_bytes(data[4:6], "little") for _, i, data in answers.take()}
+    except OSError:
+        return []
+    finally:
+        bus.close()
+    return [f"node {n} with profile {p}{' (encoder)' * (p == cia.PROFILE)}" for n, p in sorted(profiles.items())]

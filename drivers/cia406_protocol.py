@@ -6,7 +6,8 @@ import struct
 from dataclasses import dataclass
 
 SYNC = 0x080
-EMERGENCY, TPDO1, SDO_REPLY, HEARTBEAT = 0x080, 0x180, 0x580, 0x700  # + node
+EMERGENCY, TPDO1, SDO_REPLY, SDO_REQUEST, HEARTBEAT = 0x080, 0x180, 0x580, 0x600, 0x700  # + node
+ASK_DEVICE_TYPE = bytes([0x40, 0x00, 0x10, 0, 0, 0, 0, 0])  # SDO: upload of 1000h
 BOOT_UP = b"\x00"  # heartbeat of a node that has just started
 
 DEVICE_TYPE = 0x1000  # low word 406

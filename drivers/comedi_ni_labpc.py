@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -218,3 +219,8 @@ class NiLabPc:
 def make(name: str, config: Config, world: World) -> NiLabPc:
     """The card at ``config.device``, closed."""
     return NiLabPc(name, config, world.get("host_clock", SystemClock()))
+
+
+def find(config: Config) -> list[str]:
+    """The comedi devices that the kernel knows."""
+    return [str(path) for path in sorted(Path("/dev").glob("comedi[0-9]*"))]

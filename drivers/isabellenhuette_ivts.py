@@ -22,6 +22,7 @@ from drivers.shapes import Block, HostClock, Identity, Plan, Quality
 from inputs import DeviceFault
 
 TRIES = 3  # of a command
+SEARCH = 0.3  # s
 Identifier = Annotated[int, Field(ge=0, le=0x7FF)]
 
 
@@ -223,3 +224,20 @@ class IvtSensors:
 def make(name: str, config: Config, world: World) -> IvtSensors:
     """The sensors of ``config.sensors``, closed."""
     return IvtSensors(name, config, shared_bus(world, config), world.get("host_clock", SystemClock()))
+
+
+def find(config: Config) -> list[str]:
+    """Identifiers on which something sends 6-byte frames, as results are."""
+    bus = CanBus(
+        CanConfig(interface=config.interface, channel=config.channel, bitrate=config.bitrate, port=config.port)
+    )
+    heard = bus.listen(range(0x800))
+    try:
+        bus.open()
+        time.sleep(SEARCH)
+        senders = {i for _, i, data in heard.take() if len(data) == ivt.RESULT_BYTES and data[0] == 0}
+    except OSError:
+        return []
+    finally:
+        bus.close()
+    return [f"current results from {identifier:03X}h" for identifier in sorted(senders)]

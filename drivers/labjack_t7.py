@@ -12,6 +12,7 @@ feed it): that holds even when this computer is dead.
 from __future__ import annotations
 
 import contextlib
+import socket
 from collections.abc import Callable
 from typing import Annotated, Self
 
@@ -335,3 +336,12 @@ class LabJackT7:
 def make(name: str, config: Config, world: World) -> LabJackT7:
     """The T7 at ``config.host``, closed."""
     return LabJackT7(name, config, world.get("host_clock", SystemClock()))
+
+
+def find(config: Config) -> list[str]:
+    """Which of its two ports answer at the host."""
+    answers = []
+    for port, what in ((config.port, "commands"), (config.stream_port, "stream")):
+        with contextlib.suppress(OSError), socket.create_connection((config.host, port), config.timeout):
+            answers.append(f"{config.host}:{port} takes connections ({what})")
+    return answers

@@ -223,3 +223,8 @@ def parse_count(text: bytes) -> int:
 def make(name: str, config: Config, world: World) -> LinuxCounter:
     """The counter at ``config.device``, closed."""
     return LinuxCounter(name, config, world.get("host_clock", SystemClock()))
+
+
+def find(config: Config) -> list[str]:
+    """The counters that the kernel knows."""
+    return [f"{folder.name} under {config.sysfs}" for folder in sorted(Path(config.sysfs).glob("counter*"))]

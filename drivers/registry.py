@@ -1,7 +1,8 @@
 """Finds a driver by the import path in the rig file and makes its device.
 
 A driver module offers ``Config`` (a pydantic model of the device's table, without ``name`` and ``driver``) and
-``make(name, config, world) -> Device``, which touches no hardware.
+``make(name, config, world) -> Device``, which touches no hardware. It may offer ``find(config) -> list[str]``: what there is of its
+kind on this machine, for ``doctor`` to tell where a device does not answer.
 
 ``world`` is one dict a rig. ``daq.rig.make_world`` puts into it ``simulation`` (the rig file's table of that name), ``model``
 (path of the arm's model, or None) and ``folder`` (of the rig file). Drivers that share something (one simulated arm, one TCP
@@ -38,6 +39,13 @@ def check_config(path: str, table: dict[str, Any], where: str) -> BaseModel:
     """The device's table checked by its driver's own Config."""
     config: BaseModel = check_table(where, table, find_driver(path, where).Config)
     return config
+
+
+def find_devices(path: str, table: dict[str, Any], where: str) -> list[str]:
+    """Where such a device may be instead of where the rig file says: what the driver's ``find(config)`` sees, if it has one."""
+    module = find_driver(path, where)
+    found: list[str] = module.find(check_config(path, table, where)) if hasattr(module, "find") else []
+    return found
 
 
 def make_device(path: str, name: str, table: dict[str, Any], world: World, where: str) -> Device:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import select
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -64,3 +65,11 @@ class SerialPort:
         if self._port is None:
             raise OSError(f"{self.path} is not open")
         return self._port
+
+
+def serial_ports() -> list[str]:
+    """The machine's serial ports, one sentence each; where udev gives a name that stays the same, that one."""
+    from serial.tools.list_ports import comports
+
+    by_id = {link.resolve(): str(link) for link in Path("/dev/serial/by-id").glob("*")}
+    return [f"{by_id.get(Path(p.device), p.device)} ({p.description})" for p in comports() if p.description != "n/a"]

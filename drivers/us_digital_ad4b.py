@@ -13,7 +13,7 @@ from drivers.clock import SystemClock
 from drivers.counting import check_channel
 from drivers.reconnect import Reconnect
 from drivers.registry import World
-from drivers.serial_port import SerialPort
+from drivers.serial_port import SerialPort, serial_ports
 from drivers.shapes import Block, CounterMode, HostClock, Identity, Plan, Quality
 from inputs import DeviceFault
 
@@ -184,3 +184,8 @@ class Ad4b:
 def make(name: str, config: Config, world: World) -> Ad4b:
     """The AD4-B at ``config.port``, closed."""
     return Ad4b(name, config, world.get("host_clock", SystemClock()))
+
+
+def find(config: Config) -> list[str]:
+    """Where the AD4-B may be: the serial ports that there are."""
+    return serial_ports()

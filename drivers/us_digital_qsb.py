@@ -17,7 +17,7 @@ from drivers.clock import SystemClock
 from drivers.counting import check_channel
 from drivers.reconnect import Reconnect
 from drivers.registry import World
-from drivers.serial_port import SerialPort
+from drivers.serial_port import SerialPort, serial_ports
 from drivers.shapes import Block, CounterMode, EdgeSource, HostClock, Identity, Plan, Quality
 from inputs import DeviceFault
 
@@ -239,3 +239,8 @@ class Qsb:
 def make(name: str, config: Config, world: World) -> Qsb:
     """The QSB at ``config.port``, closed."""
     return Qsb(name, config, world.get("host_clock", SystemClock()))
+
+
+def find(config: Config) -> list[str]:
+    """Where the QSB may be: the serial ports that there are."""
+    return serial_ports()

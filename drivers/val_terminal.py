@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from drivers import val_terminal_protocol as val
 from drivers.clock import SystemClock
 from drivers.registry import World
-from drivers.serial_port import SerialPort
+from drivers.serial_port import SerialPort, serial_ports
 from drivers.shapes import HostClock, Identity, Plan
 from experiment import Experiment
 from experiment.segments import Drive, Hold, Move, Repeat, Segment
@@ -86,7 +86,7 @@ class ValTerminal:
         except OSError as error:
             self._port.close()
             raise self._fault(
-                f"{self.config.port}: {error}; is the controller on, and is its terminal unplugged?"
+                f"{self.config.port}: {error}; is the controller on, and nothing else on its terminal line?"
             ) from None
         pose = " ".join(f"{d:.2f}" for d in degrees)
         return Identity(
@@ -305,3 +305,8 @@ def _flat(segments: list[Segment]) -> list[Segment]:
 def make(name: str, config: Config, world: World) -> ValTerminal:
     """The controller at ``config.port``, closed."""
     return ValTerminal(name, config, world.get("host_clock", SystemClock()))
+
+
+def find(config: Config) -> list[str]:
+    """Where the controller may be: the serial ports that there are."""
+    return serial_ports()
