@@ -28,10 +28,16 @@ class Simulator(Protocol):
 
 
 class Loop:
-    """Calls ``step(now_ns)`` whenever one of ``files()`` is readable, and at least every ``period`` seconds, until stopped."""
+    """Calls ``step(now_ns)`` whenever one of ``files()`` is readable, and at least every ``period()`` seconds, until stopped."""
 
-    def __init__(self, step: Callable[[int], None], files: Callable[[], Iterable[int]], period: float = 0.001) -> None:
-        self._step, self._files, self._period = step, files, period
+    def __init__(
+        self,
+        step: Callable[[int], None],
+        files: Callable[[], Iterable[int]],
+        period: Callable[[], float] | float = 0.001,
+    ) -> None:
+        self._step, self._files = step, files
+        self._period = period if callable(period) else (lambda: period)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self.error: BaseException | None = None
@@ -51,7 +57,7 @@ class Loop:
             while not self._stopping.is_set():
                 files = [f for f in self._files() if f >= 0]
                 with contextlib.suppress(ValueError, OSError):
-                    select.select(files, [], [], self._period)
+                    select.select(files, [], [], self._period())
                 self._step(time.monotonic_ns())
         except BaseException as error:
             self.error = error
@@ -123,9 +129,11 @@ class Terminal:
                 if self._pace is not None:
                     self._free_at += int(sent / self._pace * 1e9)
 
-    @property
-    def idle(self) -> bool:
-        return not self._waiting
+    def until_due(self) -> float:
+        """s until all that waits can be on the wire; a millisecond where nothing waits."""
+        if not self._waiting or self._pace is None:
+            return 0.001
+        return max(0.0, (self._free_at - time.monotonic_ns()) * 1e-9 + len(self._waiting) / self._pace)
 
 
 class Listener:

@@ -33,7 +33,7 @@ class SimulatedAd4b:
 
     def open(self) -> None:
         self._terminal.open()
-        self._loop = Loop(self._step, lambda: [self._terminal.fileno()], 0.0005)
+        self._loop = Loop(self._step, lambda: [self._terminal.fileno()], self._terminal.until_due)
         self._loop.start()
 
     def close(self) -> None:
