@@ -26,6 +26,7 @@ NAME = "iso_cube"
 _ROOM = 1.2
 """A place for a cube has room for one larger by that: at the edge of its reach the real arm may fall short of the nominal one."""
 _STANDING = 2e-4  # rad over a window: at rest
+_SLIP = 0.01  # rad: a servo that creeps or slips through its friction has not left
 
 
 @dataclass(frozen=True)
@@ -94,9 +95,9 @@ def posture_of(arm: Arm, side: float = 0.5) -> Array:
 
 
 def cube_experiment(
-    targets: Array, side: float, *, speed: float = 1.0, acceleration: float = 2.0, hold: float = 1.0
+    targets: Array, side: float, *, speed: float = 1.0, acceleration: float = 2.0, hold: float = 3.0
 ) -> Experiment:
-    """Round the five points and back to the first, standing ``hold`` s at each."""
+    """Round the five points and back to the first, standing ``hold`` s at each: a servo with slow integral action needs that long."""
     segments: list[Segment] = [Hold(type="hold", duration=hold)]
     for q in [*targets[1:], targets[0]]:
         segments += [Move(type="move", to=[float(v) for v in q]), Hold(type="hold", duration=hold)]
@@ -139,7 +140,14 @@ def standstills(run: Run, shortest: float = 0.3) -> list[tuple[int, int]]:
         part = run.q[start : start + size]
         still[start : start + size] = np.fmax.reduce(np.fmax.reduce(part) - np.fmin.reduce(part)) < _STANDING
     edges = np.flatnonzero(np.diff(np.r_[False, still, False]))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if run.t[b - 1] - run.t[a] >= shortest]
+    stops: list[tuple[int, int]] = []
+    for first, last in edges.reshape(-1, 2):
+        same = stops and np.nanmax(np.abs(run.q[first] - run.q[stops[-1][1] - 1])) < _SLIP
+        if same:
+            stops[-1] = (stops[-1][0], int(last))
+        else:
+            stops.append((int(first), int(last)))
+    return [(a, b) for a, b in stops if run.t[b - 1] - run.t[a] >= shortest]
 
 
 def _overshoot(run: Run, first: int, last: int, rest: Array) -> float:
