@@ -7,6 +7,8 @@ import json
 import signal
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Protocol
 
@@ -56,9 +58,6 @@ def command(
 
 def _record(server: Server, rig: Path, experiment: Path, out: Path) -> Table:
     """The result of the run. Ctrl-C and SIGTERM end it with the rows so far."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
     stop: list[int] = []
     server.ask(
         "arm",
@@ -72,22 +71,11 @@ def _record(server: Server, rig: Path, experiment: Path, out: Path) -> Table:
     before = {number: signal.signal(number, lambda n, _: stop.append(n)) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         server.ask("start")
-        bar = Progress(
-            TextColumn("recording"),
-            BarColumn(),
-            TextColumn("{task.fields[rows]} rows, {task.fields[lost]} lost"),
-            TimeElapsedColumn(),
-            console=Console(stderr=True),
-            disable=not sys.stderr.isatty(),
-            transient=True,
-        )
-        with bar:
-            task = bar.add_task("", total=1.0, rows=0, lost=0)
+        with _progress() as show:
             while (status := server.ask("status"))["state"] != "idle":
                 if stop:
                     server.ask("stop")
-                run = status["run"]
-                bar.update(task, completed=run["progress"] or 0.0, rows=run["rows"], lost=run["lost"])
+                show(status["run"])
                 server.wait()
     except DeviceFault as fault:
         active = out.absolute().with_name(out.name + ".active")
@@ -99,6 +87,22 @@ def _record(server: Server, rig: Path, experiment: Path, out: Path) -> Table:
             signal.signal(number, handler)
     result: Table = status["last"]
     return result
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[Table], None]]:
+    """Shows how far the run is, on standard error where that is a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    counts = TextColumn("{task.fields[rows]} rows, {task.fields[lost]} lost")
+    columns = (TextColumn("recording"), BarColumn(), counts, TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0, rows=0, lost=0)
+        yield lambda run: bar.update(task, completed=run["progress"] or 0.0, rows=run["rows"], lost=run["lost"])
 
 
 def _server(rig: Path, checked: Rig) -> Server:
