@@ -159,6 +159,7 @@ class Acquisition:
 
     def _cycle(self) -> tuple[int, Ending | None]:
         """Reads every device once; the last trigger of the run and why it ends, if it does."""
+        asked = self.bench.clock.monotonic_ns()  # before the reading: a host that pauses in it saw no quiet line
         for stream in self._intake.streams:
             if stream.name in self._join.gone:
                 continue
@@ -168,7 +169,7 @@ class Acquisition:
                 self._join.gone[stream.name] = fault.what
                 self.stop(End.DEVICE_LOST, str(fault))
         self._join.rebase()
-        return self._clock.newest, self._ending()
+        return self._clock.newest, self._ending(asked)
 
     def _tail(self, last: int, ending: Ending) -> Iterator[Rows]:
         """The rows up to the last trigger: waits for devices that are late, then gives up what is missing."""
@@ -240,9 +241,9 @@ class Acquisition:
 
     # Ends
 
-    def _ending(self) -> Ending | None:
-        """Why the run ends now, or None."""
-        now, newest, plan = self.bench.clock.monotonic_ns(), self._clock.newest, self.plan
+    def _ending(self, now: int) -> Ending | None:
+        """Why the run ends, or None; ``now`` ns is when the devices were last asked."""
+        newest, plan = self._clock.newest, self.plan
         if self._clock.ready is not None:
             self._newest_ns = max(self._newest_ns, int(self._clock.ready["host"][-1]))
         controller = self.bench.guard.controller

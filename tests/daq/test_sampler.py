@@ -14,7 +14,7 @@ from daq.arming import End, State
 from daq.bench import open_bench
 from daq.ledger import LossReason
 from daq.sampler import Acquisition
-from drivers.shapes import Quality
+from drivers.shapes import Block, Quality
 from experiment import Experiment
 from inputs import DeviceFault, InputError
 from tests.daq.benches import assert_no_row_is_shifted, make_rig, run, take
@@ -292,3 +292,22 @@ def test_states_go_one_way() -> None:
         list(acquisition.rows())
         with pytest.raises(DeviceFault, match="is done"):
             acquisition.arm()
+
+
+def test_host_that_pauses_in_the_reading_saw_no_quiet_line() -> None:
+    """Longer than the patience, between the clock's reading and the judgement: the edges of the pause are still to be read."""
+    with open_bench(make_rig(watchdog=10.0)) as bench:
+        read, clock, calls = bench.devices["analog"].read, bench.clock, []
+
+        def pause() -> Block:
+            calls.append(None)
+            if len(calls) == 20:
+                clock.sleep(0.8)
+            return read()
+
+        bench.devices["analog"].read = pause  # type: ignore[attr-defined]
+        acquisition, rows = take(bench, seconds=2.0)
+    assert acquisition.ending is not None
+    assert acquisition.ending.reason is End.ROWS_DONE
+    assert rows is not None
+    assert len(rows) == 2000
