@@ -29,6 +29,7 @@ COMMANDS: dict[str, str] = {
     "plot": "a picture of one recording, or of several on one another",
     "model": "what a model file says, its equations as text, Python or C, and URDF in and out",
     "simulate": "the model run on an experiment, or on the demands of a recording",
+    "excite": "the motion that shows an arm's parameters best, as an experiment to record",
     "identify": "parameters of an arm from recordings, with their uncertainty and held-out error",
     "diagnose": "what the simulation gets wrong, why, the extended model, and the gain on held-out recordings",
     "calibrate": "kinematic parameters from the tracker, the poses to measure, and corrected targets",

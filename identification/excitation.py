@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 Criterion = Literal["d", "condition"]
 Progress = Callable[[float, str], None]
 
+CLOSE = 0.98  # of a limit: what may hide between the instants looked at
 TOGETHER = 16  # candidates judged at a time
 ROWS = 160  # instants at which a candidate is judged
 SPEED, ACCELERATION = 1.0, 3.0  # rad/s, rad/s2 where a model states no limit: a careful laboratory arm
@@ -132,7 +133,8 @@ def _experiment(arm: Arm, proposal: Array, limits: Limits, duration: float, fund
     start = (low + high) / 2 + 0.5 * (high - low) / 2 * np.tanh(proposal[:, 0])
     series = proposal[:, 1:]
     unit = _fourier(series, harmonics, np.zeros(len(arm)), np.array(limits.speed), limits, duration, fundamental)
-    _, q, qd, qdd = _motion(unit, max(ROWS, int(20 * harmonics * duration * fundamental)))
+    rows = int(60 * (harmonics * fundamental * duration + 4))  # sixty a period of the fastest harmonic, fades included
+    _, q, qd, qdd = _motion(unit, rows)
     room = np.minimum(
         (high - start) / np.maximum(q.max(axis=0), 1e-9), (start - low) / np.maximum(-q.min(axis=0), 1e-9)
     )
@@ -143,10 +145,12 @@ def _experiment(arm: Arm, proposal: Array, limits: Limits, duration: float, fund
             limits.acceleration / np.maximum(np.abs(qdd).max(axis=0), 1e-9),
         ]
     )
-    for _ in range(8):
+    scale = CLOSE * scale
+    q, qd, qdd = q[::4], qd[::4], qdd[::4]
+    while True:
         torque = np.abs(inverse_dynamics(arm, start + q * scale, qd * scale, qdd * scale)).max(axis=0)
-        over = torque > limits.torque
-        if not over.any():
+        over = torque > CLOSE * limits.torque
+        if not over.any() or np.max(scale) < 1e-3:
             break
         # Fiercer than the motors: all joints calm down together, since they feel each other.
         scale = scale * 0.85

@@ -1,0 +1,52 @@
+"""``armscope excite``: the motion that shows an arm's parameters best, as an experiment that ``record`` runs."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class Criterion(StrEnum):
+    d = "d"
+    condition = "condition"
+
+
+def command(
+    model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="the arm, with its limits")],
+    out: Annotated[Path, typer.Option(metavar="EXP.toml", help="the experiment file to write")],
+    duration: Annotated[float, typer.Option(min=2.0, help="s; whole periods of the fundamental are wise")] = 20.0,
+    fundamental: Annotated[float, typer.Option(min=0.01, help="Hz")] = 0.1,
+    harmonics: Annotated[int, typer.Option(min=1, max=20)] = 5,
+    criterion: Annotated[
+        Criterion, typer.Option(help="d: smallest doubt; condition: no direction neglected")
+    ] = Criterion.d,
+    candidates: Annotated[int, typer.Option(min=32, help="motions to try")] = 1600,
+    seed: Annotated[int, typer.Option(help="the same seed gives the same motion")] = 1,
+) -> None:
+    """Designs an excitation."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from arm_model.description import read_model
+    from experiment import write_experiment
+    from identification.excitation import design_excitation
+
+    arm = read_model(model)
+    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
+        task = bar.add_task("designing", total=1.0)
+        found = design_excitation(
+            arm,
+            duration=duration,
+            fundamental=fundamental,
+            harmonics=harmonics,
+            criterion=criterion.value,
+            candidates=candidates,
+            seed=seed,
+            progress=lambda share, text: bar.update(task, completed=share, description=text),
+        )
+    write_experiment(out, found, heading=f"Excitation for {arm.name}, seed {seed}, {candidates} candidates.")
+    print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints")
