@@ -247,13 +247,19 @@ def operations(tape: Tape, outputs: Iterable[Expr]) -> int:
 
 def derivative(expression: Expr, by: Expr) -> Expr:
     """d expression / d by, on the same tape, for the smooth operations: + - * / sin cos sqrt 1/sqrt exp."""
+    return rate(expression, [(by, expression.tape.constant(1.0))])
+
+
+def rate(expression: Expr, moving: Iterable[tuple[Expr, Expr]]) -> Expr:
+    """d expression / dt where each first of ``moving`` changes at the rate of the second and nothing else does."""
     tape = expression.tape
-    slopes: dict[int, Expr] = {}
-    for index in needed(tape, [expression], given={by.index}):
-        node = tape.nodes[index]
-        values = [Expr(tape, a) for a in node.arguments]
-        inner = [slopes[a] for a in node.arguments] if index != by.index else []
-        slopes[index] = tape.constant(1.0) if index == by.index else _slope(Expr(tape, index), node, values, inner)
+    slopes = {value.index: change for value, change in moving}
+    given = frozenset(slopes)
+    for index in needed(tape, [expression], given=given):
+        if index not in given:
+            node = tape.nodes[index]
+            values = [Expr(tape, a) for a in node.arguments]
+            slopes[index] = _slope(Expr(tape, index), node, values, [slopes[a] for a in node.arguments])
     return slopes[expression.index]
 
 

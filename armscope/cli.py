@@ -27,7 +27,7 @@ COMMANDS: dict[str, str] = {
     "import": "measured data from elsewhere (CSV) becomes a recording",
     "export": "a recording becomes a table (CSV), same columns",
     "plot": "a picture of one recording, or of several on one another",
-    "model": "what a model file says, its equations as text, Python or C, and URDF in and out",
+    "model": "what a model file says, its equations as text, LaTeX, Python or C, and URDF in and out",
     "simulate": "the model run on an experiment, or on the demands of a recording",
     "excite": "the motion that shows an arm's parameters best, as an experiment to record",
     "identify": "parameters of an arm from recordings, with their uncertainty and held-out error",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,6 +20,7 @@ class Form(StrEnum):
     """How equations are printed."""
 
     TEXT = "text"
+    LATEX = "latex"
     PYTHON = "python"
     C = "c"
 
@@ -26,7 +28,10 @@ class Form(StrEnum):
 def command(
     model: Annotated[Path, typer.Argument(help="the arm: a model file (.toml) or a URDF file (.urdf)")],
     out: Annotated[Path | None, typer.Option(help="write the arm as .toml or .urdf")] = None,
-    equations: Annotated[Form | None, typer.Option(help="print the accelerations: text, python or c")] = None,
+    equations: Annotated[Form | None, typer.Option(help="print the accelerations: text, latex, python or c")] = None,
+    formulations: Annotated[
+        bool, typer.Option(help="compare Newton-Euler, Lagrange and Kane: operations, generation, agreement")
+    ] = False,
     tip: Annotated[str | None, typer.Option(help="last link, of a URDF file that branches")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:
@@ -35,6 +40,9 @@ def command(
         _write(out, arm)
     if equations is not None:
         print(_equations(arm, equations), end="")
+        return
+    if formulations:
+        _compare(arm, as_json)
         return
     summary = _summary(arm)
     print(json.dumps(summary) if as_json else _text(summary))
@@ -111,12 +119,36 @@ def _text(summary: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def _compare(arm: Arm, as_json: bool) -> None:
+    from arm_model.formulations.comparison import SYMPY_JOINTS, compare
+
+    rows = compare(arm)
+    if as_json:
+        print(json.dumps({"name": arm.name, "formulations": [asdict(row) for row in rows]}))
+        return
+    print(f"{arm.name}: {len(arm)} joints, rigid links; difference of the torques on 100 random states, relative")
+    print(f"{'formulation':<23}{'tau(q, qd, qdd)':>15}{'mass matrix, bias':>19}{'generated in':>14}{'difference':>12}")
+    for row in rows:
+        torque = "" if row.torque_operations is None else f"{row.torque_operations} op"
+        system = f"{row.system_operations} op"
+        print(f"{row.name:<23}{torque:>15}{system:>19}{row.seconds * 1e3:>11.1f} ms{row.difference:>12.1e}")
+    if len(arm) > SYMPY_JOINTS:
+        print(
+            f"(sympy's own methods are compared on arms of up to {SYMPY_JOINTS} joints; beyond that they take minutes)"
+        )
+
+
 def _equations(arm: Arm, form: Form) -> str:
-    from arm_model import printing
+    from arm_model import latex, printing
     from arm_model.simulation import system_of
     from arm_model.tape import needed
 
     system = system_of(arm)
+    if form is Form.LATEX:
+        told = zip(map(latex.rate_symbol, system.states), system.rates)
+        # that the rate of an angle is a speed is in the notation
+        worked_out = {name: rate for name, rate in told if system.tape.nodes[rate.index].operation != "input"}
+        return latex.equations(system.tape, worked_out)
     if form is Form.TEXT:
         rates = {f"d {name}/dt": rate for name, rate in zip(system.states, system.rates)}
         return printing.equations(system.tape, rates) + "\n"
