@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from identification.kinematics.recordings import Tracked
 
 
+MANY = ("--held-out", "--tracker")
+"""Options that take several values."""
+
+
 def command(
     model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="the nominal arm, in D-H parameters")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder for kinematics.json, report.html and model.toml")],
