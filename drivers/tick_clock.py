@@ -7,9 +7,12 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+TRUSTED = 1.5  # times the shortest round trip
+
 
 class TickClock:
-    """Line through the latest readings (tick, host ns). The nominal rate serves until readings span ``settle`` seconds.
+    """Line through the best of the latest readings (tick, host ns): those whose round trip was hardly longer than the shortest one,
+    for only they say when the tick was read. The nominal rate serves until they span ``settle`` seconds.
 
     A crystal is within 100 ppm of nominal; a reading's error is half its round trip. The stamps that the driver gives are as good
     as that; daq relates the same ticks to the host's clock once more over the whole run.
@@ -26,10 +29,11 @@ class TickClock:
 
     def host(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
         """Host ns at ``ticks`` (n,); at least one reading must have been added."""
-        readings = np.array(self._readings, np.float64)
-        best = self._readings[int(np.argmin(readings[:, 2]))]
-        x, y = readings[:, 0] - best[0], readings[:, 1] - best[1]
+        shortest = min(trip for _, _, trip in self._readings)
+        good = [reading for reading in self._readings if reading[2] <= TRUSTED * shortest]
+        best = next(reading for reading in good if reading[2] == shortest)
+        x, y = (np.array([r[k] - best[k] for r in good], np.float64) for k in (0, 1))
         offset, slope = 0.0, self._ns
         if np.ptp(x) * self._ns > self._settle * 1e9:
-            slope, offset = np.polyfit(x, y, 1, w=1.0 / np.maximum(readings[:, 2], 1.0))
+            slope, offset = np.polyfit(x, y, 1)
         return best[1] + np.rint((ticks - best[0]) * slope + offset).astype(np.int64)

@@ -23,7 +23,8 @@ from experiment import Experiment
 from experiment.segments import Drive, Hold, Move, Repeat, Segment
 from inputs import DeviceFault
 
-ARRIVED = 0.1  # deg: how near to the start pose the arm must stand
+ARRIVED = 0.05  # deg: how near to the start pose the arm must stand
+SETTLE = 8.0  # s that it may take for the last of it, under an integrating servo
 SMALLEST = 5e-4  # deg: no move
 PERCENT_TOLERANCE = 1e-6
 SAME_SPEED = 0.02  # relative
@@ -139,7 +140,7 @@ class ValTerminal:
                 if abs(start[joint] - here[joint]) > SMALLEST:
                     by = val.drive(joint + 1, start[joint] - here[joint], self.config.approach_speed)
                     self._command(by, self.config.move_timeout)
-            here = self._where()
+            here = self._settled(start)
         except OSError as error:
             raise self._fault(str(error)) from None
         off = [k + 1 for k in range(self.joints) if abs(start[k] - here[k]) > ARRIVED]
@@ -147,6 +148,16 @@ class ValTerminal:
             raise self._fault(
                 f"joint {off[0]} stands at {here[off[0] - 1]:.2f} deg, not at {start[off[0] - 1]:.2f}: CALIB it"
             )
+
+    def _settled(self, start: list[float]) -> list[float]:
+        """Joints (deg) once they stand at ``start``, or after ``SETTLE`` s: counters are preset to that pose."""
+        deadline = time.monotonic() + SETTLE
+        while True:
+            here = self._where()
+            away = max(abs(s - h) for s, h in zip(start, here))
+            if away <= ARRIVED or time.monotonic() > deadline:
+                return here
+            self._clock.sleep(0.2)
 
     def start(self) -> None:
         if not self._steps:

@@ -33,6 +33,7 @@ class SimulatedVal:
         self._loop: Loop | None = None
         self._line = ""
         self._moving = False
+        self._commanded: list[float] | None = None  # where it was last sent; it may stand a little off
         self._monitor, self._program = 1.0, 1.0
 
     @property
@@ -70,6 +71,7 @@ class SimulatedVal:
     def _typed(self, letter: bytes, now: int) -> None:
         if letter == val.INTERRUPT:
             self.arm.halt(now)
+            self._commanded = None
             if self._moving:
                 self._moving = False
                 self._say("*ABORTED*\r\n", now)
@@ -110,7 +112,7 @@ class SimulatedVal:
         return self._say("*Unknown command*\r\n", now)
 
     def _drive(self, joint: int, by: float, fraction: float, now: int) -> None:
-        target = self._degrees(now)
+        target = list(self._commanded or self._degrees(now))
         if not 1 <= joint <= len(target) or not 0 < fraction <= 1:
             return self._say("*Illegal value*\r\n", now)
         target[joint - 1] += by
@@ -124,7 +126,7 @@ class SimulatedVal:
             return self._say("*Illegal value*\r\n", now)
         target = np.radians((np.array(degrees[:joints]) - zero) * sign)
         self.arm.move(target, min(1.0, fraction * self._monitor), now)
-        self._moving = True
+        self._moving, self._commanded = True, list(degrees)
         return None
 
     def _degrees(self, now: int) -> list[float]:
