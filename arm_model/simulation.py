@@ -276,10 +276,16 @@ def simulate(
     times: Array | None = None,
     substeps: int | None = None,
 ) -> Motion:
-    """One simulation; as ``simulate_batch`` with one lane, without its axis."""
+    """One simulation; as ``simulate_batch`` with one lane, without its axis. InputError where it diverges (a batch gives NaN)."""
     motion = simulate_batch(
         arm, demand, duration=duration, rate=rate, start=start, sampled=sampled, times=times, substeps=substeps
     )
+    there = np.isfinite(motion.q[0]).all(axis=-1)
+    if not there.all():
+        began = motion.t[int(np.argmin(there))]
+        raise InputError(
+            arm.name, f"its simulation left all bounds before t = {began:.4g} s; are servo and effects possible?"
+        )
     return single(motion)
 
 

@@ -13,6 +13,7 @@ from arm_model.description import Arm, Controller
 from arm_model.parameters import with_parameters
 from arm_model.servo import servo_gains
 from arm_model.simulation import Stepper, references, simulate, simulate_batch
+from inputs import InputError
 from tests.arm_model.pumas import swing, three_links
 from tests.arm_model.random_arms import random_arm
 
@@ -142,6 +143,13 @@ def test_dense_rows_lie_on_the_motion(puma: Arm) -> None:
     fine = simulate(arm, swing(3), duration=0.5, rate=20000, substeps=4)
     np.testing.assert_allclose(coarse.q, fine.q, atol=3e-7)
     np.testing.assert_allclose(coarse.current, fine.current, atol=3e-3)
+
+
+def test_a_wild_servo_gets_one_line(puma: Arm) -> None:
+    wild = Controller(kind="gains", position_gain=(1e9,) * 3, velocity_gain=(0.0,) * 3)
+    joints = tuple(replace(joint, torque_limit=None) for joint in three_links(puma).joints)
+    with pytest.raises(InputError, match="left all bounds before t ="):
+        simulate(replace(puma, joints=joints, controller=wild), swing(3), duration=2.0, rate=100)
 
 
 def test_a_cascade_holds_without_an_integrator(puma: Arm) -> None:
