@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
+from websockets.sync.client import connect
 
 from daq.recording import open_recording
 from daq.replay import blocks_of, columns_of, paced
@@ -131,7 +132,6 @@ def test_replay_of_nonsense_is_refused(root: Path, tmp_path: Path) -> None:
 
 def test_live_view_speaks_to_foxglove(root: Path, short_run: Path) -> None:
     """A WebSocket client of our own, in Foxglove's protocol, sees the samples of the file."""
-    websockets = pytest.importorskip("websockets.sync.client")
     view = armscope(root, "view", str(short_run), "--port", "0", "--speed", "0.5")
     try:
         assert view.stderr is not None
@@ -139,7 +139,7 @@ def test_live_view_speaks_to_foxglove(root: Path, short_run: Path) -> None:
         assert address.startswith("ws://127.0.0.1:")
         recording = open_recording(short_run)
         store, seen = get_typestore(Stores.ROS2_JAZZY), []
-        with websockets.connect(address, subprotocols=["foxglove.sdk.v1"]) as client:
+        with connect(address, subprotocols=["foxglove.sdk.v1"]) as client:
             while len(seen) < 5:
                 message = client.recv(30)
                 if isinstance(message, str):
