@@ -91,14 +91,15 @@ def make_simulators(rig: Rig, where: str | Path) -> list[Simulator]:
 
 def _simulator_of(device: DeviceTable, where: str | Path) -> Any:
     """``sim_backend.protocol.X`` for ``drivers.X``."""
-    name = device.driver.removeprefix(PREFIX)
+    name = SIMULATORS + device.driver.removeprefix(PREFIX)
     try:
-        return importlib.import_module(SIMULATORS + name)
+        if device.driver.startswith(PREFIX):
+            return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        if error.name != SIMULATORS + name:
+        if error.name != name:
             raise
-        what = f"device {device.name}: there is no simulator for {device.driver}"
-        raise InputError(where, f"{what}; sim-devices is for rigs of drivers.* devices") from None
+    what = f"device {device.name}: there is no simulator for {device.driver}"
+    raise InputError(where, f"{what}; sim-devices is for rigs of drivers.* devices")
 
 
 def _encoders(rig: Rig, device: str, config: Any) -> dict[int, EncoderWire]:
