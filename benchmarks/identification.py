@@ -1,0 +1,214 @@
+"""Identification against published results, FIGAROH and plain least squares; and whether stated deviations are true.
+
+python -m benchmarks.identification [--json] [--runs N]
+
+EMPS and Panda need the measured data (``ARMSCOPE_SHARED``, else ../shared); FIGAROH 1.0.2 (PyPI) its own environment, whose Python is
+named by ``FIGAROH_PYTHON``. What is not there is left out of the figures.
+
+coverage_*   a simulated six-joint Puma (one excitation, its motion from the compiled closed loop), N times through encoders and the
+             current chain with fresh noise: share of (run, identifiable base parameter) pairs within two stated deviations of the truth;
+             the same by the textbook formula; and the share of parameters for which at least 90 % of the runs are
+fit_vs_figaroh  time of one fit of that regressor (base parameters and their expressions' factors, least squares; ours weighted, with
+             condition number): FIGAROH's over ours, more is better
+solve_vs_plain_least_squares  the base parameters known (they are the arm's, not the run's): numpy's lstsq on all columns over ours
+*_held_out   relative error on another noise of another motion
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm, read_model
+from arm_model.motion import Motion as Simulated
+from arm_model.simulation import simulate
+from benchmarks.report import report
+from experiment import demand_of
+from identification.base_parameters import base_parameters
+from identification.equations import Equations, equations, model_values, structural_base
+from identification.excitation import design_excitation
+from identification.least_squares import least_squares, relative_error
+from identification.signals import Motion, smooth_motion
+from identification.uncertainty import uncertainty
+
+Array = NDArray[np.float64]
+ROOT = Path(__file__).resolve().parent.parent
+SHARED = Path(os.environ.get("ARMSCOPE_SHARED", ROOT.parent / "shared"))
+TURNS = np.array([10, 10, 10, 20, 20, 20])  # through the Hall transducers' cores
+LSB = 20 / 4096  # V, twelve bits over +-10 V
+
+FIGAROH = """
+import sys, time, warnings
+import numpy as np
+warnings.simplefilter("ignore")
+from figaroh.tools.qrdecomposition import QRDecomposer
+from figaroh.tools.regressor import get_index_eliminate, build_regressor_reduced
+data = np.load(sys.argv[1])
+W, tau, names = data["W"], data["tau"], [str(n) for n in data["names"]]
+best = np.inf
+for _ in range(5):
+    start = time.perf_counter()
+    idx, kept = get_index_eliminate(W, dict.fromkeys(names, 0.0), 1e-6)
+    reduced = build_regressor_reduced(W, idx)
+    decomposer = QRDecomposer()
+    phi = decomposer.double_decomposition(tau, reduced, kept)[3]
+    best = min(best, time.perf_counter() - start)
+order = [names.index(kept[k]) for k in decomposer.base_indices]
+residual = data["tau_held"] - data["W_held"][:, order] @ phi
+print(best, len(order), np.linalg.norm(residual) / np.linalg.norm(data["tau_held"]))
+"""
+
+
+def measured(name: str) -> tuple[Array, Array, Array]:
+    """t (n,), q (n, J), i (n, J) of a published recording."""
+    data = np.genfromtxt(SHARED / "data" / name, delimiter=",", names=True)
+    joints = sum(column[0] == "q" and column[1:].isdigit() for column in data.dtype.names)
+    stack = [np.stack([data[f"{kind}{j + 1}"] for j in range(joints)], axis=1) for kind in "qi"]
+    return data["t"], stack[0], stack[1]
+
+
+def published() -> dict[str, float]:
+    """Relative errors (and EMPS parameters) on the published recordings."""
+    figures: dict[str, float] = {}
+    for label, model, name in (("emps", "emps", "emps/train.csv"), ("panda", "panda", "panda/trajectory_1.csv")):
+        if not (SHARED / "data" / name).exists():
+            continue
+        arm = read_model(ROOT / f"config/models/{model}.toml")
+        t, q, i = measured(name)
+        motion = smooth_motion(t, q, i * np.array([joint.drive_constant for joint in arm.joints]))
+        for friction in ("symmetric", "asymmetric"):
+            rows, base = equations(arm, [motion], friction), structural_base(arm, friction)
+            fit = least_squares(rows.columns[:, base.kept], rows.torque, rows.joint, "ols")
+            figures[f"{label}_{friction}_relative_error"] = relative_error(rows.torque, fit.residual)
+            if label == "emps" and friction == "symmetric":
+                figures |= {f"emps_{base.expression(k)}": float(fit.values[k]) for k in range(len(base))}
+    return figures
+
+
+def recorded(arm: Arm, run: Simulated, seed: int) -> Motion:
+    """What a rig records of a simulated run: encoder counts from a random start, current by turns, transducer and twelve bits."""
+    random = np.random.default_rng(seed)
+    counts = np.array([4 * (joint.encoder_lines or 250) * joint.ratio / (2 * np.pi) for joint in arm.joints])
+    q = np.floor(run.qm * counts + random.uniform(0, 1, len(arm))) / counts
+    volts = run.current * TURNS / 20 + 4e-3 * random.standard_normal(run.current.shape)
+    current = np.clip(np.rint(volts / LSB) * LSB, -10, 10 - LSB) * 20 / TURNS
+    return smooth_motion(run.t, q, current * np.array([joint.drive_constant for joint in arm.joints]))
+
+
+def puma() -> tuple[Arm, list[Simulated]]:
+    """The nominal Puma and two of its motions, one to fit and one held out."""
+    arm = read_model(ROOT / "config/models/puma560.toml")
+    runs = []
+    for seed in (1, 2):
+        demand = demand_of(design_excitation(arm, candidates=640, seed=seed))
+        runs.append(simulate(arm, demand, duration=demand.duration, rate=1000.0))
+    return arm, runs
+
+
+def coverage(arm: Arm, run: Simulated, count: int) -> dict[str, float]:
+    """How often two stated deviations hold the truth."""
+    base = structural_base(arm)
+    truth = base.grouping @ model_values(arm)
+    inside, formula, known = [], [], []
+    for seed in range(count):
+        rows = equations(arm, [recorded(arm, run, seed)])
+        columns = rows.columns[:, base.kept]
+        fit = least_squares(columns, rows.torque, rows.joint, "wls")
+        spread = uncertainty(columns, rows, fit)
+        off = np.abs(fit.values - truth)
+        inside.append(off < 2 * spread.std)
+        formula.append(off < 2 * spread.std_formula)
+        felt = np.array(
+            [
+                s * np.sqrt(np.mean(c[c != 0] ** 2)) / np.sqrt(np.mean(rows.torque[c != 0] ** 2))
+                for s, c in zip(spread.std, columns.T)
+            ]
+        )
+        known.append((spread.std < 0.3 * np.abs(fit.values)) | (felt < 0.02))
+        if sys.stderr.isatty():
+            print(f"\rrun {seed + 1} of {count}", end="", file=sys.stderr)
+    identifiable = np.mean(known, axis=0) > 0.5
+    each = np.mean(inside, axis=0)[identifiable]
+    return {
+        "coverage_runs": count,
+        "coverage_parameters": int(identifiable.sum()),
+        "coverage_two_deviations": float(each.mean()),
+        "coverage_two_deviations_formula": float(np.mean(formula, axis=0)[identifiable].mean()),
+        "coverage_share_of_parameters_at_90_percent": float(np.mean(each >= 0.9)),
+        "coverage_worst_parameter": float(each.min()),
+    }
+
+
+def peers(arm: Arm, runs: list[Simulated]) -> dict[str, float]:
+    """Time and held-out error of one regressor, here and there."""
+    rows, held = (equations(arm, [recorded(arm, run, 1000 + k)]) for k, run in enumerate(runs))
+    base = structural_base(arm)
+    figures = {"fit_rows": float(len(rows)), "fit_columns": float(len(rows.names))}
+
+    def ours() -> Array:
+        found = base_parameters(rows.columns, rows.names)
+        kept = found.kept if len(found) == len(base) else base.kept
+        return least_squares(rows.columns[:, kept], rows.torque, rows.joint, "wls").values
+
+    figures["fit_seconds"] = best_of(ours)
+    values = least_squares(rows.columns[:, base.kept], rows.torque, rows.joint, "wls").values
+    figures["ours_held_out"] = relative_error(held.torque, held.torque - held.columns[:, base.kept] @ values)
+    figures["plain_least_squares_held_out"] = plain(rows, held)
+    figures["plain_least_squares_seconds"] = best_of(lambda: np.linalg.lstsq(rows.columns, rows.torque, rcond=None)[0])
+    known = rows.columns[:, base.kept]
+    figures["solve_seconds"] = best_of(lambda: least_squares(known, rows.torque, rows.joint, "ols"))
+    figures["solve_vs_plain_least_squares"] = figures["plain_least_squares_seconds"] / figures["solve_seconds"]
+    if python := os.environ.get("FIGAROH_PYTHON"):
+        with tempfile.TemporaryDirectory() as folder:
+            place = Path(folder) / "rows.npz"
+            np.savez(
+                place,
+                W=rows.columns,
+                tau=rows.torque,
+                names=np.array(rows.names),
+                W_held=held.columns,
+                tau_held=held.torque,
+            )
+            done = subprocess.run([python, "-c", FIGAROH, str(place)], capture_output=True, text=True, check=False)
+        if done.returncode:
+            warnings.warn(f"FIGAROH: {done.stderr.strip().splitlines()[-1]}", stacklevel=1)
+        else:
+            seconds, rank, error = map(float, done.stdout.split()[-3:])
+            figures |= {"figaroh_seconds": seconds, "figaroh_base_parameters": rank, "figaroh_held_out": error}
+            figures["fit_vs_figaroh"] = seconds / figures["fit_seconds"]
+    return figures
+
+
+def plain(rows: Equations, held: Equations) -> float:
+    """Held-out error of numpy's least squares on all standard columns."""
+    values = np.linalg.lstsq(rows.columns, rows.torque, rcond=None)[0]
+    return relative_error(held.torque, held.torque - held.columns @ values)
+
+
+def best_of(work: Callable[[], object], times: int = 5) -> float:
+    """s of the quickest of some calls."""
+    taken = []
+    for _ in range(times):
+        start = time.perf_counter()
+        work()
+        taken.append(time.perf_counter() - start)
+    return min(taken)
+
+
+def main() -> None:
+    count = int(sys.argv[sys.argv.index("--runs") + 1]) if "--runs" in sys.argv else 100
+    arm, runs = puma()
+    report(published() | peers(arm, runs) | coverage(arm, runs[0], count))
+
+
+if __name__ == "__main__":
+    main()

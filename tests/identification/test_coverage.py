@@ -1,0 +1,18 @@
+"""Two stated deviations hold the truth: a simulated Puma, a hundred times through encoders and the current chain."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.identification import coverage, puma
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_two_deviations_hold_the_truth_in_nine_runs_of_ten() -> None:
+    arm, runs = puma()
+    figures = coverage(arm, runs[0], 100)
+    assert figures["coverage_parameters"] >= 50
+    assert figures["coverage_two_deviations"] >= 0.9
+    # The textbook formula is the reason for all of this.
+    assert figures["coverage_two_deviations_formula"] < figures["coverage_two_deviations"]
