@@ -61,9 +61,7 @@ class Subscriber:
 
         ValueError: somebody publishes something else under our key.
         """
-        sample = self._subscriber.try_recv()
-        if sample is None:
-            sample = self._subscriber.recv() if timeout is None else self._wait(timeout)
+        sample = self._subscriber.recv() if timeout is None else self._wait(timeout)
         if sample is None:
             return None
         block = decode(sample.payload.to_bytes())
