@@ -114,8 +114,9 @@ def warnings_of(name: str, recording: Recording, motion: Motion, arm: Arm) -> li
     for reason, counts in motion.excluded.items():
         if reason == "end":
             continue
-        for k in np.flatnonzero(counts > HOLES * rows):
-            found.append(f"{name}: {counts[k] / rows:.0%} of joint {k + 1}'s rows left out ({reason})")
+        left_out = [f"joint {k + 1}: {counts[k] / rows:.0%}" for k in np.flatnonzero(counts > HOLES * rows)]
+        if left_out:
+            found.append(f"{name}: rows left out ({reason}) of {', '.join(left_out)}")
     for j, joint in enumerate(arm.joints):
         if not motion.usable[:, j].any():
             found.append(f"{name}: joint {j + 1} never moves: its friction and rotor cannot be seen here")
