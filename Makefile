@@ -2,6 +2,9 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
+
+# Two test processes share two cores: threads of the linear algebra would only get in their way.
+export OPENBLAS_NUM_THREADS ?= 1
 STAMP  := $(VENV)/.installed
 
 .PHONY: demo test test-slow lint types bench clean

@@ -146,7 +146,7 @@ def _select(
     for number in range(1, MOST_CAUSES + 1):
         progress(f"looking for cause {number}")
         accepted = accept(fit, held_out, free + [library[c] for c in chosen])
-        able = round_of(library, accepted, held_out, {c.key for c in chosen}, physical)
+        able = round_of(library, accepted, fit, held_out, {c.key for c in chosen}, physical)
         if not able:
             break
         best, alike = simplest(able, held_out)

@@ -103,16 +103,25 @@ def look(candidate: Candidate, pair: Pair, accepted: Accepted, held_out: Side) -
     return Look(candidate, c, gain, float(blocks.sum()), p_value(blocks), blocks)
 
 
-def best_shapes(library: Mapping[Candidate, Pair], accepted: Accepted, taken: set[Key]) -> list[Candidate]:
-    """For every effect at every joint, the shape that fits best beside the accepted ones."""
-    best: dict[Key, tuple[float, Candidate]] = {}
-    for candidate, pair in library.items():
-        if candidate.key in taken:
-            continue
-        gain = fit_gain(pair[0], accepted)[0]
-        if candidate.key not in best or gain > best[candidate.key][0]:
-            best[candidate.key] = (gain, candidate)
-    return [candidate for _, candidate in best.values()]
+def best_shapes(library: Mapping[Candidate, Pair], accepted: Accepted, fit: Side, taken: set[Key]) -> list[Candidate]:
+    """For every effect at every joint, the shape that fits the currents of its own joint best beside the accepted ones."""
+    shapes: dict[Key, list[Candidate]] = {}
+    for candidate in library:
+        if candidate.key not in taken:
+            shapes.setdefault(candidate.key, []).append(candidate)
+    return [
+        max(several, key=lambda c: fit_gain(at_joint(library[c][0], c.joint, fit), accepted)[0])
+        if len(several) > 1
+        else several[0]
+        for several in shapes.values()
+    ]
+
+
+def at_joint(columns: Columns, joint: int | None, side: Side) -> Columns:
+    """The part of the columns that stands at one joint's rows; all of it for an effect of the whole arm."""
+    if joint is None or columns.where == side.of(joint):
+        return columns
+    return Columns(columns.x[side.of(joint)], side.of(joint))
 
 
 def matters(gain: float, coefficients: int, explained: float, held_out: Side) -> bool:
@@ -126,12 +135,13 @@ def matters(gain: float, coefficients: int, explained: float, held_out: Side) ->
 def round_of(
     library: Mapping[Candidate, Pair],
     accepted: Accepted,
+    fit: Side,
     held_out: Side,
     taken: set[Key],
     physical: Callable[[Candidate, Array], bool],
 ) -> list[Look]:
     """One round: every candidate looked at; those that may enter (and are ``physical``), best held-out gain first."""
-    looks = [look(c, library[c], accepted, held_out) for c in best_shapes(library, accepted, taken)]
+    looks = [look(c, library[c], accepted, held_out) for c in best_shapes(library, accepted, fit, taken)]
     q = benjamini_hochberg(np.array([one.p for one in looks]))
     explained = float(np.sum(held_out.y**2) - np.sum(accepted.held_out**2))
     able = [
