@@ -20,8 +20,11 @@ MANY = ("--fit", "--held-out")
 def command(
     model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="the model whose simulation is judged")],
     fit: Annotated[list[Path], typer.Option(metavar="A.mcap ...", help="recordings to find causes in")],
-    held_out: Annotated[list[Path], typer.Option("--held-out", metavar="B.mcap ...", help="recordings to judge by")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder for diagnosis.json, report.html, model.toml")],
+    held_out: Annotated[
+        list[Path] | None,
+        typer.Option("--held-out", metavar="B.mcap ...", help="to judge by; without any, the last 40 % of each"),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print diagnosis.json and nothing else")] = False,
 ) -> None:
     """Diagnoses recordings against a model."""
@@ -31,10 +34,14 @@ def command(
     from daq.recording import open_recording
     from diagnosis.diagnose import diagnose
     from diagnosis.files import write_diagnosis
+    from diagnosis.split import split
 
     arm = read_model(model)
     fitted = [open_recording(path) for path in fit]
-    held = [open_recording(path) for path in held_out]
+    held = [open_recording(path) for path in held_out or []]
+    if not held:
+        print("warning: no recording is held out; the last 40 % of each is judged by, a weaker test", file=sys.stderr)
+        fitted, held = (list(parts) for parts in zip(*map(split, fitted)))
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
         result = diagnose(arm, fitted, held, progress=status.update)
         status.update("report")

@@ -16,7 +16,10 @@ from diagnosis.parameters import Estimate
 
 Array = NDArray[np.float64]
 
+MAINS = (50.0, 60.0)
+"""Hz: what the grids of the world run at, to within 1 Hz."""
 HUM_BAND = (45.0, 65.0)
+"""Hz: where the floor beside the line is taken."""
 HUM_OVER_FLOOR = 40.0
 """Power of a line over the median of its neighbours; white noise exceeds 40 once in e^28 bins."""
 JUMP_IN_STEPS = 5.0
@@ -37,7 +40,7 @@ class Event:
 
 
 def hum(recordings: list[Recording]) -> list[Event]:
-    """A line between 45 and 65 Hz in a current that stands out of the floor in every recording, at one frequency."""
+    """A line at the frequency of the mains in a current that stands out of the floor in every recording."""
     events = []
     for j in range(recordings[0].joints):
         lines = [_line(r.t, r.i[:, j]) for r in recordings]
@@ -65,7 +68,7 @@ def hum(recordings: list[Recording]) -> list[Event]:
 
 
 def _line(t: Array, current: Array) -> tuple[float, float, float, float]:
-    """Frequency Hz, amplitude A, power over the floor, phase at t = 0 of the strongest line in the hum's band."""
+    """Frequency Hz, amplitude A, power over the floor, phase at t = 0 of the strongest line at the mains."""
     dt = float(np.median(np.diff(t)))
     window = signal.windows.hann(len(t))
     spectrum = np.fft.rfft((current - current.mean()) * window, 4 * len(t))
@@ -74,7 +77,8 @@ def _line(t: Array, current: Array) -> tuple[float, float, float, float]:
     if len(band) == 0:
         return 0.0, 0.0, 0.0, 0.0
     power = np.abs(spectrum[band]) ** 2
-    top = int(np.argmax(power))
+    near = np.min(np.abs(frequency[band][:, None] - np.array(MAINS)), axis=1) < 1.0
+    top = int(np.argmax(np.where(near, power, 0.0)))
     f = float(frequency[band[top]])
     basis = np.column_stack([np.sin(2 * np.pi * f * t), np.cos(2 * np.pi * f * t)]) * window[:, None]
     high = signal.sosfiltfilt(signal.butter(4, min(30.0 * 2 * dt, 0.9), "highpass", output="sos"), current)
