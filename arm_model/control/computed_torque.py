@@ -1,0 +1,48 @@
+"""Computed torque: the arm's own equations undo its nonlinearity, linear feedback does the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from arm_model.dynamics import inverse_dynamics
+from arm_model.hydrodynamics import Torque
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """(n,) each: demanded position, rate and acceleration of the joints, rad, rad/s, rad/s2 (m)."""
+
+    q: Array
+    qd: Array
+    qdd: Array
+
+
+@dataclass(frozen=True)
+class ComputedTorque:
+    """tau = M(q) (q''_d + 2 zeta w (q'_d - q') + w^2 (q_d - q)) + h(q, q') + g(q) + friction (+ water).
+
+    With a true model and no limit every joint's error obeys e'' + 2 zeta w e' + w^2 e = 0 (Markiewicz, JPL TM 33-601, 1973).
+    ``arm`` is what the controller believes; ``around``: what it knows of the water. natural_frequency w rad/s.
+    """
+
+    arm: Arm
+    natural_frequency: float
+    damping_ratio: float = 1.0
+    around: Torque | None = None
+
+    def torque(self, q: Array, qd: Array, wanted: Wanted) -> Array:
+        """(n,) joint torque, N m (N), that no limit has cut yet."""
+        w = self.natural_frequency
+        rate = 2 * self.damping_ratio * w * (wanted.qd - qd) + w * w * (wanted.q - q)
+        state = q[None], qd[None], (wanted.qdd + rate)[None]
+        tau = inverse_dynamics(self.arm, *state)
+        return np.asarray(tau if self.around is None else tau + self.around(*state))[0]
+
+    def told(self, q: Array, qd: Array, applied: Array) -> None:
+        """What the drives then gave; computed torque needs no memory of it."""

@@ -1,0 +1,59 @@
+"""Disturbance decoupling: computed torque, and an observer that finds and cancels whatever the model leaves out.
+
+The generalised momentum p = M(q) q' of the modelled arm changes by p' = tau + M' q' - h(q, q') - g(q) - friction + d, where d is the torque
+of all that is not in the model: the water's drag and added mass, a payload, wrong friction. With
+
+    r = K (p - p(0) - int (tau + M' q' - h - g - friction + r) dt)       r' = K (d - r)
+
+r is d through a low-pass of bandwidth K, without differentiating a velocity (De Luca and Mattone, "Actuator failure detection and
+isolation using generalized momenta", ICRA 2003). The drives are told tau - r. tau in the observer is what the drives gave,
+cut by their limits, so that a saturated arm does not wind the observer up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.control.computed_torque import ComputedTorque, Wanted
+from arm_model.dynamics import inverse_dynamics, mass_matrix
+
+Array = NDArray[np.float64]
+
+STEP = 1e-5
+"""s over which the change of the mass matrix along the motion is differenced; the error is of its square."""
+
+
+class DisturbanceDecoupling:
+    """Computed torque less the observed disturbance. ``bandwidth`` K 1/s; ``period`` s between two calls of ``torque``."""
+
+    def __init__(self, computed: ComputedTorque, *, bandwidth: float, period: float) -> None:
+        self.computed, self.bandwidth, self.period = computed, bandwidth, period
+        self.disturbance = np.zeros(len(computed.arm))
+        """(n,) N m (N): r as it was observed last."""
+        self._integral: Array | None = None
+
+    def torque(self, q: Array, qd: Array, wanted: Wanted) -> Array:
+        """(n,) joint torque, N m (N), that no limit has cut yet."""
+        momentum = self._momentum(q, qd)
+        if self._integral is None:
+            self._integral = momentum
+        self.disturbance = self.bandwidth * (momentum - self._integral)
+        return self.computed.torque(q, qd, wanted) - self.disturbance
+
+    def told(self, q: Array, qd: Array, applied: Array) -> None:
+        """What the drives give until the next call, (n,) N m, at the state of the last."""
+        assert self._integral is not None, "torque is called before told"
+        self._integral = self._integral + self.period * (applied + self._bias(q, qd) + self.disturbance)
+
+    def _momentum(self, q: Array, qd: Array) -> Array:
+        return np.asarray(mass_matrix(self.computed.arm, q[None])[0] @ qd)
+
+    def _bias(self, q: Array, qd: Array) -> Array:
+        """M' q' - h - g - friction (- what is known of the water)."""
+        ahead, behind = mass_matrix(self.computed.arm, np.stack([q + STEP * qd, q - STEP * qd]))
+        state = q[None], qd[None], np.zeros((1, len(q)))
+        known = inverse_dynamics(self.computed.arm, *state)[0]
+        if self.computed.around is not None:
+            known = known + self.computed.around(*state)[0]
+        return np.asarray((ahead - behind) @ qd / (2 * STEP) - known)

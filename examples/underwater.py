@@ -1,0 +1,170 @@
+"""The two-link underwater arm of M. Abderrahim, "Modelling of Robotic Manipulators", PhD thesis, Glasgow, chapter 7.
+
+    python -m examples.underwater [--out DIR]
+
+Free: 1 N m on joint 1 from 0 to 1 s and on joint 2 from 5 to 6 s; in air, with drag only, with added mass only, with both.
+Controlled: the arm folds and turns, with computed torque that knows nothing of the water, with the same and disturbance decoupling,
+and with computed torque that has the water in its model; once with drives strong enough for it, once with drives that are not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.control.computed_torque import ComputedTorque, Wanted
+from arm_model.control.decoupling import DisturbanceDecoupling
+from arm_model.control.driven import Run, TorqueController, controlled, pushed
+from arm_model.description import Arm, read_model
+from arm_model.hydrodynamics import Torque, TwoLinks, Water
+
+Array = NDArray[np.float64]
+
+MODEL = Path(__file__).resolve().parent.parent / "config/models/underwater.toml"
+LINKS = TwoLinks(lengths=(1.0, 1.0), radius=0.025)
+WATER = Water(density=1025.0, drag=1.0, added_mass=2.0)
+STEP = 0.02  # s; half of it changes the angles by less than 1e-6 rad
+STRONG, WEAK = (30.0, 10.0), (12.0, 4.0)  # N m
+TARGET, MOVE = np.array([1.2, -1.0]), 4.0  # rad, s
+FREQUENCY, BANDWIDTH = 4.0, 15.0  # rad/s of the error, 1/s of the observer
+
+
+def free(arm: Arm) -> dict[str, Run]:
+    """The pushed arm, 10 s, by what surrounds it."""
+    around: dict[str, Torque | None] = {
+        "in air": None,
+        "drag only": LINKS.torque(replace(WATER, added_mass=0.0)),
+        "added mass only": LINKS.torque(replace(WATER, drag=0.0)),
+        "drag and added mass": LINKS.torque(WATER),
+    }
+    return {
+        name: pushed(arm, push, duration=10.0, step=STEP, start=np.zeros(2), around=water)
+        for name, water in around.items()
+    }
+
+
+def push(t: float) -> Array:
+    """(2,) N m."""
+    return np.array([1.0 if t < 1.0 - STEP / 2 else 0.0, 1.0 if 5.0 - STEP / 2 <= t < 6.0 - STEP / 2 else 0.0])
+
+
+def demand(t: float) -> Wanted:
+    """From rest to TARGET in MOVE s, with continuous acceleration, and staying there."""
+    s = min(t / MOVE, 1.0)
+    return Wanted(
+        TARGET * (10 * s**3 - 15 * s**4 + 6 * s**5),
+        TARGET * (30 * s**2 - 60 * s**3 + 30 * s**4) / MOVE,
+        TARGET * (60 * s - 180 * s**2 + 120 * s**3) / MOVE**2,
+    )
+
+
+def under_control(arm: Arm, limits: tuple[float, float]) -> dict[str, Run]:
+    """The arm in water, 6 s, by its controller; all have the same limits (N m), gains and sampling."""
+    limited = replace(arm, joints=tuple(replace(joint, torque_limit=limit) for joint, limit in zip(arm.joints, limits)))
+    dry = ComputedTorque(limited, FREQUENCY)
+    controllers: dict[str, TorqueController] = {
+        "computed torque, dry model": dry,
+        "with disturbance decoupling": DisturbanceDecoupling(dry, bandwidth=BANDWIDTH, period=STEP),
+        "computed torque, wet model": ComputedTorque(limited, FREQUENCY, around=LINKS.torque(WATER)),
+    }
+    return {
+        name: controlled(limited, controller, demand, duration=6.0, period=STEP, around=LINKS.torque(WATER))
+        for name, controller in controllers.items()
+    }
+
+
+def draw_free(runs: dict[str, Run], path: Path) -> None:
+    """Angles, rates, and where the flow across link 2 turns round."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(3, 2, figsize=(11, 8), sharex=True, layout="constrained")
+    for name, run in runs.items():
+        for j in range(2):
+            axes[0, j].plot(run.t, np.degrees(run.q[:, j]), label=name)
+            axes[1, j].plot(run.t, run.qd[:, j])
+        place = LINKS.reversal(run.q, run.qd)
+        axes[2, 1].plot(run.t, np.where((place > 0) & (place < LINKS.lengths[1]), place, np.nan))
+    push_shown = next(iter(runs.values()))
+    for j in range(2):
+        axes[0, j].set(title=f"joint {j + 1}", ylabel="angle, deg")
+        axes[1, j].set(ylabel="rate, rad/s")
+        axes[2, 0].plot(push_shown.t, push_shown.torque[:, j], label=f"joint {j + 1}", drawstyle="steps-post")
+    axes[2, 0].set(ylabel="torque, N m", xlabel="t, s")
+    axes[2, 1].set(ylabel="flow across link 2 turns\nat, m from joint 2", xlabel="t, s", ylim=(0, LINKS.lengths[1]))
+    axes[0, 0].legend()
+    axes[2, 0].legend()
+    _save(figure, axes, path)
+
+
+def draw_controlled(runs: dict[str, Run], limits: tuple[float, float], path: Path) -> None:
+    """Angles and what was demanded, errors, and torques with their limits."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(3, 2, figsize=(11, 8), sharex=True, layout="constrained")
+    wanted = next(iter(runs.values()))
+    for j in range(2):
+        axes[0, j].plot(wanted.t, np.degrees(wanted.demand[:, j]), "k--", label="demanded")
+        for name, run in runs.items():
+            axes[0, j].plot(run.t, np.degrees(run.q[:, j]), label=name)
+            axes[1, j].plot(run.t, np.degrees(run.demand[:, j] - run.q[:, j]))
+            axes[2, j].plot(run.t, run.torque[:, j], drawstyle="steps-post")
+        for side in (-1, 1):
+            axes[2, j].axhline(side * limits[j], color="grey", linestyle=":")
+        axes[0, j].set(title=f"joint {j + 1}", ylabel="angle, deg")
+        axes[1, j].set(ylabel="demanded less reached, deg")
+        axes[2, j].set(ylabel="torque and limits, N m", xlabel="t, s")
+    axes[0, 0].legend()
+    _save(figure, axes, path)
+
+
+def _save(figure: Any, axes: Any, path: Path) -> None:
+    for one in axes.flat:
+        one.grid(alpha=0.3)
+    figure.savefig(path, dpi=110)
+
+
+def free_figures(runs: dict[str, Run]) -> dict[str, list[float]]:
+    """Angles at the end, degrees."""
+    return {name: np.degrees(run.q[-1]).round(2).tolist() for name, run in runs.items()}
+
+
+def control_figures(runs: dict[str, Run]) -> dict[str, dict[str, list[float]]]:
+    """Demanded less reached by joint: root mean square, largest and last, degrees."""
+    errors = {name: np.abs(np.degrees(run.demand - run.q)) for name, run in runs.items()}
+    return {
+        "rms_deg": {name: np.sqrt((error**2).mean(axis=0)).round(3).tolist() for name, error in errors.items()},
+        "largest_deg": {name: error.max(axis=0).round(3).tolist() for name, error in errors.items()},
+        "last_deg": {name: error[-1].round(4).tolist() for name, error in errors.items()},
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("underwater"), help="folder for the pictures")
+    out: Path = parser.parse_args().out
+    out.mkdir(parents=True, exist_ok=True)
+    import matplotlib
+
+    matplotlib.use("agg")
+    arm = read_model(MODEL)
+    loose, strong, weak = free(arm), under_control(arm, STRONG), under_control(arm, WEAK)
+    draw_free(loose, out / "free.png")
+    draw_controlled(strong, STRONG, out / "controlled.png")
+    draw_controlled(weak, WEAK, out / "limited.png")
+    told = {
+        "free_end_deg": free_figures(loose),
+        "controlled": control_figures(strong),
+        "limited": control_figures(weak),
+    }
+    print(json.dumps(told, indent=2))
+    print(*(out / f"{name}.png" for name in ("free", "controlled", "limited")))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,130 @@
+"""Torque controllers against closed-form error equations; the free underwater arm against the compiled engine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model.control.computed_torque import ComputedTorque, Wanted
+from arm_model.control.decoupling import DisturbanceDecoupling
+from arm_model.control.driven import controlled, pushed
+from arm_model.description import Arm, read_model
+from arm_model.dynamics import energy
+from arm_model.hydrodynamics import Torque, TwoLinks, Water
+from arm_model.simulation import simulate
+from inputs import InputError
+
+LINKS = TwoLinks((1.0, 1.0), 0.025)
+POINT = np.array([0.5, -0.4])
+
+
+@pytest.fixture(scope="module")
+def arm() -> Arm:
+    return read_model(Path(__file__).resolve().parents[2] / "config/models/underwater.toml")
+
+
+def hold(t: float) -> Wanted:
+    return Wanted(POINT, np.zeros(2), np.zeros(2))
+
+
+def constant(torque: np.ndarray) -> Torque:
+    """A disturbance that the drives have to overcome."""
+    return lambda q, qd, qdd: np.broadcast_to(torque, q.shape)
+
+
+def test_pushed_arm_against_the_compiled_engine(arm: Arm) -> None:
+    def push(t: float) -> np.ndarray:
+        return np.array([1.0, -0.5]) if t < 0.4 - 1e-9 else np.zeros(2)
+
+    ours = pushed(arm, push, duration=0.8, step=0.02, start=np.zeros(2))
+    engine = simulate(arm, lambda t: np.array([push(x) for x in t]), duration=0.8, rate=50.0)
+    np.testing.assert_allclose(ours.q, engine.q, atol=2e-7)
+
+
+def test_error_under_computed_torque_obeys_its_equation(arm: Arm) -> None:
+    w = 5.0
+    controller = ComputedTorque(arm, w, around=LINKS.torque(Water()))
+    run = controlled(
+        arm, controller, hold, duration=0.5, period=0.005, around=LINKS.torque(Water()), start=POINT + [0.2, -0.1]
+    )
+    wanted = np.outer((1 + w * run.t) * np.exp(-w * run.t), [0.2, -0.1])  # critically damped from rest
+    np.testing.assert_allclose(run.q - run.demand, wanted, atol=4e-3)
+
+
+def test_unknown_torque_is_observed_at_the_bandwidth_and_cancelled(arm: Arm) -> None:
+    unknown, bandwidth, period = np.array([1.5, -0.7]), 20.0, 0.01
+    plain = ComputedTorque(arm, 6.0)
+    left = controlled(arm, plain, hold, duration=1.2, period=0.02, around=constant(unknown))
+    assert np.abs(left.q - left.demand)[-1].min() > 0.01
+
+    seen: list[np.ndarray] = []
+    decoupled = DisturbanceDecoupling(ComputedTorque(arm, 6.0), bandwidth=bandwidth, period=period)
+
+    class Watched:
+        def torque(self, q: np.ndarray, qd: np.ndarray, wanted: Wanted) -> np.ndarray:
+            tau = decoupled.torque(q, qd, wanted)
+            seen.append(decoupled.disturbance.copy())
+            return tau
+
+        def told(self, q: np.ndarray, qd: np.ndarray, applied: np.ndarray) -> None:
+            decoupled.told(q, qd, applied)
+
+    run = controlled(arm, Watched(), hold, duration=1.2, period=period, around=constant(unknown))
+    wanted = -np.outer(1 - (1 - bandwidth * period) ** np.arange(len(run.t)), unknown)  # the sampled low-pass
+    np.testing.assert_allclose(seen, wanted, atol=0.05)
+    assert np.abs(run.q - run.demand)[-1].max() < 1e-3
+
+
+def test_limits_hold_and_do_not_wind_the_observer_up(arm: Arm) -> None:
+    """Held away from its aim by drives too weak for it, the arm leaves as soon as the disturbance goes."""
+    weak = replace(arm, joints=tuple(replace(joint, torque_limit=1.0) for joint in arm.joints))
+    controller = DisturbanceDecoupling(ComputedTorque(weak, 6.0), bandwidth=20.0, period=0.02)
+    run = controlled(weak, controller, hold, duration=1.0, period=0.02, around=constant(np.array([3.0, 3.0])))
+    assert np.abs(run.torque).max() <= 1.0
+    assert (run.torque[-10:] == 1.0).all()
+    np.testing.assert_allclose(controller.disturbance, [-3.0, -3.0], atol=0.1)
+
+
+def test_still_water_takes_the_energy_of_a_pushed_arm(arm: Arm) -> None:
+    run = pushed(
+        arm,
+        lambda t: np.array([2.0 if t < 0.2 - 1e-9 else 0.0, 0.0]),
+        duration=1.0,
+        step=0.02,
+        start=np.array([0.0, 0.5]),
+        around=LINKS.torque(Water(added_mass=0.0)),
+    )
+    left = energy(arm, run.q, run.qd)[10:]
+    assert left[0] > 0.01 and (np.diff(left) < 0).all()
+
+
+def test_bad_start_and_unstable_sampling(arm: Arm) -> None:
+    with pytest.raises(InputError, match="has shape"):
+        pushed(arm, lambda t: np.zeros(2), duration=1.0, step=0.1, start=np.zeros(3))
+    stiff = ComputedTorque(arm, 500.0)
+    with pytest.raises(InputError, match="runs away"), np.errstate(all="ignore"):
+        controlled(arm, stiff, hold, duration=10.0, period=0.1, start=np.zeros(2))
+
+
+@pytest.mark.slow
+def test_example_draws_and_tells(root: Path, tmp_path: Path) -> None:
+    import json
+    import subprocess
+    import sys
+
+    done = subprocess.run(
+        [sys.executable, "-m", "examples.underwater", "--out", str(tmp_path)],
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    told = json.loads(done.stdout[: done.stdout.rindex("}") + 1])
+    assert {path.name for path in tmp_path.iterdir()} == {"free.png", "controlled.png", "limited.png"}
+    ends = told["free_end_deg"]
+    assert abs(ends["drag and added mass"][1]) < abs(ends["in air"][1])
+    rms = told["controlled"]["rms_deg"]
+    assert max(rms["with disturbance decoupling"]) < 0.2 * max(rms["computed torque, dry model"])
