@@ -30,7 +30,7 @@ MODEL = Path(__file__).resolve().parent.parent / "config/models/underwater.toml"
 LINKS = TwoLinks(lengths=(1.0, 1.0), radius=0.025)
 WATER = Water(density=1025.0, drag=1.0, added_mass=2.0)
 STEP = 0.02  # s; half of it changes the angles by less than 1e-6 rad
-STRONG, WEAK = (30.0, 10.0), (12.0, 4.0)  # N m
+STRONG, WEAK = (20.0, 6.0), (12.0, 4.0)  # N m
 TARGET, MOVE = np.array([1.2, -1.0]), 4.0  # rad, s
 FREQUENCY, BANDWIDTH = 4.0, 15.0  # rad/s of the error, 1/s of the observer
 
@@ -109,7 +109,7 @@ def draw_controlled(runs: dict[str, Run], limits: tuple[float, float], path: Pat
     figure, axes = plt.subplots(3, 2, figsize=(11, 8), sharex=True, layout="constrained")
     wanted = next(iter(runs.values()))
     for j in range(2):
-        axes[0, j].plot(wanted.t, np.degrees(wanted.demand[:, j]), "k--", label="demanded")
+        axes[0, j].plot(wanted.t, np.degrees(wanted.demand[:, j]), "k--", label="demanded", zorder=3)
         for name, run in runs.items():
             axes[0, j].plot(run.t, np.degrees(run.q[:, j]), label=name)
             axes[1, j].plot(run.t, np.degrees(run.demand[:, j] - run.q[:, j]))
