@@ -84,7 +84,7 @@ def _run(
     n, count = len(arm), int(np.floor(duration / step + 1e-9)) + 1
     if np.shape(start) != (n,):
         raise InputError("start", f"has shape {np.shape(start)}; ({n},) is wanted for this arm")
-    t: Array = np.arange(count) * float(step)
+    t: Array = step * np.arange(count, dtype=np.float64)
     state, rows, given = np.concatenate([start, np.zeros(n)]), np.empty((count, 2 * n)), np.empty((count, n))
     for k in range(count):
         rows[k] = state
