@@ -47,9 +47,12 @@ class SerialPort:
         return bytes(port.read(waiting)) if waiting else b""
 
     def wait_for(self, take: Callable[[bytes], T | None], seconds: float) -> T | None:
-        """Feeds what arrives to ``take`` until it returns something; None after ``seconds``."""
+        """Feeds what arrives to ``take`` until it returns something; None after ``seconds``. A host that comes back later than
+        that looks once more: what came in time is taken."""
         deadline = time.monotonic() + seconds
-        while (left := deadline - time.monotonic()) > 0:
+        left = seconds
+        while left > 0:
+            left = max(deadline - time.monotonic(), 0.0)
             ready, _, _ = select.select([self._alive().fileno()], [], [], left)
             if ready:
                 data = bytes(self._alive().read(4096))  # raises where the port is ready but has nothing: it is gone

@@ -76,6 +76,7 @@ class TrackerStream:
         self._armed = False
 
     def open(self) -> Identity:
+        self._lines, self._last, self._sending = Lines(), 0, None
         try:
             if self.config.port is not None:
                 self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -119,9 +120,12 @@ class TrackerStream:
         if plan.source == EdgeSource.TRACKER and plan.rate != self.rate:
             raise self._fault(f"is set to {self.rate:g} Hz, the rig expects {plan.rate:g}: set one of them")
         with contextlib.suppress(OSError):
-            before = Lines().feed(self._receive() + b"\n").number
-            self._sending = int(before[-1]) if len(before) else None
-        self._lines, self._last, self._armed = Lines(), 0, True
+            before = self._lines.feed(self._receive()).number
+            if len(before):
+                self._last = int(before[-1])
+        # Its next line may still be of the earlier run, though none was waiting just now; half of one may have come.
+        self._sending = self._last or self._sending
+        self._lines.refused, self._last, self._armed = 0, 0, True
 
     def disarm(self) -> None:
         self._armed = False
@@ -152,7 +156,7 @@ class TrackerStream:
         """Without what still comes of an earlier run: frames that go on from those before arming. A start begins at 1 again."""
         if self._sending is None or not len(frames):
             return frames
-        again = np.flatnonzero(np.diff(frames.number, prepend=self._sending) < 0)
+        again = np.flatnonzero((np.diff(frames.number, prepend=self._sending) < 0) | (frames.number == 1))
         if not len(again):
             self._sending = int(frames.number[-1])
             return Frames(frames.number[:0], frames.seconds[:0], frames.points[:0])

@@ -22,6 +22,7 @@ from daq.rig_lock import holder_of
 from daq.session import keys_of, open_session
 from daq.subscriber import Subscriber
 from inputs import DeviceFault, InputError
+from tests.ports import free_endpoint
 
 EXPERIMENT = """
 name = "nudge"
@@ -44,9 +45,7 @@ class Lab:
     def __init__(self, root: Path, folder: Path) -> None:
         self.root, self.folder = root, folder
         self.processes: list[subprocess.Popen[str]] = []
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        self.endpoint = free_endpoint()
         self.rig_file = folder / "rig.toml"
         self.write_rig()
         self.experiment(0.3)

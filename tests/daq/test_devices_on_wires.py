@@ -19,7 +19,8 @@ from drivers.shapes import Quality
 from sim_backend.protocol import labjack_t7 as simulated_t7
 from sim_backend.protocol import us_digital_qsb as simulated_qsb
 from tests.daq.benches import joined
-from tests.drivers.swing import counts, free_port, swing_wires, volts
+from tests.drivers.swing import counts, swing_wires, volts
+from tests.ports import free_port
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +15,7 @@ from websockets.sync.client import connect
 
 from daq.recording import open_recording
 from daq.replay import blocks_of, columns_of, paced
+from tests.ports import free_endpoint
 
 LISTENER = """
 import sys, zenoh, json, numpy as np
@@ -40,12 +40,6 @@ print(json.dumps(vars(subscriber.tally)))
 """
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def armscope(root: Path, *arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "armscope", *arguments],
@@ -57,7 +51,7 @@ def armscope(root: Path, *arguments: str) -> subprocess.Popen[str]:
 
 
 def replay_to_listener(root: Path, run: Path, rig: str, heard: Path, speed: str) -> tuple[dict, dict]:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    endpoint = free_endpoint()
     listener = subprocess.Popen(
         [sys.executable, "-c", LISTENER, rig, endpoint, str(heard)], cwd=root, text=True, stdout=subprocess.PIPE
     )

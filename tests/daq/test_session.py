@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import subprocess
 import threading
 from pathlib import Path
@@ -15,14 +14,9 @@ from daq.commands import CommandServer
 from daq.rig import Rig
 from daq.session import Keys, keys_of, open_session, read_passwords
 from inputs import DeviceFault, InputError
+from tests.ports import free_endpoint
 
 KEYS = keys_of("Test rig 1")
-
-
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def rig(**zenoh_table: Any) -> Rig:

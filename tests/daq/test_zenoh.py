@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -26,14 +25,9 @@ from daq.rows import Rows
 from daq.session import keys_of, open_session
 from daq.subscriber import Subscriber
 from inputs import DeviceFault, InputError
+from tests.ports import free_endpoint
 
 JOINTS = ("shoulder", "elbow")
-
-
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def rig(**zenoh_table: Any) -> Rig:

@@ -62,7 +62,8 @@ def presets_are_shown_and_registers_wrap(specimen: Specimen) -> None:
                     continue
                 block = _counts(specimen, device)
                 assert block.counts is not None
-                raw = block.counts[:, channel]
+                raw = block.counts[(block.quality[:, channel] & Quality.MISSING) == 0, channel]
+                assert len(raw), f"channel {channel}: no row has a count"
                 assert ((raw >= 0) & (raw < 1 << width)).all(), f"channel {channel}: counts outside {width} bits"
                 moved = extend(raw, width, value) - value
                 assert np.abs(moved).max() < 1 << (width - 2), (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from drivers import labjack_t7
-from tests.drivers.swing import free_port
+from tests.ports import free_port
 
 RIG = """
 name = "t7"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import time
 from collections.abc import Callable
 
@@ -35,12 +34,6 @@ def points(at: NDArray[np.int64]) -> NDArray[np.float64]:
 def swing_wires(trigger: TriggerLine | None = None) -> Wires:
     """Terminals of one device."""
     return Wires(counts=counts, volts=volts, points=points, trigger=trigger or TriggerLine())
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def read_rows(read: Callable[[], Block], rows: int, seconds: float = 5.0) -> list[Block]:

@@ -17,7 +17,8 @@ from drivers.shapes import Block, CounterMode, EdgeSource, Plan, Quality
 from inputs import DeviceFault
 from sim_backend.protocol import cia406 as sim_cia406
 from sim_backend.protocol import isabellenhuette_ivts as sim_ivts
-from tests.drivers.swing import counts, free_port, swing_wires, volts
+from tests.drivers.swing import counts, swing_wires, volts
+from tests.ports import free_port
 
 POLL = Plan(EdgeSource.POLL, 100.0, None)
 SENSORS = [{"command": 0x411 + k, "reply": 0x511 + k, "result": 0x521 + 16 * k} for k in range(2)]

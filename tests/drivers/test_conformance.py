@@ -22,9 +22,10 @@ from sim_backend.pace import FastClock
 from sim_backend.protocol.wires import Wires
 from tests.daq import instruments
 from tests.drivers.conformance import Specimen, check
-from tests.drivers.swing import counts, free_port, swing_wires, volts
+from tests.drivers.swing import counts, swing_wires, volts
 from tests.drivers.test_comedi_ni_labpc import fake_comedilib
 from tests.drivers.test_val_terminal import StraightArm
+from tests.ports import free_port
 
 POLL, TIMER, TRACKER = EdgeSource.POLL, EdgeSource.TIMER, EdgeSource.TRACKER
 
@@ -87,7 +88,7 @@ def labjack_t7(tmp: Path) -> Iterator[Specimen]:
 def tracker_stream(tmp: Path) -> Iterator[Specimen]:
     options = {"port": free_port(), "unit": "mm", "memory": 400, "rate": 500.0, "file": str(tmp / "points.csv")}
     with on_its_wire("tracker_stream", options) as (make, box):
-        yield Specimen(make, TRACKER, 500.0, begin=lambda: box.start(time.monotonic_ns()))
+        yield Specimen(make, TRACKER, 500.0, begin=lambda: box.start(time.monotonic_ns()), end=box.stop)
 
 
 @contextmanager

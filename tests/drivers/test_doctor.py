@@ -14,7 +14,8 @@ from sim_backend.protocol import cia406 as sim_cia406
 from sim_backend.protocol import labjack_t7 as sim_t7
 from sim_backend.protocol import linux_counter as sim_counter
 from tests.drivers.lab_rig import write_rig
-from tests.drivers.swing import free_port, swing_wires
+from tests.drivers.swing import swing_wires
+from tests.ports import free_port
 
 
 def examined(path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict]:

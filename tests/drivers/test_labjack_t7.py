@@ -19,7 +19,8 @@ from drivers.shapes import Block, CounterMode, EdgeSource, Plan, Quality
 from inputs import DeviceFault
 from sim_backend.protocol import labjack_t7 as simulator
 from sim_backend.protocol.wires import Wires
-from tests.drivers.swing import counts, free_port, read_rows, swing_wires, volts
+from tests.drivers.swing import counts, read_rows, swing_wires, volts
+from tests.ports import free_port
 
 TIMER = EdgeSource.TIMER
 

@@ -16,7 +16,9 @@ from drivers.shapes import Block, EdgeSource, Plan, PositionTracker, Quality
 from drivers.tracker_merge import align
 from inputs import DeviceFault
 from sim_backend.protocol import tracker_stream as simulator
-from tests.drivers.swing import free_port, points, read_rows, swing_wires
+from sim_backend.protocol.serving import Terminal
+from tests.drivers.swing import points, read_rows, swing_wires
+from tests.ports import free_port
 
 ON_EDGES = EdgeSource.TRACKER
 
@@ -80,6 +82,29 @@ def test_what_still_comes_of_an_earlier_run_is_not_taken(rig) -> None:
     block = join(read_rows(device.read, 20), points=True)
     assert block.number.tolist() == list(range(len(block)))
     assert np.abs(block.points - points(np.array(box.edges)[block.number])).max() < 1e-8
+
+
+def test_an_earlier_run_is_known_though_nothing_of_it_was_waiting(tmp_path: Path) -> None:
+    """Armed between two lines, and in the middle of one: 21 cut in two is no frame 1."""
+    port = Terminal("tracker", str(tmp_path / "tracker"))
+    port.open()
+    device = driver.make("tracker", driver.Config(serial=str(tmp_path / "tracker")), {})
+    device.open()
+    device.arm(Plan(ON_EDGES, 1000.0, 10))
+    port.write(b"1,0.1,1,2,3\n2,0.2,1,2,3\n", 0)
+    read_rows(device.read, 2)
+    for _ in range(2):  # as the sampler does: on command, and again just before the start
+        device.arm(Plan(ON_EDGES, 1000.0, 10))
+    port.write(b"19,1.9,9,9,9\n2", 0)
+    while not device._lines._rest:
+        assert len(device.read()) == 0
+    device.arm(Plan(ON_EDGES, 1000.0, 10))
+    port.write(b"0,2.0,9,9,9\n21,2.1,9,9,9\n1,0.1,1,2,3\n2,0.2,1,2,3\n", 0)
+    block = join(read_rows(device.read, 2), points=True)
+    assert block.number.tolist() == [0, 1] and (block.points == [1, 2, 3]).all()
+    assert device.check() == []
+    device.close()
+    port.close()
 
 
 def test_ceilings_are_checked_before_arming(rig) -> None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from daq.recording import Recording, open_recording
 from experiment import Experiment, write_experiment
 from experiment.file import read_experiment
-from tests.drivers.swing import free_port
+from tests.ports import free_port
 
 JOINT = 2  # the one that moves
 

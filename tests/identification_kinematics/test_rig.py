@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 import sys
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from arms import TARGET, puma, seen, with_errors
 
 from identification.kinematics.iso_cube import standstills
 from identification.kinematics.recordings import read_tracked
+from tests.ports import free_endpoint
 
 
 @pytest.mark.slow
@@ -26,14 +26,11 @@ def test_a_rig_with_a_wrong_model_is_calibrated_and_corrected(root: Path, tmp_pa
     """The arm that moves has errors of its own; encoders count, the tracker streams every third point and its noise is 0.06 mm."""
     nominal = puma(root)
     write_model(tmp_path / "true.toml", with_errors(nominal, np.random.default_rng(77)))
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
     text = (root / "config/puma560_sim.toml").read_text()
     text = text.replace('model = "models/', f'model = "{root}/config/models/', 1)
     text = text.replace('pace = "wall"', f'pace = "fast"\nmodel = "{tmp_path}/true.toml"')
     rig = tmp_path / "rig.toml"
-    rig.write_text(f'{text}\n[zenoh]\nendpoint = "tcp/127.0.0.1:{port}"\n')
+    rig.write_text(f'{text}\n[zenoh]\nendpoint = "{free_endpoint()}"\n')
 
     def record(experiment: Path, name: str) -> str:
         out = tmp_path / f"{name}.mcap"
