@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import os
 import tempfile
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
-
-import tomli_w
-from pydantic import BaseModel, ValidationError
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from inputs.problems import InputError
 
-M = TypeVar("M", bound=BaseModel)
+if TYPE_CHECKING:
+    from pydantic import BaseModel, ValidationError
+
+M = TypeVar("M", bound="BaseModel")
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
     """The table in a TOML file. Raises InputError where it is absent, unreadable, or not TOML (with line and column)."""
+    import tomllib
+
     try:
         text = Path(path).read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -35,6 +36,8 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 def check_table(where: str | Path, table: Mapping[str, Any], model: type[M]) -> M:
     """``table`` as ``model``; InputError naming the first wrong entry (joints and channels as the file counts them)."""
+    from pydantic import ValidationError
+
     try:
         return model.model_validate(table)
     except ValidationError as error:
@@ -65,6 +68,8 @@ def one_line(error: ValidationError) -> str:
 
 def write_toml(path: str | Path, table: Mapping[str, Any], *, heading: str = "") -> None:
     """Writes ``table``, whole or not at all (temporary file, then rename); ``heading`` becomes comment lines on top."""
+    import tomli_w
+
     path = Path(path)
     comment = "".join(f"# {line}".rstrip() + "\n" for line in heading.splitlines())
     text = comment + ("\n" if comment else "") + tomli_w.dumps(table)
