@@ -137,6 +137,11 @@ MECHANICAL: dict[str, Callable[[Plant, int, Values], Plant]] = {
     ),
     "current_limit": lambda p, j, v: p._replace(current_limit=_set(p.current_limit, j, v["limit"])),
     "wrist_coupling": _wrist,
+    # strangers: no effect of the vocabulary
+    "position_torque": lambda p, j, v: p._replace(
+        ripple_torque=_set(p.ripple_torque, j, v["amplitude"]),
+        ripple_order=_set(p.ripple_order, j, v["cycles"] / p.gear[j - 1]),
+    ),
     "hydrodynamic_drag": lambda p, j, v: p._replace(quadratic=_set(p.quadratic, j, v["drag"])),
 }
 
@@ -179,6 +184,7 @@ SENSING: dict[str, Callable[[Signals, int, Values], Signals]] = {
     ),
     "time_skew": lambda s, j, v: Signals(s.t, s.angle, _late(s.t, s.current, v["delay"]), s.gear),
     "dropped_trigger": _dropped,
+    "offset_drift": lambda s, j, v: _columns(s, "current", j, lambda i: i + v["slope"] * s.t),
 }
 
 

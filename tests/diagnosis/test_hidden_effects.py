@@ -7,15 +7,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from arm_model.description import read_model
-from daq.recording import Recording, open_recording
 from diagnosis.diagnose import Diagnosis, diagnose
 from tests.blind.hide import Hidden
 from tests.blind.motions import suite
 from tests.blind.record import nominal_plant, record
+from tests.blind.recordings import recordings_of
 
 pytest.importorskip("numba", reason="the plant of the hidden-effect tests is compiled by numba")
 
@@ -32,37 +31,22 @@ CASES = {
 }
 
 
-def _recordings(
-    root: Path, folder: Path, hidden: tuple[Hidden, ...], seed: int
-) -> tuple[list[Recording], list[Recording]]:
-    from armscope.cli import run
-
-    plant = nominal_plant(root / "config" / "models" / "puma560.toml")
+def _diagnosed(root: Path, name: str) -> Diagnosis:
+    model = root / "config" / "models" / "puma560.toml"
+    plant, seed = nominal_plant(model), sum(map(ord, name)) % 97
     fit, held_out = suite(seed)
-    paths: list[Path] = []
-    for number, experiment in enumerate([*fit[:3], *held_out[:2]]):
-        taken = record(plant, experiment, hidden, seed * 100 + number)
-        table = np.column_stack([taken.t, taken.q, taken.i, taken.qref])
-        names = ["t"] + [f"{signal}{j}" for signal in ("q", "i", "qref") for j in range(1, 7)]
-        path = folder / f"{number}.csv"
-        np.savetxt(path, table, delimiter=",", fmt="%.10g", header=",".join(names), comments="")
-        recording = folder / f"{number}.mcap"
-        assert run(["import", str(path), "--rig", str(root / "config/puma560_sim.toml"), "--out", str(recording)]) == 0
-        paths.append(recording)
-    return [open_recording(p) for p in paths[:3]], [open_recording(p) for p in paths[3:]]
-
-
-def _diagnosed(root: Path, folder: Path, name: str) -> Diagnosis:
-    arm = read_model(root / "config" / "models" / "puma560.toml")
-    return diagnose(arm, *_recordings(root, folder, CASES[name], seed=sum(map(ord, name)) % 97))
+    experiments = [*fit[:3], *held_out[:2]]
+    taken = [record(plant, e, CASES[name], seed * 100 + number) for number, e in enumerate(experiments)]
+    recordings = recordings_of(taken, [e.name for e in experiments])
+    return diagnose(read_model(model), recordings[:3], recordings[3:])
 
 
 FAST = ("nothing", "load_friction", "time_skew", "pair")
 
 
 @pytest.mark.parametrize("name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in CASES])
-def test_names_what_is_hidden_and_nothing_else(name: str, root: Path, tmp_path: Path) -> None:
-    result = _diagnosed(root, tmp_path, name)
+def test_names_what_is_hidden_and_nothing_else(name: str, root: Path) -> None:
+    result = _diagnosed(root, name)
     wanted = {(hidden.effect, hidden.joint) for hidden in CASES[name]}
     found = {(cause.effect, cause.joint) for cause in result.causes}
     assert found == wanted
