@@ -104,6 +104,17 @@ def strip_torque(
     return np.stack(newton_euler.torques(chain, turn, list(q.T), wrenches), axis=-1)
 
 
+def strip_regressor(
+    arm: Arm, cylinders: Sequence[Cylinder], density: float, q: Array, qd: Array, qdd: Array, *, strips: int = 50
+) -> Array:
+    """(N, n, 2) torque per unit of C_d and of C_a, which it is linear in: columns to estimate them by. No buoyancy."""
+    columns = [
+        strip_torque(arm, cylinders, water, q, qd, qdd, strips=strips, buoyancy=False)
+        for water in (Water(density, 1.0, 0.0), Water(density, 0.0, 1.0))
+    ]
+    return np.stack(columns, axis=-1)
+
+
 def _strips(cylinder: Cylinder, link: Array, strips: int) -> tuple[Array, Array, float]:
     """(S, 3) centres and (3,) axis in the joint frame, and the length of a strip, m; ``link``: link frame in joint frame."""
     start, end = (link[:3, :3] @ np.array(point) + link[:3, 3] for point in (cylinder.start, cylinder.end))

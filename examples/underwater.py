@@ -4,7 +4,8 @@
 
 Free: 1 N m on joint 1 from 0 to 1 s and on joint 2 from 5 to 6 s; in air, with drag only, with added mass only, with both.
 Controlled: the arm folds and turns, with computed torque that knows nothing of the water, with the same and disturbance decoupling,
-and with computed torque that has the water in its model; once with drives strong enough for it, once with drives that are not.
+and with computed torque that has the water in its model; once with drives strong enough for it, once with drives that are not:
+there the demand is slowed as well.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from arm_model.control.computed_torque import ComputedTorque, Wanted
 from arm_model.control.decoupling import DisturbanceDecoupling
 from arm_model.control.driven import Run, TorqueController, controlled, pushed
+from arm_model.control.time_scaling import TimeScaling
 from arm_model.description import Arm, read_model
 from arm_model.hydrodynamics import Torque, TwoLinks, Water
 
@@ -32,6 +34,7 @@ WATER = Water(density=1025.0, drag=1.0, added_mass=2.0)
 STEP = 0.02  # s; half of it changes the angles by less than 1e-6 rad
 STRONG, WEAK = (20.0, 6.0), (12.0, 4.0)  # N m
 TARGET, MOVE = np.array([1.2, -1.0]), 4.0  # rad, s
+DURATION = 6.0  # s
 FREQUENCY, BANDWIDTH = 4.0, 15.0  # rad/s of the error, 1/s of the observer
 
 
@@ -65,7 +68,7 @@ def demand(t: float) -> Wanted:
 
 
 def under_control(arm: Arm, limits: tuple[float, float]) -> dict[str, Run]:
-    """The arm in water, 6 s, by its controller; all have the same limits (N m), gains and sampling."""
+    """The arm in water, DURATION s, by its controller; all have the same limits (N m), gains and sampling."""
     limited = replace(arm, joints=tuple(replace(joint, torque_limit=limit) for joint, limit in zip(arm.joints, limits)))
     dry = ComputedTorque(limited, FREQUENCY)
     controllers: dict[str, TorqueController] = {
@@ -73,10 +76,17 @@ def under_control(arm: Arm, limits: tuple[float, float]) -> dict[str, Run]:
         "with disturbance decoupling": DisturbanceDecoupling(dry, bandwidth=BANDWIDTH, period=STEP),
         "computed torque, wet model": ComputedTorque(limited, FREQUENCY, around=LINKS.torque(WATER)),
     }
-    return {
-        name: controlled(limited, controller, demand, duration=6.0, period=STEP, around=LINKS.torque(WATER))
+    water = LINKS.torque(WATER)
+    runs = {
+        name: controlled(limited, controller, demand, duration=DURATION, period=STEP, around=water)
         for name, controller in controllers.items()
     }
+    decoupled = DisturbanceDecoupling(dry, bandwidth=BANDWIDTH, period=STEP)
+    slowed = TimeScaling(decoupled, demand, np.array(limits), period=STEP)
+    run = controlled(limited, slowed, demand, duration=DURATION, period=STEP, around=water)
+    # it is judged by the demand at the pace that the limits left it
+    runs["decoupling and time scaling"] = replace(run, demand=np.array(slowed.reference))
+    return runs
 
 
 def draw_free(runs: dict[str, Run], path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 from arm_model.control.computed_torque import ComputedTorque, Wanted
 from arm_model.control.decoupling import DisturbanceDecoupling
 from arm_model.control.driven import controlled, pushed
+from arm_model.control.time_scaling import TimeScaling
 from arm_model.description import Arm, read_model
 from arm_model.dynamics import energy
 from arm_model.hydrodynamics import Torque, TwoLinks, Water
@@ -80,12 +81,42 @@ def test_unknown_torque_is_observed_at_the_bandwidth_and_cancelled(arm: Arm) -> 
 
 def test_limits_hold_and_do_not_wind_the_observer_up(arm: Arm) -> None:
     """Held away from its aim by drives too weak for it, the arm leaves as soon as the disturbance goes."""
-    weak = replace(arm, joints=tuple(replace(joint, torque_limit=1.0) for joint in arm.joints))
+    weak = limited(arm, 1.0, 1.0)
     controller = DisturbanceDecoupling(ComputedTorque(weak, 6.0), bandwidth=20.0, period=0.02)
     run = controlled(weak, controller, hold, duration=1.0, period=0.02, around=constant(np.array([3.0, 3.0])))
     assert np.abs(run.torque).max() <= 1.0
     assert (run.torque[-10:] == 1.0).all()
     np.testing.assert_allclose(controller.disturbance, [-3.0, -3.0], atol=0.1)
+
+
+def sway(t: float) -> Wanted:
+    """To POINT in 3 s, from and to rest without a jump of the acceleration."""
+    s = min(t / 3.0, 1.0)
+    return Wanted(
+        POINT * (10 * s**3 - 15 * s**4 + 6 * s**5),
+        POINT * (30 * s**2 - 60 * s**3 + 30 * s**4) / 3.0,
+        POINT * (60 * s - 180 * s**2 + 120 * s**3) / 9.0,
+    )
+
+
+def limited(arm: Arm, *limits: float) -> Arm:
+    return replace(arm, joints=tuple(replace(joint, torque_limit=limit) for joint, limit in zip(arm.joints, limits)))
+
+
+@pytest.mark.parametrize(("limits", "slowed"), [((100.0, 100.0), False), ((4.0, 1.2), True)])
+def test_time_scaling_keeps_to_the_path_within_the_limits(arm: Arm, limits: tuple[float, float], slowed: bool) -> None:
+    weak, period, water = limited(arm, *limits), 0.02, LINKS.torque(Water())
+    computed = ComputedTorque(weak, 6.0, around=water)
+    scaling = TimeScaling(computed, sway, np.array(limits), period=period)
+    run = controlled(weak, scaling, sway, duration=4.0, period=period, around=water)
+    reference = np.array(scaling.reference)
+    assert np.abs(run.q - reference).max() < 1e-3
+    behind = np.abs(reference - run.demand).max()
+    assert behind > 0.02 if slowed else behind < 1e-12
+    if slowed:  # without scaling the same limits are hit, and the path is left
+        plain = controlled(weak, computed, sway, duration=4.0, period=period, around=water)
+        assert (np.abs(plain.torque) >= limits).any() and not (np.abs(run.torque) >= limits).any()
+        assert np.abs(plain.q - plain.demand).max() > 5 * np.abs(run.q - reference).max()
 
 
 def test_still_water_takes_the_energy_of_a_pushed_arm(arm: Arm) -> None:
@@ -104,6 +135,8 @@ def test_still_water_takes_the_energy_of_a_pushed_arm(arm: Arm) -> None:
 def test_bad_start_and_unstable_sampling(arm: Arm) -> None:
     with pytest.raises(InputError, match="has shape"):
         pushed(arm, lambda t: np.zeros(2), duration=1.0, step=0.1, start=np.zeros(3))
+    with pytest.raises(InputError, match="must be positive"):
+        TimeScaling(ComputedTorque(arm, 5.0), hold, np.array([1.0, 0.0]), period=0.1)
     stiff = ComputedTorque(arm, 500.0)
     with pytest.raises(InputError, match="runs away"), np.errstate(all="ignore"):
         controlled(arm, stiff, hold, duration=10.0, period=0.1, start=np.zeros(2))
@@ -127,4 +160,5 @@ def test_example_draws_and_tells(root: Path, tmp_path: Path) -> None:
     ends = told["free_end_deg"]
     assert abs(ends["drag and added mass"][1]) < abs(ends["in air"][1])
     rms = told["controlled"]["rms_deg"]
+    assert max(told["limited"]["rms_deg"]["decoupling and time scaling"]) < 0.5
     assert max(rms["with disturbance decoupling"]) < 0.2 * max(rms["computed torque, dry model"])

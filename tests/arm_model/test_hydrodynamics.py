@@ -12,7 +12,15 @@ from scipy.integrate import quad
 from arm_model import kinematics
 from arm_model.description import Arm, read_model
 from arm_model.dynamics import forward_dynamics, mass_matrix
-from arm_model.hydrodynamics import Cylinder, TwoLinks, Water, accelerations, cylinder_along, strip_torque
+from arm_model.hydrodynamics import (
+    Cylinder,
+    TwoLinks,
+    Water,
+    accelerations,
+    cylinder_along,
+    strip_regressor,
+    strip_torque,
+)
 from inputs import InputError
 from tests.arm_model.random_arms import random_arm, random_states
 
@@ -116,6 +124,14 @@ def test_a_body_as_heavy_as_water_floats() -> None:
     weight = rigid_torque(arm, q, none, none)
     assert np.abs(weight).max() > 1.0
     np.testing.assert_allclose(weight + strip_torque(arm, [body], Water(), q, none, none), 0.0, atol=1e-9)
+
+
+def test_coefficients_are_found_again_from_torques(arm: Arm) -> None:
+    states = random_states(4, 2)
+    measured = LINKS.torque(Water(drag=1.3, added_mass=1.7))(*states)
+    columns = strip_regressor(arm, cylinders(arm), 1025.0, *states, strips=400).reshape(-1, 2)
+    found = np.linalg.lstsq(columns, measured.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(found, [1.3, 1.7], rtol=1e-4)
 
 
 def test_accelerations_satisfy_the_equation_they_solve(arm: Arm) -> None:
