@@ -81,6 +81,8 @@ def _record(server: Server, rig: Path, experiment: Path, out: Path) -> Table:
         active = out.absolute().with_name(out.name + ".active")
         if fault.device == "daemon" and active.exists():
             raise DeviceFault("daemon", f"{fault.what}; what it recorded is in {active}: 'armscope recover'") from None
+        if fault.device == "daemon" and out.exists():
+            raise DeviceFault("daemon", f"{fault.what}; it finished {out} before it ended: 'armscope info'") from None
         raise
     finally:
         for number, handler in before.items():

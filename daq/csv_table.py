@@ -21,6 +21,8 @@ from inputs import InputError
 Array = NDArray[np.float64]
 
 _JOINT_COLUMN = re.compile(rf"({'|'.join(JOINT_TOPICS)})([1-9][0-9]*)")
+_LARGEST = 1e15
+"""In rad, m, A, V or degC: nothing measures more, and squares of it are still numbers."""
 _KNOWN = "t, q1.., i1.., qref1.., ql1.., v1.., temp1.., x, y, z"
 
 
@@ -61,6 +63,13 @@ def read_csv(path: str | Path, *, joints: int | None = None, keep_extra: bool = 
     columns = {name: _numbers(path, name, lines, column) for name, column in zip(names, cells)}
     t = columns.pop("t")
     _check_time(path, lines, t)
+    for name, values in columns.items():
+        if (name in "xyz" or _JOINT_COLUMN.fullmatch(name)) and (wrong := np.abs(values) > _LARGEST).any():
+            row = int(np.argmax(wrong))
+            raise InputError(
+                path,
+                f"line {lines[row]}, column {name}: {values[row]:g} is no measurement; a missing sample is an empty cell",
+            )
     signals: dict[str, Array] = {}
     for name in list(columns):
         match = _JOINT_COLUMN.fullmatch(name)
@@ -149,7 +158,7 @@ def _check_names(path: str | Path, names: Sequence[str], joints: int | None, kee
         close = difflib.get_close_matches(missing[0], unknown, 1, 0.5)
         hint = f"; is it {close[0]!r}?" if close else ""
         more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
-        rig = f"; the rig has {joints} joints" if joints else ""
+        rig = f"; the rig has {joints} joint{'s' * (joints > 1)}" if joints else ""
         raise InputError(path, f"line 1: column {missing[0]} is missing{more}{hint or rig}")
     for match in by_joint:
         if match[0] in unknown:
