@@ -82,7 +82,9 @@ def _record(server: Server, rig: Path, experiment: Path, out: Path) -> Table:
         if fault.device == "daemon" and active.exists():
             raise DeviceFault("daemon", f"{fault.what}; what it recorded is in {active}: 'armscope recover'") from None
         if fault.device == "daemon" and out.exists():
-            raise DeviceFault("daemon", f"{fault.what}; it finished {out} before it ended: 'armscope info'") from None
+            raise DeviceFault(
+                "daemon", f"{fault.what}; it finished {out.absolute()} before it ended: 'armscope info'"
+            ) from None
         raise
     finally:
         for number, handler in before.items():

@@ -182,6 +182,22 @@ def test_sigterm_mid_run_finishes_the_file(lab: Lab) -> None:
     assert json.loads(recording.attachments["run.json"])["ending"]["reason"] == "terminated"
 
 
+def test_the_recorder_of_a_daemon_that_is_told_to_end_names_the_finished_file(lab: Lab) -> None:
+    lab.experiment(60)
+    daemon = lab.daemon()
+    recorder = lab.record()
+    with lab.session() as session:
+        lab.until(session, lambda status: status["run"] and status["run"]["recorded"] > 100)
+        daemon.send_signal(signal.SIGTERM)
+        out, err = recorder.communicate(timeout=60)
+    if recorder.returncode == 0:  # it has asked once more between the end of the run and that of the daemon
+        assert json.loads(out)["ending"]["reason"] == "terminated"
+    else:
+        assert (recorder.returncode, err.count("\n")) == (3, 1)
+        assert f"it finished {lab.folder / 'run.mcap'}" in err
+    assert open_recording(lab.folder / "run.mcap").finished
+
+
 def test_sigkill_mid_run_is_recoverable(lab: Lab) -> None:
     lab.experiment(60)
     daemon = lab.daemon()
