@@ -12,6 +12,10 @@ from arm_model.tape import Expr, Node, Tape, needed
 _SUM, _PRODUCT, _POWER, _ATOM = 1, 2, 3, 4
 _MOMENTS = {"mass": "m", "mx": "mx", "my": "my", "mz": "mz"}
 _OF_JOINT = {
+    "tau": r"\tau_{{{}}}",
+    "q": "q_{{{}}}",
+    "qd": r"\dot q_{{{}}}",
+    "qdd": r"\ddot q_{{{}}}",
     "theta": r"\theta_{{{}}}",
     "speed": r"\dot\theta_{{{}}}",
     "phi": r"\varphi_{{{}}}",
@@ -31,7 +35,7 @@ _OF_JOINT = {
 
 
 def symbol(name: str) -> str:
-    """The symbol of an input of a generated system (names: ``arm_model.loop``, ``arm_model.numbers``)."""
+    """The symbol of an input of a generated system (names: ``arm_model.loop``, ``arm_model.numbers``, ``arm_model.formulations``)."""
     if name == "time":
         return "t"
     if name.startswith("gravity"):
@@ -51,9 +55,11 @@ def _words(name: str) -> str:
     return name.replace("_", r"\ ")
 
 
-def rate_symbol(name: str) -> str:
-    r"""The derivative of a state: \ddot\theta_1 of speed0."""
-    text = symbol(name)
+def output_symbol(name: str) -> str:
+    r"""The symbol of what is worked out: of tau0, or of the derivative of a state, \ddot\theta_1 of "d speed0/dt"."""
+    if not name.startswith("d "):
+        return symbol(name)
+    text = symbol(name.removeprefix("d ").removesuffix("/dt"))
     return text.replace(r"\dot", r"\ddot") if r"\dot" in text else rf"\dot {text}"
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import typer
 
 from arm_model.description import Arm, read_model, write_model
+from arm_model.tape import Expr, Tape
 from inputs import InputError
 
 
@@ -25,10 +26,21 @@ class Form(StrEnum):
     C = "c"
 
 
+class Formulation(StrEnum):
+    """The ways to the equations."""
+
+    NEWTON_EULER = "newton-euler"
+    LAGRANGE = "lagrange"
+    KANE = "kane"
+
+
 def command(
     model: Annotated[Path, typer.Argument(help="the arm: a model file (.toml) or a URDF file (.urdf)")],
     out: Annotated[Path | None, typer.Option(help="write the arm as .toml or .urdf")] = None,
     equations: Annotated[Form | None, typer.Option(help="print the accelerations: text, latex, python or c")] = None,
+    by: Annotated[
+        Formulation | None, typer.Option(help="with --equations: the torques of the rigid links, by this formulation")
+    ] = None,
     formulations: Annotated[
         bool, typer.Option(help="compare Newton-Euler, Lagrange and Kane: operations, generation, agreement")
     ] = False,
@@ -38,8 +50,12 @@ def command(
     arm = _read(model, tip)
     if out is not None:
         _write(out, arm)
+    if by is not None and equations is None:
+        raise InputError(
+            "--by", "says whose equations to print; --equations text, latex, python or c is wanted with it"
+        )
     if equations is not None:
-        print(_equations(arm, equations), end="")
+        print(_equations(arm, equations, by), end="")
         return
     if formulations:
         _compare(arm, as_json)
@@ -120,9 +136,12 @@ def _text(summary: dict[str, Any]) -> str:
 
 
 def _compare(arm: Arm, as_json: bool) -> None:
+    from rich.console import Console
+
     from arm_model.formulations.comparison import SYMPY_JOINTS, compare
 
-    rows = compare(arm)
+    with Console(stderr=True).status("generating the equations, several ways"):
+        rows = compare(arm)
     if as_json:
         print(json.dumps({"name": arm.name, "formulations": [asdict(row) for row in rows]}))
         return
@@ -138,24 +157,37 @@ def _compare(arm: Arm, as_json: bool) -> None:
         )
 
 
-def _equations(arm: Arm, form: Form) -> str:
+def _equations(arm: Arm, form: Form, by: Formulation | None) -> str:
+    """The accelerations as they are compiled, or the torques of the rigid links by one formulation."""
     from arm_model import latex, printing
-    from arm_model.simulation import system_of
     from arm_model.tape import needed
 
-    system = system_of(arm)
+    what, tape, outputs = _accelerations(arm) if by is None else _torques(arm, by)
     if form is Form.LATEX:
-        told = zip(map(latex.rate_symbol, system.states), system.rates)
         # that the rate of an angle is a speed is in the notation
-        worked_out = {name: rate for name, rate in told if system.tape.nodes[rate.index].operation != "input"}
-        return latex.equations(system.tape, worked_out)
+        told = {name: value for name, value in outputs.items() if tape.nodes[value.index].operation != "input"}
+        return latex.equations(tape, {latex.output_symbol(name): value for name, value in told.items()})
     if form is Form.TEXT:
-        rates = {f"d {name}/dt": rate for name, rate in zip(system.states, system.rates)}
-        return printing.equations(system.tape, rates) + "\n"
-    nodes = [system.tape.nodes[index] for index in needed(system.tape, system.rates)]
+        return printing.equations(tape, outputs) + "\n"
+    nodes = [tape.nodes[index] for index in needed(tape, outputs.values())]
     legal = {node.name: node.name.replace(".", "_") for node in nodes if node.operation == "input"}
     python = form is Form.PYTHON
     write: Callable[..., str] = printing.python_function if python else printing.c_function
     arguments = [name if python else f"double {name}" for name in legal.values()]
     head = "" if python else "#include <math.h>\n\n"
-    return head + write("rates", arguments, system.tape, system.rates, legal)
+    return head + write(what, arguments, tape, list(outputs.values()), legal)
+
+
+def _accelerations(arm: Arm) -> tuple[str, Tape, dict[str, Expr]]:
+    from arm_model.simulation import system_of
+
+    system = system_of(arm)
+    return "rates", system.tape, {f"d {name}/dt": rate for name, rate in zip(system.states, system.rates)}
+
+
+def _torques(arm: Arm, by: Formulation) -> tuple[str, Tape, dict[str, Expr]]:
+    from arm_model.formulations.comparison import TORQUES
+    from arm_model.formulations.links import symbols_of
+
+    symbols = symbols_of(arm)
+    return "torques", symbols.tape, {f"tau{j}": tau for j, tau in enumerate(TORQUES[by.value](symbols))}

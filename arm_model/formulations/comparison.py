@@ -28,6 +28,9 @@ SYMPY_JOINTS = 3
 """sympy's methods are asked for arms of up to so many joints; it takes them seconds there, and minutes beyond."""
 
 
+Torques = Callable[[Symbols], list[Expr]]
+
+
 @dataclass(frozen=True)
 class Formulation:
     """One line of the table. torque_operations: of tau(q, q', q''), None where it is not what the method gives;
@@ -53,9 +56,9 @@ def compare(arm: Arm, *, with_sympy: bool | None = None, states: int = 100, seed
 
     rows = []
     for name, torques, matrix in (
-        ("Newton-Euler", _recursion, _composite_bodies),
-        ("Lagrange", lagrange.torques, None),
-        ("Kane", kane.torques, None),
+        ("Newton-Euler", TORQUES["newton-euler"], _composite_bodies),
+        ("Lagrange", TORQUES["lagrange"], None),
+        ("Kane", TORQUES["kane"], None),
     ):
         began = time.perf_counter()
         symbols = symbols_of(arm)
@@ -69,24 +72,25 @@ def compare(arm: Arm, *, with_sympy: bool | None = None, states: int = 100, seed
     return rows
 
 
-Torques = Callable[[Symbols], list[Expr]]
-
-
 def _generate(symbols: Symbols, torques: Torques, matrix: Torques | None) -> tuple[list[Expr], list[Expr]]:
     """Torques; and the upper triangle of the mass matrix (by default d tau / d q''), and the torques at q'' = 0."""
-    tau = [symbols.tape.expr(value) for value in torques(symbols)]
+    tau = torques(symbols)
     if matrix is not None:
         upper = matrix(symbols)
     else:
         upper = [derivative(tau[i], symbols.qdd[k]) for i in range(len(tau)) for k in range(i, len(tau))]
-    bias = [symbols.tape.expr(value) for value in torques(symbols.at_rest())]
-    return tau, [*upper, *bias]
+    return tau, [*upper, *torques(symbols.at_rest())]
 
 
 def _recursion(symbols: Symbols) -> list[Expr]:
     turn = newton_euler.turns(symbols.chain, symbols.q, scalar.cos, scalar.sin)
     moving = symbols.q, symbols.qd, symbols.qdd
-    return newton_euler.inverse_dynamics(symbols.chain, symbols.bodies, turn, *moving, symbols.gravity)
+    tau = newton_euler.inverse_dynamics(symbols.chain, symbols.bodies, turn, *moving, symbols.gravity)
+    return [symbols.tape.expr(value) for value in tau]
+
+
+TORQUES: dict[str, Torques] = {"newton-euler": _recursion, "lagrange": lagrange.torques, "kane": kane.torques}
+"""Joint torques tau(q, q', q'') of the rigid links, by the name of the formulation."""
 
 
 def _composite_bodies(symbols: Symbols) -> list[Expr]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -116,6 +117,35 @@ def test_latex(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert _readable(printed) > 8
 
 
+@pytest.mark.parametrize("by", ["newton-euler", "lagrange", "kane"])
+def test_torques_as_source(root: Path, by: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The printed Python, run: the torques of the two-link arm as every textbook has them."""
+    model = str(root / "config/models/underwater.toml")
+    assert run(["model", model, "--equations", "python", "--by", by]) == 0
+    space: dict[str, Any] = {"sin": np.sin, "cos": np.cos}
+    exec(capsys.readouterr().out, space)
+    torques = space["torques"]
+    inertia, moment = 0.167 + 2 * 0.25, 2 * 0.5  # of each link about its own joint
+    q2, u1, u2, a1, a2 = 0.4, 0.3, -0.8, 1.1, 0.7
+    known = dict(body0_9=inertia + 2.0, body1_1=moment, body1_9=inertia)  # link 1 carries the mass of link 2
+    moving = dict(q1=q2, qd0=u1, qd1=u2, qdd0=a1, qdd1=a2)
+    wanted = torques.__code__.co_varnames[: torques.__code__.co_argcount]
+    c, s = moment * np.cos(q2), moment * np.sin(q2)
+    np.testing.assert_allclose(
+        torques(**{name: (known | moving)[name] for name in wanted}),
+        [
+            (2 * inertia + 2.0 + 2 * c) * a1 + (inertia + c) * a2 - s * (2 * u1 * u2 + u2**2),
+            (inertia + c) * a1 + inertia * a2 + s * u1**2,
+        ],
+    )
+    assert run(["model", model, "--equations", "latex", "--by", by]) == 0
+    printed = capsys.readouterr().out
+    assert r"\tau_{2} &= " in printed and r"\ddot q_{1}" in printed
+    _readable(printed, every=3)
+    assert run(["model", model, "--by", by]) == 2
+    assert "--equations" in capsys.readouterr().err
+
+
 def test_latex_of_effects(puma: Arm) -> None:
     terms = (
         EffectTerm("stribeck_friction", 1, {"breakaway": 3.0, "stribeck_velocity": 0.05}),
@@ -123,5 +153,5 @@ def test_latex_of_effects(puma: Arm) -> None:
         EffectTerm("presliding_friction", 3, {"stiffness": 1e4, "damping": 10.0}),
     )
     system = system_of(replace(three_links(puma), effects=terms))
-    names = map(latex.rate_symbol, system.states)
+    names = [latex.output_symbol(f"d {name}/dt") for name in system.states]
     assert _readable(latex.equations(system.tape, dict(zip(names, system.rates))), every=7) > 50
