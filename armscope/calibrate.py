@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from inputs import InputError
+from inputs import InputError, check_folder, make_folder, write_text
 
 if TYPE_CHECKING:
     from arm_model.description import Arm
@@ -62,6 +62,7 @@ def command(
 
     from arm_model.description import read_model
 
+    check_folder(out)
     arm = read_model(model)
     if not run and poses is None and not cube:
         raise InputError("RUN.mcap", "is missing; recordings with tracker points are wanted, or --poses N, or --cube")
@@ -76,7 +77,7 @@ def command(
             known, place = _ground(tracked, point, unknown_frame)
             calibration = _calibrate(arm, tracked, len(run), place, target_std, known, geometry_only, status.update)
             status.update("report")
-        _folder(out)
+        make_folder(out)
         if calibration is not None:
             written = _write(out, arm, tracked, calibration)
         if poses is not None:
@@ -166,7 +167,7 @@ def _write(out: Path, arm: Arm, tracked: list[Tracked], calibration: Calibration
     from identification.kinematics.iso_cube import NAME, cube_report
     from identification.kinematics.recordings import gravity_of
     from identification.kinematics.report import page
-    from identification.kinematics.results import calibrated_model, table_of, write_json, write_text
+    from identification.kinematics.results import calibrated_model, table_of, write_json
 
     gravity = gravity_of(arm)
     table = table_of(arm, calibration)
@@ -230,10 +231,3 @@ def _write_cube(out: Path, arm: Arm, calibration: Calibration | None) -> None:
     targets = cube_targets(arm, centre, 0.5, posture, model)
     heading = "ISO 9283 cube, targets corrected so that the calibrated arm goes where the nominal one was planned to"
     write_experiment(out / "iso_cube_corrected.toml", cube_experiment(targets, 0.5), heading=heading)
-
-
-def _folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(out, f"cannot be made a folder: {error.strerror}") from None

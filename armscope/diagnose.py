@@ -35,7 +35,9 @@ def command(
     from diagnosis.diagnose import diagnose
     from diagnosis.files import write_diagnosis
     from diagnosis.split import split
+    from inputs import check_folder
 
+    check_folder(out)
     arm = read_model(model)
     fitted = [open_recording(path) for path in fit]
     held = [open_recording(path) for path in held_out or []]

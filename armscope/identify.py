@@ -63,7 +63,9 @@ def command(
     from daq.recording import open_recording
     from identification.files import write_identification
     from identification.methods import identify_by
+    from inputs import check_folder
 
+    check_folder(out)
     arm = read_model(model)
     fitted = [open_recording(path) for path in run]
     held = [open_recording(path) for path in held_out or []]

@@ -14,6 +14,7 @@ from diagnosis.diagnose import Cause, Diagnosis
 from diagnosis.report import report
 from diagnosis.separate import separating_experiment
 from experiment import write_experiment
+from inputs import make_folder, write_text
 
 SCHEMA = "armscope.diagnosis/1"
 
@@ -73,7 +74,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
 
 def write_diagnosis(out: Path, result: Diagnosis, fit: list[Recording], held_out: list[Recording]) -> dict[str, Any]:
     """Writes DIR/diagnosis.json, report.html, model.toml, and separate_K.toml for every cause that comes as a group."""
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     table = table_of(result, fit, held_out)
     for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
         if len(cause.group) > 1:
@@ -81,12 +82,6 @@ def write_diagnosis(out: Path, result: Diagnosis, fit: list[Recording], held_out
             write_experiment(path, separating_experiment(cause, result), heading=cause.separate_by or "")
             row["separate_by"] = str(path)
     write_model(out / "model.toml", result.extended)
-    _write(out / "report.html", report(result, table))
-    _write(out / "diagnosis.json", json.dumps(table, indent=2) + "\n")
+    write_text(out / "report.html", report(result, table))
+    write_text(out / "diagnosis.json", json.dumps(table, indent=2) + "\n")
     return table
-
-
-def _write(path: Path, text: str) -> None:
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)

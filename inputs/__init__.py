@@ -1,6 +1,16 @@
 """What people hand us, and how it is refused: one line that says where, what, and what would be right."""
 
 from inputs.problems import DeviceFault, InputError
+from inputs.results import check_folder, make_folder, write_text
 from inputs.toml import check_table, read_toml, write_toml
 
-__all__ = ["DeviceFault", "InputError", "check_table", "read_toml", "write_toml"]
+__all__ = [
+    "DeviceFault",
+    "InputError",
+    "check_folder",
+    "check_table",
+    "make_folder",
+    "read_toml",
+    "write_text",
+    "write_toml",
+]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from inputs.problems import InputError
+from inputs.results import write_text
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
@@ -70,15 +69,5 @@ def write_toml(path: str | Path, table: Mapping[str, Any], *, heading: str = "")
     """Writes ``table``, whole or not at all (temporary file, then rename); ``heading`` becomes comment lines on top."""
     import tomli_w
 
-    path = Path(path)
     comment = "".join(f"# {line}".rstrip() + "\n" for line in heading.splitlines())
-    text = comment + ("\n" if comment else "") + tomli_w.dumps(table)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    write_text(path, comment + ("\n" if comment else "") + tomli_w.dumps(table))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from identification.kinematics.calibration import Calibration
 from identification.kinematics.circle_point import Circle
 from identification.kinematics.judging import PositionError
 from identification.kinematics.parameters import calibrated_arm, target_of, tracker_pose
+from inputs import write_text
 
 NAMES = ("theta", "alpha", "a", "d", "beta")
 
@@ -88,19 +87,6 @@ def calibrated_model(arm: Arm, calibration: Calibration) -> Arm:
 def write_json(path: Path, table: dict[str, Any]) -> None:
     """Writes a JSON file, whole or not at all."""
     write_text(path, json.dumps(table, indent=1, allow_nan=False, default=float) + "\n")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Writes a text file, whole or not at all."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
 
 
 def summary(table: dict[str, Any]) -> str:
