@@ -192,8 +192,9 @@ def accelerations(arm: Arm, around: Torque, q: Array, qd: Array, tau: Array) -> 
     """(N, n) accelerations of an arm under joint torques ``tau`` with ``around`` (the water's) to overcome as well."""
     q, qd, tau = samples(arm, q, qd, tau)
     n, none = len(arm), np.zeros_like(q)
-    bias = around(q, qd, none)
-    columns = [around(q, qd, none + np.eye(n)[k]) - bias for k in range(n)]
-    matrix = mass_matrix(arm, q) + np.stack(columns, axis=-1)
-    right = tau - inverse_dynamics(arm, q, qd, none) - bias
+    # affine in the acceleration: its value without one, and with each alone
+    each = np.concatenate([none, *(none + row for row in np.eye(n))])
+    water = around(np.tile(q, (n + 1, 1)), np.tile(qd, (n + 1, 1)), each).reshape(n + 1, *q.shape)
+    matrix = mass_matrix(arm, q) + np.moveaxis(water[1:] - water[0], 0, -1)
+    right = tau - inverse_dynamics(arm, q, qd, none) - water[0]
     return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], float)
