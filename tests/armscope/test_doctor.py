@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,9 @@ from armscope.cli import run
 
 def rig_file(root: Path, folder: Path, more: str = "") -> str:
     text = (root / "config/puma560_sim.toml").read_text()
-    text = text.replace('"puma560_sim"', f'"{folder.name}"', 1).replace('"models/', f'"{root}/config/models/')
+    text = text.replace('"puma560_sim"', f'"{folder.name}-{os.getpid()}"', 1).replace(
+        '"models/', f'"{root}/config/models/'
+    )
     (folder / "rig.toml").write_text(f"{text}\n{more}")
     return str(folder / "rig.toml")
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from drivers import labjack_t7
 from tests.ports import free_port
 
 RIG = """
-name = "t7"
+name = "t7-{run}"
 watchdog = 4.0
 [trigger]
 source = "timer"
@@ -50,7 +51,7 @@ def write_rig(folder: Path, patience: float = 3.0) -> tuple[Path, labjack_t7.Con
     """The rig file, and its T7's Config for a simulator."""
     port, stream_port = free_port(), free_port()
     path = folder / "rig.toml"
-    path.write_text(RIG.format(port=port, stream_port=stream_port, patience=patience))
+    path.write_text(RIG.format(run=os.getpid(), port=port, stream_port=stream_port, patience=patience))
     where = labjack_t7.Config(
         host="127.0.0.1", port=port, stream_port=stream_port, counters=(0, 2), inputs=(0, 1), watchdog=2
     )

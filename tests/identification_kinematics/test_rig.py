@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -27,6 +28,7 @@ def test_a_rig_with_a_wrong_model_is_calibrated_and_corrected(root: Path, tmp_pa
     nominal = puma(root)
     write_model(tmp_path / "true.toml", with_errors(nominal, np.random.default_rng(77)))
     text = (root / "config/puma560_sim.toml").read_text()
+    text = text.replace('"puma560_sim"', f'"{tmp_path.name}-{os.getpid()}"', 1)
     text = text.replace('model = "models/', f'model = "{root}/config/models/', 1)
     text = text.replace('pace = "wall"', f'pace = "fast"\nmodel = "{tmp_path}/true.toml"')
     rig = tmp_path / "rig.toml"
