@@ -19,10 +19,12 @@ from drivers.shapes import Block, CounterMode, EdgeSource, Plan, Quality
 from inputs import DeviceFault
 from sim_backend.protocol import labjack_t7 as simulator
 from sim_backend.protocol.wires import Wires
-from tests.drivers.swing import counts, read_rows, swing_wires, volts
+from tests.drivers.swing import AMPLITUDE, counts, read_rows, swing_wires, volts
 from tests.ports import free_port
 
 TIMER = EdgeSource.TIMER
+FASTEST = 2 * np.pi * 0.75 * AMPLITUDE  # counts/s of channel 2
+STEEPEST = 2 * np.pi * 2.0 * 3.0  # V/s of input 7
 
 
 def config(**options: object) -> driver.Config:
@@ -54,6 +56,11 @@ def as_measured(block: Block, zero: np.ndarray) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
+def stamped_within(device: driver.LabJackT7) -> float:
+    """s by which rows so far may have been stamped too early or late: half a round trip, of which a busy machine makes long ones."""
+    return 0.5e-9 * max(trip for _, _, trip in device._ticks._readings)
+
+
 def test_counts_and_volts_are_those_on_the_wires(rig) -> None:
     device, box, _ = rig
     identity = device.open()
@@ -66,9 +73,9 @@ def test_counts_and_volts_are_those_on_the_wires(rig) -> None:
     zero = np.array([box._zero[line] for line in (0, 2, 6)])
     at = block.host
     truth = np.stack([counts(c, at) for c in range(3)], axis=1)
-    # The host's view of a tick is good to a fraction of a millisecond, the same for all rows: 94 counts a millisecond at most, on a busy machine two.
-    assert np.abs(as_measured(block, zero) - truth).max() < 200
-    assert np.abs(block.volts - np.stack([volts(k, at) for k in range(8)], axis=1)).max() < 0.01
+    off = stamped_within(device)
+    assert np.abs(as_measured(block, zero) - truth).max() < 5 + FASTEST * off
+    assert np.abs(block.volts - np.stack([volts(k, at) for k in range(8)], axis=1)).max() < 0.002 + STEEPEST * off
     assert not block.quality.any()
 
 
@@ -116,7 +123,7 @@ def test_preset_and_what_the_t7_cannot_do(rig) -> None:
     device.arm(Plan(TIMER, 500.0, 1))
     block = all_columns(device, read_rows(device.read, 1))
     moved = counts(1, block.host)[0] - box._zero[2]
-    assert abs(int(block.counts[0, 1]) - 5000 - int(moved)) < 60, reference
+    assert abs(int(block.counts[0, 1]) - 5000 - int(moved)) < 5 + FASTEST * stamped_within(device), reference
     with pytest.raises(DeviceFault, match="x4 only"):
         device.configure(0, CounterMode.X1)
     with pytest.raises(DeviceFault, match="lower the rate"):
@@ -130,6 +137,7 @@ def test_a_pulled_cable_leaves_a_gap_in_the_numbers(rig) -> None:
     device.open()
     device.arm(Plan(TIMER, 1000.0, None))
     before = all_columns(device, read_rows(device.read, 100))
+    off = stamped_within(device)
     box.pull_cable()
     cut = time.monotonic()
     while device._link.connected:
@@ -141,13 +149,15 @@ def test_a_pulled_cable_leaves_a_gap_in_the_numbers(rig) -> None:
     after = all_columns(device, read_rows(device.read, 100))
     gap = after.number[0] - before.number[-1]
     seconds = (after.host[0] - before.host[-1]) * 1e-9
-    assert gap == pytest.approx(seconds * 1000, abs=1.5) and gap > 250
+    off = max(off, stamped_within(device))
+    assert gap == pytest.approx(seconds * 1000, abs=0.6 + 2000 * off) and gap > 250
     both = all_columns(device, [before, after])
     assert np.all(np.diff(both.number) >= 1)
     assert not after.quality.any()
     zero = np.array([box._zero[line] for line in (0, 2, 6)])
     truth = np.stack([counts(c, both.host) for c in range(3)], axis=1)
-    assert np.abs(as_measured(both, zero) - truth).max() < 60  # counting went on behind the pulled cable
+    # Counting went on behind the pulled cable.
+    assert np.abs(as_measured(both, zero) - truth).max() < 5 + FASTEST * off
 
 
 def test_a_reset_is_found_and_marked(rig) -> None:
@@ -226,14 +236,16 @@ def test_garbage_on_the_stream_ends_the_connection_not_the_truth(rig) -> None:
     device.open()
     device.arm(Plan(TIMER, 1000.0, None))
     before = all_columns(device, read_rows(device.read, 50))
+    off = stamped_within(device)
     with box._lock:
         box._outgoing += b"\x99" * 64
     after = all_columns(device, read_rows(device.read, 200))
+    off = max(off, stamped_within(device))
     both = all_columns(device, [before, after])
     assert np.all(np.diff(both.number) >= 1)
     zero = np.array([box._zero[line] for line in (0, 2, 6)])
     truth = np.stack([counts(c, both.host) for c in range(3)], axis=1)
-    assert np.abs(as_measured(both, zero) - truth).max() < 200
+    assert np.abs(as_measured(both, zero) - truth).max() < 5 + FASTEST * off
 
 
 def test_a_clock_that_drifts_is_followed(rig) -> None:
