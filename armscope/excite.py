@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -26,6 +27,7 @@ def command(
     ] = Criterion.d,
     candidates: Annotated[int, typer.Option(min=32, help="motions to try")] = 1600,
     seed: Annotated[int, typer.Option(help="the same seed gives the same motion")] = 1,
+    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:
     """Designs an excitation."""
     from rich.console import Console
@@ -49,4 +51,7 @@ def command(
             progress=lambda share, text: bar.update(task, completed=share, description=text),
         )
     write_experiment(out, found, heading=f"Excitation for {arm.name}, seed {seed}, {candidates} candidates.")
-    print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints")
+    if as_json:
+        print(json.dumps({"file": str(out), "duration": duration, "joints": len(arm), "harmonics": harmonics}))
+    else:
+        print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints")

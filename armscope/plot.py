@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,7 @@ def command(
     recordings: Annotated[list[Path], typer.Argument(help="RUN.mcap ...: measured first, then simulated")],
     out: Annotated[Path, typer.Option(help="the picture (.png, .svg or .pdf)")],
     joint: Annotated[list[int] | None, typer.Option(help="only this joint (may be given more than once)")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:
     if out.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(out, "the name of a picture wants to end in .png, .svg or .pdf")
@@ -29,4 +31,4 @@ def command(
         figure.savefig(out, dpi=110)
     except OSError as error:
         raise InputError(out, f"cannot be written: {error.strerror}") from None
-    print(out)
+    print(json.dumps({"file": str(out)}) if as_json else out)

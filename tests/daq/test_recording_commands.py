@@ -118,6 +118,18 @@ def test_no_recording(command: str, tmp_path: Path, capsys: pytest.CaptureFixtur
     assert [path.name for path in tmp_path.iterdir()] == ["text.mcap"]
 
 
+@pytest.mark.parametrize("command", ["info", "export", "recover", "plot"])
+def test_json_is_all_that_is_printed(
+    command: str, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    suffix = {"export": ".csv", "plot": ".png"}.get(command, ".mcap")
+    out = [] if command == "info" else ["--out", str(tmp_path / f"out{suffix}")]
+    status = run([command, str(recorded), *out, "--json"])
+    table = json.loads(capsys.readouterr().out)
+    assert status == (0 if command == "plot" else 4)
+    assert table["file"] == (out[1] if out else str(recorded))
+
+
 def test_plot_draws_several_on_one_another(table: Path, recorded: Path, tmp_path: Path) -> None:
     from matplotlib.image import imread
 
