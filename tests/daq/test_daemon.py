@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from daq.client import call
+from daq.ledger import LossReason
 from daq.mcap_file import ACTIVE
 from daq.recording import open_recording
 from daq.rig import Rig, read_rig
@@ -266,8 +267,12 @@ def test_unplugged_device_ends_the_run_and_keeps_the_file(lab: Lab) -> None:
     assert "counter1" in err
     assert result["ending"]["reason"] == "device_lost"
     recording = open_recording(lab.folder / "run.mcap")
-    assert 3800 < len(recording) == result["rows"] < 4100
+    assert len(recording) == result["rows"] <= 4001
     assert recording.ledger.balanced
+    # What the host had not read yet when the card went is lost, and is all that is lost: on a busy machine more than on a quiet one.
+    assert recording.number.tolist() == list(range(len(recording)))
+    assert {loss.reason for loss in recording.ledger.losses} <= {LossReason.DEVICE_GONE}
+    assert recording.ledger.triggers >= 3990
 
 
 def test_daemon_survives_an_unplugged_device_and_takes_it_back(lab: Lab) -> None:
