@@ -43,7 +43,7 @@ def together(driver: Any, simulator: Any, where: Any) -> Iterator[tuple[Any, Any
 
 @pytest.fixture(params=[virtual, multicast], ids=["virtual", "multicast"])
 def encoders(request: pytest.FixtureRequest) -> Iterator[tuple[Any, Any]]:
-    yield from together(cia406, sim_cia406, cia406.Config(nodes=(1, 2, 5), bits=25, timeout=0.05, **request.param()))
+    yield from together(cia406, sim_cia406, cia406.Config(nodes=(1, 2, 5), bits=25, timeout=1.0, **request.param()))
 
 
 @pytest.fixture
@@ -233,7 +233,7 @@ def test_sensors_that_fall_silent_are_stale_then_sought(sensors: tuple[Any, Any]
 
 def test_two_drivers_share_one_bus() -> None:
     bus = virtual()
-    here = cia406.Config(nodes=(1,), bits=25, **bus)
+    here = cia406.Config(nodes=(1,), bits=25, timeout=1.0, **bus)
     there = isabellenhuette_ivts.Config(sensors=SENSORS[:1], period=5, **bus)
     boxes = [sim_cia406.make("e", here, swing_wires()), sim_ivts.make("i", there, swing_wires())]
     for box in boxes:
