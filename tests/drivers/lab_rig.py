@@ -37,7 +37,8 @@ encoder = {{ device = "daq", channel = 1, lines = 1000, preset = 0 }}
 """
 
 PROGRAM = """
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in what a shell started in the background
 from daq.bench import open_bench
 from daq.rig import read_rig
 from daq.sampler import Acquisition
