@@ -59,7 +59,10 @@ class Candidate:
 
     def columns(self, run: Run, arm: Arm) -> Array:
         """(m, n, k) A: change of ``run.residual`` for a unit of each of k coefficients."""
-        effect = self.definition
+        effect, arm = self.definition, run.arm
+        if not run.powered and effect.current is None:  # the brakes hold; only what the instruments add is there
+            count = 4 if effect.name == "payload" else 10 if effect.name == "link_inertia" else len(self.units())
+            return np.zeros((*run.current.shape, 1 if effect.delay is not None else count))
         if effect.name == "payload":
             # mass and first moment, which carry gravity; its own inertia follows from them when it is fitted
             return _link_columns(run, arm, len(arm))[..., :4]

@@ -14,6 +14,7 @@ from arm_model.description import Arm
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate
 from daq.recording import Recording
+from diagnosis.setup import loaded, setup_of
 
 Array = NDArray[np.float64]
 
@@ -38,8 +39,10 @@ class Compared:
 
 def compare(recording: Recording, arm: Arm) -> Compared | None:
     """The recording's demands run through the model's closed loop; None where there is no demand or no controller to run."""
-    if recording.qref is None or arm.controller is None or np.isnan(recording.qref).any():
+    setup = setup_of(recording)
+    if recording.qref is None or arm.controller is None or np.isnan(recording.qref).any() or setup.drives_off:
         return None
+    arm = loaded(arm, setup.payload)
     knots, demanded = recording.t, recording.qref
 
     def demand(times: Array) -> Array:

@@ -26,6 +26,7 @@ from diagnosis.parameters import Estimate, estimates, physical, sharpened
 from diagnosis.projection import confusability, span_of
 from diagnosis.remainder import Structure, structure_left
 from diagnosis.selection import Accepted, Look, Pair, accept, look, matters, round_of, simplest
+from diagnosis.setup import loaded, setup_of
 from diagnosis.visibility import Invisible, not_visible
 from inputs import InputError
 
@@ -90,7 +91,9 @@ def diagnose(
     for index, recording in enumerate(everything):
         progress(f"seeing {recording.path.name} through the model")
         q = event_search.without_jumps(recording, index, found)
-        runs.append(see(recording.path.name, arm, recording.t, q, event_search.without_hum(recording, found)))
+        setup, i = setup_of(recording), event_search.without_hum(recording, found)
+        of_run = loaded(arm, setup.payload)
+        runs.append(see(recording.path.name, of_run, recording.t, q, i, powered=not setup.drives_off))
     sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
     progress("computing what each effect would look like")
     library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in candidates(arm)}
@@ -128,7 +131,7 @@ def _check(arm: Arm, recordings: list[Recording]) -> None:
             if missing.any():
                 raise InputError(r.path, f"{name} of joint {int(np.argmax(missing)) + 1} has missing samples")
         constant = np.ptp(r.i, axis=0) == 0.0
-        if constant.any():
+        if constant.any() and not setup_of(r).drives_off:
             raise InputError(r.path, f"current of joint {int(np.argmax(constant)) + 1} never changes; is it connected?")
 
 

@@ -38,7 +38,9 @@ class Run:
     t (m,) s; q, v, a (m, n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
     rigid (m, n) N m: torque to the links; by_angle, by_speed, by_acceleration (m, n, n): d expected_j / d q_k, A/rad ..., of the links alone;
     by_link (m, n, 10 n) N m per inertial parameter of each link;
-    deviation (m, n) A: standard deviation that the residual has with nothing wrong; block (m,): block of one second, from 0.
+    deviation (m, n) A: standard deviation that the residual has with nothing wrong; block (m,): block of one second, from 0;
+    arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes hold the arm, and the
+    currents show what their own instruments add.
     """
 
     name: str
@@ -57,6 +59,8 @@ class Run:
     deviation: Array
     noise: Array
     block: NDArray[np.intp]
+    arm: Arm
+    powered: bool = True
 
     @property
     def residual(self) -> Array:
@@ -76,7 +80,7 @@ def low_pass(values: Array, band: float, rate: float) -> Array:
     return smooth
 
 
-def see(name: str, arm: Arm, t: Array, q: Array, i: Array) -> Run:
+def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True) -> Run:
     """A recording t (m,) s, q (m, n) rad, i (m, n) A, uniformly sampled and without gaps, seen through ``arm``."""
     rate = 1.0 / float(np.median(np.diff(t)))
     position = low_pass(q, MOTION_BAND, rate)
@@ -88,7 +92,7 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array) -> Run:
     def thin(values: Array) -> Array:
         return low_pass(values, COMPARE_BAND, rate)[keep]
 
-    expected = inverse_dynamics(arm, position, v, a) / constant
+    expected = powered * inverse_dynamics(arm, position, v, a) / constant
     noise = channel_noise(q, i, arm, rate)
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
@@ -98,7 +102,7 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array) -> Run:
     slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
     width = arm.joint_array("sign_velocity")
     unsure = np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
-    deviation = np.hypot(noise, coulomb * unsure)
+    deviation = np.hypot(noise, coulomb * unsure * powered)
     rows = t[keep]
     return Run(
         name=name, t=rows - t[0],
@@ -106,7 +110,7 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array) -> Run:
         current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)), expected=thin(expected),
         rigid=rigid_torque(arm, low, slow_v, slow_a), by_angle=partials[0], by_speed=partials[1], by_acceleration=partials[2],
         by_link=regressor(arm, low, slow_v, slow_a)[0][..., : 10 * len(arm)],
-        deviation=deviation, noise=noise, block=((rows - rows[0]) // 1.0).astype(np.intp),
+        deviation=deviation, noise=noise, block=((rows - rows[0]) // 1.0).astype(np.intp), arm=arm, powered=powered,
     )  # fmt: skip
 
 
