@@ -5,7 +5,8 @@
 3. robust least squares on all points (``least_squares``);
 4. rows that belong to another trigger are found and put back (``shifts``), and the fit repeated;
 5. extensions - sag, encoder scale and ripple, coupling, delay - each tried on points the fit has not seen (``judging``);
-6. the error on held-out runs, which took no part in any of this.
+6. a zero of its own for every run whose counters were set at its start (``encoder_steps``);
+7. the error on held-out runs, which took no part in any of this.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from arm_model.description import Arm
 from identification.kinematics.axes import circle_point_model
 from identification.kinematics.chain import Array, Chain, Index, position, xyz_ypr
 from identification.kinematics.circle_point import Circle
+from identification.kinematics.encoder_steps import expected, with_own_zeros, with_zeros
 from identification.kinematics.extensions import Extension, Gravity, candidates, deflections, prior_scales
 from identification.kinematics.judging import PositionError, Trial, choose, position_error
 from identification.kinematics.least_squares import Fit, Points, fit, residuals
@@ -52,6 +54,7 @@ class Calibration:
     circle_point     position error on the fit points of D-H from the circles alone, or None
     before, after    position errors: {"fit": ..., "held_out": ...}
     std              standard deviation by parameter name, correlation of neighbouring points taken into account
+    zero_error       m rms a coordinate: what the unknown zeros of the held-out runs' own encoders add to their error
     """
 
     parameters: Parameters
@@ -70,6 +73,7 @@ class Calibration:
     observability: Observability
     shifts: tuple[Shift, ...]
     correlated: float
+    zero_error: float
     frame_known: bool
     runs: tuple[Run, ...]
     held_out: tuple[Run, ...]
@@ -136,6 +140,11 @@ def calibrate(
         points = points_of(runs, rows)
         estimate = _fit(parameters, points, estimate.values)
 
+    if any(run.count is not None for run in runs):
+        tell("zeros of the encoders, run by run")
+        points, estimate, zeros = with_own_zeros(parameters, runs, rows, estimate, chosen, gravity)
+        runs = with_zeros(runs, zeros)
+        held_out = with_zeros(held_out, zeros) if split else held_out
     residual = residuals(parameters, estimate.values, estimate.extension, points)
     correlated = correlation_time(np.where(estimate.inlier[:, None], residual, 0.0), rows)
     deviation = np.sqrt(np.diag(estimate.covariance)) * np.sqrt(correlated)
@@ -173,6 +182,7 @@ def calibrate(
         observability=indices(columns.reshape(-1, columns.shape[2]), min(rank, columns.shape[2]), len(columns)),
         shifts=tuple(shifts),
         correlated=correlated,
+        zero_error=0.0 if split else expected(parameters.chain.at(estimate.values), held_out),
         frame_known=frame_known,
         runs=tuple(runs),
         held_out=tuple(held_out),
@@ -212,8 +222,8 @@ def _split(runs: Sequence[Run]) -> tuple[list[Run], list[Run]]:
     for run in runs:
         block = np.arange(len(run.t)) * 50 // max(len(run.t), 1) if len(run.t) >= 250 else np.arange(len(run.t))
         out = (block % 5 == 2)[:, None]
-        kept.append(Run(run.name, run.t, run.q, np.where(out, np.nan, run.xyz)))
-        left.append(Run(run.name, run.t, run.q, np.where(out, run.xyz, np.nan)))
+        kept.append(replace(run, xyz=np.where(out, np.nan, run.xyz)))
+        left.append(replace(run, xyz=np.where(out, run.xyz, np.nan)))
     return kept, left
 
 

@@ -12,6 +12,7 @@ from arm_model.description import Arm
 from arm_model.dynamics import rigid_torque
 from daq.recording import Recording, open_recording
 from identification.kinematics.chain import Array
+from identification.kinematics.encoder_steps import between_counts, counts_of
 from identification.kinematics.extensions import Gravity
 from identification.kinematics.merging import Merge, merge, read_tracker
 from identification.kinematics.runs import Run
@@ -55,7 +56,7 @@ def read_tracked(path: Path, tracker: Path | None = None) -> Tracked:
     else:
         xyz, known = _points(recording)
     experiment = (recording.experiment or {}).get("name", "")
-    run = Run(path.name, recording.t, recording.q, xyz)
+    run = Run(path.name, recording.t, between_counts(recording.t, recording.q), xyz, counts_of(recording))
     return Tracked(run, known, target, experiment, merged)  # type: ignore[arg-type]
 
 

@@ -47,6 +47,7 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         "identifiable": calibration.identifiable,
         "observability": vars(calibration.observability),
         "noise": calibration.fit.noise,
+        "floor": _floor(calibration),
         "effective_parameters": calibration.fit.effective,
         "correlated_points": calibration.correlated,
         "base_std": {n.partition(".")[2]: s for n, s in calibration.std.items() if n.startswith("base.")},
@@ -138,6 +139,15 @@ def _circle(circle: Circle) -> dict[str, Any]:
 
 def _error(error: PositionError) -> dict[str, Any]:
     return {k: (None if isinstance(v, float) and not np.isfinite(v) else v) for k, v in vars(error).items()}
+
+
+def _floor(calibration: Calibration) -> dict[str, float]:
+    """m rms a coordinate, of the held-out error: the points' noise as fitted, the held-out runs' own encoder zeros, and both with what
+    p estimated parameters add on N points: sqrt(noise^2 + zeros^2) sqrt(1 + p/N)."""
+    noise, zeros = calibration.fit.noise, calibration.zero_error
+    points = 3.0 * float(np.sum(calibration.fit.inlier)) / calibration.correlated
+    both = np.hypot(noise, zeros) * np.sqrt(1.0 + calibration.fit.effective / max(points, 1.0))
+    return {"points": noise, "encoder_zeros": zeros, "expected": float(both)}
 
 
 def _improvement(before: PositionError, after: PositionError) -> float:

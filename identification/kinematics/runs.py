@@ -14,12 +14,16 @@ from identification.kinematics.least_squares import Points
 
 @dataclass(frozen=True)
 class Run:
-    """One recording: name, t (N,) s, q (N, joints) rad or m, xyz (N, 3) m; NaN where missing. Row k of all is one trigger."""
+    """One recording: name, t (N,) s, q (N, joints) rad or m, xyz (N, 3) m; NaN where missing. Row k of all is one trigger.
+
+    count  (joints,) rad of one count where an encoder's zero is this run's own, else 0; None: not known (``encoder_steps``)
+    """
 
     name: str
     t: Array
     q: Array
     xyz: Array
+    count: Array | None = None
 
     @property
     def usable(self) -> Mask:

@@ -48,7 +48,9 @@ def test_a_rig_with_a_wrong_model_is_calibrated_and_corrected(root: Path, tmp_pa
     assert table["identifiable"] == 27
     assert [c["joint"] for c in table["circles"]] == [3, 2]
     assert table["improvement"]["held_out"] > 0.97
-    assert table["position_rms"]["held_out"]["after"] < 1e-4
+    # a tracker of 0.1 mm rms in space, and counters that are set anew at every start
+    assert table["floor"]["points"] < 1.05 * 1e-4 / np.sqrt(3)
+    assert table["position_rms"]["held_out"]["after"] < 1.1 * 1e-4 / np.sqrt(3) * np.sqrt(1 + 27 / 10000)
 
     planned = seen(nominal, stops_of(out / "iso_cube.toml"), TARGET)
     misses = {}
