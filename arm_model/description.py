@@ -1,4 +1,4 @@
-"""What an arm is: joints and links, its controller, its effects; and its model file (``config/models/*.toml``).
+"""What an arm is: joints and links, its controller, its effects. Its model file: ``arm_model.model_file``.
 
 Conventions (all SI, angles rad; prismatic joints m and N where revolute ones have rad and N m):
 
@@ -16,18 +16,13 @@ Conventions (all SI, angles rad; prismatic joints m and N where revolute ones ha
 
 from __future__ import annotations
 
-from dataclasses import asdict, field
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from dataclasses import field
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import ConfigDict, Field, model_validator
 from pydantic.dataclasses import dataclass
-
-from arm_model.inertia import unphysical
-from inputs import InputError, check_table, read_toml, write_toml
-from inputs.toml import one_line
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -192,105 +187,3 @@ class Arm:
     def joint_array(self, name: str) -> Array:
         """(n,) an attribute of every joint, in order."""
         return np.array([getattr(joint, name) for joint in self.joints], float)
-
-
-class _ModelFile(BaseModel):
-    """The layout: what an Arm has, with arrays of tables in the singular, as TOML reads best."""
-
-    model_config = ConfigDict(extra="forbid")
-    name: str
-    units: Literal["SI"]
-    source: str = ""
-    unphysical: str = ""
-    gravity: Vector = (0.0, 0.0, -9.80665)
-    base: Pose = IDENTITY
-    tool: Pose = IDENTITY
-    joint: list[Joint] = Field(min_length=1)
-    controller: Controller | None = None
-    effect: list[EffectTerm] = []
-
-
-_NEEDED = ("type", "mass", "com", "inertia")
-
-
-def read_model(path: str | Path) -> Arm:
-    """The arm in a model file. InputError (one line: file, entry, what would be right) for anything wrong or unphysical."""
-    return arm_of(read_toml(path), path)
-
-
-def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
-    """The arm in a table as a model file has it; ``where`` names it in errors."""
-    if "units" not in table:
-        raise InputError(
-            where, 'units: is missing; write units = "SI" (rad, m, kg, s, N, A) once all values are in them'
-        )
-    _all_there(table, where)
-    layout = check_table(where, table, _ModelFile)
-    for number, joint in enumerate(layout.joint, 1):
-        if not layout.unphysical and (problem := unphysical(joint.mass, joint.inertia)):
-            raise InputError(where, f"joint[{number}]: {problem}")
-    try:
-        arm = Arm(
-            name=layout.name,
-            joints=tuple(layout.joint),
-            gravity=layout.gravity,
-            base=layout.base,
-            tool=layout.tool,
-            controller=layout.controller,
-            effects=tuple(layout.effect),
-            source=layout.source,
-            unphysical=layout.unphysical,
-        )
-    except ValidationError as error:
-        raise InputError(where, one_line(error)) from None
-    from arm_model.effects import check_terms  # the catalogue is written in terms of this module
-
-    check_terms(arm, where)
-    return arm
-
-
-def _all_there(table: dict[str, Any], where: str | Path) -> None:
-    """Joint has defaults for people who build arms in code; a file that forgets a mass is a mistake."""
-    joints = table.get("joint")
-    for number, joint in enumerate(joints if isinstance(joints, list) else [], 1):
-        for name in _NEEDED:
-            if isinstance(joint, dict) and name not in joint:
-                raise InputError(where, f"joint[{number}].{name}: is missing")
-
-
-def model_table(arm: Arm) -> dict[str, Any]:
-    """The table that ``arm_of`` reads back as an equal arm; entries at their defaults are left out."""
-    table: dict[str, Any] = {"name": arm.name, "units": "SI"}
-    for text in ("source", "unphysical"):
-        if getattr(arm, text):
-            table[text] = getattr(arm, text)
-    table["gravity"] = list(arm.gravity)
-    for name in ("base", "tool"):
-        if getattr(arm, name) != IDENTITY:
-            table[name] = [list(row) for row in getattr(arm, name)]
-    default = asdict(Joint())
-    table["joint"] = [
-        {name: value for name, value in asdict(joint).items() if name in _NEEDED or value != default[name]}
-        for joint in arm.joints
-    ]
-    if arm.controller is not None:
-        table["controller"] = {name: value for name, value in asdict(arm.controller).items() if value is not None}
-    if arm.effects:
-        table["effect"] = [
-            {name: value for name, value in asdict(effect).items() if value is not None} for effect in arm.effects
-        ]
-    return table
-
-
-def write_model(path: str | Path, arm: Arm, *, heading: str = "") -> None:
-    """Writes a model file that ``read_model`` reads back as an equal arm; whole or not at all."""
-    write_toml(path, model_table(arm), heading=heading)
-
-
-def __getattr__(name: str) -> Any:
-    """``with_parameters`` is asked for here too; it lives in arm_model.parameters, which builds on this module."""
-    if name == "with_parameters":
-        from arm_model.parameters import with_parameters
-
-        return with_parameters
-    raise AttributeError(name)

@@ -1,84 +1,21 @@
-"""Torques, mass matrix, accelerations and energy of an arm, vectorised over N samples with plain numpy.
+"""Torques and accelerations of an arm with its drives and effects, vectorised over N samples with plain numpy.
 
     M(q) q'' + h(q, q') + g(q) + Jr q'' + friction(q') = tau                       (joint side, N m; N)
 
-M, h, g from ``arm_model.newton_euler``; Jr reflected rotor inertia; friction as in ``drive_torque``. Shapes: q, qd, qdd, tau (N, n)
-rad, rad/s, rad/s2, N m (m and N for prismatic joints).
+M, h, g from ``arm_model.newton_euler``; Jr reflected rotor inertia; friction as in ``arm_model.rigid_body.drive_torque``. Shapes: q, qd,
+qdd, tau (N, n) rad, rad/s, rad/s2, N m (m and N for prismatic joints).
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model import newton_euler, scalar
-from arm_model.description import Arm, Joint
-from arm_model.inertia import barycentric, transform
-from inputs import InputError
+from arm_model.description import Arm
+from arm_model.inverse import torque_with_effects
+from arm_model.rigid_body import drive_torque, mass_matrix, rigid_torque, samples
 
 Array = NDArray[np.float64]
-
-
-def link_parameters(arm: Arm) -> Array:
-    """(n, 10) barycentric inertial parameters of every link, in its link frame (order: arm_model.inertia.PARAMETERS)."""
-    return np.array([barycentric(joint.mass, joint.com, joint.inertia) for joint in arm.joints])
-
-
-def bodies(arm: Arm) -> Array:
-    """(n, 10) the same in the joint frames of ``newton_euler``."""
-    chain = newton_euler.chain_of(arm)
-    return np.array([transform(p, pose) for p, pose in zip(link_parameters(arm), chain.link)])
-
-
-def drive_torque(joint: Joint, qd: Any, qdd: Any) -> Any:
-    """Joint torque that the drive itself takes: reflected rotor inertia, viscous and Coulomb friction, offset.
-
-    Coulomb friction: with s = v / sqrt(v^2 + sign_velocity^2), (F+ + F-)/2 s + (F+ - F-)/2 s^2: F+ forwards, -F- backwards,
-    nothing at rest. ``qd`` and ``qdd`` are scalars of any kind, of the motor over the gear ratio.
-    """
-    ratio = joint.ratio
-    torque = ratio**2 * joint.rotor_inertia * qdd + ratio**2 * joint.viscous * qd
-    sign = scalar.smooth_sign(qd, joint.sign_velocity)
-    positive, negative = joint.coulomb
-    mean, difference = ratio * (positive + negative) / 2, ratio * (positive - negative) / 2
-    return torque + mean * sign + difference * sign * sign + ratio * joint.offset
-
-
-def samples(arm: Arm, *arrays: Array) -> list[Array]:
-    """The arrays as (N, n) float64; one sample (n,) becomes (1, n). InputError where the joints do not fit."""
-    found = []
-    for array in arrays:
-        array = np.atleast_2d(np.asarray(array, float))
-        if array.ndim != 2 or array.shape[1] != len(arm):
-            raise InputError("samples", f"have shape {array.shape}; (N, {len(arm)}) is wanted for this arm")
-        found.append(array)
-    return found
-
-
-def _turns(chain: newton_euler.Chain, q: Array) -> list[tuple[Any, Any]]:
-    return newton_euler.turns(chain, list(q.T), np.cos, np.sin)
-
-
-def _stack(columns: list[Any], shape: tuple[int, ...]) -> Array:
-    return np.stack([np.broadcast_to(np.asarray(column, float), shape) for column in columns], axis=-1)
-
-
-def rigid_torque(arm: Arm, q: Array, qd: Array, qdd: Array, *, gravity: bool = True) -> Array:
-    """(N, n) torque of the rigid links alone: no rotors, no friction."""
-    q, qd, qdd = samples(arm, q, qd, qdd)
-    chain = newton_euler.chain_of(arm)
-    tau = newton_euler.inverse_dynamics(
-        chain,
-        [tuple(map(float, body)) for body in bodies(arm)],
-        _turns(chain, q),
-        list(q.T),
-        list(qd.T),
-        list(qdd.T),
-        arm.gravity if gravity else (0.0, 0.0, 0.0),
-    )
-    return _stack(tau, q.shape[:1])
 
 
 def inverse_dynamics(arm: Arm, q: Array, qd: Array, qdd: Array, *, time: Array | float = 0.0) -> Array:
@@ -90,24 +27,9 @@ def inverse_dynamics(arm: Arm, q: Array, qd: Array, qdd: Array, *, time: Array |
     """
     q, qd, qdd = samples(arm, q, qd, qdd)
     if arm.effects:
-        from arm_model.inverse import torque_with_effects
-
         return torque_with_effects(arm, q, qd, qdd, np.broadcast_to(np.asarray(time, float), q.shape[:1]))
     drives = [drive_torque(joint, qd[:, j], qdd[:, j]) for j, joint in enumerate(arm.joints)]
     return rigid_torque(arm, q, qd, qdd) + np.stack(drives, axis=-1)
-
-
-def mass_matrix(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
-    """(N, n, n) mass matrix, with the reflected rotor inertias on the diagonal unless ``rotors`` is False."""
-    (q,) = samples(arm, q)
-    chain = newton_euler.chain_of(arm)
-    rows = newton_euler.mass_matrix(
-        chain, [tuple(map(float, body)) for body in bodies(arm)], _turns(chain, q), list(q.T)
-    )
-    matrix = np.stack([_stack(row, q.shape[:1]) for row in rows], axis=-2)
-    if rotors:
-        matrix = matrix + np.diag(arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia"))
-    return matrix
 
 
 def forward_dynamics(arm: Arm, q: Array, qd: Array, tau: Array) -> Array:
@@ -115,15 +37,3 @@ def forward_dynamics(arm: Arm, q: Array, qd: Array, tau: Array) -> Array:
     q, qd, tau = samples(arm, q, qd, tau)
     bias = inverse_dynamics(arm, q, qd, np.zeros_like(q))
     return np.asarray(np.linalg.solve(mass_matrix(arm, q), (tau - bias)[..., None])[..., 0], float)
-
-
-def energy(arm: Arm, q: Array, qd: Array) -> Array:
-    """(N,) kinetic (links and rotors) plus potential energy, J; potential zero where the base frame's origin is."""
-    from arm_model.kinematics import link_frames
-
-    q, qd = samples(arm, q, qd)
-    kinetic = 0.5 * np.einsum("ni,nij,nj->n", qd, mass_matrix(arm, q), qd)
-    frames = link_frames(arm, q)[:, 1:]
-    parameters = link_parameters(arm)
-    moment = np.einsum("nkij,kj->nki", frames[..., :3, :3], parameters[:, 1:4]) + parameters[:, :1] * frames[..., :3, 3]
-    return kinetic - moment.sum(axis=1) @ np.array(arm.gravity)

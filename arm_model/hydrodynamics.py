@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from arm_model import newton_euler
 from arm_model.description import Arm
-from arm_model.dynamics import inverse_dynamics, mass_matrix, samples
+from arm_model.dynamics import inverse_dynamics
 from arm_model.kinematics import placement
+from arm_model.rigid_body import mass_matrix, samples
 from inputs import InputError
 
 Array = NDArray[np.float64]

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 from arm_model.description import Arm, Joint
 from arm_model.inertia import PARAMETERS, about_com, barycentric
+from arm_model.servo import fixed_gains
 from inputs import InputError
 
 _DIRECT = ("theta", "d", "a", "alpha", "beta", "torque_constant", "torque_limit", "sign_velocity")
@@ -63,8 +64,6 @@ def with_parameters(arm: Arm, values: Mapping[str, float]) -> Arm:
 
     Nothing is checked for being physical. The controller keeps its gains: better knowledge of the arm does not change its servos.
     """
-    from arm_model.servo import fixed_gains
-
     arm = fixed_gains(arm)
     joints = list(arm.joints)
     links: dict[int, dict[str, float]] = {}

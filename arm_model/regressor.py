@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from arm_model import newton_euler, scalar
 from arm_model.description import Arm
-from arm_model.dynamics import _turns, link_parameters, samples
 from arm_model.inertia import PARAMETERS, transform_matrix
+from arm_model.rigid_body import link_parameters, samples, turns
 
 Array = NDArray[np.float64]
 Friction = Literal["asymmetric", "symmetric"]
@@ -68,7 +68,7 @@ def _link_columns(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
     """(N, n, 10 n) torques of unit inertial parameters, link by link carried inwards through the joints."""
     samples_, n = q.shape
     chain = newton_euler.chain_of(arm)
-    turn = _turns(chain, q)
+    turn = turns(chain, q)
     moving = newton_euler.motions(chain, turn, list(q.T), list(qd.T), list(qdd.T), arm.gravity)
     columns = np.zeros((samples_, n, 10 * n))
     for link, motion in enumerate(moving):

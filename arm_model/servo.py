@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm
-from arm_model.dynamics import mass_matrix
+from arm_model.rigid_body import mass_matrix
 from inputs import InputError
 
 Array = NDArray[np.float64]

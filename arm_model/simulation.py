@@ -17,6 +17,7 @@ from arm_model.loop import System, build
 from arm_model.motion import Motion
 from arm_model.numbers import numbers
 from arm_model.start import standing, start_memories
+from arm_model.stiffness import fastest
 from arm_model.tape import evaluate
 from inputs import InputError
 
@@ -154,8 +155,6 @@ def needed_substeps(arm: Arm, inputs: Mapping[str, Array], period: float) -> int
     A spring k between inertias a and b with damper c swings at sqrt(k (1/a + 1/b)) and decays at c (1/a + 1/b); the step keeps
     both products with it below 0.4 and 1. A bristle of stiffness s on friction F relaxes at s v / F at speed v: below 1.
     """
-    from arm_model.stiffness import fastest
-
     return max(1, math.ceil(period * fastest(arm, inputs)))
 
 

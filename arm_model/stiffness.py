@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm
-from arm_model.dynamics import mass_matrix
 from arm_model.effects import CATALOGUE
+from arm_model.rigid_body import mass_matrix
 from inputs import InputError
 
 Array = NDArray[np.float64]

@@ -60,7 +60,7 @@ def command(
 ) -> None:
     from rich.console import Console
 
-    from arm_model.description import read_model
+    from arm_model.model_file import read_model
 
     check_folder(out)
     arm = read_model(model)
@@ -162,7 +162,7 @@ def _calibrate(
 
 
 def _write(out: Path, arm: Arm, tracked: list[Tracked], calibration: Calibration) -> dict[str, Any]:
-    from arm_model.description import write_model
+    from arm_model.model_file import write_model
     from identification.kinematics.calibration import predicted
     from identification.kinematics.iso_cube import NAME, cube_report
     from identification.kinematics.recordings import gravity_of

@@ -30,7 +30,7 @@ def command(
     """Diagnoses recordings against a model."""
     from rich.console import Console
 
-    from arm_model.description import read_model
+    from arm_model.model_file import read_model
     from daq.recording import open_recording
     from diagnosis.diagnose import diagnose
     from diagnosis.files import write_diagnosis

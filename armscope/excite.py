@@ -33,7 +33,7 @@ def command(
     from rich.console import Console
     from rich.progress import Progress
 
-    from arm_model.description import read_model
+    from arm_model.model_file import read_model
     from experiment import write_experiment
     from identification.excitation import design_excitation
 

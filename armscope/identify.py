@@ -59,7 +59,7 @@ def command(
     """Identifies an arm."""
     from rich.console import Console
 
-    from arm_model.description import read_model
+    from arm_model.model_file import read_model
     from daq.recording import open_recording
     from identification.files import write_identification
     from identification.methods import identify_by

@@ -12,7 +12,8 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from arm_model.description import Arm, read_model, write_model
+from arm_model.description import Arm
+from arm_model.model_file import read_model, write_model
 from arm_model.tape import Expr, Tape
 from inputs import InputError
 
@@ -84,7 +85,7 @@ def _write(path: Path, arm: Arm) -> None:
 
 
 def _summary(arm: Arm) -> dict[str, Any]:
-    from arm_model.dynamics import mass_matrix
+    from arm_model.rigid_body import mass_matrix
     from arm_model.simulation import system_of
     from arm_model.tape import operations
 

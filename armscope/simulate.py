@@ -12,8 +12,9 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from arm_model.description import Arm, EffectTerm, read_model
+from arm_model.description import Arm, EffectTerm
 from arm_model.kinematics import link_frames
+from arm_model.model_file import read_model
 from arm_model.motion import Motion
 from arm_model.sensing import recorded
 from arm_model.simulation import Demand, simulate

@@ -28,7 +28,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.description import Arm, read_model
+from arm_model.description import Arm
+from arm_model.model_file import read_model
 from arm_model.motion import Motion as Simulated
 from arm_model.simulation import simulate
 from benchmarks.report import report

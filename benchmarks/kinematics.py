@@ -20,9 +20,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.description import Arm, read_model
-from arm_model.dynamics import rigid_torque
+from arm_model.description import Arm
 from arm_model.kinematics import forward, link_frames
+from arm_model.model_file import read_model
+from arm_model.rigid_body import rigid_torque
 from benchmarks.report import report
 from experiment import demand_of
 from identification.kinematics.axes import circle_point_model

@@ -23,8 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.description import Arm, read_model
+from arm_model.description import Arm
 from arm_model.engine import cores
+from arm_model.model_file import read_model
 from arm_model.simulation import references, servo_period, simulate, simulate_batch
 from benchmarks import pendulum
 from benchmarks import simulation_peers as peers
@@ -148,7 +149,7 @@ def mujoco_rollout(figures: dict[str, float], arm: Arm, many: float, period: flo
 _READY = """
 import sys, time
 import numpy as np
-from arm_model.description import read_model
+from arm_model.model_file import read_model
 arm = read_model(sys.argv[1])
 import llvmlite.binding
 from arm_model import simulation

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from arm_model import newton_euler
 from arm_model.description import Arm
-from arm_model.dynamics import bodies, inverse_dynamics
+from arm_model.dynamics import inverse_dynamics
 from arm_model.inertia import about_com, tensor
 from arm_model.numbers import numbers
 from arm_model.printing import python_function
+from arm_model.rigid_body import bodies
 from arm_model.servo import servo_gains
 from arm_model.simulation import simulate_batch, system_of
 

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from scipy import ndimage, signal
 
 from arm_model.description import Arm
-from arm_model.dynamics import inverse_dynamics, mass_matrix, rigid_torque
+from arm_model.dynamics import inverse_dynamics
 from arm_model.effects import Signals
 from arm_model.regressor import regressor
+from arm_model.rigid_body import mass_matrix, rigid_torque
 
 Array = NDArray[np.float64]
 

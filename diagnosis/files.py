@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_model.description import write_model
+from arm_model.model_file import write_model
 from daq.recording import Recording
 from diagnosis.diagnose import Cause, Diagnosis
 from diagnosis.report import report

@@ -23,8 +23,9 @@ from arm_model.control.computed_torque import ComputedTorque, Wanted
 from arm_model.control.decoupling import DisturbanceDecoupling
 from arm_model.control.driven import Run, TorqueController, controlled, pushed
 from arm_model.control.time_scaling import TimeScaling
-from arm_model.description import Arm, read_model
+from arm_model.description import Arm
 from arm_model.hydrodynamics import Torque, TwoLinks, Water
+from arm_model.model_file import read_model
 
 Array = NDArray[np.float64]
 

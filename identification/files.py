@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from arm_model.description import write_model
+from arm_model.model_file import write_model
 from identification.report import report
 from identification.result import Identification
 from inputs import make_folder, write_text

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm
-from arm_model.dynamics import rigid_torque
 from arm_model.parameters import with_parameters
+from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording
 from identification import readiness
 from identification.motor_link import MotorLink, motor_link_of, motor_link_rows

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.description import Arm, arm_of
+from arm_model.description import Arm
+from arm_model.model_file import arm_of
 from daq.recording import Recording
 from identification.signals import Motion
 from inputs import InputError

@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.description import Arm, read_model
+from arm_model.description import Arm
 from arm_model.effects import check_terms, described
 from arm_model.inertia import about_com, barycentric
 from arm_model.kinematics import link_frames
+from arm_model.model_file import read_model
 from arm_model.servo import fixed_gains
 from experiment import Experiment, demand_of
 from experiment.file import Payload

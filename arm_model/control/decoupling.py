@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.control.computed_torque import ComputedTorque, Wanted
-from arm_model.dynamics import inverse_dynamics, mass_matrix
+from arm_model.dynamics import inverse_dynamics
+from arm_model.rigid_body import mass_matrix
 
 Array = NDArray[np.float64]
 

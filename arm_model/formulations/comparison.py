@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from arm_model import newton_euler, scalar
 from arm_model.description import Arm
-from arm_model.dynamics import rigid_torque
 from arm_model.effects import described
 from arm_model.formulations import kane, lagrange
 from arm_model.formulations.links import Symbols, symbols_of
+from arm_model.rigid_body import rigid_torque
 from arm_model.tape import Expr, derivative, evaluate, operations
 
 Array = NDArray[np.float64]

@@ -16,9 +16,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.description import Arm, read_model
+from arm_model.description import Arm
 from arm_model.dynamics import inverse_dynamics
 from arm_model.kinematics import inverse
+from arm_model.model_file import read_model
 from arm_model.regressor import regressor
 from experiment import Experiment, demand_of, write_experiment
 

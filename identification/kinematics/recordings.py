@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from arm_model.description import Arm
-from arm_model.dynamics import rigid_torque
+from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording, open_recording
 from identification.kinematics.chain import Array
 from identification.kinematics.encoder_steps import between_counts, counts_of

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from arm_model.description import Arm, read_model
+from arm_model.description import Arm
+from arm_model.model_file import read_model
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -12,9 +12,10 @@ from arm_model.control.computed_torque import ComputedTorque, Wanted
 from arm_model.control.decoupling import DisturbanceDecoupling
 from arm_model.control.driven import controlled, pushed
 from arm_model.control.time_scaling import TimeScaling
-from arm_model.description import Arm, read_model
-from arm_model.dynamics import energy
+from arm_model.description import Arm
 from arm_model.hydrodynamics import Torque, TwoLinks, Water
+from arm_model.model_file import read_model
+from arm_model.rigid_body import energy
 from arm_model.simulation import simulate
 from inputs import InputError
 

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model import dynamics, kinematics
-from arm_model.description import Arm, read_model
+from arm_model import dynamics, kinematics, rigid_body
+from arm_model.description import Arm
+from arm_model.model_file import read_model
 from arm_model.parameters import parameter, with_parameters
 from arm_model.regressor import parameter_vector, regressor
 from tests.arm_model.random_arms import random_arm, random_states
@@ -32,7 +33,7 @@ def test_forward_undoes_inverse_and_mass_matrix_is_positive(seed: int) -> None:
     q, qd, qdd = random_states(seed, len(arm))
     tau = dynamics.inverse_dynamics(arm, q, qd, qdd)
     np.testing.assert_allclose(dynamics.forward_dynamics(arm, q, qd, tau), qdd, atol=1e-8)
-    matrix = dynamics.mass_matrix(arm, q)
+    matrix = rigid_body.mass_matrix(arm, q)
     np.testing.assert_allclose(matrix, np.swapaxes(matrix, 1, 2), atol=1e-12)
     assert (np.linalg.eigvalsh(matrix) > 0).all()
 
@@ -41,9 +42,9 @@ def test_forward_undoes_inverse_and_mass_matrix_is_positive(seed: int) -> None:
 def test_mass_matrix_is_what_accelerations_cost(seed: int) -> None:
     arm = random_arm(seed)
     q, qd, qdd = random_states(seed, len(arm))
-    still = dynamics.rigid_torque(arm, q, qd, 0 * qdd)
-    inertial = np.einsum("nij,nj->ni", dynamics.mass_matrix(arm, q, rotors=False), qdd)
-    np.testing.assert_allclose(dynamics.rigid_torque(arm, q, qd, qdd) - still, inertial, atol=1e-9)
+    still = rigid_body.rigid_torque(arm, q, qd, 0 * qdd)
+    inertial = np.einsum("nij,nj->ni", rigid_body.mass_matrix(arm, q, rotors=False), qdd)
+    np.testing.assert_allclose(rigid_body.rigid_torque(arm, q, qd, qdd) - still, inertial, atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -52,8 +53,8 @@ def test_power_balance(seed: int) -> None:
     arm = random_arm(seed, friction=False)
     q, qd, qdd = random_states(seed, len(arm))
     step = 1e-5
-    ahead = dynamics.energy(arm, q + step * qd + step**2 / 2 * qdd, qd + step * qdd)
-    behind = dynamics.energy(arm, q - step * qd + step**2 / 2 * qdd, qd - step * qdd)
+    ahead = rigid_body.energy(arm, q + step * qd + step**2 / 2 * qdd, qd + step * qdd)
+    behind = rigid_body.energy(arm, q - step * qd + step**2 / 2 * qdd, qd - step * qdd)
     power = np.sum(dynamics.inverse_dynamics(arm, q, qd, qdd) * qd, axis=1)
     np.testing.assert_allclose((ahead - behind) / (2 * step), power, rtol=1e-5, atol=1e-4)
 
@@ -111,7 +112,7 @@ def test_mujoco_agrees(seed: int) -> None:
     model = _mujoco(arm)
     data = mujoco.MjData(model)
     states = random_states(seed, len(arm), 5)
-    ours = dynamics.rigid_torque(arm, *states)
+    ours = rigid_body.rigid_torque(arm, *states)
     for q, qd, qdd, expected in zip(*states, ours):
         data.qpos, data.qvel, data.qacc = q, qd, qdd
         mujoco.mj_inverse(model, data)

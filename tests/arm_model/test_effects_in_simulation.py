@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from arm_model import dynamics
+from arm_model import dynamics, rigid_body
 from arm_model.description import Arm, Controller, EffectTerm, Joint
 from arm_model.effects import CATALOGUE
 from arm_model.sensing import recorded
@@ -124,7 +124,7 @@ def test_load_friction_is_mu_times_the_transmitted_torque(puma: Arm) -> None:
     motion = simulate(arm, lambda t: np.tile(pull / drive, (len(t), 1)), duration=0.4, rate=2000, start=np.zeros(3))
     qdd = np.gradient(motion.qd, motion.t, axis=0)
     without = dynamics.inverse_dynamics(replace(arm, effects=()), motion.q, motion.qd, qdd)[:, 1]
-    load = dynamics.rigid_torque(arm, motion.q, motion.qd, qdd)[:, 1]
+    load = rigid_body.rigid_torque(arm, motion.q, motion.qd, qdd)[:, 1]
     sign = motion.qd[:, 1] / np.hypot(motion.qd[:, 1], 0.01)
     expected = 0.1 * np.abs(load) * sign
     assert np.ptp(expected) > 3.0

@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import quad
 
 from arm_model import kinematics
-from arm_model.description import Arm, read_model
-from arm_model.dynamics import forward_dynamics, mass_matrix
+from arm_model.description import Arm
+from arm_model.dynamics import forward_dynamics
 from arm_model.hydrodynamics import (
     Cylinder,
     TwoLinks,
@@ -21,6 +21,8 @@ from arm_model.hydrodynamics import (
     strip_regressor,
     strip_torque,
 )
+from arm_model.model_file import read_model
+from arm_model.rigid_body import mass_matrix
 from inputs import InputError
 from tests.arm_model.random_arms import random_arm, random_states
 
@@ -117,7 +119,7 @@ def test_a_body_as_heavy_as_water_floats() -> None:
     light = [replace(joint, **empty) for joint in arm.joints]
     light[2] = replace(light[2], mass=mass, com=(0.1, 0.25, 0.0))
     arm = replace(arm, joints=tuple(light))
-    from arm_model.dynamics import rigid_torque
+    from arm_model.rigid_body import rigid_torque
 
     q = random_states(8, 3)[0]
     none = np.zeros_like(q)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model import dynamics
-from arm_model.description import read_model
+from arm_model import rigid_body
+from arm_model.model_file import read_model
 from armscope.cli import run
 from inputs import InputError
 from tests.arm_model.random_arms import random_states
@@ -39,7 +39,7 @@ def test_through_urdf(root: Path, tmp_path: Path) -> None:
     assert run(["model", str(root / MODEL), "--out", str(urdf)]) == 0
     assert run(["model", str(urdf), "--out", str(model)]) == 0
     states = random_states(0, 6)
-    ours, back = (dynamics.rigid_torque(read_model(path), *states) for path in (root / MODEL, model))
+    ours, back = (rigid_body.rigid_torque(read_model(path), *states) for path in (root / MODEL, model))
     np.testing.assert_allclose(back, ours, atol=1e-8)
 
 

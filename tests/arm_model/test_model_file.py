@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 import tomli_w
 
-from arm_model.description import EffectTerm, read_model, write_model
+from arm_model.description import EffectTerm
+from arm_model.model_file import read_model, write_model
 from inputs import InputError
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from arm_model.description import read_model
+from arm_model.model_file import read_model
 from diagnosis.diagnose import Diagnosis, diagnose
 from tests.blind.cases import SAME, Case, cases
 from tests.blind.motions import suite

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from arm_model.description import read_model
+from arm_model.model_file import read_model
 from diagnosis.diagnose import Diagnosis, diagnose
 from tests.blind.hide import Hidden
 from tests.blind.motions import suite

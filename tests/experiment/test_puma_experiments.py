@@ -9,8 +9,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from arm_model.description import Arm, read_model
+from arm_model.description import Arm
 from arm_model.kinematics import forward
+from arm_model.model_file import read_model
 from arm_model.regressor import regressor
 from daq.arming import check_motion
 from daq.rig import read_rig

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model.description import Arm, read_model
+from arm_model.description import Arm
 from arm_model.dynamics import inverse_dynamics
+from arm_model.model_file import read_model
 from armscope.cli import run
 from daq.recording_file import Attachments
 from daq.table import write_table

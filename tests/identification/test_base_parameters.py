@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model.description import read_model
+from arm_model.model_file import read_model
 from identification.base_parameters import base_parameters
 from identification.equations import column_names, model_columns, model_values, structural_base
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model.description import read_model
 from arm_model.dynamics import inverse_dynamics
+from arm_model.model_file import read_model
 from armscope.cli import run
 from experiment import demand_of, read_experiment
 from identification.equations import structural_base

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from arm_model.description import Arm, read_model
+from arm_model.description import Arm
 from arm_model.kinematics import link_frames
+from arm_model.model_file import read_model
 from identification.kinematics.parameters import as_pose
 from identification.kinematics.runs import Run
 

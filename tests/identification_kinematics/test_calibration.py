@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from arm_model.dynamics import rigid_torque
+from arm_model.rigid_body import rigid_torque
 from identification.kinematics.calibration import calibrate
 from identification.kinematics.recordings import gravity_of
 from identification.kinematics.results import table_of

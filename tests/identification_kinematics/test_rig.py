@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model.description import write_model
+from arm_model.model_file import write_model
 from armscope.cli import run
 from experiment import read_experiment
 

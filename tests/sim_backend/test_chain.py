@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model.description import read_model
 from arm_model.kinematics import link_frames
+from arm_model.model_file import read_model
 from arm_model.simulation import simulate
 from daq.bench import open_bench
 from daq.rig import Rig, read_rig
@@ -145,7 +145,7 @@ def test_payload_and_drives_off_are_carried_out(root: Path) -> None:
 def test_hidden_arm_moves_under_the_servos_of_the_known_one(root: Path, tmp_path: Path) -> None:
     from dataclasses import replace
 
-    from arm_model.description import write_model
+    from arm_model.model_file import write_model
 
     arm = read_model(root / "config/models/puma560.toml")
     heavy = replace(arm.joints[2], mass=9.6)

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model.description import EffectTerm, read_model, write_model
+from arm_model.description import EffectTerm
+from arm_model.model_file import read_model, write_model
 from daq.rig import read_rig
 from daq.rows import Rows
 from inputs import InputError
