@@ -16,11 +16,12 @@ from drivers.blocks import missing_row, one_row
 from drivers.can_bus import CanBus, CanConfig, frame_bits, shared_bus
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
-from drivers.reconnect import Reconnect
+from drivers.reconnect import Reconnect, or_fault
 from drivers.registry import World
 from drivers.shapes import Block, CounterMode, HostClock, Identity, Plan, Quality
 from inputs import DeviceFault
 
+ADVICE = "is the bus terminated, are the encoders powered?"
 SEARCH = 0.3  # s for all nodes to answer
 Node = Annotated[int, Field(ge=1, le=127)]
 
@@ -60,7 +61,7 @@ class Cia406Encoders:
         self._restarted: set[int] = set()
         self._emergencies: dict[int, bytes] = {}
         self._opened = False
-        self._reconnect = self._new_reconnect()
+        self._reconnect = Reconnect(name, config.patience, ADVICE)
 
     @property
     def max_rate(self) -> float:
@@ -72,22 +73,17 @@ class Cia406Encoders:
 
         self._answers.take()
         self._events.take()
-        try:
+        with or_fault(self.name, "is the adapter plugged in and the interface up?"):
             self._bus.open()
-        except OSError as error:
-            raise self._fault(f"{error}; is the adapter plugged in and the interface up?") from None
         self._opened = True
         network = self._bus.network()
-        try:
+        with or_fault(self.name, ADVICE, self.close):
             for number in self.config.nodes:
                 if number not in network:
                     network.add_node(canopen.RemoteNode(number, canopen.ObjectDictionary()))
                 self._sdo[number] = network[number].sdo
                 self._sdo[number].RESPONSE_TIMEOUT = 0.2
             serials = [self._set_up(number) for number in self.config.nodes]
-        except (OSError, DeviceFault) as error:
-            self.close()
-            raise error if isinstance(error, DeviceFault) else self._fault(str(error)) from None
         return Identity(
             maker="CANopen",
             model=f"CiA 406, {len(serials)} encoders",
@@ -140,7 +136,7 @@ class Cia406Encoders:
         self._rounds = cia.Rounds(self.config.nodes, self.config.latest)
         self._restarted.clear()
         self._events.take()
-        self._reconnect = self._new_reconnect()
+        self._reconnect.begin()
 
     def disarm(self) -> None: ...
 
@@ -151,7 +147,7 @@ class Cia406Encoders:
 
     def poll(self) -> Block:
         now = self._clock.monotonic_ns()
-        if self._reconnect.lost and not self._restored(now):
+        if not self._reconnect.there(now, self._reopen):
             return missing_row(now, len(self.config.nodes), 0)
         self._heed_events()
         for at, identifier, data in self._answers.take():
@@ -202,19 +198,12 @@ class Cia406Encoders:
             elif identifier & ~0x7F == cia.EMERGENCY and len(data) == 8 and data[:2] != b"\x00\x00":
                 self._emergencies[number] = data
 
-    def _restored(self, now: int) -> bool:
-        if not self._reconnect.due(now):
-            return False
-        try:
-            if not self._bus.is_open:
-                self._bus.reopen()
-            for number in self.config.nodes:
-                self._set_up(number)
-        except (OSError, DeviceFault):
-            return False
+    def _reopen(self) -> None:
+        if not self._bus.is_open:
+            self._bus.reopen()
+        for number in self.config.nodes:
+            self._set_up(number)
         self._answers.take()
-        self._reconnect.find()
-        return True
 
     def configure(self, channel: int, mode: CounterMode) -> None:
         check_channel(self.name, channel, len(self.width))
@@ -226,10 +215,8 @@ class Cia406Encoders:
     def preset(self, channel: int, value: int) -> None:
         """Writes 6003h: the encoder shows ``value`` where it now stands, and keeps that for good."""
         check_channel(self.name, channel, len(self.width))
-        try:
+        with or_fault(self.name, ADVICE):
             self._download(self.config.nodes[channel], cia.PRESET, 0, value & ((1 << self.config.bits) - 1), 4)
-        except OSError as error:
-            raise self._fault(str(error)) from None
 
     def index_enable(self, channel: int) -> None:
         raise self._fault("is absolute: it has no index line")
@@ -254,9 +241,6 @@ class Cia406Encoders:
             self._sdo[number].download(index, sub, value.to_bytes(size, "little"))
         except (SdoError, CanError, OSError) as error:
             raise OSError(f"node {number}, object {index:04X}h: {error}") from None
-
-    def _new_reconnect(self) -> Reconnect:
-        return Reconnect(self.name, self.config.patience, "is the bus terminated, are the encoders powered?")
 
     def _fault(self, what: str) -> DeviceFault:
         return DeviceFault(self.name, what)

@@ -7,7 +7,6 @@ at most a period old. Its channels are in A (not V): in the rig file, 1 A a "vol
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -16,11 +15,12 @@ from drivers import isabellenhuette_ivts_protocol as ivt
 from drivers.blocks import missing_row, one_row
 from drivers.can_bus import CanBus, CanConfig, Mailbox, frame_bits, shared_bus
 from drivers.clock import SystemClock
-from drivers.reconnect import Reconnect
+from drivers.reconnect import Reconnect, or_fault
 from drivers.registry import World
 from drivers.shapes import Block, HostClock, Identity, Plan, Quality
 from inputs import DeviceFault
 
+ADVICE = "is the bus terminated, are the sensors powered?"
 TRIES = 3  # of a command
 SEARCH = 0.3  # s
 Identifier = Annotated[int, Field(ge=0, le=0x7FF)]
@@ -64,17 +64,14 @@ class IvtSensors:
         self._results: list[ivt.Results] = []
         self._latest: list[tuple[int, ivt.Result | None]] = []
         self._opened = False
-        self._reconnect = self._new_reconnect()
+        self._reconnect = Reconnect(name, config.patience, ADVICE)
 
     def open(self) -> Identity:
         self._results = [ivt.Results() for _ in self.config.sensors]
-        try:
+        with or_fault(self.name, f"is it powered, is the bit rate {self.config.bitrate}?", self.close):
             self._bus.open()
             self._opened = True
             serials = [self._set_up(k) for k in range(len(self.config.sensors))]
-        except OSError as error:
-            self.close()
-            raise self._fault(f"{error}; is it powered, is the bit rate {self.config.bitrate}?") from None
         return Identity(
             maker="Isabellenhuette",
             model="IVT-S",
@@ -143,8 +140,9 @@ class IvtSensors:
             raise self._fault(f"its results alone fill {load:.0%} of the bus: a longer period or fewer sensors")
         now = self._clock.monotonic_ns()
         self._latest = [(now, None)] * len(self.config.sensors)
-        self._reconnect = self._new_reconnect()
-        self._guarded(self._wait_for_first)
+        self._reconnect.begin()
+        with or_fault(self.name, ADVICE):
+            self._wait_for_first()
 
     def _wait_for_first(self) -> None:
         deadline = time.monotonic() + self.config.timeout + 2 * self.config.period / 1000
@@ -166,7 +164,7 @@ class IvtSensors:
 
     def poll(self) -> Block:
         now = self._clock.monotonic_ns()
-        if self._reconnect.lost and not self._restored(now):
+        if not self._reconnect.there(now, self._reopen):
             return missing_row(now, 0, len(self.config.sensors))
         values, flags = [], []
         for k, box in enumerate(self._boxes):
@@ -194,28 +192,12 @@ class IvtSensors:
             quality |= Quality.SATURATED
         return quality
 
-    def _restored(self, now: int) -> bool:
-        if not self._reconnect.due(now):
-            return False
-        try:
-            if not self._bus.is_open:
-                self._bus.reopen()
-            for k in range(len(self.config.sensors)):
-                self._set_up(k)
-            self._wait_for_first()
-        except OSError:
-            return False
-        self._reconnect.find()
-        return True
-
-    def _guarded(self, work: Callable[[], None]) -> None:
-        try:
-            work()
-        except OSError as error:
-            raise self._fault(str(error)) from None
-
-    def _new_reconnect(self) -> Reconnect:
-        return Reconnect(self.name, self.config.patience, "is the bus terminated, are the sensors powered?")
+    def _reopen(self) -> None:
+        if not self._bus.is_open:
+            self._bus.reopen()
+        for k in range(len(self.config.sensors)):
+            self._set_up(k)
+        self._wait_for_first()
 
     def _fault(self, what: str) -> DeviceFault:
         return DeviceFault(self.name, what)

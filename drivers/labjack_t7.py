@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 import socket
-from collections.abc import Callable
 from typing import Annotated, Self
 
 import numpy as np
@@ -25,13 +24,13 @@ from drivers.blocks import join
 from drivers.clock import SystemClock
 from drivers.counting import check_channel, extend
 from drivers.labjack_t7_link import T7Link
-from drivers.modbus_tcp import FrameError
-from drivers.reconnect import Reconnect
+from drivers.reconnect import Reconnect, or_fault
 from drivers.registry import World
 from drivers.shapes import Block, CounterMode, EdgeSource, HostClock, Identity, Plan, Quality
 from drivers.tick_clock import TickClock
 from inputs import DeviceFault
 
+ADVICE = "is it powered, and is the cable in?"
 CHANNEL_SKEW = 11e-6  # s between AINs of one scan at +-10 V, resolution index 0 (datasheet appendix A-1)
 CLEAR_OFFSET = 100  # READ_A_AND_RESET lies 100 registers above READ_A
 READING_PERIOD = 250_000_000  # ns between readings of CORE_TIMER, which also feed the watchdog
@@ -87,11 +86,12 @@ class LabJackT7:
         self._link = T7Link(config.host, config.port, config.stream_port, config.timeout)
         self._preset = np.zeros(len(config.counters), np.int64)
         self._plan: Plan | None = None
+        self._reconnect = Reconnect(name, config.patience, ADVICE)
 
     # -- life ---------------------------------------------------------------------------------------------------------
 
     def open(self) -> Identity:
-        try:
+        with or_fault(self.name, f"is it powered and on the network at {self.config.host}?", self._link.close):
             self._link.connect()
             identity = self._identify()
             self._link.write_uint(t7.STREAM_ENABLE, 0)
@@ -99,9 +99,6 @@ class LabJackT7:
             setup.set_watchdog(self._link, self.config.lines.values(), self.config.watchdog)
             for line in self.config.counters:
                 setup.start_counter(self._link, line)
-        except (OSError, FrameError) as error:
-            self._link.close()
-            raise self._fault(f"{error}; is it powered and on the network at {self.config.host}?") from None
         return identity
 
     def _identify(self) -> Identity:
@@ -139,7 +136,7 @@ class LabJackT7:
                 problems.append(
                     f"{self._link.strays} replies belonged to no request: is another program talking to it?"
                 )
-        except (OSError, FrameError) as error:
+        except OSError as error:
             problems.append(f"{error}; is the cable in?")
         return problems
 
@@ -163,14 +160,11 @@ class LabJackT7:
         self._edges: list[Block] = []
         self._tick, self._tick_base, self._number, self._first, self._last = 0, 0, -1, (0, 0), (0, 0)
         self._was_reset = False
-        self._reconnect = Reconnect(self.name, self.config.patience, "is it powered, and is the cable in?")
+        self._reconnect.begin()
         self._ticks = TickClock(t7.CORE_TIMER_HZ)
-        self._guarded(self._first_tick)
-        self._guarded(self._start_stream)
-
-    def _first_tick(self) -> None:
-        """Ticks are 64 bit from here on, and positive."""
-        self._tick = self._link.read_uint(t7.CORE_TIMER)
+        with or_fault(self.name, ADVICE):
+            self._tick = self._link.read_uint(t7.CORE_TIMER)  # ticks are 64 bit from here on, and positive
+            self._start_stream()
 
     def _start_stream(self) -> None:
         assert self._plan is not None
@@ -186,7 +180,7 @@ class LabJackT7:
         if self._link.connected:
             try:
                 self._link.write_uint(t7.STREAM_ENABLE, 0)
-            except (OSError, FrameError):
+            except OSError:
                 self._link.close()
 
     def read(self) -> Block:
@@ -204,13 +198,15 @@ class LabJackT7:
         if self._plan is None:
             raise self._fault("is not armed")
         now = self._clock.monotonic_ns()
-        if not self._link.connected and not self._restored(now):
+        if not self._link.connected:
+            self._reconnect.lose(now)
+        if not self._reconnect.there(now, self._reopen):
             return
         try:
             if now - self._read_at > READING_PERIOD:
                 self._read_timer()
             scans = self._stream.feed(self._link.read_stream())
-        except (OSError, FrameError):
+        except OSError:
             self._link.close()
             return
         except t7.StreamStopped as stopped:
@@ -246,28 +242,26 @@ class LabJackT7:
         self._ticks.add(int(tick[0]), (before + after) // 2, after - before)
         self._read_at = after
 
-    def _restored(self, now: int) -> bool:
-        """True once the connection stands again and the stream runs; numbers go on where the trigger line now is."""
-        self._reconnect.lose(now)
-        if not self._reconnect.due(now):
-            return False
+    def _reopen(self) -> None:
+        """Connection and stream once more; numbers go on where the trigger line now is."""
+        self._link.connect()
         try:
-            self._link.connect()
             if not all(setup.counter_runs(self._link, line) for line in self.config.counters):
-                self._was_reset = True
-                self._ticks = TickClock(t7.CORE_TIMER_HZ)
-                # CORE_TIMER began anew; the ticks of the rows go on from where they would now be.
-                self._tick += round((self._clock.monotonic_ns() - self._last[1]) * t7.CORE_TIMER_HZ * 1e-9)
-                self._tick_base = self._link.read_uint(t7.CORE_TIMER) - self._tick
-                for line in self.config.counters:
-                    setup.start_counter(self._link, line)
+                self._begin_anew()
             self._start_stream()
-        except (OSError, FrameError):
+        except OSError:
             self._link.close()
-            return False
-        self._reconnect.find()
+            raise
         self._resume = True
-        return True
+
+    def _begin_anew(self) -> None:
+        """The T7 has lost its power: counters at 0, CORE_TIMER too; the ticks of the rows go on from where they would now be."""
+        self._was_reset = True
+        self._ticks.restart()
+        self._tick += round((self._clock.monotonic_ns() - self._last[1]) * t7.CORE_TIMER_HZ * 1e-9)
+        self._tick_base = self._link.read_uint(t7.CORE_TIMER) - self._tick
+        for line in self.config.counters:
+            setup.start_counter(self._link, line)
 
     def _number_at(self, host: int) -> int:
         """Number of the trigger at host time ``host``, from the triggers before the loss and their mean interval."""
@@ -290,13 +284,15 @@ class LabJackT7:
         check_channel(self.name, channel, len(self.width))
         if mode != CounterMode.X4:
             raise self._fault(f"counts x4 only; {mode} asked: write x4 for this encoder")
-        self._guarded(lambda: setup.start_counter(self._link, self.config.counters[channel]))
+        with or_fault(self.name, ADVICE):
+            setup.start_counter(self._link, self.config.counters[channel])
         self._preset[channel] = 0
 
     def preset(self, channel: int, value: int) -> None:
         check_channel(self.name, channel, len(self.width))
         line = self.config.counters[channel]
-        self._guarded(lambda: self._link.read_uint(t7.EF_READ_A + CLEAR_OFFSET + 2 * line))
+        with or_fault(self.name, ADVICE):
+            self._link.read_uint(t7.EF_READ_A + CLEAR_OFFSET + 2 * line)
         self._preset[channel] = value
 
     def index_enable(self, channel: int) -> None:
@@ -308,26 +304,22 @@ class LabJackT7:
     def write_line(self, line: str, high: bool) -> None:
         if line not in self.config.lines:
             raise self._fault(f"has no line {line!r}; it has {', '.join(self.lines)}")
-        self._guarded(lambda: self._link.write_word(t7.DIO + self.config.lines[line], int(high)))
+        with or_fault(self.name, ADVICE):
+            self._link.write_word(t7.DIO + self.config.lines[line], int(high))
 
     def write_volts(self, channel: int, volts: float) -> None:
         check_channel(self.name, channel, len(self.output_range))
         low, high = self.output_range[channel]
         if not low <= volts <= high:
             raise self._fault(f"DAC{channel}: {volts:g} V asked, {low:g} to {high:g} V possible")
-        self._guarded(lambda: self._link.write_float(t7.DAC + 2 * channel, volts))
+        with or_fault(self.name, ADVICE):
+            self._link.write_float(t7.DAC + 2 * channel, volts)
 
     def safe(self) -> None:
         """Lines low, DACs at 0 V. Where the connection is lost, the T7's own watchdog does it."""
         if self._link.connected:
-            with contextlib.suppress(OSError, FrameError):
+            with contextlib.suppress(OSError):
                 setup.set_outputs_low(self._link, self.config.lines.values())
-
-    def _guarded(self, work: Callable[[], object]) -> None:
-        try:
-            work()
-        except (OSError, FrameError) as error:
-            raise self._fault(f"{error}; is the cable in?") from None
 
     def _fault(self, what: str) -> DeviceFault:
         return DeviceFault(self.name, what)

@@ -17,11 +17,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from drivers.blocks import missing_row, one_row
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
-from drivers.reconnect import Reconnect
+from drivers.reconnect import Reconnect, or_fault
 from drivers.registry import World
 from drivers.shapes import Block, CounterMode, HostClock, Identity, Plan, Quality
 from inputs import DeviceFault
 
+ADVICE = "is the counter's kernel module loaded?"
 SYSFS = "/sys/bus/counter/devices"
 FUNCTIONS = {CounterMode.X1: "quadrature x1 a", CounterMode.X2: "quadrature x2 a", CounterMode.X4: "quadrature x4"}
 TRIAL_READS = 32
@@ -54,19 +55,16 @@ class LinuxCounter:
         self._folder = Path(config.sysfs) / config.device
         self._files: list[int] = []
         self._reset: list[bool] = []
-        self._reconnect = self._new_reconnect()
+        self._reconnect = Reconnect(name, config.patience, ADVICE)
 
     def open(self) -> Identity:
-        try:
+        with or_fault(self.name, ADVICE, self.close):
             model = (self._folder / "name").read_text().strip()
             for channel in range(len(self.config.counts)):
                 self.configure(channel, CounterMode.X4)
             self._open_files()
             skew, row = self._trial()
             self._fastest = 1.0 / row
-        except OSError as error:
-            self.close()
-            raise self._fault(f"{error}; is the counter's kernel module loaded?") from None
         return Identity(
             maker="Linux counter subsystem",
             model=model,
@@ -100,7 +98,7 @@ class LinuxCounter:
                 if ceiling != (1 << self.width[channel]) - 1:
                     problems.append(f"count{number} wraps at {ceiling}, not at 2^{self.width[channel]}: correct 'bits'")
             except (OSError, ValueError) as error:
-                problems.append(f"{error}; is the counter's kernel module loaded?")
+                problems.append(f"{error}; {ADVICE}")
         return problems
 
     def arm(self, plan: Plan) -> None:
@@ -111,7 +109,7 @@ class LinuxCounter:
                 f"{plan.rate:g} rows/s asked, {self._fastest:.0f} possible, as measured when it was opened"
             )
         self._reset = [False] * len(self._files)
-        self._reconnect = self._new_reconnect()
+        self._reconnect.begin()
 
     def disarm(self) -> None: ...
 
@@ -124,7 +122,7 @@ class LinuxCounter:
     def poll(self) -> Block:
         now = self._clock.monotonic_ns()
         channels = len(self.config.counts)
-        if self._reconnect.lost and not self._restored(now):
+        if not self._reconnect.there(now, self._reopen):
             return missing_row(now, channels, 0)
         try:
             counts = [parse_count(os.pread(file, 64, 0)) for file in self._files]
@@ -136,32 +134,22 @@ class LinuxCounter:
         quality = [int(Quality.DEVICE_RESET if reset else Quality.GOOD) for reset in self._reset]
         return one_row((now + after) // 2, counts, quality=quality)
 
-    def _restored(self, now: int) -> bool:
+    def _reopen(self) -> None:
         """The module was unloaded and loaded again: its counts began anew."""
-        if not self._reconnect.due(now):
-            return False
-        try:
-            for channel in range(len(self.config.counts)):
-                self.configure(channel, CounterMode.X4)
-            self._open_files()
-        except (OSError, DeviceFault):
-            self.close()
-            return False
+        for channel in range(len(self.config.counts)):
+            self.configure(channel, CounterMode.X4)
+        self._open_files()
         self._reset = [True] * len(self._files)
-        self._reconnect.find()
-        return True
 
     def configure(self, channel: int, mode: CounterMode) -> None:
         check_channel(self.name, channel, len(self.width))
         number = self.config.counts[channel]
-        try:
+        with or_fault(self.name, f"can count{number} do {FUNCTIONS[mode]!r}?"):
             self._write(number, "enable", "0")
             self._write(number, "function", FUNCTIONS[mode])
             with contextlib.suppress(OSError):  # some counters have a fixed ceiling
                 self._write(number, "ceiling", str((1 << self.width[channel]) - 1))
             self._write(number, "enable", "1")
-        except OSError as error:
-            raise self._fault(f"{error}; can count{number} do {FUNCTIONS[mode]!r}?") from None
 
     def preset(self, channel: int, value: int) -> None:
         """Writes the count, and reads back whether it was taken: some counters ignore it, others are caught in the middle."""
@@ -182,18 +170,17 @@ class LinuxCounter:
         """Arms a load of ``preset`` (set to 0) at the next index pulse, where the counter has it."""
         check_channel(self.name, channel, len(self.width))
         number = self.config.counts[channel]
-        try:
+        with or_fault(self.name, "it has no index input"):
             self._write(number, "preset", "0")
             self._write(number, "preset_enable", "1")
-        except OSError as error:
-            raise self._fault(f"{error}; it has no index input") from None
 
     def index_seen(self, channel: int) -> int | None:
         return None  # sysfs does not tell; a count near 0 after index_enable does
 
     def _open_files(self) -> None:
         self.close()
-        self._files = [os.open(self._folder / f"count{n}" / "count", os.O_RDONLY) for n in self.config.counts]
+        for number in self.config.counts:
+            self._files.append(os.open(self._folder / f"count{number}" / "count", os.O_RDONLY))
 
     def _read(self, number: int, attribute: str) -> str:
         return (self._folder / f"count{number}" / attribute).read_text().strip()
@@ -205,9 +192,6 @@ class LinuxCounter:
             os.write(file, text.encode() + b"\n")
         finally:
             os.close(file)
-
-    def _new_reconnect(self) -> Reconnect:
-        return Reconnect(self.name, self.config.patience, "is the counter's kernel module loaded?")
 
     def _fault(self, what: str) -> DeviceFault:
         return DeviceFault(self.name, what)

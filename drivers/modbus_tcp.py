@@ -21,7 +21,7 @@ EXCEPTIONS = {
 }
 
 
-class FrameError(ValueError):
+class FrameError(OSError):
     """Bytes that are no Modbus TCP frame; on a stream there is no way to find the next one, so the connection is to be closed."""
 
 

@@ -1,42 +1,79 @@
-"""A lost device: when to try again, and when to give it up. No clock inside."""
+"""A device that is lost in the middle of a run, sought and found again; and what fails, as a fault that says what to do."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from inputs import DeviceFault
 
 
 class Reconnect:
-    """Tries after 0.1 s, then ever less often (doubling, at most every 2 s), for ``patience`` s; then the device is given up."""
+    """Tries after 0.1 s, then ever less often (doubling, at most every 2 s), for ``patience`` s; then the device is given up.
+
+    A driver's whole part in it::
+
+        if not self._reconnect.there(now, self._reopen):
+            return missing_row(...)
+        try:
+            ...
+        except OSError:
+            self._reconnect.lose(now)
+            return missing_row(...)
+
+    There is no clock inside: ``now`` is the host's monotonic time, ns.
+    """
 
     FIRST, LONGEST = 100_000_000, 2_000_000_000  # ns
 
     def __init__(self, device: str, patience: float, advice: str) -> None:
         self._device, self._patience, self._advice = device, patience, advice
+        self.begin()
+
+    def begin(self) -> None:
+        """A new run: the device is there."""
         self._lost_at: int | None = None
-        self._next, self._delay = 0, self.FIRST
 
     @property
     def lost(self) -> bool:
         return self._lost_at is not None
 
     def lose(self, now: int) -> None:
-        """The device is lost, at host ns ``now``; a repeated loss before ``find`` changes nothing."""
+        """The device is lost; a repeated loss before it is found changes nothing."""
         if self._lost_at is None:
             self._lost_at, self._delay = now, self.FIRST
             self._next = now + self._delay
 
-    def find(self) -> None:
-        """The device is back."""
-        self._lost_at = None
+    def there(self, now: int, reopen: Callable[[], None]) -> bool:
+        """True where the device is there, or where it was lost and ``reopen`` has just brought it back.
 
-    def due(self, now: int) -> bool:
-        """True where a try is allowed now. Raises DeviceFault, with the advice, once the patience is over."""
+        ``reopen`` is called only where a try is due; it raises OSError or DeviceFault where the device does not answer yet. Raises
+        DeviceFault, with the advice, once the patience is over.
+        """
         if self._lost_at is None:
-            return False
+            return True
         if now - self._lost_at > self._patience * 1e9:
             raise DeviceFault(self._device, f"gone for {self._patience:g} s: {self._advice}")
         if now < self._next:
             return False
         self._delay = min(2 * self._delay, self.LONGEST)
         self._next = now + self._delay
+        try:
+            reopen()
+        except (OSError, DeviceFault):
+            return False
+        self._lost_at = None
         return True
+
+
+@contextmanager
+def or_fault(device: str, advice: str, undo: Callable[[], None] | None = None) -> Iterator[None]:
+    """What fails inside with an OSError is a DeviceFault of this device, with the advice; ``undo`` is done first, for any fault."""
+    try:
+        yield
+    except (OSError, DeviceFault) as error:
+        if undo is not None:
+            undo()
+        if isinstance(error, DeviceFault):
+            raise
+        raise DeviceFault(device, f"{error}; {advice}" if advice else str(error)) from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -11,13 +10,14 @@ from drivers import us_digital_ad4b_protocol as ad4b
 from drivers.blocks import missing_row, one_row
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
-from drivers.reconnect import Reconnect
+from drivers.reconnect import Reconnect, or_fault
 from drivers.registry import World
 from drivers.serial_port import SerialPort, serial_ports
 from drivers.shapes import Block, CounterMode, HostClock, Identity, Plan, Quality
 from inputs import DeviceFault
 
 BYTE_SECONDS = 10 / ad4b.BAUD
+ADVICE = "is the AD4-B plugged in and powered?"
 SLOW = 2 * int(ad4b.WIRE_BYTES * BYTE_SECONDS * 1e9)  # ns for question and answer: the latch is not where it should be
 
 
@@ -42,16 +42,13 @@ class Ad4b:
         self._added = 0
         self._stray = 0
         self._was_reset = False
-        self._reconnect = self._new_reconnect()
+        self._reconnect = Reconnect(name, config.patience, ADVICE)
 
     def open(self) -> Identity:
-        try:
+        with or_fault(self.name, ADVICE, self._port.close):
             self._port.open()
             self._ping()
             self._initialise()
-        except OSError as error:
-            self._port.close()
-            raise self._fault(f"{self.config.port}: {error}; is the AD4-B plugged in and powered?") from None
         return Identity(
             maker="US Digital",
             model="AD4-B",
@@ -80,7 +77,7 @@ class Ad4b:
         if plan.rate > ad4b.RATE:
             raise self._fault(f"{plan.rate:g} rows/s asked, {ad4b.RATE:.0f} possible at {ad4b.BAUD} baud")
         self._was_reset = False
-        self._reconnect = self._new_reconnect()
+        self._reconnect.begin()
 
     def disarm(self) -> None: ...
 
@@ -89,7 +86,7 @@ class Ad4b:
 
     def poll(self) -> Block:
         now = self._clock.monotonic_ns()
-        if self._reconnect.lost and not self._restored(now):
+        if not self._reconnect.there(now, self._reopen):
             return missing_row(now, 1, 0)
         try:
             count = self._position()
@@ -105,13 +102,15 @@ class Ad4b:
     def configure(self, channel: int, mode: CounterMode) -> None:
         check_channel(self.name, channel, len(self.width))
         self._mode = mode
-        self._guarded(self._initialise)
+        with or_fault(self.name, ADVICE):
+            self._initialise()
 
     def preset(self, channel: int, value: int) -> None:
         """Reads the counter; the driver adds what is missing to ``value`` from now on. (The document does not say which way
         round the bytes of its preset register are, nor when they reach the counter.)"""
         check_channel(self.name, channel, len(self.width))
-        self._guarded(lambda: setattr(self, "_added", value - self._position()))
+        with or_fault(self.name, ADVICE):
+            self._added = value - self._position()
 
     def index_enable(self, channel: int) -> None:
         raise self._fault("has no index line: preset the counter in a known pose")
@@ -152,30 +151,14 @@ class Ad4b:
             raise OSError(f"{len(whole)} bytes where {length} were due")
         return whole
 
-    def _restored(self, now: int) -> bool:
-        """True once it answers again: the line is drained, then pinged. A counter that stands at 0 again has lost its power."""
-        if not self._reconnect.due(now):
-            return False
-        try:
-            self._port.open()
-            self._port.wait_for(lambda data: None, 2 * ad4b.POSITION_BYTES * BYTE_SECONDS)
-            self._ping()
-            if self._position() == 0:
-                self._was_reset = True
-                self._initialise()
-        except OSError:
-            return False
-        self._reconnect.find()
-        return True
-
-    def _guarded(self, work: Callable[[], None]) -> None:
-        try:
-            work()
-        except OSError as error:
-            raise self._fault(f"{error}; is it powered and plugged in?") from None
-
-    def _new_reconnect(self) -> Reconnect:
-        return Reconnect(self.name, self.config.patience, "is the AD4-B plugged in and powered?")
+    def _reopen(self) -> None:
+        """The line is drained, then pinged. A counter that stands at 0 again has lost its power."""
+        self._port.open()
+        self._port.wait_for(lambda data: None, 2 * ad4b.POSITION_BYTES * BYTE_SECONDS)
+        self._ping()
+        if self._position() == 0:
+            self._was_reset = True
+            self._initialise()
 
     def _fault(self, what: str) -> DeviceFault:
         return DeviceFault(self.name, what)

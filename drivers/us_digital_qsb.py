@@ -15,12 +15,13 @@ from drivers import us_digital_qsb_protocol as qsb
 from drivers.blocks import missing_row, one_row
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
-from drivers.reconnect import Reconnect
+from drivers.reconnect import Reconnect, or_fault
 from drivers.registry import World
 from drivers.serial_port import SerialPort, serial_ports
 from drivers.shapes import Block, CounterMode, EdgeSource, HostClock, Identity, Plan, Quality
 from inputs import DeviceFault
 
+ADVICE = "is the QSB plugged in?"
 WIDTH = 32
 ASK_BYTES = 4 + 12  # on the wire for one question and its answer
 SLOW = 10_000_000  # ns for question and answer, USB and all: beyond it the time of the latch is not known well
@@ -47,16 +48,14 @@ class Qsb:
         self._mode = CounterMode.X4
         self._added = 0
         self._armed = self._was_reset = False
-        self._reconnect = self._new_reconnect()
+        self._reconnect = Reconnect(name, config.patience, ADVICE)
 
     def open(self) -> Identity:
-        try:
+        with or_fault(self.name, ADVICE, self._port.close):
             self._port.open()
             version = self._begin()
-            self.configure(0, self._mode)
-        except OSError as error:
-            self._port.close()
-            raise self._fault(f"{self.config.port}: {error}; is the QSB plugged in?") from None
+            self._write_mode()
+            self._added = 0
         rate = qsb.STREAM_RATE if self.config.reading == "stream" else qsb.BAUD / 10 / ASK_BYTES
         return Identity(
             maker="US Digital",
@@ -101,12 +100,10 @@ class Qsb:
         if plan.rate > qsb.STREAM_RATE:
             raise self._fault(f"{plan.rate:g} rows/s asked, {qsb.STREAM_RATE:.0f} possible at {qsb.BAUD} baud")
         self._was_reset = False
-        self._reconnect = self._new_reconnect()
+        self._reconnect.begin()
         self._last: tuple[int, int] | None = None
-        try:
+        with or_fault(self.name, ADVICE):
             self._resume()
-        except OSError as error:
-            raise self._fault(f"{error}; is it plugged in?") from None
         self._armed = True
 
     def _resume(self) -> None:
@@ -131,7 +128,7 @@ class Qsb:
 
     def poll(self) -> Block:
         now = self._clock.monotonic_ns()
-        if self._reconnect.lost and not self._restored(now):
+        if not self._reconnect.there(now, self._reopen):
             return missing_row(now, 1, 0)
         try:
             if self.config.reading == "ask":
@@ -161,43 +158,32 @@ class Qsb:
             quality |= Quality.DEVICE_RESET
         return one_row(host, [(count + self._added) & 0xFFFFFFFF], quality=[int(quality)])
 
-    def _restored(self, now: int) -> bool:
-        if not self._reconnect.due(now):
-            return False
-        try:
-            self._port.open()
-            before = self._uptime
-            self._begin()
-            if self._uptime < before or self._ask(qsb.read_command(qsb.MDR0), "r", qsb.MDR0) & 3 == 0:
-                self._was_reset = True
-                self._write_mode()
-            self._resume()
-        except OSError:
-            self._port.close()
-            return False
-        self._reconnect.find()
-        return True
+    def _reopen(self) -> None:
+        """A QSB whose clock stands earlier, or that does not count, has lost its power."""
+        self._port.open()
+        before = self._uptime
+        self._begin()
+        if self._uptime < before or self._ask(qsb.read_command(qsb.MDR0), "r", qsb.MDR0) & 3 == 0:
+            self._was_reset = True
+            self._write_mode()
+        self._resume()
 
     def configure(self, channel: int, mode: CounterMode) -> None:
         check_channel(self.name, channel, len(self.width))
         self._mode = mode
-        self._guarded_mode()
+        with or_fault(self.name, ADVICE):
+            self._write_mode()
         self._added = 0
 
     def _write_mode(self) -> None:
         self._ask(qsb.write_command(qsb.MDR0, qsb.FREE_RUNNING[self._mode], 2), "w", qsb.MDR0)
         self._ask(qsb.write_command(qsb.CLEAR, qsb.CLEAR_COUNTER), "w", qsb.CLEAR)
 
-    def _guarded_mode(self) -> None:
-        try:
-            self._write_mode()
-        except OSError as error:
-            raise self._fault(f"{error}; is it plugged in?") from None
-
     def preset(self, channel: int, value: int) -> None:
         """Clears the counter; the driver adds ``value`` from now on."""
         check_channel(self.name, channel, len(self.width))
-        self._guarded_mode()
+        with or_fault(self.name, ADVICE):
+            self._write_mode()
         self._added = value
 
     def index_enable(self, channel: int) -> None:
@@ -228,9 +214,6 @@ class Qsb:
 
     def _time(self) -> int:
         return self._ask(qsb.read_command(qsb.TIME), "r", qsb.TIME)
-
-    def _new_reconnect(self) -> Reconnect:
-        return Reconnect(self.name, self.config.patience, "is the QSB plugged in?")
 
     def _fault(self, what: str) -> DeviceFault:
         return DeviceFault(self.name, what)
