@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, check_terms
+from arm_model.geometry import relinked
 from arm_model.loop import Symbols, rigid_links
 from arm_model.mechanics import Joints, Mechanics
 from arm_model.numbers import numbers
@@ -23,6 +24,7 @@ def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Arra
     The torque that the transmission carries, which load friction needs, is known here: rigid links with their accelerations.
     """
     check_terms(arm)
+    arm = relinked(arm)
     inputs = numbers(arm)
     algebraic = tuple(
         term for term in arm.effects if CATALOGUE[term.name].spring is None and CATALOGUE[term.name].rate is None

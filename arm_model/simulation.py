@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from arm_model.description import Arm
 from arm_model.effects import check_terms
 from arm_model.engine import LANES, Program, aligned, program_of, run_blocks
+from arm_model.geometry import relinked
 from arm_model.loop import System, build
 from arm_model.motion import Motion
 from arm_model.numbers import numbers
@@ -113,6 +114,7 @@ def _zeros(inputs: Mapping[str, Array]) -> frozenset[str]:
 def _prepared(arm: Arm, variations: Mapping[str, Array] | None, start: Array, substeps: int | None) -> _Run:
     """Lanes standing still at ``start`` ((n,) or (lanes, n) rad of the motors), held by their motors."""
     check_terms(arm)
+    arm = relinked(arm)
     inputs = numbers(arm, variations)
     lanes = len(inputs["gravity0"])
     start = np.array(np.broadcast_to(start, (lanes, len(arm))), dtype=np.float64)
@@ -335,4 +337,5 @@ class Stepper:
 def system_of(arm: Arm, variations: Mapping[str, Array] | None = None) -> System:
     """The equations of an arm (and of its ``variations``) as they are compiled, for printing and counting."""
     check_terms(arm)
+    arm = relinked(arm)
     return build(arm, _zeros(numbers(arm, variations)))

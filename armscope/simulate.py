@@ -13,11 +13,11 @@ import typer
 from numpy.typing import NDArray
 
 from arm_model.description import Arm, EffectTerm
-from arm_model.kinematics import link_frames
 from arm_model.model_file import read_model
 from arm_model.motion import Motion
 from arm_model.sensing import recorded
 from arm_model.simulation import Demand, simulate
+from arm_model.tracking import tracked
 from daq.provenance import file_identity, provenance
 from daq.recording import open_recording
 from daq.recording_file import Attachments
@@ -76,7 +76,7 @@ def command(
         attachments,
         joints=[joint.name or f"joint{number}" for number, joint in enumerate(arm.joints, 1)],
         effort=[joint.drive_constant for joint in arm.joints],
-        xyz=None if point is None else _tracked(task.arm, motion, point),
+        xyz=None if point is None else tracked(task.arm, motion.t, motion.q, point),
     )
     duration = float(motion.t[-1] - motion.t[0])
     result = {"file": str(out), "rows": len(motion.t), "joints": len(arm), "duration": duration, "seconds": seconds}
@@ -159,11 +159,3 @@ def _point(text: str) -> Array:
     if point.shape != (3,):
         raise InputError("--target", f"{text!r} is not x,y,z in m, as 0.05,0,0.1")
     return point
-
-
-def _tracked(arm: Arm, motion: Motion, point: Array) -> Array:
-    """(R, 3) m in the base frame."""
-    from arm_model.effects import described
-
-    last = link_frames(described(arm), motion.q)[:, -1]
-    return np.asarray(last[:, :3, :3] @ point + last[:, :3, 3], dtype=np.float64)

@@ -188,11 +188,14 @@ def _grid(parameter: Parameter) -> tuple[float, ...]:
 LEFT_TO_OTHERS = {"missed_counts", "dropped_trigger", "mains_hum", "current_limit"}
 """Found by detectors of their own (``diagnosis.events``), not by columns."""
 
+TRACKED = {"link_geometry", "link_sag", "tracker_latency", "tracker_outliers"}
+"""Only a tracker shows them (``diagnosis.tracker``)."""
+
 
 def candidates(arm: Arm) -> Iterator[Candidate]:
     """Every candidate for this arm, nonlinear parameters on the grid of their typical ranges."""
     for effect in CATALOGUE.values():
-        if effect.name in LEFT_TO_OTHERS or (effect.coupling and len(arm) < 6):
+        if effect.name in LEFT_TO_OTHERS or effect.name in TRACKED or (effect.coupling and len(arm) < 6):
             continue
         searched = [p for p in effect.nonlinear if p.name not in SPANNED]
         if effect.delay is not None or effect.name == "payload":

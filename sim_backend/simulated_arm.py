@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm
-from arm_model.effects import check_terms, described
+from arm_model.effects import check_terms
 from arm_model.inertia import about_com, barycentric
-from arm_model.kinematics import link_frames
 from arm_model.model_file import read_model
 from arm_model.servo import fixed_gains
+from arm_model.tracking import latency, target_at
 from experiment import Experiment, demand_of
 from experiment.file import Payload
 from inputs import InputError
@@ -34,7 +34,7 @@ class SimulatedArm:
         self.arm, self._hold = arm, hold
         self.encoder_lines = arm.joint_array("encoder_lines")
         self.rest = np.zeros(len(arm))
-        self._described = described(arm)
+        self.tracker_latency = latency(arm)
 
     def standing(self, pose: Array) -> Mover:
         return Standing(self.arm, pose, pose)
@@ -59,8 +59,7 @@ class SimulatedArm:
         return Servoed(arm, experiment, self._hold)
 
     def target(self, position: Array, point: tuple[float, float, float]) -> Array:
-        pose = link_frames(self._described, position)[:, -1]
-        return np.asarray(pose[:, :3, :3] @ np.array(point) + pose[:, :3, 3])
+        return target_at(self.arm, position, point)
 
 
 def read_arm(path: Path, known: Path | None, hold: float) -> SimulatedArm:

@@ -37,11 +37,13 @@ class Plant(Protocol):
     rest           (n,) rad: the pose before anything was asked
     standing       a mover that holds the pose (n,) rad with the brakes on
     moving         a mover that follows an experiment; ``loadable`` says what it cannot do, "" where all is well
+    tracker_latency  s by which what a tracker says of the target is late
     target         (k, 3) m: a point of the last link's frame in the base frame, at link-side joint positions (k, n)
     """
 
     encoder_lines: Array
     rest: Array
+    tracker_latency: float
 
     def standing(self, pose: Array) -> Mover: ...
     def loadable(self, experiment: Experiment) -> str: ...
@@ -95,8 +97,9 @@ class World:
         return self._signal(lambda run, t: run.joint_position(t), at)
 
     def target(self, at: Times, point: tuple[float, float, float]) -> Array:
-        """(k, 3) m in the base frame at times (k,): where a point of the last link's frame is."""
-        return self.plant.target(self.joint_position(at), point)
+        """(k, 3) m in the base frame at times (k,): where a point of the last link's frame is, as a tracker sees it."""
+        late = round(self.plant.tracker_latency * 1e9)
+        return self.plant.target(self.joint_position(at - late), point)
 
     def oldest_ns(self) -> int:
         """Signals before this time are forgotten."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from arm_model.effects import description_errors, friction, position, sensing, transmission, wrist
+from arm_model.effects import description_errors, friction, position, sensing, tracking, transmission, wrist
 from arm_model.effects.definition import Effect, Values
 
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
-    for family in (friction, position, transmission, description_errors, wrist, sensing)
+    for family in (friction, position, transmission, description_errors, wrist, sensing, tracking)
     for effect in family.EFFECTS
 }
 

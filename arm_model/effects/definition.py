@@ -15,6 +15,10 @@ current     current(p, s): added to the motor current that the instrument record
 delay       delay(p, s): s by which the recorded currents are late against the recorded angles.
 change      change(arm, joint, p): another arm; for effects that are wrong numbers in the description.
 coupling    parameters named cij: turn of axis i for a turn of motor j, in the relation link angles = (1 + C) motor angles.
+bend        bend(p, s): rad by which the link hangs away from its joint's angle where a tracker looks; ``s.load`` is the torque that holds
+            the joint against gravity.
+late        late(p, s): s by which tracked points are late against the recorded angles.
+stray       stray(p, s): m by which a tracked point is wrong, in any direction; ``s.state`` is a number in 0..1 drawn for its row.
 limit       limit(p, s): the largest magnitude of motor current that the drive gives, A.
 """
 
@@ -117,6 +121,9 @@ class Effect:
     current: Law | None = None
     delay: Law | None = None
     limit: Law | None = None
+    bend: Law | None = None
+    late: Law | None = None
+    stray: Law | None = None
     change: Callable[[Any, int | None, Values], Any] | None = None
     coupling: bool = False
     link_side: bool = False  # a torque on the link, behind a two-mass transmission; else it acts on the motor

@@ -10,9 +10,9 @@ import pytest
 
 from arm_model.effects import CATALOGUE, Effect, Signals, Values
 
-LAWS = ("torque", "deflection", "angle", "current", "delay", "change", "limit")
-# Found from the tracker alone (identification.kinematics), or parts of other laws.
-ELSEWHERE = {"tracker_latency", "tracker_outliers", "link_geometry", "link_sag", "added_mass"}
+LAWS = ("torque", "deflection", "angle", "current", "delay", "change", "limit", "bend", "late", "stray")
+# Part of another law.
+ELSEWHERE = {"added_mass"}
 
 
 def _random_signals(rng: np.random.Generator, n: int = 50) -> Signals:
@@ -37,7 +37,15 @@ def test_has_one_law_and_says_what_it_is(effect: Effect) -> None:
 
 
 def over_signals(effect: Effect) -> Any:
-    return effect.torque or effect.deflection or effect.angle or effect.current
+    return (
+        effect.torque
+        or effect.deflection
+        or effect.angle
+        or effect.current
+        or effect.bend
+        or effect.late
+        or effect.stray
+    )
 
 
 @pytest.mark.parametrize("name", [name for name, e in CATALOGUE.items() if e.linear and over_signals(e)])

@@ -13,6 +13,7 @@ from arm_model.description import Arm, Controller, EffectTerm, Joint
 from arm_model.effects import CATALOGUE
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate, simulate_batch
+from arm_model.tracking import tracked
 from tests.arm_model.pumas import swing, three_links
 
 ROTOR, LINK, STIFFNESS = 0.8, 1.5, 2e3
@@ -201,9 +202,14 @@ def test_every_effect_simulates(puma: Arm, name: str) -> None:
         middle = {"row": 40.0, "count": 3.0, "period": 0.005}
     if name == "missed_counts":
         middle = {"counts": 20.0, "time": 0.2, "resolution": 1e-4}
+    if name == "tracker_outliers":
+        middle = {"share": 0.2, "size": 0.01}
     arm = puma if name == "wrist_coupling" else three_links(puma)
     bent = replace(arm, effects=(EffectTerm(name, 2 if effect.per_joint else None, middle),))
     bare, motion = (simulate(a, swing(len(arm)), duration=0.5, rate=200) for a in (arm, bent))
     shown = recorded(bent, motion)
     assert np.isfinite(shown.q).all() and np.isfinite(shown.current).all()
-    assert np.abs(shown.q - bare.qm).max() + np.abs(shown.current - bare.current).max() > 1e-6
+    seen = [tracked(a, m.t, m.q, (0.05, 0.0, 0.1)) for a, m in ((bent, motion), (arm, bare))]
+    assert np.isfinite(seen[0]).all()
+    different = np.abs(shown.q - bare.qm).max() + np.abs(shown.current - bare.current).max()
+    assert different + np.abs(seen[0] - seen[1]).max() > 1e-6

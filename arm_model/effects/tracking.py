@@ -1,0 +1,93 @@
+"""What only an external tracker sees: links that are not where their angles say, and points that are late or wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from arm_model import scalar
+from arm_model.effects.definition import Effect, Parameter, Place, Values
+
+if TYPE_CHECKING:
+    from arm_model.description import Arm
+
+
+def _other_links(arm: Arm, joint: int | None, p: Values) -> Arm:
+    assert joint is not None
+    link = arm.joints[joint - 1]
+    if link.convention == "placed":
+        raise ValueError(f"joint[{joint}]: link_geometry wants D-H parameters, the joint is placed (URDF)")
+    moved = replace(
+        link,
+        theta=link.theta + p.d_theta,
+        alpha=link.alpha + p.d_alpha,
+        a=link.a + p.d_a,
+        d=link.d + p.d_d,
+        beta=link.beta + p.beta,
+    )
+    return replace(arm, joints=(*arm.joints[: joint - 1], moved, *arm.joints[joint:]))
+
+
+LINK_GEOMETRY = Effect(
+    name="link_geometry",
+    place=Place.GEOMETRY,
+    parameters=(
+        Parameter("d_theta", "rad", (5e-4, 0.05), True, "error of theta", signed=True),
+        Parameter("d_alpha", "rad", (5e-4, 0.02), True, "error of alpha, the twist", signed=True),
+        Parameter("d_a", "m", (2e-4, 5e-3), True, "error of a, the length", signed=True),
+        Parameter("d_d", "m", (2e-4, 5e-3), True, "error of d, the offset", signed=True),
+        Parameter("beta", "rad", (5e-4, 0.02), True, "error of Hayati's turn about y", signed=True),
+    ),
+    equation="link = Rz(theta + d_theta) Tz(d + d_d) Tx(a + d_a) Rx(alpha + d_alpha) Ry(beta)",
+    shows="the tracked point is off, smoothly with the joint angles and the same every time",
+    confused_with={
+        "joint_zero_offset": "a level or an index mark at the joint",
+        "link_sag": "loaded and unloaded points",
+    },
+    change=_other_links,
+)
+
+LINK_SAG = Effect(
+    name="link_sag",
+    place=Place.GEOMETRY,
+    parameters=(
+        Parameter("compliance", "rad/(N m)", (2e-6, 2e-4), True, "turn a N m of the torque that holds against gravity"),
+    ),
+    equation="link angle = q - c tau_gravity, as the tracker sees it",
+    shows="the tracked point hangs lower where gravity pulls more",
+    confused_with={
+        "link_geometry": "loaded and unloaded points",
+        "joint_compliance": "fast motion: compliance follows the whole torque, sag gravity's",
+    },
+    bend=lambda p, s: -p.compliance * s.load,
+)
+
+TRACKER_LATENCY = Effect(
+    name="tracker_latency",
+    place=Place.TIMING,
+    parameters=(
+        Parameter("delay", "s", (2e-4, 2e-2), True, "by which tracked points are late against the angles", signed=True),
+    ),
+    equation="xyz_read(t) = xyz(t - d)",
+    shows="the tracked point is off along its velocity",
+    confused_with={"time_skew": "points at rest"},
+    per_joint=False,
+    late=lambda p, s: p.delay,
+)
+
+TRACKER_OUTLIERS = Effect(
+    name="tracker_outliers",
+    place=Place.SENSING,
+    parameters=(
+        Parameter("share", "1", (1e-4, 0.05), False, "of the points that are wrong or missing"),
+        Parameter("size", "m", (1e-3, 0.1), True, "how far wrong points are off"),
+    ),
+    equation="xyz_read = xyz + size e in a share of the rows, in any direction e",
+    shows="single points far from their neighbours, or missing (broken beam)",
+    confused_with={},
+    per_joint=False,
+    # s.state is a number in 0..1 drawn for the row
+    stray=lambda p, s: p.size * scalar.minimum(scalar.maximum((p.share - s.state) * 1e12, 0.0), 1.0),
+)
+
+EFFECTS = (LINK_GEOMETRY, LINK_SAG, TRACKER_LATENCY, TRACKER_OUTLIERS)

@@ -1,0 +1,31 @@
+"""The arm whose links are where its effects of geometry put them: other equations, not other numbers in the same ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, values_of
+from arm_model.servo import fixed_gains
+from inputs import InputError
+
+CARRIED = frozenset({"link_geometry"})
+
+
+def relinked(arm: Arm) -> Arm:
+    """The arm with its ``link_geometry`` carried into its joints; its servos stay those of the arm as it was described.
+
+    InputError where a link is placed (URDF) and so has no D-H parameters to be wrong.
+    """
+    terms = [term for term in arm.effects if term.name in CARRIED]
+    if not terms:
+        return arm
+    bent = replace(fixed_gains(replace(arm, effects=())), effects=tuple(t for t in arm.effects if t not in terms))
+    for term in terms:
+        effect = CATALOGUE[term.name]
+        assert effect.change is not None
+        try:
+            bent = effect.change(bent, term.joint, values_of(effect, term.parameters))
+        except ValueError as error:
+            raise InputError(arm.name, str(error)) from None
+    return bent

@@ -1,0 +1,72 @@
+"""Where a tracker sees its target: on links that may hang, late, and now and then wrong, by the laws of ``arm_model.effects``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, Signals, described, values_of
+from arm_model.kinematics import link_frames
+from arm_model.rigid_body import rigid_torque
+
+Array = NDArray[np.float64]
+
+
+def target_at(arm: Arm, q: Array, point: Sequence[float] | Array) -> Array:
+    """(R, 3) m in the base frame: a ``point`` (3,) m of the last link's frame, at link-side joint angles q (R, n) rad (m).
+
+    With the arm's geometry as its effects make it, and its links hanging (effects with a ``bend``) under their weight.
+    """
+    real = described(arm)
+    last = link_frames(real, q + _bends(arm, real, q))[:, -1]
+    return np.asarray(last[:, :3, :3] @ np.asarray(point, float) + last[:, :3, 3], float)
+
+
+def latency(arm: Arm) -> float:
+    """s by which the arm's effects make tracked points late."""
+    found = 0.0
+    for term in arm.effects:
+        effect = CATALOGUE[term.name]
+        if effect.late is not None:
+            found += float(effect.late(values_of(effect, term.parameters), Signals()))
+    return found
+
+
+def tracked(arm: Arm, t: Array, q: Array, point: Sequence[float] | Array, *, seed: int = 0) -> Array:
+    """(R, 3) m in the base frame: what a tracker says of ``target_at`` over a motion q (R, n) at t (R,) s.
+
+    Late points are those of earlier angles, interpolated (cubic; the first row stays before it). Wrong ones are drawn from ``seed``.
+    """
+    delay = latency(arm)
+    if delay and len(t) > 1:
+        from scipy.interpolate import CubicSpline
+
+        q = np.asarray(CubicSpline(t, q, axis=0)(np.clip(t - delay, t[0], t[-1])), float)
+    points = target_at(arm, q, point)
+    generator = np.random.default_rng(seed)
+    for term in arm.effects:
+        effect = CATALOGUE[term.name]
+        if effect.stray is not None:
+            drawn = Signals(state=generator.uniform(size=len(t)))
+            distance = np.asarray(effect.stray(values_of(effect, term.parameters), drawn), float)
+            way = generator.normal(size=(len(t), 3))
+            points += distance[:, None] * way / np.linalg.norm(way, axis=1, keepdims=True)
+    return points
+
+
+def _bends(arm: Arm, real: Arm, q: Array) -> Array:
+    """(R, n) rad by which each link gives way."""
+    bends = np.zeros_like(q)
+    terms = [(CATALOGUE[term.name], term) for term in arm.effects if CATALOGUE[term.name].bend is not None]
+    if terms:
+        still = np.zeros_like(q)
+        holding = rigid_torque(replace(real, effects=()), q, still, still)
+        for effect, term in terms:
+            j = (term.joint or 1) - 1
+            assert effect.bend is not None
+            bends[:, j] += effect.bend(values_of(effect, term.parameters), Signals(load=holding[:, j]))
+    return bends
