@@ -64,7 +64,10 @@ class Vector:
         return self.add(self.mul(a, b), c)
 
     def intrinsic(self, name: str, a: Any) -> Any:
-        function = self.builder.module.declare_intrinsic(name, [self.type])
+        """``name`` of doubles, lane by lane; llvmlite's declare_intrinsic knows no vectors."""
+        full = f"{name}.f64" if self.width == 1 else f"{name}.v{self.width}f64"
+        module = self.builder.module
+        function = module.globals.get(full) or ir.Function(module, ir.FunctionType(self.type, [self.type]), full)
         return self.builder.call(function, [a])
 
     def polynomial(self, x: Any, coefficients: Sequence[float]) -> Any:

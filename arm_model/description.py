@@ -21,13 +21,15 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 from pydantic.dataclasses import dataclass
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+Directions = Annotated[tuple[float, float], BeforeValidator(lambda v: (v, v) if isinstance(v, int | float) else v)]
+"""(positive, negative): one value for motion in either direction; a single number stands for both."""
 Row = tuple[float, float, float, float]
 Pose = tuple[Row, Row, Row, Row]
 """4x4 homogeneous transform, row by row; lengths m."""
@@ -62,8 +64,8 @@ class Joint:
     # the drive
     gear: float = 1.0
     rotor_inertia: float = 0.0  # kg m2 at the motor
-    viscous: float = 0.0  # N m s/rad at the motor
-    coulomb: tuple[float, float] = (0.0, 0.0)  # (positive, negative) magnitudes, N m at the motor
+    viscous: Directions = (0.0, 0.0)  # (positive, negative) motion, or one number for both: N m s/rad at the motor
+    coulomb: Directions = (0.0, 0.0)  # likewise, magnitudes, N m at the motor
     offset: float = 0.0  # N m at the motor: constant part of the torque, opposing motion in the positive direction
     sign_velocity: Positive = 0.01  # rad/s (m/s) at the joint: sign v is taken as v / sqrt(v^2 + sign_velocity^2)
     torque_constant: Positive = 1.0  # N m/A; N/V where the controller's output is a voltage

@@ -167,7 +167,9 @@ class Mechanics:
         drag, tape = Drag(), joints.time.tape
         for j in range(len(self.arm)):
             seen = self.signals(j, joints)
-            torque = self.symbol(f"viscous{j}") * joints.speed[j] + self.symbol(f"offset{j}") + seen.coulomb * seen.sign
+            torque = self.symbol(f"viscous_mean{j}") * joints.speed[j]
+            torque = torque + self.symbol(f"viscous_difference{j}") * scalar.absolute(joints.speed[j])
+            torque = torque + self.symbol(f"offset{j}") + seen.coulomb * seen.sign
             for term in self._of(j):
                 effect = term.effect
                 if effect.torque is None or effect.link_side:

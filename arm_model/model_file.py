@@ -89,7 +89,11 @@ def model_table(arm: Arm) -> dict[str, Any]:
             table[name] = [list(row) for row in getattr(arm, name)]
     default = asdict(Joint())
     table["joint"] = [
-        {name: value for name, value in asdict(joint).items() if name in _NEEDED or value != default[name]}
+        {
+            name: _short(name, value)
+            for name, value in asdict(joint).items()
+            if name in _NEEDED or value != default[name]
+        }
         for joint in arm.joints
     ]
     if arm.controller is not None:
@@ -99,6 +103,11 @@ def model_table(arm: Arm) -> dict[str, Any]:
             {name: value for name, value in asdict(effect).items() if value is not None} for effect in arm.effects
         ]
     return table
+
+
+def _short(name: str, value: Any) -> Any:
+    """Viscous friction that is alike in both directions as one number."""
+    return value[0] if name == "viscous" and value[0] == value[1] else value
 
 
 def write_model(path: str | Path, arm: Arm, *, heading: str = "") -> None:

@@ -3,7 +3,8 @@
 Joints and effects are counted from 0 here. All drive quantities are at the joint side:
 
     body{j}.{k}  regrouped inertial parameters in the joint frame     gravity{k}   m/s2, base frame
-    rotor{j} viscous{j} offset{j} coulomb_mean{j} coulomb_difference{j} sign_velocity{j}
+    rotor{j} offset{j} viscous_mean{j} viscous_difference{j} coulomb_mean{j} coulomb_difference{j} sign_velocity{j}
+                 of the directions: mean, and half of positive less negative
     zero{j}      rad (m): what a zero offset adds to q before the links see it
     drive{j}     N m/A                                               kp{j} ki{j} kd{j} limit{j}   the servo's, A
     effect{e}.{parameter}
@@ -44,7 +45,7 @@ def numbers(arm: Arm, variations: Mapping[str, Array] | None = None) -> dict[str
         if name.split(".")[-1] in ("theta", "d", "a", "alpha", "beta"):
             raise InputError(name, "geometry is built into the equations; simulate one arm at a time to vary it")
     linear = parameter_names(arm)
-    if all(name in linear for name in variations):
+    if all(each in linear for name in variations for each in _directions(name)):
         return _linear(arm, variations, lanes)
     each = [
         _linear(with_parameters(arm, {name: float(value[lane]) for name, value in variations.items()}), {}, 1)
@@ -60,19 +61,28 @@ def _linear(arm: Arm, variations: Mapping[str, Array], lanes: int) -> dict[str, 
     p = np.tile(parameter_vector(bent), (lanes, 1))
     nominal = dict(zip(names, parameter_vector(arm)))
     for name, values in variations.items():
-        p[:, names.index(name)] += values - nominal[name]
+        for each in _directions(name):
+            p[:, names.index(each)] += values - nominal[each]
     chain = newton_euler.chain_of(bent)
     links = p[:, : 10 * n].reshape(lanes, n, 10)
     bodies = np.stack([transform(links[:, j], chain.link[j]) for j in range(n)], axis=1)
     bodies = regrouped(chain, bodies)
     found = {f"body{j}.{k}": bodies[:, j, k] for j in range(n) for k in range(10)}
-    drive = p[:, 10 * n :].reshape(lanes, n, 5)
+    drive = p[:, 10 * n :].reshape(lanes, n, 6)
     for j in range(n):
-        rotor, viscous, forwards, backwards, offset = drive[:, j].T
-        found |= {f"rotor{j}": rotor, f"viscous{j}": viscous, f"offset{j}": offset}
-        found |= {f"coulomb_mean{j}": (forwards + backwards) / 2, f"coulomb_difference{j}": (forwards - backwards) / 2}
+        found |= {f"rotor{j}": drive[:, j, 0], f"offset{j}": drive[:, j, 5]}
+        for kind, forwards, backwards in (("viscous", *drive[:, j, 1:3].T), ("coulomb", *drive[:, j, 3:5].T)):
+            found[f"{kind}_mean{j}"] = (forwards + backwards) / 2
+            found[f"{kind}_difference{j}"] = (forwards - backwards) / 2
     found |= {name: np.full(lanes, float(value)) for name, value in _constants(arm, bent).items()}
     return found
+
+
+def _directions(name: str) -> tuple[str, ...]:
+    """The linear parameters that a name sets: friction without a direction sets both."""
+    if name.endswith((".viscous", ".coulomb")):
+        return f"{name}_positive", f"{name}_negative"
+    return (name,)
 
 
 def _constants(arm: Arm, bent: Arm) -> dict[str, float]:

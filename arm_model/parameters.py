@@ -2,8 +2,9 @@
 
 link{j}.mass .mx .my .mz .ixx .ixy .ixz .iyy .iyz .izz     barycentric, in the link frame about its origin (kg, kg m, kg m2);
                                                            changing one leaves the other nine as they are
-joint{j}.rotor_inertia .viscous .offset                    at the JOINT side (kg m2, N m s/rad, N m)
-joint{j}.coulomb_positive .coulomb_negative .coulomb       at the JOINT side (N m); the last sets both, and reads as the mean
+joint{j}.rotor_inertia .offset                             at the JOINT side (kg m2, N m)
+joint{j}.viscous_positive .viscous_negative .viscous       at the JOINT side (N m s/rad); the last sets both, and reads as the mean
+joint{j}.coulomb_positive .coulomb_negative .coulomb       likewise (N m)
 joint{j}.theta .d .a .alpha .beta .torque_constant .torque_limit .sign_velocity    as the model file has them
 joint{j}.EFFECT.PARAMETER, EFFECT.PARAMETER                of an effect term of that joint, of the whole arm
 """
@@ -19,7 +20,8 @@ from arm_model.servo import fixed_gains
 from inputs import InputError
 
 _DIRECT = ("theta", "d", "a", "alpha", "beta", "torque_constant", "torque_limit", "sign_velocity")
-_DRIVE = {"rotor_inertia": 2, "viscous": 2, "offset": 1}  # powers of the gear ratio from motor to joint
+_DRIVE = {"rotor_inertia": 2, "offset": 1}  # powers of the gear ratio from motor to joint
+_DIRECTED = {"viscous": 2, "coulomb": 1}  # likewise; (positive, negative) each
 
 
 def _unknown(name: str) -> InputError:
@@ -48,10 +50,11 @@ def parameter(arm: Arm, name: str) -> float:
     if kind == "link" and rest in PARAMETERS:
         return float(barycentric(joint.mass, joint.com, joint.inertia)[PARAMETERS.index(rest)])
     if kind == "joint":
-        positive, negative = (joint.ratio * value for value in joint.coulomb)
-        found = {"coulomb_positive": positive, "coulomb_negative": negative, "coulomb": (positive + negative) / 2}
-        if rest in found:
-            return found[rest]
+        friction, direction = friction_and_direction(rest)
+        if friction in _DIRECTED:
+            both = getattr(joint, friction)
+            at_motor = sum(both) / 2 if direction is None else both[direction]
+            return float(at_motor * joint.ratio ** _DIRECTED[friction])
         if rest in _DRIVE:
             return float(getattr(joint, rest) * joint.ratio ** _DRIVE[rest])
         if rest in _DIRECT and getattr(joint, rest) is not None:
@@ -93,20 +96,25 @@ def _with_link(joint: Joint, changed: Mapping[str, float]) -> Joint:
 
 
 def _with_joint(joint: Joint, name: str, rest: str, value: float) -> Joint:
-    positive, negative = joint.coulomb
-    at_motor = value / joint.ratio
-    match rest:
-        case "coulomb":
-            return changed_joint(joint, coulomb=(at_motor, at_motor))
-        case "coulomb_positive":
-            return changed_joint(joint, coulomb=(at_motor, negative))
-        case "coulomb_negative":
-            return changed_joint(joint, coulomb=(positive, at_motor))
+    friction, direction = friction_and_direction(rest)
+    if friction in _DIRECTED:
+        at_motor = value / joint.ratio ** _DIRECTED[friction]
+        both = [at_motor, at_motor] if direction is None else list(getattr(joint, friction))
+        both[direction or 0] = at_motor
+        return changed_joint(joint, **{friction: tuple(both)})
     if rest in _DRIVE:
         return changed_joint(joint, **{rest: value / joint.ratio ** _DRIVE[rest]})
     if rest in _DIRECT:
         return changed_joint(joint, **{rest: value})
     raise _unknown(name)
+
+
+def friction_and_direction(name: str) -> tuple[str, int | None]:
+    """'viscous_negative' -> ('viscous', 1); 'coulomb' -> ('coulomb', None)."""
+    for direction, ending in enumerate(("_positive", "_negative")):
+        if name.endswith(ending):
+            return name.removesuffix(ending), direction
+    return name, None
 
 
 def changed_joint(joint: Joint, **entries: object) -> Joint:

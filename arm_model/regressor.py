@@ -21,20 +21,23 @@ Friction = Literal["asymmetric", "symmetric"]
 
 def parameter_names(arm: Arm, *, friction: Friction = "asymmetric") -> list[str]:
     """Names in the order of the regressor's columns: ten a link, then the drive's of each joint."""
-    coulomb = ("coulomb_positive", "coulomb_negative") if friction == "asymmetric" else ("coulomb",)
-    drive = ("rotor_inertia", "viscous", *coulomb, "offset")
+    directions = ("_positive", "_negative") if friction == "asymmetric" else ("",)
+    rubbing = [f"{kind}{direction}" for kind in ("viscous", "coulomb") for direction in directions]
+    drive = ("rotor_inertia", *rubbing, "offset")
     links = [f"link{j}.{name}" for j in range(1, len(arm) + 1) for name in PARAMETERS]
     return links + [f"joint{j}.{name}" for j in range(1, len(arm) + 1) for name in drive]
 
 
 def parameter_vector(arm: Arm, *, friction: Friction = "asymmetric") -> Array:
     """(p,) the arm's values in that order: barycentric inertial parameters in the link frame about its origin; rotor inertia,
-    viscous, Coulomb and offset at the JOINT side. ``friction`` "symmetric" gives the mean of the two Coulomb magnitudes."""
+    viscous, Coulomb and offset at the JOINT side. ``friction`` "symmetric" gives the means of the two directions."""
     values = [link_parameters(arm).ravel()]
     for joint in arm.joints:
-        n, (positive, negative) = joint.ratio, joint.coulomb
-        coulomb = [n * positive, n * negative] if friction == "asymmetric" else [n * (positive + negative) / 2]
-        values.append(np.array([n**2 * joint.rotor_inertia, n**2 * joint.viscous, *coulomb, n * joint.offset]))
+        n = joint.ratio
+        rubbing = np.array([np.multiply(joint.viscous, n**2), np.multiply(joint.coulomb, n)])  # kind, direction
+        if friction == "symmetric":
+            rubbing = rubbing.mean(axis=1, keepdims=True)
+        values.append(np.array([n**2 * joint.rotor_inertia, *rubbing.ravel(), n * joint.offset]))
     return np.concatenate(values)
 
 
@@ -43,7 +46,7 @@ def regressor(
 ) -> tuple[Array, list[str]]:
     """(Y (N, n, p), names): Y @ parameter_vector(arm) = inverse_dynamics(arm, q, qd, qdd), whatever the values.
 
-    With ``friction`` "symmetric" one column joint{j}.coulomb stands for both directions.
+    With ``friction`` "symmetric" one column joint{j}.viscous and one joint{j}.coulomb stand for both directions.
     """
     q, qd, qdd = samples(arm, q, qd, qdd)
     blocks = [_link_columns(arm, q, qd, qdd)] + [
@@ -55,10 +58,10 @@ def regressor(
 def _drive_columns(arm: Arm, j: int, qd: Array, qdd: Array, friction: Friction) -> Array:
     sign = scalar.smooth_sign(qd, arm.joints[j].sign_velocity)
     if friction == "asymmetric":
-        coulomb = [(sign + sign**2) / 2, (sign - sign**2) / 2]
+        rubbing = [np.maximum(qd, 0.0), np.minimum(qd, 0.0), (sign + sign**2) / 2, (sign - sign**2) / 2]
     else:
-        coulomb = [sign]
-    columns = np.stack([qdd, qd, *coulomb, np.ones_like(qd)], axis=-1)
+        rubbing = [qd, sign]
+    columns = np.stack([qdd, *rubbing, np.ones_like(qd)], axis=-1)
     block = np.zeros((len(qd), len(arm), columns.shape[-1]))
     block[:, j] = columns
     return block

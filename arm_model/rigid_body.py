@@ -34,10 +34,14 @@ def drive_torque(joint: Joint, qd: Any, qdd: Any) -> Any:
     """Joint torque that the drive itself takes: reflected rotor inertia, viscous and Coulomb friction, offset.
 
     Coulomb friction: with s = v / sqrt(v^2 + sign_velocity^2), (F+ + F-)/2 s + (F+ - F-)/2 s^2: F+ forwards, -F- backwards,
-    nothing at rest. ``qd`` and ``qdd`` are scalars of any kind, of the motor over the gear ratio.
+    nothing at rest. Viscous friction: (B+ + B-)/2 v + (B+ - B-)/2 |v|: B+ v forwards, B- v backwards. ``qd`` and
+    ``qdd`` are scalars of any kind, of the motor over the gear ratio.
     """
     ratio = joint.ratio
-    torque = ratio**2 * joint.rotor_inertia * qdd + ratio**2 * joint.viscous * qd
+    forwards, backwards = (ratio**2 * viscous for viscous in joint.viscous)
+    torque = ratio**2 * joint.rotor_inertia * qdd + (forwards + backwards) / 2 * qd
+    if forwards != backwards:
+        torque = torque + (forwards - backwards) / 2 * scalar.absolute(qd)
     sign = scalar.smooth_sign(qd, joint.sign_velocity)
     positive, negative = joint.coulomb
     mean, difference = ratio * (positive + negative) / 2, ratio * (positive - negative) / 2

@@ -135,7 +135,7 @@ def _joint(path: str | Path, element: xml.Element, pose: Array) -> Joint:
     effort = _numbers(path, limit, "effort", "0", 1)[0]
     speed = _numbers(path, limit, "velocity", "0", 1)[0]
     axis = _numbers(path, element.find("axis"), "xyz", "1 0 0", 3)
-    friction = _numbers(path, dynamics, "friction", "0", 1)[0]
+    damping, friction = (_numbers(path, dynamics, name, "0", 1)[0] for name in ("damping", "friction"))
     return Joint(
         name=element.get("name", ""),
         type=_MOVING[kind],  # type: ignore[arg-type]
@@ -146,7 +146,7 @@ def _joint(path: str | Path, element: xml.Element, pose: Array) -> Joint:
         limits=(lower, upper) if kind != "continuous" and lower < upper else None,
         torque_limit=effort if effort > 0 else None,
         motor_speed_limit=speed if speed > 0 else None,
-        viscous=_numbers(path, dynamics, "damping", "0", 1)[0],
+        viscous=(damping, damping),
         coulomb=(friction, friction),
     )
 
@@ -213,7 +213,8 @@ def _write_joint(robot: xml.Element, joint: Joint, name: str, parent: str, child
     limit = {"lower": lower, "upper": upper, "effort": joint.torque_limit or 0.0, "velocity": speed}
     xml.SubElement(element, "limit", {key: repr(float(value)) for key, value in limit.items()})
     friction = joint.ratio * sum(joint.coulomb) / 2
-    dynamics = {"damping": repr(joint.viscous * joint.ratio**2), "friction": repr(friction)}
+    damping = joint.ratio**2 * sum(joint.viscous) / 2
+    dynamics = {"damping": repr(damping), "friction": repr(friction)}
     xml.SubElement(element, "dynamics", dynamics)
 
 

@@ -99,7 +99,7 @@ def _summary(arm: Arm) -> dict[str, Any]:
             "mass": joint.mass,
             "inertia_at_zero": float(diagonal[number - 1]),
             "gear": joint.gear,
-            "viscous": joint.viscous * joint.ratio**2,
+            "viscous": [joint.ratio**2 * value for value in joint.viscous],
             "coulomb": [joint.ratio * value for value in joint.coulomb],
         }
         for number, joint in enumerate(arm.joints, 1)
@@ -121,13 +121,13 @@ def _text(summary: dict[str, Any]) -> str:
         f"{summary['name']}: {len(summary['joints'])} joints, controller: {summary['controller'] or 'none'}",
         f"{summary['operations']} operations for the rates of {summary['states']} states",
         "",
-        "joint  type        mass    inertia at q = 0 (with rotor)  viscous    coulomb + / -",
+        "joint  type         mass   inertia at q = 0 (rotor too)   viscous + / -    coulomb + / -",
     ]
     for joint in summary["joints"]:
-        forwards, backwards = joint["coulomb"]
+        viscous, coulomb = (" / ".join(f"{value:.4g}" for value in joint[kind]) for kind in ("viscous", "coulomb"))
         lines.append(
             f"{joint['joint']:>5}  {joint['type']:<9} {joint['mass']:>7.4g} {joint['inertia_at_zero']:>18.4g}"
-            f" {joint['viscous']:>21.4g}    {forwards:.4g} / {backwards:.4g}  {joint['name']}".rstrip()
+            f" {viscous:>24}  {coulomb:>15}  {joint['name']}".rstrip()
         )
     for term in summary["effects"]:
         values = ", ".join(f"{name} {value:g}" for name, value in term["parameters"].items())

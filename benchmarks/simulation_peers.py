@@ -56,7 +56,7 @@ def servo_of(arm: Arm) -> Servo:
     given = {name: float(value[0]) for name, value in numbers(arm).items()}
     by_joint = {
         name: np.array([given[f"{name}{j}"] for j in n])
-        for name in ("drive", "limit", "viscous", "coulomb_mean", "coulomb_difference", "sign_velocity")
+        for name in ("drive", "limit", "viscous_mean", "coulomb_mean", "coulomb_difference", "sign_velocity")
     }
     return Servo(
         kp=gains.position,
@@ -68,7 +68,7 @@ def servo_of(arm: Arm) -> Servo:
         share=1 - math.exp(-controller.velocity_bandwidth * controller.servo_period),
         lag=controller.current_lag,
         ahead=controller.velocity_reference,
-        viscous=by_joint["viscous"],
+        viscous=by_joint["viscous_mean"],
         mean=by_joint["coulomb_mean"],
         difference=by_joint["coulomb_difference"],
         width=by_joint["sign_velocity"],

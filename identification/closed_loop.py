@@ -97,7 +97,7 @@ def _arm_of(problem: Problem, fit: Fit, information: Array) -> Arm:
         model_values(problem.arm, problem.friction),
         problem.base.names,
     )
-    return with_values(problem, physical, [])
+    return with_values(problem, physical)
 
 
 def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:

@@ -49,45 +49,32 @@ def column_names(arm: Arm, friction: Friction) -> list[str]:
     symmetric   viscous, coulomb, offset: with a constant offset, Coulomb friction may differ by direction
     asymmetric  viscous_positive, viscous_negative, coulomb_positive, coulomb_negative; an offset could not be told from these
     """
-    names = []
-    for name in parameter_names(arm, friction=friction):
-        if _left_out(arm, name, friction):
-            continue
-        if friction == "asymmetric" and name.endswith(".viscous"):
-            names += [f"{name}_positive", f"{name}_negative"]
-        else:
-            names.append(name)
-    return names
+    return [name for name in parameter_names(arm, friction=friction) if not _left_out(arm, name, friction)]
 
 
 def model_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction = "symmetric") -> Array:
     """(N, n, p) regressor with the columns ``column_names(arm, friction)``."""
     full, names = regressor(arm, q, qd, qdd, friction=friction)
-    columns = []
-    for k, name in enumerate(names):
-        if _left_out(arm, name, friction):
-            continue
-        if friction == "asymmetric" and name.endswith(".viscous"):
-            forwards = (qd > 0)[:, :]
-            columns += [full[:, :, k] * forwards, full[:, :, k] * ~forwards]
-        else:
-            columns.append(full[:, :, k])
-    return np.stack(columns, axis=2)
+    return full[:, :, [k for k, name in enumerate(names) if not _left_out(arm, name, friction)]]
 
 
 def model_values(arm: Arm, friction: Friction = "symmetric") -> Array:
     """(p,) the arm's own values of the parameters ``column_names(arm, friction)``.
 
-    With symmetric friction the offset carries half the difference of the two Coulomb magnitudes: while a joint moves, no one can tell.
+    While a joint moves, no one can tell a constant torque from a difference of the two Coulomb magnitudes: with symmetric friction the
+    offset carries half of that difference, with asymmetric friction the magnitudes carry the offset.
     """
     values = []
     for name, value in zip(parameter_names(arm, friction=friction), parameter_vector(arm, friction=friction)):
         if _left_out(arm, name, friction):
             continue
-        if name.endswith(".offset"):
-            joint = arm.joints[int(name.partition(".")[0].removeprefix("joint")) - 1]
+        head, _, rest = name.partition(".")
+        joint = arm.joints[int(head.removeprefix("joint")) - 1] if head.startswith("joint") else None
+        if joint is not None and rest == "offset":
             value += joint.ratio * (joint.coulomb[0] - joint.coulomb[1]) / 2
-        values += [value, value] if friction == "asymmetric" and name.endswith(".viscous") else [value]
+        elif joint is not None and rest in ("coulomb_positive", "coulomb_negative"):
+            value += joint.ratio * joint.offset * (1 if rest.endswith("positive") else -1)
+        values.append(value)
     return np.array(values)
 
 

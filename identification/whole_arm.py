@@ -152,7 +152,7 @@ def conclude(
         model_values(problem.arm, problem.friction),
         problem.base.names,
     )
-    identified = with_values(problem, physical, warnings)
+    identified = with_values(problem, physical)
     reduced = problem.base.grouping[problem.excited] @ physical
     compared = {"physically consistent model": _errors(problem, reduced)}
     base, parameters = _named(problem, best, spread, physical)
@@ -252,16 +252,11 @@ def _errors(problem: Problem, values: Array) -> tuple[float, float]:
     return found[0], found[1]
 
 
-def with_values(problem: Problem, physical: Array, warnings: list[str]) -> Arm:
-    """The arm with standard parameters ``physical`` (p,); ``warnings`` grows by what a model cannot carry."""
+def with_values(problem: Problem, physical: Array) -> Arm:
+    """The arm with standard parameters ``physical`` (p,)."""
     values = dict(zip(problem.base.names, map(float, physical)))
-    for j in range(1, len(problem.arm) + 1):
-        if f"joint{j}.viscous_positive" in values:
-            both = values.pop(f"joint{j}.viscous_positive"), values.pop(f"joint{j}.viscous_negative")
-            values[f"joint{j}.viscous"] = (both[0] + both[1]) / 2
-            warnings.append(
-                f"model.toml carries the mean viscous friction of joint {j}; a model has one for both directions"
-            )
+    if problem.friction == "asymmetric":  # what was constant is in the two magnitudes now
+        values |= {f"joint{j}.offset": 0.0 for j in range(1, len(problem.arm) + 1)}
     return with_parameters(fixed_gains(problem.arm), values)  # the real servo does not follow our estimates
 
 

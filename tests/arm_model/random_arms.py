@@ -26,7 +26,7 @@ def random_joint(rng: np.random.Generator, *, friction: bool = True) -> Joint:
     drive = dict(
         gear=float(rng.choice([-40.0, 1.0, 70.0])),
         rotor_inertia=2e-4,
-        viscous=1e-3,
+        viscous=(1e-3, 1.7e-3),
         coulomb=tuple(rng.uniform(0.0, 0.3, size=2)),
         offset=0.02,
     )

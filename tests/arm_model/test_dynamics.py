@@ -127,7 +127,7 @@ def test_changed_parameters_act_linearly() -> None:
         "link2.mass": 4.0,
         "link2.mx": 0.3,
         "link4.ixy": 0.01,
-        "joint1.viscous": 5.0,
+        "joint1.viscous_positive": 5.0,
         "joint3.coulomb_negative": 2.0,
     }
     changed = with_parameters(arm, changes)

@@ -29,10 +29,21 @@ def test_the_puma_is_the_nominal_one(root: Path, shared: Path) -> None:
     arm = read_model(root / "config/models/puma560.toml")
     for ours, given in zip(arm.joints, nominal["joint"], strict=True):
         for name, value in given.items():
-            np.testing.assert_equal(getattr(ours, name), tuple(value) if isinstance(value, list) else value, name)
+            wanted = (value, value) if name == "viscous" else tuple(value) if isinstance(value, list) else value
+            np.testing.assert_equal(getattr(ours, name), wanted, name)
     assert arm.controller is not None
     for name, value in nominal["controller"].items():
         assert getattr(arm.controller, name) == (tuple(value) if isinstance(value, list) else value), name
+
+
+def test_viscous_friction_is_one_number_or_two(root: Path, tmp_path: Path) -> None:
+    arm = read_model(root / "config/models/emps.toml")
+    assert arm.joints[0].viscous == (203.5, 203.5)
+    write_model(tmp_path / "same.toml", arm)
+    assert tomllib.loads((tmp_path / "same.toml").read_text())["joint"][0]["viscous"] == 203.5
+    uneven = replace(arm, joints=(replace(arm.joints[0], viscous=(166.7, 240.4)),))
+    write_model(tmp_path / "uneven.toml", uneven)
+    assert read_model(tmp_path / "uneven.toml") == uneven
 
 
 def test_effects_are_kept(root: Path, tmp_path: Path) -> None:

@@ -73,7 +73,10 @@ def test_a_reason_is_wanted_for_an_unphysical_set(root: Path, tmp_path: Path) ->
 
 def _bare(arm: Arm) -> Arm:
     """What of an arm goes through URDF."""
-    joints = tuple(replace(j, rotor_inertia=0.0, offset=0.0, coulomb=(sum(j.coulomb) / 2,) * 2) for j in arm.joints)
+    joints = tuple(
+        replace(j, rotor_inertia=0.0, offset=0.0, viscous=sum(j.viscous) / 2, coulomb=sum(j.coulomb) / 2)
+        for j in arm.joints
+    )
     return replace(arm, joints=joints)
 
 

@@ -109,7 +109,11 @@ def test_standing_arm_stays(puma: Arm) -> None:
 
 def test_lanes_are_single_simulations(puma: Arm) -> None:
     arm = three_links(puma)
-    values = {"joint2.viscous": np.linspace(5, 15, 11), "link3.mass": np.linspace(4, 6, 11)}
+    values = {
+        "joint2.viscous": np.linspace(5, 15, 11),
+        "joint1.viscous_negative": np.linspace(9, 2, 11),
+        "link3.mass": np.linspace(4, 6, 11),
+    }
     batch = simulate_batch(arm, swing(3), duration=1.0, rate=200, parameters=values)
     assert batch.q.shape == (11, 201, 3)
     for lane in (0, 7, 10):
