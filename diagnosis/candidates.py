@@ -20,6 +20,7 @@ from arm_model.dynamics import inverse_dynamics
 from arm_model.effects import CATALOGUE, Effect, Parameter, Signals, Values
 from arm_model.effects.definition import Law
 from diagnosis.evidence import ROWS_PER_SECOND, Run, passed, signals_of
+from diagnosis.reading import integrated
 
 Array = NDArray[np.float64]
 
@@ -85,13 +86,15 @@ def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) 
     change = np.zeros_like(run.current)
     if effect.torque is not None:
         if effect.rate is not None:
-            s = replace(s, state=_integrated(effect, p, s))
+            s = replace(s, state=integrated(effect, p, s, 1.0 / ROWS_PER_SECOND))
         change[:, j] = effect.torque(p, s) / arm.joints[j].drive_constant
     elif effect.current is not None:
         change[:, j] = effect.current(p, s)
     elif effect.deflection is not None:
         # the link stands where the motor is, less the deflection
         change = -_moved(run, j, *_rates(effect.deflection, p, s, arm.joints[j].ratio))
+        # virtual work: where the link turns less than the motor, the motor feels less of its load
+        change[:, j] -= _slope(effect.deflection, p, s) * arm.joints[j].ratio * s.load / arm.joints[j].drive_constant
     elif effect.angle is not None:
         # the whole joint stands where it reads, less the error
         error, speed, acceleration = _rates(effect.angle, p, s, arm.joints[j].ratio)
@@ -118,6 +121,14 @@ def _rates(law: Law, p: Values, s: Signals, ratio: float) -> tuple[Array, Array,
         return value, speed, np.gradient(speed, 1.0 / ROWS_PER_SECOND)
     slope, bend = (up - down) / (2 * step), (up - 2 * value + down) / step**2
     return value, slope * ratio * s.v, bend * (ratio * s.v) ** 2 + slope * ratio * s.a
+
+
+def _slope(law: Law, p: Values, s: Signals) -> Array:
+    """(m,) derivative of an angle by the motor's own angle."""
+    step = 1e-3
+    up, down = (np.asarray(law(p, replace(s, motor=s.motor + sign * step)), float) for sign in (1.0, -1.0))
+    slope: Array = (up - down) / (2 * step)
+    return slope
 
 
 def _moved(run: Run, j: int, angle: Array, speed: Array, acceleration: Array) -> Array:
@@ -158,22 +169,6 @@ def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
         change += _moved(run, i, value * run.q[:, j], value * run.v[:, j], value * run.a[:, j])
         change[:, j] += value * run.rigid[:, i] / constant[j]
     return change
-
-
-def _integrated(effect: Effect, p: Values, s: Signals) -> Array:
-    """State of an effect along a run, by exponential steps of its rate, which is affine in the state."""
-    assert effect.rate is not None
-    at0 = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=0.0)), float), s.v.shape)
-    slope = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=1.0)), float), s.v.shape) - at0
-    h = 1.0 / ROWS_PER_SECOND
-    grow = np.exp(np.minimum(slope * h, 0.0))
-    forced = np.where(np.abs(slope) > 1e-9, at0 * (grow - 1.0) / np.where(np.abs(slope) > 1e-9, slope, 1.0), at0 * h)
-    state = np.zeros_like(s.v)
-    z = 0.0
-    for k, (g, f) in enumerate(zip(grow.tolist(), forced.tolist())):
-        state[k] = z
-        z = g * z + f
-    return state
 
 
 def _grid(parameter: Parameter) -> tuple[float, ...]:

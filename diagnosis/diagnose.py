@@ -22,17 +22,17 @@ from diagnosis.closed_loop import Compared, compare
 from diagnosis.events import Event
 from diagnosis.evidence import Run, see
 from diagnosis.library import Side, columns_of, free_columns, side_of
-from diagnosis.parameters import Estimate, estimates, physical, sharpened
+from diagnosis.parameters import Estimate, estimates
 from diagnosis.projection import confusability, span_of
 from diagnosis.remainder import Structure, structure_left
-from diagnosis.selection import Accepted, Look, Pair, accept, look, matters, round_of, simplest
+from diagnosis.search import Found, Problem, search
+from diagnosis.selection import Look, look
 from diagnosis.setup import loaded, setup_of
 from diagnosis.visibility import Invisible, not_visible
 from inputs import InputError
 
 Array = NDArray[np.float64]
 
-MOST_CAUSES = 8
 GROUP_ABOVE = 0.98
 """Canonical correlation above which two effects are one to this data."""
 
@@ -97,14 +97,16 @@ def diagnose(
     sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
     progress("computing what each effect would look like")
     library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in candidates(arm)}
-    free = list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
-    chosen, looks = _select(library, free, sides, arm, progress)
-    accepted = accept(*sides, free + [library[c] for c in chosen])
+    problem = Problem(arm, sides, library, list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm))))
+    search_result = search(problem, progress)
+    chosen, sides = search_result.chosen, search_result.sides
+    accepted = problem.accepted(chosen, sides)
     progress("estimating parameters")
-    own = accepted.coefficients[len(free) :]
-    values = estimates(chosen, own, accepted.fit, [pair[0] for pair in free], sides[0], arm) if chosen else []
+    own = accepted.coefficients[len(problem.free) :]
+    free = [pair[0] for pair in problem.free]
+    values = estimates(chosen, own, accepted.fit, free, sides[0], arm) if chosen else []
     causes = [_from_event(event, sides) for event in found]
-    causes += [_cause(c, v, one, chosen, library, free, sides, accepted) for c, v, one in zip(chosen, values, looks)]
+    causes += [_cause(c, v, one, problem, search_result) for c, v, one in zip(chosen, values, search_result.equals)]
     extended = extend(arm, causes) if causes else arm
     progress("judging in closed loop")
     compared = {
@@ -135,64 +137,16 @@ def _check(arm: Arm, recordings: list[Recording]) -> None:
             raise InputError(r.path, f"current of joint {int(np.argmax(constant)) + 1} never changes; is it connected?")
 
 
-def _select(
-    library: dict[Candidate, Pair],
-    free: list[Pair],
-    sides: tuple[Side, Side],
-    arm: Arm,
-    progress: Callable[[str], None],
-) -> tuple[list[Candidate], list[list[Look]]]:
-    """Chosen candidates in the order of acceptance, and for each the candidates that would have done as well."""
-    fit, held_out = sides
-    chosen: list[Candidate] = []
-    equals: dict[tuple[str, int | None], list[Look]] = {}
-    for number in range(1, MOST_CAUSES + 1):
-        progress(f"looking for cause {number}")
-        accepted = accept(fit, held_out, free + [library[c] for c in chosen])
-        able = round_of(library, accepted, fit, held_out, {c.key for c in chosen}, physical)
-        if not able:
-            break
-        best, alike = simplest(able, held_out)
-        sharp = sharpened(best.candidate, accepted, fit, arm)
-        library[sharp] = columns_of(sharp, fit, arm), columns_of(sharp, held_out, arm)
-        chosen.append(sharp)
-        equals[sharp.key] = alike
-        chosen = _weeded(chosen, library, free, sides)
-    return chosen, [equals[c.key] for c in chosen]
-
-
-def _weeded(
-    chosen: list[Candidate], library: dict[Candidate, Pair], free: list[Pair], sides: tuple[Side, Side]
-) -> list[Candidate]:
-    """Backward deletion: causes whose held-out gain beside all others no longer matters are dropped, the least first."""
-    fit, held_out = sides
-    while len(chosen) > 1:
-        gains = []
-        for c in chosen:
-            others = accept(fit, held_out, free + [library[o] for o in chosen if o is not c])
-            gains.append(look(c, library[c], others, held_out))
-        total = float(
-            np.sum(held_out.y**2) - np.sum(accept(fit, held_out, free + [library[c] for c in chosen]).held_out ** 2)
-        )
-        least = min(gains, key=lambda one: one.held_out_gain)
-        if matters(least.held_out_gain, len(least.coefficients), total, held_out):
-            break
-        chosen = [c for c in chosen if c is not least.candidate]
-    return chosen
-
-
 def _cause(
     candidate: Candidate,
     values: list[Estimate],
     alike: list[Look],
-    chosen: list[Candidate],
-    library: dict[Candidate, Pair],
-    free: list[Pair],
-    sides: tuple[Side, Side],
-    accepted: Accepted,
+    problem: Problem,
+    found: Found,
 ) -> Cause:
-    fit, held_out = sides
-    others = accept(fit, held_out, free + [library[c] for c in chosen if c is not candidate])
+    library, (fit, held_out) = problem.library, found.sides
+    accepted = problem.accepted(found.chosen, found.sides)
+    others = problem.accepted([c for c in found.chosen if c is not candidate], found.sides)
     one = look(candidate, library[candidate], others, held_out)
     joint = candidate.joint or _most_felt(others.held_out, accepted.held_out, held_out)
     before, after = (_rms_in_amperes(values_, held_out, joint) for values_ in (others.held_out, accepted.held_out))

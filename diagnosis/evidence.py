@@ -7,26 +7,23 @@ turn whatever disturbs an angle into what it does to the currents of all joints.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, signal
 
-from arm_model.description import Arm
-from arm_model.dynamics import inverse_dynamics
-from arm_model.effects import Signals
+from arm_model.description import Arm, EffectTerm
+from arm_model.effects import Signals, described
 from arm_model.regressor import regressor
 from arm_model.rigid_body import mass_matrix, rigid_torque
+from diagnosis.reading import COLUMN_BAND, MOTION_BAND, low_pass, motion_of, reading, true_angle
 
 Array = NDArray[np.float64]
 
-MOTION_BAND = 60.0
-"""Hz: pass-band of the motion from which the model's currents are computed."""
 COMPARE_BAND = 20.0
 """Hz: pass-band in which measured and expected currents are compared."""
-COLUMN_BAND = 10.0
-"""Hz: pass-band of the motion from which the columns of effects are computed."""
 ROWS_PER_SECOND = 100
 CREEP = 0.02
 """rad/s (m/s): below it, what friction does depends on more than the velocity."""
@@ -36,7 +33,8 @@ CREEP = 0.02
 class Run:
     """One recording seen through one model. m rows at ROWS_PER_SECOND, n joints.
 
-    t (m,) s; q, v, a (m, n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
+    raw: t (k,) s and q (k, n) rad as recorded, events taken out; t (m,) s from the start of the recording; q, v, a (m, n) rad and per
+    second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
     rigid (m, n) N m: torque to the links; by_angle, by_speed, by_acceleration (m, n, n): d expected_j / d q_k, A/rad ..., of the links alone;
     by_link (m, n, 10 n) N m per inertial parameter of each link;
     deviation (m, n) A: standard deviation that the residual has with nothing wrong; block (m,): block of one second, from 0;
@@ -45,6 +43,7 @@ class Run:
     """
 
     name: str
+    raw: tuple[Array, Array]
     t: Array
     q: Array
     v: Array
@@ -74,30 +73,22 @@ class Run:
         return self.residual / self.deviation
 
 
-def low_pass(values: Array, band: float, rate: float) -> Array:
-    """Zero-phase fourth-order Butterworth along the first axis."""
-    sos = signal.butter(4, min(band / (rate / 2), 0.98), output="sos")
-    smooth: Array = signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(3 * rate / band)))
-    return smooth
-
-
 def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True) -> Run:
     """A recording t (m,) s, q (m, n) rad, i (m, n) A, uniformly sampled and without gaps, seen through ``arm``."""
     rate = 1.0 / float(np.median(np.diff(t)))
-    position = low_pass(q, MOTION_BAND, rate)
-    v = np.gradient(position, 1.0 / rate, axis=0)
-    a = np.gradient(v, 1.0 / rate, axis=0)
-    constant = arm.joint_array("drive_constant")
-    keep = slice(int(0.2 * rate), -int(0.2 * rate), max(1, round(rate / ROWS_PER_SECOND)))
+    angle = true_angle(arm, q)
+    position, v, a = motion_of(angle, MOTION_BAND, rate)
+    bent = described(arm)
+    constant = bent.joint_array("drive_constant")
+    keep = kept(rate)
 
     def thin(values: Array) -> Array:
         return low_pass(values, COMPARE_BAND, rate)[keep]
 
-    expected = powered * inverse_dynamics(arm, position, v, a) / constant
-    noise = channel_noise(q, i, arm, rate)
+    noise = channel_noise(q, i, bent, rate)
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
-    partials = [_partial(arm, low, slow_v, slow_a, which) / constant[:, None] for which in range(3)]
+    partials = [_partial(bent, low, slow_v, slow_a, which) / constant[:, None] for which in range(3)]
     # the wobble of friction near standstill, as far as the filters smear it
     coulomb = np.array([joint.ratio * max(joint.coulomb) for joint in arm.joints]) / constant
     slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
@@ -106,13 +97,18 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = Tr
     deviation = np.hypot(noise, coulomb * unsure * powered)
     rows = t[keep]
     return Run(
-        name=name, t=rows - t[0],
+        name=name, raw=(t, q), t=rows - t[0],
         q=low, v=slow_v, a=slow_a, current=thin(i),
-        current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)), expected=thin(expected),
-        rigid=rigid_torque(arm, low, slow_v, slow_a), by_angle=partials[0], by_speed=partials[1], by_acceleration=partials[2],
-        by_link=regressor(arm, low, slow_v, slow_a)[0][..., : 10 * len(arm)],
+        current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)), expected=thin(reading(arm, t, q, powered=powered)),
+        rigid=rigid_torque(bent, low, slow_v, slow_a), by_angle=partials[0], by_speed=partials[1], by_acceleration=partials[2],
+        by_link=regressor(bent, low, slow_v, slow_a)[0][..., : 10 * len(arm)],
         deviation=deviation, noise=noise, block=((rows - rows[0]) // 1.0).astype(np.intp), arm=arm, powered=powered,
     )  # fmt: skip
+
+
+def kept(rate: float) -> slice:
+    """Rows of a recording at ``rate`` Hz that are looked at: ROWS_PER_SECOND of them, the ends of the filters left out."""
+    return slice(int(0.2 * rate), -int(0.2 * rate), max(1, round(rate / ROWS_PER_SECOND)))
 
 
 def passed(frequency: Array) -> Array:
@@ -157,6 +153,14 @@ def _smallest_step(values: Array) -> float:
     steps = np.abs(np.diff(values))
     steps = steps[steps > 1e-9]
     return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
+
+
+def residual_with(run: Run, terms: Sequence[EffectTerm]) -> Array:
+    """(m, n) A: the residual of a recording under its arm with more effects, through the same filters; see ``Run.residual``."""
+    t, q = run.raw
+    rate = 1.0 / float(np.median(np.diff(t)))
+    arm = replace(run.arm, effects=(*run.arm.effects, *terms))
+    return run.current - low_pass(reading(arm, t, q, powered=run.powered), COMPARE_BAND, rate)[kept(rate)]
 
 
 def signals_of(run: Run, arm: Arm, joint: int) -> Signals:

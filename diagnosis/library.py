@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.description import Arm
+from arm_model.description import Arm, EffectTerm
 from diagnosis.candidates import Candidate
-from diagnosis.evidence import Run
+from diagnosis.evidence import Run, residual_with
 
 Array = NDArray[np.float64]
 
@@ -58,6 +58,12 @@ def side_of(runs: Sequence[Run]) -> Side:
     joints = runs[0].q.shape[1]
     y = np.concatenate([run.whitened for run in runs]).T.ravel()
     return Side(tuple(runs), y, np.tile(block, joints), len(block))
+
+
+def side_with(side: Side, terms: Sequence[EffectTerm]) -> Array:
+    """(n * rows,) whitened residuals of a side's recordings under their arm with more effects."""
+    whitened = [residual_with(run, terms) / run.deviation for run in side.runs]
+    return np.concatenate(whitened).T.ravel()
 
 
 def columns_of(candidate: Candidate, side: Side, arm: Arm) -> Columns:

@@ -1,0 +1,133 @@
+"""What the transducers of a model would read for the motion that its encoders show: every effect exactly, none to first order.
+
+Columns of candidates are first-order changes; the model that has been accepted so far is evaluated here instead, so that what a strong effect does
+in second order is not taken for another effect.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+from scipy.interpolate import CubicSpline
+
+from arm_model.description import Arm
+from arm_model.dynamics import inverse_dynamics
+from arm_model.effects import CATALOGUE, Effect, Signals, Values, described, values_of
+from arm_model.rigid_body import rigid_torque
+
+Array = NDArray[np.float64]
+Term = tuple[Effect, int | None, Values]
+
+MOTION_BAND = 60.0
+"""Hz: pass-band of the motion from which the model's currents are computed."""
+COLUMN_BAND = 10.0
+"""Hz: pass-band of the motion from which the columns of effects, and the wind-up of elastic joints, are computed."""
+TAKEN_OUT = {"mains_hum", "missed_counts", "dropped_trigger", "current_limit"}
+"""Events and lines are taken out of the data (``diagnosis.events``), not put into the expectation."""
+
+
+def low_pass(values: Array, band: float, rate: float) -> Array:
+    """Zero-phase fourth-order Butterworth along the first axis; ``rate`` Hz is that of the rows."""
+    sos = signal.butter(4, min(band / (rate / 2), 0.98), output="sos")
+    smooth: Array = signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(3 * rate / band)))
+    return smooth
+
+
+def motion_of(q: Array, band: float, rate: float) -> tuple[Array, Array, Array]:
+    """Angle, speed and acceleration (m, n) of recorded angles q (m, n), as far as they lie in the band."""
+    angle = low_pass(q, band, rate)
+    speed = np.gradient(angle, 1.0 / rate, axis=0)
+    return angle, speed, np.gradient(speed, 1.0 / rate, axis=0)
+
+
+def terms_of(arm: Arm) -> list[Term]:
+    """The effects of a model that act on rows, with their parameters."""
+    return [
+        (CATALOGUE[term.name], term.joint, values_of(CATALOGUE[term.name], term.parameters))
+        for term in arm.effects
+        if term.name not in TAKEN_OUT
+    ]
+
+
+def true_angle(arm: Arm, q: Array) -> Array:
+    """(m, n) rad: where the motors stood while their encoders showed q."""
+    angle = q.copy()
+    for effect, joint, values in terms_of(arm):
+        if effect.angle is not None and joint is not None:
+            j, ratio = joint - 1, arm.joints[joint - 1].ratio
+            for _ in range(
+                2
+            ):  # the error is told by the true angle: a contraction, as errors are far smaller than their period
+                angle[:, j] = q[:, j] - effect.angle(values, Signals(motor=angle[:, j] * ratio))
+    return angle
+
+
+def reading(arm: Arm, t: Array, q: Array, *, powered: bool = True) -> Array:
+    """(m, n) A that the transducers show at times t (m,) s, uniform, while the encoders show q (m, n) rad.
+
+    Not ``powered``: the drives are off, no current flows, and the transducers show what they add themselves.
+    """
+    rate = 1.0 / float(np.median(np.diff(t)))
+    angle = true_angle(arm, q)
+    motion = motion_of(angle, MOTION_BAND, rate)
+    bent, terms = described(arm), terms_of(arm)
+    torque = inverse_dynamics(arm, *motion, time=t)
+    if any(effect.spring or effect.rate for effect, _, _ in terms):
+        torque = torque + _with_states(arm, bent, terms, angle, motion, rate)
+    current = powered * torque / bent.joint_array("drive_constant")
+    for effect, _, values in terms:
+        if effect.delay is not None:
+            late = np.broadcast_to(np.asarray(effect.delay(values, Signals(t=t)), float), t.shape)
+            current = CubicSpline(t, current)(np.clip(t - late, t[0], t[-1]))
+    for effect, joint, values in terms:
+        if effect.current is not None and joint is not None:
+            own = current[:, joint - 1]
+            current[:, joint - 1] = own + effect.current(values, Signals(current=own, t=t))
+    return np.asarray(current, float)
+
+
+def _with_states(
+    arm: Arm, bent: Arm, terms: list[Term], angle: Array, motion: tuple[Array, Array, Array], rate: float
+) -> Array:
+    """(m, n) N m that elastic transmissions, wound up as their load demands at every instant, and bristles add."""
+    added = np.zeros_like(angle)
+    slow = motion_of(angle, COLUMN_BAND, rate)
+    load = rigid_torque(bent, *slow)
+    link = slow[0].copy()
+    for effect, joint, values in terms:
+        if joint is None:
+            continue
+        j = joint - 1
+        if effect.spring is not None and effect.deflection is not None:
+            link[:, j] -= effect.deflection(values, Signals(load=load[:, j]))
+        elif effect.rate is not None and effect.torque is not None:
+            drive = arm.joints[j]
+            speed = motion[1][:, j]
+            sign = speed / np.hypot(speed, drive.sign_velocity)
+            up, down = (drive.ratio * c for c in drive.coulomb)
+            s = Signals(q=motion[0][:, j], v=speed, sign=sign, coulomb=(up + down) / 2 + (up - down) / 2 * sign)
+            s = replace(s, state=integrated(effect, values, s, 1.0 / rate))
+            added[:, j] += effect.torque(values, s)
+    if not np.array_equal(link, slow[0]):
+        speed = np.gradient(link, 1.0 / rate, axis=0)
+        added += rigid_torque(bent, link, speed, np.gradient(speed, 1.0 / rate, axis=0)) - load
+    return added
+
+
+def integrated(effect: Effect, p: Values, s: Signals, step: float) -> Array:
+    """State (m,) of an effect along rows ``step`` s apart, by exponential steps of its rate, which is affine in the state."""
+    assert effect.rate is not None
+    at0 = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=0.0)), float), s.v.shape)
+    slope = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=1.0)), float), s.v.shape) - at0
+    grow = np.exp(np.minimum(slope * step, 0.0))
+    stiff = np.abs(slope) > 1e-9
+    forced = np.where(stiff, at0 * (grow - 1.0) / np.where(stiff, slope, 1.0), at0 * step)
+    state = np.zeros_like(s.v)
+    z = 0.0
+    for k, (g, f) in enumerate(zip(grow.tolist(), forced.tolist())):
+        state[k] = z
+        z = g * z + f
+    return state

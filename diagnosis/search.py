@@ -1,0 +1,114 @@
+"""The search for causes: rounds of forward selection, each followed by deletion and by the exact model of what was accepted.
+
+Columns are first order in their effects. After every round the model extended by the accepted causes is evaluated exactly
+(``diagnosis.reading``), and what its first-order columns had wrong is taken out of the data (deferred correction: Stetter, Numerische
+Mathematik 29, 1978), so that it is not taken for another cause. Linear algebra stays as it is; its solution is that of the exact model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm, EffectTerm
+from diagnosis.candidates import Candidate
+from diagnosis.library import Side, columns_of, side_with
+from diagnosis.parameters import parameters_of, physical, sharpened
+from diagnosis.selection import Accepted, Look, Pair, accept, look, matters, round_of, simplest
+
+Array = NDArray[np.float64]
+
+MOST_CAUSES = 8
+CORRECTIONS = 2
+"""Evaluations of the exact model a round: the second-order part of a strong effect is a tenth of it, that of the rest a hundredth."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is searched: both sides' residuals under the model as given, all candidates' columns, and those that are always free."""
+
+    arm: Arm
+    sides: tuple[Side, Side]
+    library: dict[Candidate, Pair]
+    free: list[Pair]
+
+    def accepted(self, chosen: Sequence[Candidate], sides: tuple[Side, Side]) -> Accepted:
+        """The chosen candidates fitted together to ``sides``; the free columns' coefficients come first."""
+        return accept(*sides, self.free + [self.library[c] for c in chosen])
+
+    def parts(self, chosen: Sequence[Candidate], accepted: Accepted) -> list[Array]:
+        """The coefficients (k,) of each chosen candidate."""
+        widths = [self.library[c][0].x.shape[1] for c in chosen]
+        return np.split(accepted.coefficients[len(self.free) :], np.cumsum(widths)[:-1]) if chosen else []
+
+
+@dataclass(frozen=True)
+class Found:
+    """Chosen candidates in the order of acceptance; for each, those that would have done as well; residuals less what is of second order."""
+
+    chosen: list[Candidate]
+    equals: list[list[Look]]
+    sides: tuple[Side, Side]
+
+
+def search(problem: Problem, progress: Callable[[str], None]) -> Found:
+    """Candidates that explain the residual together."""
+    sides, chosen = problem.sides, list[Candidate]()
+    equals: dict[tuple[str, int | None], list[Look]] = {}
+    for number in range(1, MOST_CAUSES + 1):
+        progress(f"looking for cause {number}")
+        accepted = problem.accepted(chosen, sides)
+        able = round_of(problem.library, accepted, *sides, {c.key for c in chosen}, physical)
+        if not able:
+            break
+        best, alike = simplest(able, sides[1])
+        sharp = sharpened(best.candidate, accepted, sides[0], problem.arm)
+        problem.library[sharp] = columns_of(sharp, sides[0], problem.arm), columns_of(sharp, sides[1], problem.arm)
+        equals[sharp.key] = alike
+        chosen = weeded([*chosen, sharp], problem, sides)
+        sides = corrected(chosen, problem, sides)
+    return Found(chosen, [equals[c.key] for c in chosen], sides)
+
+
+def corrected(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, Side]) -> tuple[Side, Side]:
+    """Both sides with y = (residual of the exact extended model) + (first-order columns times their coefficients).
+
+    Where the exact model leaves more than its first order did (parameters out of its range), nothing is corrected.
+    """
+    for _ in range(CORRECTIONS):
+        accepted = problem.accepted(chosen, sides)
+        parts = problem.parts(chosen, accepted)
+        terms = [EffectTerm(c.effect, c.joint, parameters_of(c, part)) for c, part in zip(chosen, parts)]
+        exact = [side_with(side, terms) for side in problem.sides]
+        linear = [_spread(chosen, parts, problem, which) for which in (0, 1)]
+        trial = replace(sides[0], y=exact[0] + linear[0]), replace(sides[1], y=exact[1] + linear[1])
+        if not np.sum(problem.accepted(chosen, trial).fit ** 2) < np.sum(accepted.fit**2):
+            return sides
+        sides = trial
+    return sides
+
+
+def _spread(chosen: Sequence[Candidate], parts: Sequence[Array], problem: Problem, which: int) -> Array:
+    total = np.zeros(len(problem.sides[which].y))
+    for candidate, part in zip(chosen, parts):
+        columns = problem.library[candidate][which]
+        total[columns.where] += columns.x @ part
+    return total
+
+
+def weeded(chosen: list[Candidate], problem: Problem, sides: tuple[Side, Side]) -> list[Candidate]:
+    """Backward deletion: causes whose held-out gain beside all others no longer matters are dropped, the least first."""
+    while len(chosen) > 1:
+        gains = [
+            look(c, problem.library[c], problem.accepted([o for o in chosen if o is not c], sides), sides[1])
+            for c in chosen
+        ]
+        total = float(np.sum(sides[1].y ** 2) - np.sum(problem.accepted(chosen, sides).held_out ** 2))
+        least = min(gains, key=lambda one: one.held_out_gain)
+        if matters(least.held_out_gain, len(least.coefficients), total, sides[1]):
+            break
+        chosen = [c for c in chosen if c is not least.candidate]
+    return chosen
