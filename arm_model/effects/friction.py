@@ -38,11 +38,20 @@ FRICTION_ASYMMETRY = Effect(
     parameters=(
         Parameter("positive", "N m", (0.1, 8.0), True, "missing Coulomb friction while moving positive", signed=True),
         Parameter("negative", "N m", (0.1, 8.0), True, "missing Coulomb friction while moving negative", signed=True),
+        Parameter(
+            "viscous_positive", "N m s/rad", (0.2, 10.0), True, "missing viscous coefficient, positive", signed=True
+        ),
+        Parameter(
+            "viscous_negative", "N m s/rad", (0.2, 10.0), True, "missing viscous coefficient, negative", signed=True
+        ),
     ),
-    equation="tau = F+ for q' > 0, -F- for q' < 0",
-    shows="steps of unequal height at the two directions, an offset while moving",
+    equation="tau = F+ + B+ q' for q' > 0, -F- + B- q' for q' < 0",
+    shows="steps and slopes against velocity that differ between the two directions, an offset while moving",
     confused_with={"current_offset": "standstill with the drives off"},
-    torque=lambda p, s: (p.positive * (s.sign + s.sign**2) + p.negative * (s.sign - s.sign**2)) / 2,
+    torque=lambda p, s: (
+        (p.positive * (s.sign + s.sign**2) + p.negative * (s.sign - s.sign**2)) / 2
+        + (p.viscous_positive * (s.v + scalar.absolute(s.v)) + p.viscous_negative * (s.v - scalar.absolute(s.v))) / 2
+    ),
 )
 
 STRIBECK_FRICTION = Effect(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from arm_model import dynamics, kinematics, rigid_body
-from arm_model.description import Arm
+from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from arm_model.parameters import parameter, with_parameters
 from arm_model.regressor import parameter_vector, regressor
@@ -135,3 +136,18 @@ def test_changed_parameters_act_linearly() -> None:
     for name, value in changes.items():
         p[names.index(name)] = value
     np.testing.assert_allclose(columns @ p, dynamics.inverse_dynamics(changed, q, qd, qdd), atol=1e-9)
+
+
+def test_uneven_friction_is_the_same_as_effect_and_in_the_description() -> None:
+    arm = random_arm(3)
+    joint = replace(arm.joints[1], viscous=(0.0, 0.0), coulomb=(0.0, 0.0))
+    bare = replace(arm, joints=(arm.joints[0], joint, *arm.joints[2:]))
+    n = joint.ratio
+    missing = {"positive": 3.0, "negative": 2.0, "viscous_positive": 1.5, "viscous_negative": 4.0}
+    effect = replace(bare, effects=(EffectTerm("friction_asymmetry", 2, missing),))
+    joint = replace(joint, viscous=(1.5 / n**2, 4.0 / n**2), coulomb=(3.0 / n, 2.0 / n))
+    described = replace(bare, joints=(arm.joints[0], joint, *arm.joints[2:]))
+    states = random_states(3, len(arm))
+    np.testing.assert_allclose(
+        dynamics.inverse_dynamics(effect, *states), dynamics.inverse_dynamics(described, *states), atol=1e-9
+    )
