@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from arm_model.model_file import write_model
 from daq.recording import Recording
 from diagnosis.diagnose import Cause, Diagnosis
 from diagnosis.report import report
-from diagnosis.separate import separating_experiment
+from diagnosis.separate import Separation, separations
 from experiment import write_experiment
 from inputs import make_folder, write_text
 
@@ -72,16 +73,37 @@ def _cause(cause: Cause) -> dict[str, Any]:
     }
 
 
-def write_diagnosis(out: Path, result: Diagnosis, fit: list[Recording], held_out: list[Recording]) -> dict[str, Any]:
-    """Writes DIR/diagnosis.json, report.html, model.toml, and separate_K.toml for every cause that comes as a group."""
+def write_diagnosis(
+    out: Path,
+    result: Diagnosis,
+    fit: list[Recording],
+    held_out: list[Recording],
+    separate: Mapping[int, Separation] | None = None,
+) -> dict[str, Any]:
+    """Writes DIR/diagnosis.json, report.html, model.toml, and separate_K.toml for every cause K whose group a motion separates.
+
+    separate: ``diagnosis.separate.separations`` of the result; left out, they are looked for here.
+    """
     make_folder(out)
     table = table_of(result, fit, held_out)
-    for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
-        if len(cause.group) > 1:
-            path = out / f"separate_{number}.toml"
-            write_experiment(path, separating_experiment(cause, result), heading=cause.separate_by or "")
+    for place, found in (separations(result) if separate is None else separate).items():
+        row = table["causes"][place]
+        row["separate_by"], row["separation"] = found.words, None
+        if found.experiment is not None:
+            path = out / f"separate_{place + 1}.toml"
+            write_experiment(path, found.experiment, heading=_heading(result.causes[place], found))
             row["separate_by"] = str(path)
+            row["separation"] = {"motion": found.words, "distance": round(found.distance, 1), "tried": found.tried}
     write_model(out / "model.toml", result.extended)
     write_text(out / "report.html", report(result, table))
     write_text(out / "diagnosis.json", json.dumps(table, indent=2) + "\n")
     return table
+
+
+def _heading(cause: Cause, found: Separation) -> str:
+    members = ", ".join(f"{effect} of joint {joint}" if joint else effect for effect, joint in cause.group)
+    return (
+        f"Tells apart: {members}.\n{found.words[:1].upper()}{found.words[1:]}.\n"
+        f"Their predictions then differ by at least {found.distance:.0f} standard deviations of the noise;\n"
+        f"chosen from {found.tried} motions."
+    )

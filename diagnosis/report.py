@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from arm_model.effects import CATALOGUE
@@ -72,11 +73,18 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
     ]
     if len(cause.group) > 1:
         others = ", ".join(f"{e.replace('_', ' ')}{f' of joint {j}' if j else ''}" for e, j in cause.group[1:])
-        parts.append(
-            f"<p class=warning>This data cannot tell it from {escape(others)}. To separate them: "
-            f"{escape(cause.separate_by or 'reversals at a ladder of speeds')}; ready to record as {escape(str(row['separate_by']))}.</p>"
-        )
+        parts.append(f"<p class=warning>This data cannot tell it from {escape(others)}. {_separated_by(row)}</p>")
     return parts
+
+
+def _separated_by(row: dict[str, Any]) -> str:
+    chosen = row.get("separation")
+    if chosen is None:
+        return f"No motion separates them. What does: {escape(str(row['separate_by']))}."
+    return (
+        f"To separate them: {escape(chosen['motion'])}. Their predictions then differ by at least {chosen['distance']:.0f} standard "
+        f"deviations of the noise; the best of {chosen['tried']} motions, ready to record as {escape(Path(row['separate_by']).name)}."
+    )
 
 
 def _errors(table: dict[str, Any]) -> str:
