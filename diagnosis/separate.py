@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.dynamics import rigid_torque
 from arm_model.effects import CATALOGUE
+from arm_model.rigid_body import rigid_torque
 from diagnosis.candidates import Candidate, candidates
 from diagnosis.diagnose import Cause, Diagnosis
 from diagnosis.separate_distance import Key, Question, foreseen, rival_of
