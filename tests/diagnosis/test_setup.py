@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model.description import Arm, EffectTerm, read_model
+from arm_model.description import Arm, EffectTerm
+from arm_model.model_file import read_model
 from arm_model.simulation import simulate
 from diagnosis.candidates import Candidate, candidates
 from diagnosis.evidence import see
