@@ -39,10 +39,35 @@ STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 @dataclass(frozen=True, config=STRICT)
+class Cylinder:
+    """The body of one link as the water meets it, and what the water does to it (``arm_model.hydrodynamics``).
+
+    start, end (3,) m in the link's frame; radius m; density kg/m3 of the water. The coefficients are of Morison's equation: drag C_d of
+    rho C_d R |v| v, added mass C_a of rho C_a pi R^2 a, both per length and across the axis; buoyancy: the share of the displaced
+    water's weight that carries the link, 1 where it is immersed.
+    """
+
+    start: Vector
+    end: Vector
+    radius: Positive
+    density: Positive = 1025.0
+    drag_coefficient: NotNegative = 0.0
+    added_mass_coefficient: NotNegative = 0.0
+    buoyancy: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _has_a_length(self) -> Cylinder:
+        if self.start == self.end:
+            raise ValueError("cylinder: starts where it ends; two different points are wanted")
+        return self
+
+
+@dataclass(frozen=True, config=STRICT)
 class Joint:
     """One joint, the link behind it and the drive that moves it.
 
-    mass kg; com (3,) m and inertia (xx, yy, zz, xy, yz, xz) kg m2 about the com, both in the link's frame.
+    mass kg; com (3,) m and inertia (xx, yy, zz, xy, yz, xz) kg m2 about the com, both in the link's frame. What surrounds the link is
+    told by its ``cylinder``, or all at once by ``drag``: the torque D |q'| q' on it, whatever the other joints do.
     """
 
     type: Literal["revolute", "prismatic"] = "revolute"
@@ -50,6 +75,9 @@ class Joint:
     com: Vector = (0.0, 0.0, 0.0)
     inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     name: str = ""
+    # what the link moves in
+    drag: NotNegative | None = None  # N m s2/rad2 (N s2/m2) at the joint; absent: nothing is said about it
+    cylinder: Cylinder | None = None
     # where the joint sits
     convention: Literal["standard", "modified", "placed"] = "standard"
     theta: float = 0.0  # rad, added to q of a revolute joint

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model import newton_euler, scalar
+from arm_model import hydrodynamics, newton_euler, scalar
 from arm_model.description import Arm
 from arm_model.mechanics import Drag, Joints, Matrix, Mechanics
 from arm_model.tape import Expr, Tape
@@ -71,17 +71,33 @@ class Links:
 
 
 def rigid_links(arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Joints) -> Links:
-    """Links of the arm at ``joints`` (their load is not looked at), with the effects that act on them."""
+    """Links of the arm at ``joints`` (their load is not looked at), with the water round them and the effects that act on them."""
     n, tape, shape = len(arm), symbol.tape, joints.shape
     chain = newton_euler.chain_of(arm)
     q = [shape.q[j] + symbol(f"zero{j}") for j in range(n)]
     turn = newton_euler.turns(chain, q, scalar.cos, scalar.sin)
     bodies = [tuple(symbol(f"body{j}.{k}") for k in range(10)) for j in range(n)]
     gravity = [symbol(f"gravity{k}") for k in range(3)]
+    wet = _cylinders(arm, symbol, chain)
     bias = newton_euler.inverse_dynamics(chain, bodies, turn, q, shape.qd, shape.bias, gravity)
-    matrix = [[tape.expr(m) for m in row] for row in newton_euler.mass_matrix(chain, bodies, turn, q)]
-    torque = [tape.expr(a) + b for a, b in zip(bias, mechanics.link_torques(joints))]
+    water = hydrodynamics.torques(chain, wet, turn, q, shape.qd, shape.bias, gravity)
+    rigid, added = newton_euler.mass_matrix(chain, bodies, turn, q), hydrodynamics.mass_matrix(chain, wet, turn, q)
+    matrix = [[tape.expr(a) + b for a, b in zip(*rows)] for rows in zip(rigid, added)]
+    drag = [symbol(f"drag{j}") * abs(shape.qd[j]) * shape.qd[j] for j in range(n)]
+    acting = mechanics.link_torques(joints)
+    torque = [tape.expr(bias[j]) + water[j] + drag[j] + acting[j] for j in range(n)]
     return Links(shape.pulled(torque), shape.congruent(matrix))
+
+
+def _cylinders(arm: Arm, symbol: Symbols, chain: newton_euler.Chain) -> hydrodynamics.Bodies:
+    """The cylinders of the arm that any lane has water round."""
+    found = {}
+    for j, joint in enumerate(arm.joints):
+        if joint.cylinder is not None:
+            water = [symbol(f"{name}{j}") for name in ("resistance", "added", "displaced")]
+            if any(coefficient.value != 0.0 for coefficient in water):
+                found[j] = hydrodynamics.shape_of(chain, j, joint.cylinder), hydrodynamics.Water(*water)
+    return found
 
 
 def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:

@@ -3,8 +3,7 @@
 Luh, Walker, Paul, "On-line computational scheme for mechanical manipulators", J. DSMC 102, 1980; the mass matrix by composite
 bodies: Walker and Orin, J. DSMC 104, 1982. Everything is written in the JOINT frames: frame j of this file has its z axis along
 joint j's axis and moves with link j. ``Chain`` holds the constants; the variable entries are scalars of any kind that adds and
-multiplies: floats, (N,) arrays of N samples, expressions of ``arm_model.tape``, sympy symbols. Products by the float 0 vanish,
-which keeps the generated equations short and numpy from multiplying zeros.
+multiplies: floats, (N,) arrays of N samples, expressions of ``arm_model.tape``, sympy symbols.
 """
 
 from __future__ import annotations
@@ -18,10 +17,9 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm
 from arm_model.kinematics import placement
+from arm_model.triples import Scalar, Triple, add, apply, cross, dot, floats, mul, plus, sub
 
 Array = NDArray[np.float64]
-Scalar = Any
-Triple = tuple[Scalar, Scalar, Scalar]
 Body = tuple[Scalar, ...]
 """mass, mx, my, mz, ixx, ixy, ixz, iyy, iyz, izz about the origin of the joint frame, in it."""
 
@@ -53,62 +51,18 @@ def chain_of(arm: Arm) -> Chain:
     return Chain(tuple(joint.revolute for joint in arm.joints), tuple(rotation), tuple(shift), tuple(link))
 
 
-def _mul(a: Scalar, b: Scalar) -> Scalar:
-    for this, other in ((a, b), (b, a)):
-        if isinstance(this, float):
-            if this == 0.0:
-                return 0.0
-            if this == 1.0:
-                return other
-            if this == -1.0:
-                return -other
-    return a * b
-
-
-def _add(a: Scalar, b: Scalar) -> Scalar:
-    if isinstance(a, float) and a == 0.0:
-        return b
-    return a if isinstance(b, float) and b == 0.0 else a + b
-
-
-def _sub(a: Scalar, b: Scalar) -> Scalar:
-    if isinstance(a, float) and a == 0.0:
-        return -b
-    return a if isinstance(b, float) and b == 0.0 else a - b
-
-
-def _dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
-    return _add(_add(_mul(a[0], b[0]), _mul(a[1], b[1])), _mul(a[2], b[2]))
-
-
-def _cross(a: Triple, b: Triple) -> Triple:
-    return (
-        _sub(_mul(a[1], b[2]), _mul(a[2], b[1])),
-        _sub(_mul(a[2], b[0]), _mul(a[0], b[2])),
-        _sub(_mul(a[0], b[1]), _mul(a[1], b[0])),
-    )
-
-
-def _plus(a: Triple, b: Triple) -> Triple:
-    return _add(a[0], b[0]), _add(a[1], b[1]), _add(a[2], b[2])
-
-
-def _floats(values: Array) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)
-
-
-def _into(rotation: Array, turn: tuple[Scalar, Scalar], v: Triple) -> Triple:
+def into(rotation: Array, turn: tuple[Scalar, Scalar], v: Triple) -> Triple:
     """A vector of the previous joint frame in this one: Rz(q)^T rotation^T v; ``turn`` is (cos q, sin q)."""
-    x, y, z = (_dot(_floats(rotation[:, k]), v) for k in range(3))
+    x, y, z = (dot(floats(rotation[:, k]), v) for k in range(3))
     c, s = turn
-    return _add(_mul(c, x), _mul(s, y)), _sub(_mul(c, y), _mul(s, x)), z
+    return add(mul(c, x), mul(s, y)), sub(mul(c, y), mul(s, x)), z
 
 
-def _back(rotation: Array, turn: tuple[Scalar, Scalar], v: Triple) -> Triple:
+def back(rotation: Array, turn: tuple[Scalar, Scalar], v: Triple) -> Triple:
     """A vector of this joint frame in the previous one: rotation Rz(q) v."""
     c, s = turn
-    turned = (_sub(_mul(c, v[0]), _mul(s, v[1])), _add(_mul(s, v[0]), _mul(c, v[1])), v[2])
-    x, y, z = (_dot(_floats(rotation[k]), turned) for k in range(3))
+    turned = (sub(mul(c, v[0]), mul(s, v[1])), add(mul(s, v[0]), mul(c, v[1])), v[2])
+    x, y, z = (dot(floats(rotation[k]), turned) for k in range(3))
     return x, y, z
 
 
@@ -124,17 +78,13 @@ class Motion:
 
 
 def _gyration(w: Triple, r: Triple) -> tuple[Triple, Triple, Triple]:
-    xy, xz, yz = _mul(w[0], w[1]), _mul(w[0], w[2]), _mul(w[1], w[2])
-    xx, yy, zz = _mul(w[0], w[0]), _mul(w[1], w[1]), _mul(w[2], w[2])
+    xy, xz, yz = mul(w[0], w[1]), mul(w[0], w[2]), mul(w[1], w[2])
+    xx, yy, zz = mul(w[0], w[0]), mul(w[1], w[1]), mul(w[2], w[2])
     return (
-        (_sub(0.0, _add(yy, zz)), _sub(xy, r[2]), _add(xz, r[1])),
-        (_add(xy, r[2]), _sub(0.0, _add(xx, zz)), _sub(yz, r[0])),
-        (_sub(xz, r[1]), _add(yz, r[0]), _sub(0.0, _add(xx, yy))),
+        (sub(0.0, add(yy, zz)), sub(xy, r[2]), add(xz, r[1])),
+        (add(xy, r[2]), sub(0.0, add(xx, zz)), sub(yz, r[0])),
+        (sub(xz, r[1]), add(yz, r[0]), sub(0.0, add(xx, yy))),
     )
-
-
-def _apply(matrix: Sequence[Triple], v: Triple) -> Triple:
-    return _dot(matrix[0], v), _dot(matrix[1], v), _dot(matrix[2], v)
 
 
 def turns(chain: Chain, q: Sequence[Scalar], cos: Any, sin: Any) -> list[tuple[Scalar, Scalar]]:
@@ -142,13 +92,13 @@ def turns(chain: Chain, q: Sequence[Scalar], cos: Any, sin: Any) -> list[tuple[S
     return [(cos(q[j]), sin(q[j])) if chain.revolute[j] else (1.0, 0.0) for j in range(len(chain))]
 
 
-def _reach(chain: Chain, j: int, q: Scalar) -> Triple:
+def reach(chain: Chain, j: int, q: Scalar) -> Triple:
     """Origin of joint frame j in joint frame j-1."""
-    x, y, z = _floats(chain.shift[j])
+    x, y, z = floats(chain.shift[j])
     if chain.revolute[j]:
         return x, y, z
-    along = _floats(chain.rotation[j][:, 2])
-    return _add(x, _mul(along[0], q)), _add(y, _mul(along[1], q)), _add(z, _mul(along[2], q))
+    along = floats(chain.rotation[j][:, 2])
+    return add(x, mul(along[0], q)), add(y, mul(along[1], q)), add(z, mul(along[2], q))
 
 
 def motions(
@@ -161,22 +111,39 @@ def motions(
 ) -> list[Motion]:
     """Outward recursion: the motion of every link. ``gravity`` (3,) m/s2 in the base frame enters as the base's acceleration."""
     still: Triple = (0.0, 0.0, 0.0)
-    falling = (_sub(0.0, gravity[0]), _sub(0.0, gravity[1]), _sub(0.0, gravity[2]))
+    falling = (sub(0.0, gravity[0]), sub(0.0, gravity[1]), sub(0.0, gravity[2]))
     last, found = Motion(still, still, (still, still, still), falling), []
     for j in range(len(chain)):
         rotation = chain.rotation[j]
-        spin = _into(rotation, turn[j], last.spin)
-        rate = _into(rotation, turn[j], last.spin_rate)
-        moved = _plus(last.acceleration, _apply(last.gyration, _reach(chain, j, q[j])))
-        acceleration = _into(rotation, turn[j], moved)
+        spin = into(rotation, turn[j], last.spin)
+        rate = into(rotation, turn[j], last.spin_rate)
+        moved = plus(last.acceleration, apply(last.gyration, reach(chain, j, q[j])))
+        acceleration = into(rotation, turn[j], moved)
         if chain.revolute[j]:
-            rate = (_add(rate[0], _mul(spin[1], qd[j])), _sub(rate[1], _mul(spin[0], qd[j])), _add(rate[2], qdd[j]))
-            spin = (spin[0], spin[1], _add(spin[2], qd[j]))
+            rate = (add(rate[0], mul(spin[1], qd[j])), sub(rate[1], mul(spin[0], qd[j])), add(rate[2], qdd[j]))
+            spin = (spin[0], spin[1], add(spin[2], qd[j]))
         else:
-            twice = _mul(2.0, qd[j])
-            coriolis = (_mul(spin[1], twice), _sub(0.0, _mul(spin[0], twice)), qdd[j])
-            acceleration = _plus(acceleration, coriolis)
+            twice = mul(2.0, qd[j])
+            coriolis = (mul(spin[1], twice), sub(0.0, mul(spin[0], twice)), qdd[j])
+            acceleration = plus(acceleration, coriolis)
         last = Motion(spin, rate, _gyration(spin, rate), acceleration)
+        found.append(last)
+    return found
+
+
+def jacobians(
+    chain: Chain, turn: Sequence[tuple[Scalar, Scalar]], q: Sequence[Scalar], links: int
+) -> list[list[tuple[Triple, Triple]]]:
+    """For each of the first ``links`` links, in its joint frame: angular velocity, and velocity of the frame's origin, per unit rate of
+    each joint up to its own."""
+    last: list[tuple[Triple, Triple]] = []
+    found = []
+    for j in range(links):
+        rotation, away = chain.rotation[j], reach(chain, j, q[j])
+        here = [(into(rotation, turn[j], w), into(rotation, turn[j], plus(v, cross(w, away)))) for w, v in last]
+        own: Triple = (0.0, 0.0, 1.0)
+        still: Triple = (0.0, 0.0, 0.0)
+        last = [*here, (own, still) if chain.revolute[j] else (still, own)]
         found.append(last)
     return found
 
@@ -187,10 +154,10 @@ def wrench(body: Body, motion: Motion) -> tuple[Triple, Triple]:
     ixx, ixy, ixz, iyy, iyz, izz = body[4:]
     inertia = ((ixx, ixy, ixz), (ixy, iyy, iyz), (ixz, iyz, izz))
     a, w = motion.acceleration, motion.spin
-    pushed = (_mul(mass, a[0]), _mul(mass, a[1]), _mul(mass, a[2]))
-    force = _plus(pushed, _apply(motion.gyration, moment))
-    turned = _plus(_apply(inertia, motion.spin_rate), _cross(w, _apply(inertia, w)))
-    return force, _plus(turned, _cross(moment, a))
+    pushed = (mul(mass, a[0]), mul(mass, a[1]), mul(mass, a[2]))
+    force = plus(pushed, apply(motion.gyration, moment))
+    turned = plus(apply(inertia, motion.spin_rate), cross(w, apply(inertia, w)))
+    return force, plus(turned, cross(moment, a))
 
 
 def torques(
@@ -202,12 +169,12 @@ def torques(
     force: Triple = (0.0, 0.0, 0.0)
     moment: Triple = (0.0, 0.0, 0.0)
     for j in reversed(range(n)):
-        force, moment = _plus(wrenches[j][0], force), _plus(wrenches[j][1], moment)
+        force, moment = plus(wrenches[j][0], force), plus(wrenches[j][1], moment)
         tau[j] = moment[2] if chain.revolute[j] else force[2]
         if j:
-            moment = _back(chain.rotation[j], turn[j], moment)
-            force = _back(chain.rotation[j], turn[j], force)
-            moment = _plus(moment, _cross(_reach(chain, j, q[j]), force))
+            moment = back(chain.rotation[j], turn[j], moment)
+            force = back(chain.rotation[j], turn[j], force)
+            moment = plus(moment, cross(reach(chain, j, q[j]), force))
     return tau
 
 
@@ -229,26 +196,26 @@ def _carried(chain: Chain, j: int, turn: tuple[Scalar, Scalar], q: Scalar, body:
     """``body`` of joint frame j about and in joint frame j-1."""
     mass, ixx, ixy, ixz, iyy, iyz, izz = body[0], *body[4:]
     c, s = turn
-    cs, ss = _mul(c, s), _mul(s, s)
-    u = _sub(_mul(ss, _sub(iyy, ixx)), _mul(_mul(2.0, cs), ixy))
-    xy = _add(_mul(cs, _sub(ixx, iyy)), _mul(_sub(1.0, _mul(2.0, ss)), ixy))
-    xz, yz = _sub(_mul(c, ixz), _mul(s, iyz)), _add(_mul(s, ixz), _mul(c, iyz))
-    turned = ((_add(ixx, u), xy, xz), (xy, _sub(iyy, u), yz), (xz, yz, izz))
-    rows = [_floats(chain.rotation[j][k]) for k in range(3)]
-    half = [tuple(_dot(rows[i], (turned[0][k], turned[1][k], turned[2][k])) for k in range(3)) for i in range(3)]
-    inertia = [[_dot(half[i], rows[k]) for k in range(3)] for i in range(3)]
-    m = _back(chain.rotation[j], turn, (body[1], body[2], body[3]))
-    p = _reach(chain, j, q)
+    cs, ss = mul(c, s), mul(s, s)
+    u = sub(mul(ss, sub(iyy, ixx)), mul(mul(2.0, cs), ixy))
+    xy = add(mul(cs, sub(ixx, iyy)), mul(sub(1.0, mul(2.0, ss)), ixy))
+    xz, yz = sub(mul(c, ixz), mul(s, iyz)), add(mul(s, ixz), mul(c, iyz))
+    turned = ((add(ixx, u), xy, xz), (xy, sub(iyy, u), yz), (xz, yz, izz))
+    rows = [floats(chain.rotation[j][k]) for k in range(3)]
+    half = [tuple(dot(rows[i], (turned[0][k], turned[1][k], turned[2][k])) for k in range(3)) for i in range(3)]
+    inertia = [[dot(half[i], rows[k]) for k in range(3)] for i in range(3)]
+    m = back(chain.rotation[j], turn, (body[1], body[2], body[3]))
+    p = reach(chain, j, q)
     # parallel axis for a first moment m and a mass: I + 2 (m.p) 1 - m p^T - p m^T + mass ((p.p) 1 - p p^T)
-    n = tuple(_add(m[k], _mul(_mul(0.5, mass), p[k])) for k in range(3))
-    trace = _mul(2.0, _dot(n, p))
+    n = tuple(add(m[k], mul(mul(0.5, mass), p[k])) for k in range(3))
+    trace = mul(2.0, dot(n, p))
 
     def entry(i: int, k: int) -> Scalar:
-        mixed = _add(_mul(n[i], p[k]), _mul(p[i], n[k]))
-        return _sub(_add(inertia[i][k], trace) if i == k else inertia[i][k], mixed)
+        mixed = add(mul(n[i], p[k]), mul(p[i], n[k]))
+        return sub(add(inertia[i][k], trace) if i == k else inertia[i][k], mixed)
 
     upper = [entry(i, k) for i, k in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
-    return mass, *(_add(m[k], _mul(mass, p[k])) for k in range(3)), *upper
+    return mass, *(add(m[k], mul(mass, p[k])) for k in range(3)), *upper
 
 
 def mass_matrix(
@@ -262,17 +229,17 @@ def mass_matrix(
         mass, mx, my, _ = composite[j][:4]
         _, _, ixz, _, iyz, izz = composite[j][4:]
         if chain.revolute[j]:
-            force, moment = (_sub(0.0, my), mx, 0.0), (ixz, iyz, izz)
+            force, moment = (sub(0.0, my), mx, 0.0), (ixz, iyz, izz)
             matrix[j][j] = izz
         else:
-            force, moment = (0.0, 0.0, mass), (my, _sub(0.0, mx), 0.0)
+            force, moment = (0.0, 0.0, mass), (my, sub(0.0, mx), 0.0)
             matrix[j][j] = mass
         for i in reversed(range(j)):
-            moment = _back(chain.rotation[i + 1], turn[i + 1], moment)
-            force = _back(chain.rotation[i + 1], turn[i + 1], force)
-            moment = _plus(moment, _cross(_reach(chain, i + 1, q[i + 1]), force))
+            moment = back(chain.rotation[i + 1], turn[i + 1], moment)
+            force = back(chain.rotation[i + 1], turn[i + 1], force)
+            moment = plus(moment, cross(reach(chain, i + 1, q[i + 1]), force))
             matrix[i][j] = matrix[j][i] = moment[2] if chain.revolute[i] else force[2]
         if j:
             carried = _carried(chain, j, turn[j], q[j], composite[j])
-            composite[j - 1] = tuple(_add(a, b) for a, b in zip(composite[j - 1], carried))
+            composite[j - 1] = tuple(add(a, b) for a, b in zip(composite[j - 1], carried))
     return matrix

@@ -3,6 +3,7 @@
 Joints and effects are counted from 0 here. All drive quantities are at the joint side:
 
     body{j}.{k}  regrouped inertial parameters in the joint frame     gravity{k}   m/s2, base frame
+    resistance{j} added{j} displaced{j}   the water's, of link j (``arm_model.hydrodynamics``); drag{j} of the whole link, N m s2/rad2
     rotor{j} offset{j} viscous_mean{j} viscous_difference{j} coulomb_mean{j} coulomb_difference{j} sign_velocity{j}
                  of the directions: mean, and half of positive less negative
     zero{j}      rad (m): what a zero offset adds to q before the links see it
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from arm_model import newton_euler
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, described, values_of
+from arm_model.hydrodynamics import unit_water
 from arm_model.inertia import transform
 from arm_model.parameters import with_parameters
 from arm_model.regressor import parameter_names, parameter_vector
@@ -57,9 +59,9 @@ def numbers(arm: Arm, variations: Mapping[str, Array] | None = None) -> dict[str
 def _linear(arm: Arm, variations: Mapping[str, Array], lanes: int) -> dict[str, Array]:
     """All lanes at once: the variations are of parameters that the torque is linear in."""
     bent = described(arm)
-    n, names = len(arm), parameter_names(arm)
+    n, names = len(arm), parameter_names(bent)
     p = np.tile(parameter_vector(bent), (lanes, 1))
-    nominal = dict(zip(names, parameter_vector(arm)))
+    nominal = dict(zip(parameter_names(arm), parameter_vector(arm)))
     for name, values in variations.items():
         for each in _directions(name):
             p[:, names.index(each)] += values - nominal[each]
@@ -68,12 +70,13 @@ def _linear(arm: Arm, variations: Mapping[str, Array], lanes: int) -> dict[str, 
     bodies = np.stack([transform(links[:, j], chain.link[j]) for j in range(n)], axis=1)
     bodies = regrouped(chain, bodies)
     found = {f"body{j}.{k}": bodies[:, j, k] for j in range(n) for k in range(10)}
-    drive = p[:, 10 * n :].reshape(lanes, n, 6)
+    drive = p[:, 10 * n : 16 * n].reshape(lanes, n, 6)
     for j in range(n):
         found |= {f"rotor{j}": drive[:, j, 0], f"offset{j}": drive[:, j, 5]}
         for kind, forwards, backwards in (("viscous", *drive[:, j, 1:3].T), ("coulomb", *drive[:, j, 3:5].T)):
             found[f"{kind}_mean{j}"] = (forwards + backwards) / 2
             found[f"{kind}_difference{j}"] = (forwards - backwards) / 2
+    found |= _water(bent, dict(zip(names[16 * n :], p[:, 16 * n :].T)), lanes)
     found |= {name: np.full(lanes, float(value)) for name, value in _constants(arm, bent).items()}
     return found
 
@@ -83,6 +86,19 @@ def _directions(name: str) -> tuple[str, ...]:
     if name.endswith((".viscous", ".coulomb")):
         return f"{name}_positive", f"{name}_negative"
     return (name,)
+
+
+def _water(arm: Arm, coefficients: Mapping[str, Array], lanes: int) -> dict[str, Array]:
+    """What the water's coefficients, (lanes,) each by their names, make of the cylinders."""
+    found = {}
+    for j, joint in enumerate(arm.joints):
+        found[f"drag{j}"] = coefficients.get(f"joint{j + 1}.drag", np.zeros(lanes))
+        if joint.cylinder is not None:
+            unit = unit_water(joint.cylinder)
+            found[f"resistance{j}"] = unit.resistance * coefficients[f"link{j + 1}.drag_coefficient"]
+            found[f"added{j}"] = unit.added * coefficients[f"link{j + 1}.added_mass_coefficient"]
+            found[f"displaced{j}"] = unit.displaced * coefficients[f"link{j + 1}.buoyancy"]
+    return found
 
 
 def _constants(arm: Arm, bent: Arm) -> dict[str, float]:

@@ -5,6 +5,8 @@ link{j}.mass .mx .my .mz .ixx .ixy .ixz .iyy .iyz .izz     barycentric, in the l
 joint{j}.rotor_inertia .offset                             at the JOINT side (kg m2, N m)
 joint{j}.viscous_positive .viscous_negative .viscous       at the JOINT side (N m s/rad); the last sets both, and reads as the mean
 joint{j}.coulomb_positive .coulomb_negative .coulomb       likewise (N m)
+link{j}.drag_coefficient .added_mass_coefficient .buoyancy  of its cylinder in water (1), where the model describes one
+joint{j}.drag                                              N m s2/rad2
 joint{j}.theta .d .a .alpha .beta .torque_constant .torque_limit .sign_velocity    as the model file has them
 joint{j}.EFFECT.PARAMETER, EFFECT.PARAMETER                of an effect term of that joint, of the whole arm
 """
@@ -12,14 +14,16 @@ joint{j}.EFFECT.PARAMETER, EFFECT.PARAMETER                of an effect term of 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import TypeVar
 
-from arm_model.description import Arm, Joint
+from arm_model.description import Arm, Cylinder, Joint
+from arm_model.hydrodynamics import COEFFICIENTS
 from arm_model.inertia import PARAMETERS, about_com, barycentric
 from arm_model.servo import fixed_gains
 from inputs import InputError
 
-_DIRECT = ("theta", "d", "a", "alpha", "beta", "torque_constant", "torque_limit", "sign_velocity")
+_DIRECT = ("drag", "theta", "d", "a", "alpha", "beta", "torque_constant", "torque_limit", "sign_velocity")
 _DRIVE = {"rotor_inertia": 2, "offset": 1}  # powers of the gear ratio from motor to joint
 _DIRECTED = {"viscous": 2, "coulomb": 1}  # likewise; (positive, negative) each
 
@@ -49,6 +53,8 @@ def parameter(arm: Arm, name: str) -> float:
     joint = arm.joints[index]
     if kind == "link" and rest in PARAMETERS:
         return float(barycentric(joint.mass, joint.com, joint.inertia)[PARAMETERS.index(rest)])
+    if kind == "link" and rest in COEFFICIENTS and joint.cylinder is not None:
+        return float(getattr(joint.cylinder, rest))
     if kind == "joint":
         friction, direction = friction_and_direction(rest)
         if friction in _DIRECTED:
@@ -76,6 +82,8 @@ def with_parameters(arm: Arm, values: Mapping[str, float]) -> Arm:
             arm = _with_effect(arm, name, index, rest, float(value))
         elif kind == "link" and rest in PARAMETERS:
             links.setdefault(index, {})[rest] = float(value)
+        elif kind == "link" and rest in COEFFICIENTS and (cylinder := joints[index].cylinder) is not None:
+            joints[index] = unchecked(joints[index], cylinder=unchecked(cylinder, **{rest: float(value)}))
         elif kind == "joint":
             joints[index] = _with_joint(joints[index], name, rest, float(value))
         else:
@@ -92,7 +100,7 @@ def _with_link(joint: Joint, changed: Mapping[str, float]) -> Joint:
     if parameters[0] == 0.0 and parameters[1:4].any():
         raise InputError("parameters", "a first moment without mass cannot be written as a centre of mass; give a mass")
     mass, com, inertia = about_com(parameters)
-    return changed_joint(joint, mass=mass, com=com, inertia=inertia)
+    return unchecked(joint, mass=mass, com=com, inertia=inertia)
 
 
 def _with_joint(joint: Joint, name: str, rest: str, value: float) -> Joint:
@@ -101,11 +109,11 @@ def _with_joint(joint: Joint, name: str, rest: str, value: float) -> Joint:
         at_motor = value / joint.ratio ** _DIRECTED[friction]
         both = [at_motor, at_motor] if direction is None else list(getattr(joint, friction))
         both[direction or 0] = at_motor
-        return changed_joint(joint, **{friction: tuple(both)})
+        return unchecked(joint, **{friction: tuple(both)})
     if rest in _DRIVE:
-        return changed_joint(joint, **{rest: value / joint.ratio ** _DRIVE[rest]})
+        return unchecked(joint, **{rest: value / joint.ratio ** _DRIVE[rest]})
     if rest in _DIRECT:
-        return changed_joint(joint, **{rest: value})
+        return unchecked(joint, **{rest: value})
     raise _unknown(name)
 
 
@@ -117,11 +125,14 @@ def friction_and_direction(name: str) -> tuple[str, int | None]:
     return name, None
 
 
-def changed_joint(joint: Joint, **entries: object) -> Joint:
+T = TypeVar("T", Joint, Cylinder)
+
+
+def unchecked(described: T, **entries: object) -> T:
     """dataclasses.replace without the checks of a model file: a search may pass through a negative mass."""
-    changed = object.__new__(Joint)
-    for field in joint.__dataclass_fields__:
-        object.__setattr__(changed, field, entries.get(field, getattr(joint, field)))
+    changed = object.__new__(type(described))
+    for field in fields(described):
+        object.__setattr__(changed, field.name, entries.get(field.name, getattr(described, field.name)))
     return changed
 
 

@@ -5,27 +5,40 @@ Atkeson, An, Hollerbach, "Estimation of inertial parameters of manipulator loads
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model import newton_euler, scalar
+from arm_model import hydrodynamics, newton_euler, scalar
 from arm_model.description import Arm
+from arm_model.hydrodynamics import COEFFICIENTS
 from arm_model.inertia import PARAMETERS, transform_matrix
-from arm_model.rigid_body import link_parameters, samples, turns
+from arm_model.rigid_body import link_parameters, samples, stacked, turns
 
 Array = NDArray[np.float64]
 Friction = Literal["asymmetric", "symmetric"]
 
 
 def parameter_names(arm: Arm, *, friction: Friction = "asymmetric") -> list[str]:
-    """Names in the order of the regressor's columns: ten a link, then the drive's of each joint."""
+    """Names in the order of the regressor's columns: ten a link, then the drive's of each joint, then what water there is."""
     directions = ("_positive", "_negative") if friction == "asymmetric" else ("",)
     rubbing = [f"{kind}{direction}" for kind in ("viscous", "coulomb") for direction in directions]
     drive = ("rotor_inertia", *rubbing, "offset")
     links = [f"link{j}.{name}" for j in range(1, len(arm) + 1) for name in PARAMETERS]
-    return links + [f"joint{j}.{name}" for j in range(1, len(arm) + 1) for name in drive]
+    drives = [f"joint{j}.{name}" for j in range(1, len(arm) + 1) for name in drive]
+    return links + drives + [name for name, _ in _described_water(arm)]
+
+
+def _described_water(arm: Arm) -> Iterator[tuple[str, float]]:
+    """Names and values of the water's parameters: only what the model describes has any."""
+    for number, joint in enumerate(arm.joints, 1):
+        if joint.cylinder is not None:
+            yield from ((f"link{number}.{name}", getattr(joint.cylinder, name)) for name in COEFFICIENTS)
+    for number, joint in enumerate(arm.joints, 1):
+        if joint.drag is not None:
+            yield f"joint{number}.drag", joint.drag
 
 
 def parameter_vector(arm: Arm, *, friction: Friction = "asymmetric") -> Array:
@@ -38,7 +51,7 @@ def parameter_vector(arm: Arm, *, friction: Friction = "asymmetric") -> Array:
         if friction == "symmetric":
             rubbing = rubbing.mean(axis=1, keepdims=True)
         values.append(np.array([n**2 * joint.rotor_inertia, *rubbing.ravel(), n * joint.offset]))
-    return np.concatenate(values)
+    return np.concatenate([*values, [value for _, value in _described_water(arm)]])
 
 
 def regressor(
@@ -52,6 +65,7 @@ def regressor(
     blocks = [_link_columns(arm, q, qd, qdd)] + [
         _drive_columns(arm, j, qd[:, j], qdd[:, j], friction) for j in range(len(arm))
     ]
+    blocks.append(_water_columns(arm, q, qd, qdd))
     return np.concatenate(blocks, axis=2), parameter_names(arm, friction=friction)
 
 
@@ -65,6 +79,20 @@ def _drive_columns(arm: Arm, j: int, qd: Array, qdd: Array, friction: Friction) 
     block = np.zeros((len(qd), len(arm), columns.shape[-1]))
     block[:, j] = columns
     return block
+
+
+def _water_columns(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
+    """(N, n, w) torques of unit coefficients of the cylinders, then of unit drag of whole links."""
+    chain, columns = newton_euler.chain_of(arm), []
+    state = turns(chain, q), list(q.T), list(qd.T), list(qdd.T), arm.gravity
+    for j, joint in enumerate(arm.joints):
+        if joint.cylinder is not None:
+            shape, unit = hydrodynamics.shape_of(chain, j, joint.cylinder), hydrodynamics.unit_water(joint.cylinder)
+            for share in np.eye(3) * (unit.resistance, unit.added, unit.displaced):
+                water = {j: (shape, hydrodynamics.Water(*map(float, share)))}
+                columns.append(stacked(hydrodynamics.torques(chain, water, *state), q.shape[:1]))
+    columns += [np.eye(len(arm))[j] * np.abs(qd) * qd for j, joint in enumerate(arm.joints) if joint.drag is not None]
+    return np.stack(columns, axis=-1) if columns else np.zeros((*q.shape, 0))
 
 
 def _link_columns(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model import newton_euler, scalar
+from arm_model import hydrodynamics, newton_euler, scalar
 from arm_model.description import Arm, Joint
 from arm_model.inertia import barycentric, transform
 from arm_model.kinematics import link_frames
@@ -60,47 +60,55 @@ def samples(arm: Arm, *arrays: Array) -> list[Array]:
 
 
 def turns(chain: newton_euler.Chain, q: Array) -> list[tuple[Any, Any]]:
+    """(cos q, sin q) of every joint, (N,) each, for q (N, n)."""
     return newton_euler.turns(chain, list(q.T), np.cos, np.sin)
 
 
-def _stack(columns: list[Any], shape: tuple[int, ...]) -> Array:
+def stacked(columns: list[Any], shape: tuple[int, ...]) -> Array:
+    """(*shape, columns) from numbers and arrays."""
     return np.stack([np.broadcast_to(np.asarray(column, float), shape) for column in columns], axis=-1)
 
 
 def rigid_torque(arm: Arm, q: Array, qd: Array, qdd: Array, *, gravity: bool = True) -> Array:
-    """(N, n) torque of the rigid links alone: no rotors, no friction."""
+    """(N, n) torque of the rigid links and the water round them: no rotors, no friction, no effects."""
     q, qd, qdd = samples(arm, q, qd, qdd)
     chain = newton_euler.chain_of(arm)
-    tau = newton_euler.inverse_dynamics(
-        chain,
-        [tuple(map(float, body)) for body in bodies(arm)],
-        turns(chain, q),
-        list(q.T),
-        list(qd.T),
-        list(qdd.T),
-        arm.gravity if gravity else (0.0, 0.0, 0.0),
-    )
-    return _stack(tau, q.shape[:1])
+    state = turns(chain, q), list(q.T), list(qd.T), list(qdd.T), arm.gravity if gravity else (0.0, 0.0, 0.0)
+    tau = newton_euler.inverse_dynamics(chain, [tuple(map(float, body)) for body in bodies(arm)], *state)
+    total = stacked(tau, q.shape[:1])
+    if wet := hydrodynamics.bodies_of(arm):
+        total = total + stacked(hydrodynamics.torques(chain, wet, *state), q.shape[:1])
+    if any(joint.drag for joint in arm.joints):
+        total = total + np.array([joint.drag or 0.0 for joint in arm.joints]) * np.abs(qd) * qd
+    return total
 
 
 def mass_matrix(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
-    """(N, n, n) mass matrix, with the reflected rotor inertias on the diagonal unless ``rotors`` is False."""
+    """(N, n, n) mass matrix, with the water's added mass, and with the reflected rotor inertias on the diagonal unless ``rotors`` is
+    False."""
     (q,) = samples(arm, q)
     chain = newton_euler.chain_of(arm)
-    rows = newton_euler.mass_matrix(
-        chain, [tuple(map(float, body)) for body in bodies(arm)], turns(chain, q), list(q.T)
-    )
-    matrix = np.stack([_stack(row, q.shape[:1]) for row in rows], axis=-2)
+    state = turns(chain, q), list(q.T)
+    rigid = newton_euler.mass_matrix(chain, [tuple(map(float, body)) for body in bodies(arm)], *state)
+    added = hydrodynamics.mass_matrix(chain, hydrodynamics.bodies_of(arm), *state)
+    matrix = np.stack([stacked([*map(sum, zip(*rows))], q.shape[:1]) for rows in zip(rigid, added)], axis=-2)
     if rotors:
         matrix = matrix + np.diag(arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia"))
     return matrix
 
 
 def energy(arm: Arm, q: Array, qd: Array) -> Array:
-    """(N,) kinetic (links and rotors) plus potential energy, J; potential zero where the base frame's origin is."""
+    """(N,) kinetic (links and rotors) plus potential energy, J; potential zero where the base frame's origin is.
+    With the energies of the water, added mass and buoyancy."""
     q, qd = samples(arm, q, qd)
     kinetic = 0.5 * np.einsum("ni,nij,nj->n", qd, mass_matrix(arm, q), qd)
     frames = link_frames(arm, q)[:, 1:]
     parameters = link_parameters(arm)
-    moment = np.einsum("nkij,kj->nki", frames[..., :3, :3], parameters[:, 1:4]) + parameters[:, :1] * frames[..., :3, 3]
+    first, mass = parameters[:, 1:4].copy(), parameters[:, :1].copy()
+    for j, joint in enumerate(arm.joints):
+        if joint.cylinder is not None:  # displaced water falls where the link rises
+            displaced = hydrodynamics.water_of(joint.cylinder).displaced
+            mass[j] -= displaced
+            first[j] -= displaced * np.add(joint.cylinder.start, joint.cylinder.end) / 2
+    moment = np.einsum("nkij,kj->nki", frames[..., :3, :3], first) + mass * frames[..., :3, 3]
     return kinetic - moment.sum(axis=1) @ np.array(arm.gravity)

@@ -94,6 +94,7 @@ def _program(arm: Arm, inputs: Mapping[str, Array], lanes: int) -> Program:
             j.axis,
             j.ratio,
             j.torque_limit is None,
+            None if j.cylinder is None else (j.cylinder.start, j.cylinder.end),
         )
         for j in arm.joints
     ]
@@ -183,7 +184,7 @@ def _advance(run: _Run, demands: Array, times: Array) -> Array:
     out = aligned(run.states.shape[0], len(times), len(system.states) + n, width)
     run_blocks(program, timing, run.params, run.states, run.memories, run.currents, blocked, rows, out)
     run.tick += ticks
-    lanes_first = np.moveaxis(out, -1, 1).reshape(-1, len(times), out.shape[2])
+    lanes_first = np.moveaxis(out, -1, 1).reshape(out.shape[0] * width, *out.shape[1:3])
     return lanes_first[: run.lanes]
 
 
@@ -311,6 +312,13 @@ class Stepper:
     def tick(self) -> int:
         """Ticks run so far; time is tick period."""
         return self._run.tick
+
+    @property
+    def motors(self) -> tuple[Array, Array]:
+        """(n,) rad (m), (n,) rad/s: where the motors stand now, over their gear ratios, and their speeds."""
+        n = len(self.arm)
+        now = self._run.states[0, :, 0]
+        return now[:n].copy(), now[n : 2 * n].copy()
 
     def copy(self) -> Stepper:
         """Another that goes on from here by itself; the machine code is shared."""

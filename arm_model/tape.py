@@ -80,6 +80,8 @@ class Tape:
                 return Expr(self, node.arguments[0])
             if node.operation == "sub":
                 return self.binary("sub", Expr(self, node.arguments[1]), Expr(self, node.arguments[0]))
+        if operation == "sqrt" and node.operation == "mul" and node.arguments[0] == node.arguments[1]:
+            return self.unary("abs", Expr(self, node.arguments[0]))
         if operation in ("cos", "abs") and node.operation == "neg":
             a = Expr(self, node.arguments[0])
         return self._place(Node(operation, (a.index,)))

@@ -203,5 +203,7 @@ def candidates(arm: Arm) -> Iterator[Candidate]:
             for values in itertools.product(*(fixed.get(p.name) or _grid(p) for p in searched))
         ]
         for joint in range(1, len(arm) + 1) if effect.per_joint else (None,):
+            if effect.cylinder and joint is not None and arm.joints[joint - 1].cylinder is None:
+                continue
             for shape in shapes:
                 yield Candidate(effect.name, joint, shape)

@@ -2,7 +2,8 @@
 
     python -m examples.underwater [--out DIR]
 
-Free: 1 N m on joint 1 from 0 to 1 s and on joint 2 from 5 to 6 s; in air, with drag only, with added mass only, with both.
+Free: 1 N m on joint 1 from 0 to 1 s and on joint 2 from 5 to 6 s; in air, with drag only, with added mass only, with both. The
+water is in the model file (config/models/underwater.toml), and all runs are the compiled engine's.
 Controlled: the arm folds and turns, with computed torque that knows nothing of the water, with the same and disturbance decoupling,
 and with computed torque that has the water in its model; once with drives strong enough for it, once with drives that are not:
 there the demand is slowed as well.
@@ -21,41 +22,54 @@ from numpy.typing import NDArray
 
 from arm_model.control.computed_torque import ComputedTorque, Wanted
 from arm_model.control.decoupling import DisturbanceDecoupling
-from arm_model.control.driven import Run, TorqueController, controlled, pushed
+from arm_model.control.driven import Run, TorqueController, controlled
 from arm_model.control.time_scaling import TimeScaling
-from arm_model.description import Arm
-from arm_model.hydrodynamics import Torque, TwoLinks, Water
+from arm_model.description import Arm, Joint
 from arm_model.model_file import read_model
+from arm_model.motion import Motion
+from arm_model.simulation import simulate
+from arm_model.two_links import reversal
 
 Array = NDArray[np.float64]
 
 MODEL = Path(__file__).resolve().parent.parent / "config/models/underwater.toml"
-LINKS = TwoLinks(lengths=(1.0, 1.0), radius=0.025)
-WATER = Water(density=1025.0, drag=1.0, added_mass=2.0)
-STEP = 0.02  # s; half of it changes the angles by less than 1e-6 rad
+LENGTHS = (1.0, 1.0)  # m
+STEP = 0.02  # s between two calls of a controller
 STRONG, WEAK = (20.0, 6.0), (12.0, 4.0)  # N m
 TARGET, MOVE = np.array([1.2, -1.0]), 4.0  # rad, s
 DURATION = 6.0  # s
 FREQUENCY, BANDWIDTH = 4.0, 15.0  # rad/s of the error, 1/s of the observer
 
 
-def free(arm: Arm) -> dict[str, Run]:
+def around(arm: Arm, *, drag: bool, added_mass: bool) -> Arm:
+    """The arm with only these forces of the water."""
+
+    def kept(joint: Joint) -> Joint:
+        assert joint.cylinder is not None
+        cylinder = replace(
+            joint.cylinder,
+            drag_coefficient=joint.cylinder.drag_coefficient * drag,
+            added_mass_coefficient=joint.cylinder.added_mass_coefficient * added_mass,
+        )
+        return replace(joint, cylinder=cylinder)
+
+    return replace(arm, joints=tuple(kept(joint) for joint in arm.joints))
+
+
+def free(arm: Arm) -> dict[str, Motion]:
     """The pushed arm, 10 s, by what surrounds it."""
-    around: dict[str, Torque | None] = {
-        "in air": None,
-        "drag only": LINKS.torque(replace(WATER, added_mass=0.0)),
-        "added mass only": LINKS.torque(replace(WATER, drag=0.0)),
-        "drag and added mass": LINKS.torque(WATER),
+    arms = {
+        "in air": around(arm, drag=False, added_mass=False),
+        "drag only": around(arm, drag=True, added_mass=False),
+        "added mass only": around(arm, drag=False, added_mass=True),
+        "drag and added mass": arm,
     }
-    return {
-        name: pushed(arm, push, duration=10.0, step=STEP, start=np.zeros(2), around=water)
-        for name, water in around.items()
-    }
+    return {name: simulate(one, push, duration=10.0, rate=50.0, start=np.zeros(2)) for name, one in arms.items()}
 
 
-def push(t: float) -> Array:
-    """(2,) N m."""
-    return np.array([1.0 if t < 1.0 - STEP / 2 else 0.0, 1.0 if 5.0 - STEP / 2 <= t < 6.0 - STEP / 2 else 0.0])
+def push(t: Array) -> Array:
+    """(k, 2) N m; the drives of this arm have no gear and 1 N m/A."""
+    return np.column_stack([t < 1.0 - 1e-9, (t >= 5.0 - 1e-9) & (t < 6.0 - 1e-9)]).astype(float)
 
 
 def demand(t: float) -> Wanted:
@@ -71,26 +85,25 @@ def demand(t: float) -> Wanted:
 def under_control(arm: Arm, limits: tuple[float, float]) -> dict[str, Run]:
     """The arm in water, DURATION s, by its controller; all have the same limits (N m), gains and sampling."""
     limited = replace(arm, joints=tuple(replace(joint, torque_limit=limit) for joint, limit in zip(arm.joints, limits)))
-    dry = ComputedTorque(limited, FREQUENCY)
+    dry = ComputedTorque(around(limited, drag=False, added_mass=False), FREQUENCY)
     controllers: dict[str, TorqueController] = {
         "computed torque, dry model": dry,
         "with disturbance decoupling": DisturbanceDecoupling(dry, bandwidth=BANDWIDTH, period=STEP),
-        "computed torque, wet model": ComputedTorque(limited, FREQUENCY, around=LINKS.torque(WATER)),
+        "computed torque, wet model": ComputedTorque(limited, FREQUENCY),
     }
-    water = LINKS.torque(WATER)
     runs = {
-        name: controlled(limited, controller, demand, duration=DURATION, period=STEP, around=water)
+        name: controlled(limited, controller, demand, duration=DURATION, period=STEP)
         for name, controller in controllers.items()
     }
     decoupled = DisturbanceDecoupling(dry, bandwidth=BANDWIDTH, period=STEP)
     slowed = TimeScaling(decoupled, demand, np.array(limits), period=STEP)
-    run = controlled(limited, slowed, demand, duration=DURATION, period=STEP, around=water)
+    run = controlled(limited, slowed, demand, duration=DURATION, period=STEP)
     # it is judged by the demand at the pace that the limits left it
     runs["decoupling and time scaling"] = replace(run, demand=np.array(slowed.reference))
     return runs
 
 
-def draw_free(runs: dict[str, Run], path: Path) -> None:
+def draw_free(runs: dict[str, Motion], path: Path) -> None:
     """Angles, rates, and where the flow across link 2 turns round."""
     import matplotlib.pyplot as plt
 
@@ -99,15 +112,15 @@ def draw_free(runs: dict[str, Run], path: Path) -> None:
         for j in range(2):
             axes[0, j].plot(run.t, np.degrees(run.q[:, j]), label=name)
             axes[1, j].plot(run.t, run.qd[:, j])
-        place = LINKS.reversal(run.q, run.qd)
-        axes[2, 1].plot(run.t, np.where((place > 0) & (place < LINKS.lengths[1]), place, np.nan))
+        place = reversal(LENGTHS, run.q, run.qd)
+        axes[2, 1].plot(run.t, np.where((place > 0) & (place < LENGTHS[1]), place, np.nan))
     push_shown = next(iter(runs.values()))
     for j in range(2):
         axes[0, j].set(title=f"joint {j + 1}", ylabel="angle, deg")
         axes[1, j].set(ylabel="rate, rad/s")
         axes[2, 0].plot(push_shown.t, push_shown.torque[:, j], label=f"joint {j + 1}", drawstyle="steps-post")
     axes[2, 0].set(ylabel="torque, N m", xlabel="t, s")
-    axes[2, 1].set(ylabel="flow across link 2 turns\nat, m from joint 2", xlabel="t, s", ylim=(0, LINKS.lengths[1]))
+    axes[2, 1].set(ylabel="flow across link 2 turns\nat, m from joint 2", xlabel="t, s", ylim=(0, LENGTHS[1]))
     axes[0, 0].legend()
     axes[2, 0].legend()
     _save(figure, axes, path)
@@ -140,7 +153,7 @@ def _save(figure: Any, axes: Any, path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def free_figures(runs: dict[str, Run]) -> dict[str, list[float]]:
+def free_figures(runs: dict[str, Motion]) -> dict[str, list[float]]:
     """Angles at the end, degrees."""
     return {name: np.degrees(run.q[-1]).round(2).tolist() for name, run in runs.items()}
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm
 from arm_model.dynamics import inverse_dynamics
-from arm_model.hydrodynamics import Torque
 
 Array = NDArray[np.float64]
 
@@ -25,24 +24,21 @@ class Wanted:
 
 @dataclass(frozen=True)
 class ComputedTorque:
-    """tau = M(q) (q''_d + 2 zeta w (q'_d - q') + w^2 (q_d - q)) + h(q, q') + g(q) + friction (+ water).
+    """tau = M(q) (q''_d + 2 zeta w (q'_d - q') + w^2 (q_d - q)) + h(q, q') + g(q) + friction + what water the model has.
 
     With a true model and no limit every joint's error obeys e'' + 2 zeta w e' + w^2 e = 0 (Markiewicz, JPL TM 33-601, 1973).
-    ``arm`` is what the controller believes; ``around``: what it knows of the water. natural_frequency w rad/s.
+    ``arm`` is what the controller believes; natural_frequency w rad/s.
     """
 
     arm: Arm
     natural_frequency: float
     damping_ratio: float = 1.0
-    around: Torque | None = None
 
     def torque(self, q: Array, qd: Array, wanted: Wanted) -> Array:
         """(n,) joint torque, N m (N), that no limit has cut yet."""
         w = self.natural_frequency
         rate = 2 * self.damping_ratio * w * (wanted.qd - qd) + w * w * (wanted.q - q)
-        state = q[None], qd[None], (wanted.qdd + rate)[None]
-        tau = inverse_dynamics(self.arm, *state)
-        return np.asarray(tau if self.around is None else tau + self.around(*state))[0]
+        return inverse_dynamics(self.arm, q[None], qd[None], (wanted.qdd + rate)[None])[0]
 
     def told(self, q: Array, qd: Array, applied: Array) -> None:
         """What the drives then gave; computed torque needs no memory of it."""

@@ -51,10 +51,8 @@ class DisturbanceDecoupling:
         return np.asarray(mass_matrix(self.computed.arm, q[None])[0] @ qd)
 
     def _bias(self, q: Array, qd: Array) -> Array:
-        """M' q' - h - g - friction (- what is known of the water)."""
+        """M' q' - h - g - friction, with what water the model has."""
         ahead, behind = mass_matrix(self.computed.arm, np.stack([q + STEP * qd, q - STEP * qd]))
         state = q[None], qd[None], np.zeros((1, len(q)))
         known = inverse_dynamics(self.computed.arm, *state)[0]
-        if self.computed.around is not None:
-            known = known + self.computed.around(*state)[0]
         return np.asarray((ahead - behind) @ qd / (2 * STEP) - known)

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from arm_model.effects import description_errors, friction, position, sensing, tracking, transmission, wrist
+from arm_model.effects import (
+    description_errors,
+    friction,
+    position,
+    sensing,
+    tracking,
+    transmission,
+    water,
+    wrist,
+)
 from arm_model.effects.definition import Effect, Values
 
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
-    for family in (friction, position, transmission, description_errors, wrist, sensing, tracking)
+    for family in (friction, water, position, transmission, description_errors, wrist, sensing, tracking)
     for effect in family.EFFECTS
 }
 

@@ -112,21 +112,6 @@ FRICTION_DRIFT = Effect(
     torque=lambda p, s: -p.fraction * s.coulomb * (1 - scalar.exp(-s.t / p.time_constant)) * s.sign,
 )
 
-HYDRODYNAMIC_DRAG = Effect(
-    name="hydrodynamic_drag",
-    place=Place.MECHANICS,
-    parameters=(
-        Parameter(
-            "drag", "N m s2/rad2", (0.1, 10.0), True, "torque over square of velocity, all strips of the link together"
-        ),
-    ),
-    equation="tau = D |q'| q'   (Morison's drag rho C_d R |v| v summed along the link, moving alone)",
-    shows="error with the square of velocity",
-    confused_with={"stribeck_friction": "a ladder of speeds; air against water"},
-    torque=lambda p, s: p.drag * scalar.absolute(s.v) * s.v,
-    link_side=True,
-)
-
 EFFECTS = (
     VISCOUS_FRICTION,
     COULOMB_FRICTION,
@@ -135,5 +120,4 @@ EFFECTS = (
     PRESLIDING_FRICTION,
     LOAD_FRICTION,
     FRICTION_DRIFT,
-    HYDRODYNAMIC_DRAG,
 )

@@ -19,6 +19,7 @@ from arm_model.description import Arm
 from arm_model.effects import described
 from arm_model.formulations import kane, lagrange
 from arm_model.formulations.links import Symbols, symbols_of
+from arm_model.hydrodynamics import dry
 from arm_model.rigid_body import rigid_torque
 from arm_model.tape import Expr, derivative, evaluate, operations
 
@@ -48,7 +49,7 @@ def compare(arm: Arm, *, with_sympy: bool | None = None, states: int = 100, seed
     """Newton-Euler, Lagrange and Kane of an arm, on ``states`` random states; sympy's own too, by default up to SYMPY_JOINTS joints."""
     rng = np.random.default_rng(seed)
     q, qd, qdd = (scale * rng.normal(size=(states, len(arm))) for scale in (1.5, 1.5, 5.0))
-    wanted = rigid_torque(described(arm), q, qd, qdd)
+    wanted = rigid_torque(dry(described(arm)), q, qd, qdd)
     largest = max(float(np.abs(wanted).max()), 1e-300)
 
     def difference(found: Array) -> float:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from arm_model.description import Arm, Joint
+from arm_model.description import Arm, Cylinder, Joint
 from arm_model.kinematics import roll_pitch_yaw
 
 
@@ -39,6 +41,24 @@ def random_joint(rng: np.random.Generator, *, friction: bool = True) -> Joint:
         **place,
         **(drive if friction else {}),
     )
+
+
+def random_cylinder(rng: np.random.Generator) -> Cylinder:
+    ends = rng.normal(size=(2, 3)) * 0.3
+    names = ("radius", "drag_coefficient", "added_mass_coefficient", "buoyancy")
+    start, end = (tuple(map(float, point)) for point in ends)
+    return Cylinder(start, end, **dict(zip(names, rng.uniform([0.02, 0.5, 0.5, 0.5], [0.05, 1.5, 2.0, 1.0]))))
+
+
+def in_water(arm: Arm, seed: int) -> Arm:
+    """The arm with water round two of its links, and a drag on the joint of another."""
+    rng = np.random.default_rng(seed + 2000)
+    first, second, third = rng.permutation(len(arm))[:3]
+    joints = list(arm.joints)
+    for j in (first, second):
+        joints[j] = replace(joints[j], cylinder=random_cylinder(rng))
+    joints[third] = replace(joints[third], drag=0.7)
+    return replace(arm, joints=tuple(joints))
 
 
 def random_arm(seed: int, *, joints: int = 4, friction: bool = True) -> Arm:

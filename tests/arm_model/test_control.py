@@ -1,4 +1,4 @@
-"""Torque controllers against closed-form error equations; the free underwater arm against the compiled engine."""
+"""Torque controllers of the underwater arm, in the compiled engine, against closed-form error equations."""
 
 from __future__ import annotations
 
@@ -10,16 +10,12 @@ import pytest
 
 from arm_model.control.computed_torque import ComputedTorque, Wanted
 from arm_model.control.decoupling import DisturbanceDecoupling
-from arm_model.control.driven import controlled, pushed
+from arm_model.control.driven import controlled
 from arm_model.control.time_scaling import TimeScaling
 from arm_model.description import Arm
-from arm_model.hydrodynamics import Torque, TwoLinks, Water
 from arm_model.model_file import read_model
-from arm_model.rigid_body import energy
-from arm_model.simulation import simulate
 from inputs import InputError
 
-LINKS = TwoLinks((1.0, 1.0), 0.025)
 POINT = np.array([0.5, -0.4])
 
 
@@ -32,26 +28,15 @@ def hold(t: float) -> Wanted:
     return Wanted(POINT, np.zeros(2), np.zeros(2))
 
 
-def constant(torque: np.ndarray) -> Torque:
-    """A disturbance that the drives have to overcome."""
-    return lambda q, qd, qdd: np.broadcast_to(torque, q.shape)
-
-
-def test_pushed_arm_against_the_compiled_engine(arm: Arm) -> None:
-    def push(t: float) -> np.ndarray:
-        return np.array([1.0, -0.5]) if t < 0.4 - 1e-9 else np.zeros(2)
-
-    ours = pushed(arm, push, duration=0.8, step=0.02, start=np.zeros(2))
-    engine = simulate(arm, lambda t: np.array([push(x) for x in t]), duration=0.8, rate=50.0)
-    np.testing.assert_allclose(ours.q, engine.q, atol=2e-7)
+def with_unknown(arm: Arm, *torque: float) -> Arm:
+    """The arm with a constant torque on each joint that the drives have to overcome."""
+    return replace(arm, joints=tuple(replace(joint, offset=value) for joint, value in zip(arm.joints, torque)))
 
 
 def test_error_under_computed_torque_obeys_its_equation(arm: Arm) -> None:
     w = 5.0
-    controller = ComputedTorque(arm, w, around=LINKS.torque(Water()))
-    run = controlled(
-        arm, controller, hold, duration=0.5, period=0.005, around=LINKS.torque(Water()), start=POINT + [0.2, -0.1]
-    )
+    controller = ComputedTorque(arm, w)
+    run = controlled(arm, controller, hold, duration=0.5, period=0.005, start=POINT + [0.2, -0.1])
     wanted = np.outer((1 + w * run.t) * np.exp(-w * run.t), [0.2, -0.1])  # critically damped from rest
     np.testing.assert_allclose(run.q - run.demand, wanted, atol=4e-3)
 
@@ -59,7 +44,7 @@ def test_error_under_computed_torque_obeys_its_equation(arm: Arm) -> None:
 def test_unknown_torque_is_observed_at_the_bandwidth_and_cancelled(arm: Arm) -> None:
     unknown, bandwidth, period = np.array([1.5, -0.7]), 20.0, 0.01
     plain = ComputedTorque(arm, 6.0)
-    left = controlled(arm, plain, hold, duration=1.2, period=0.02, around=constant(unknown))
+    left = controlled(with_unknown(arm, *unknown), plain, hold, duration=1.2, period=0.02)
     assert np.abs(left.q - left.demand)[-1].min() > 0.01
 
     seen: list[np.ndarray] = []
@@ -74,7 +59,7 @@ def test_unknown_torque_is_observed_at_the_bandwidth_and_cancelled(arm: Arm) -> 
         def told(self, q: np.ndarray, qd: np.ndarray, applied: np.ndarray) -> None:
             decoupled.told(q, qd, applied)
 
-    run = controlled(arm, Watched(), hold, duration=1.2, period=period, around=constant(unknown))
+    run = controlled(with_unknown(arm, *unknown), Watched(), hold, duration=1.2, period=period)
     wanted = -np.outer(1 - (1 - bandwidth * period) ** np.arange(len(run.t)), unknown)  # the sampled low-pass
     np.testing.assert_allclose(seen, wanted, atol=0.05)
     assert np.abs(run.q - run.demand)[-1].max() < 1e-3
@@ -84,7 +69,7 @@ def test_limits_hold_and_do_not_wind_the_observer_up(arm: Arm) -> None:
     """Held away from its aim by drives too weak for it, the arm leaves as soon as the disturbance goes."""
     weak = limited(arm, 1.0, 1.0)
     controller = DisturbanceDecoupling(ComputedTorque(weak, 6.0), bandwidth=20.0, period=0.02)
-    run = controlled(weak, controller, hold, duration=1.0, period=0.02, around=constant(np.array([3.0, 3.0])))
+    run = controlled(with_unknown(weak, 3.0, 3.0), controller, hold, duration=1.0, period=0.02)
     assert np.abs(run.torque).max() <= 1.0
     assert (run.torque[-10:] == 1.0).all()
     np.testing.assert_allclose(controller.disturbance, [-3.0, -3.0], atol=0.1)
@@ -106,36 +91,23 @@ def limited(arm: Arm, *limits: float) -> Arm:
 
 @pytest.mark.parametrize(("limits", "slowed"), [((100.0, 100.0), False), ((4.0, 1.2), True)])
 def test_time_scaling_keeps_to_the_path_within_the_limits(arm: Arm, limits: tuple[float, float], slowed: bool) -> None:
-    weak, period, water = limited(arm, *limits), 0.02, LINKS.torque(Water())
-    computed = ComputedTorque(weak, 6.0, around=water)
+    weak, period = limited(arm, *limits), 0.02
+    computed = ComputedTorque(weak, 6.0)
     scaling = TimeScaling(computed, sway, np.array(limits), period=period)
-    run = controlled(weak, scaling, sway, duration=4.0, period=period, around=water)
+    run = controlled(weak, scaling, sway, duration=4.0, period=period)
     reference = np.array(scaling.reference)
     assert np.abs(run.q - reference).max() < 1e-3
     behind = np.abs(reference - run.demand).max()
     assert behind > 0.02 if slowed else behind < 1e-12
     if slowed:  # without scaling the same limits are hit, and the path is left
-        plain = controlled(weak, computed, sway, duration=4.0, period=period, around=water)
+        plain = controlled(weak, computed, sway, duration=4.0, period=period)
         assert (np.abs(plain.torque) >= limits).any() and not (np.abs(run.torque) >= limits).any()
         assert np.abs(plain.q - plain.demand).max() > 5 * np.abs(run.q - reference).max()
 
 
-def test_still_water_takes_the_energy_of_a_pushed_arm(arm: Arm) -> None:
-    run = pushed(
-        arm,
-        lambda t: np.array([2.0 if t < 0.2 - 1e-9 else 0.0, 0.0]),
-        duration=1.0,
-        step=0.02,
-        start=np.array([0.0, 0.5]),
-        around=LINKS.torque(Water(added_mass=0.0)),
-    )
-    left = energy(arm, run.q, run.qd)[10:]
-    assert left[0] > 0.01 and (np.diff(left) < 0).all()
-
-
-def test_bad_start_and_unstable_sampling(arm: Arm) -> None:
-    with pytest.raises(InputError, match="has shape"):
-        pushed(arm, lambda t: np.zeros(2), duration=1.0, step=0.1, start=np.zeros(3))
+def test_bad_period_and_unstable_sampling(arm: Arm) -> None:
+    with pytest.raises(InputError, match="whole number of steps"):
+        controlled(arm, ComputedTorque(arm, 5.0), hold, duration=1.0, period=0.0125)
     with pytest.raises(InputError, match="must be positive"):
         TimeScaling(ComputedTorque(arm, 5.0), hold, np.array([1.0, 0.0]), period=0.1)
     stiff = ComputedTorque(arm, 500.0)

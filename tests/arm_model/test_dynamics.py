@@ -13,14 +13,20 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from arm_model.parameters import parameter, with_parameters
 from arm_model.regressor import parameter_vector, regressor
-from tests.arm_model.random_arms import random_arm, random_states
+from tests.arm_model.random_arms import in_water, random_arm, random_states
 
 SEEDS = range(12)
+WET = pytest.mark.parametrize("wet", [False, True], ids=["in air", "in water"])
 
 
+def an_arm(seed: int, wet: bool) -> Arm:
+    return in_water(random_arm(seed), seed) if wet else random_arm(seed)
+
+
+@WET
 @pytest.mark.parametrize("seed", SEEDS)
-def test_regressor_times_parameters_is_inverse_dynamics(seed: int) -> None:
-    arm = random_arm(seed)
+def test_regressor_times_parameters_is_inverse_dynamics(seed: int, wet: bool) -> None:
+    arm = an_arm(seed, wet)
     q, qd, qdd = random_states(seed, len(arm))
     columns, names = regressor(arm, q, qd, qdd)
     assert columns.shape == (len(q), len(arm), len(names))
@@ -28,9 +34,10 @@ def test_regressor_times_parameters_is_inverse_dynamics(seed: int) -> None:
     np.testing.assert_allclose(parameter_vector(arm), [parameter(arm, name) for name in names], atol=1e-12)
 
 
+@WET
 @pytest.mark.parametrize("seed", SEEDS)
-def test_forward_undoes_inverse_and_mass_matrix_is_positive(seed: int) -> None:
-    arm = random_arm(seed)
+def test_forward_undoes_inverse_and_mass_matrix_is_positive(seed: int, wet: bool) -> None:
+    arm = an_arm(seed, wet)
     q, qd, qdd = random_states(seed, len(arm))
     tau = dynamics.inverse_dynamics(arm, q, qd, qdd)
     np.testing.assert_allclose(dynamics.forward_dynamics(arm, q, qd, tau), qdd, atol=1e-8)
@@ -39,9 +46,10 @@ def test_forward_undoes_inverse_and_mass_matrix_is_positive(seed: int) -> None:
     assert (np.linalg.eigvalsh(matrix) > 0).all()
 
 
+@WET
 @pytest.mark.parametrize("seed", SEEDS)
-def test_mass_matrix_is_what_accelerations_cost(seed: int) -> None:
-    arm = random_arm(seed)
+def test_mass_matrix_is_what_accelerations_cost(seed: int, wet: bool) -> None:
+    arm = an_arm(seed, wet)
     q, qd, qdd = random_states(seed, len(arm))
     still = rigid_body.rigid_torque(arm, q, qd, 0 * qdd)
     inertial = np.einsum("nij,nj->ni", rigid_body.mass_matrix(arm, q, rotors=False), qdd)

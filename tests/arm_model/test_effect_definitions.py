@@ -11,8 +11,6 @@ import pytest
 from arm_model.effects import CATALOGUE, Effect, Signals, Values
 
 LAWS = ("torque", "deflection", "angle", "current", "delay", "change", "limit", "bend", "late", "stray")
-# Part of another law.
-ELSEWHERE = {"added_mass"}
 
 
 def _random_signals(rng: np.random.Generator, n: int = 50) -> Signals:
@@ -33,7 +31,7 @@ def test_has_one_law_and_says_what_it_is(effect: Effect) -> None:
     laws = [name for name in LAWS if getattr(effect, name) is not None] + ["coupling"] * effect.coupling
     assert len(laws) == 1
     assert effect.equation and effect.shows
-    assert all(name in CATALOGUE or name in ELSEWHERE for name in effect.confused_with)
+    assert all(name in CATALOGUE for name in effect.confused_with)
 
 
 def over_signals(effect: Effect) -> Any:
@@ -84,5 +82,5 @@ def test_vocabulary_is_complete(shared: Path) -> None:
     names = {
         line.split("|")[1].strip() for line in table.splitlines() if line.startswith("| ") and "name" not in line[:7]
     }
-    assert names - ELSEWHERE - set(CATALOGUE) == set()
+    assert names - set(CATALOGUE) == set()
     assert set(CATALOGUE) <= names

@@ -9,8 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from arm_model import dynamics, rigid_body
-from arm_model.description import Arm, Controller, EffectTerm, Joint
+from arm_model.description import Arm, Controller, Cylinder, EffectTerm, Joint
 from arm_model.effects import CATALOGUE
+from arm_model.parameters import parameter
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate, simulate_batch
 from arm_model.tracking import tracked
@@ -205,8 +206,14 @@ def test_every_effect_simulates(puma: Arm, name: str) -> None:
     if name == "tracker_outliers":
         middle = {"share": 0.2, "size": 0.01}
     arm = puma if name == "wrist_coupling" else three_links(puma)
+    if effect.cylinder:
+        joints = [replace(joint, cylinder=Cylinder((-0.4, 0.0, 0.0), (0.0, 0.0, 0.0), 0.05)) for joint in arm.joints]
+        arm = replace(arm, joints=tuple(joints))
     bent = replace(arm, effects=(EffectTerm(name, 2 if effect.per_joint else None, middle),))
     bare, motion = (simulate(a, swing(len(arm)), duration=0.5, rate=200) for a in (arm, bent))
+    same = {"joint1.viscous": np.full(2, parameter(arm, "joint1.viscous"))}
+    lanes = simulate_batch(bent, swing(len(arm)), duration=0.1, rate=200, parameters=same)
+    np.testing.assert_allclose(lanes.q[1], motion.q[: lanes.q.shape[1]], atol=1e-9)
     shown = recorded(bent, motion)
     assert np.isfinite(shown.q).all() and np.isfinite(shown.current).all()
     seen = [tracked(a, m.t, m.q, (0.05, 0.0, 0.1)) for a, m in ((bent, motion), (arm, bare))]

@@ -15,12 +15,14 @@ from arm_model.servo import servo_gains
 from arm_model.simulation import Stepper, references, simulate, simulate_batch
 from inputs import InputError
 from tests.arm_model.pumas import swing, three_links
-from tests.arm_model.random_arms import random_arm
+from tests.arm_model.random_arms import in_water, random_arm
 
 
+@pytest.mark.parametrize("wet", [False, True], ids=["in air", "in water"])
 @pytest.mark.parametrize("seed", range(4))
-def test_free_motion_is_scipys(seed: int) -> None:
+def test_free_motion_is_scipys(seed: int, wet: bool) -> None:
     arm = random_arm(seed, joints=3, friction=seed % 2 == 0)
+    arm = in_water(arm, seed) if wet else arm
     arm = replace(arm, joints=tuple(replace(joint, sign_velocity=0.5) for joint in arm.joints))
     drive = arm.joint_array("drive_constant")
     torque = np.array([0.5, -0.4, 0.3])

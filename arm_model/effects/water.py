@@ -1,0 +1,75 @@
+"""Water that a description knows nothing of, or too little: Morison's forces along a link (``arm_model.hydrodynamics``)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from arm_model.effects.definition import Effect, Parameter, Place, Values
+from arm_model.hydrodynamics import own_drag
+
+if TYPE_CHECKING:
+    from arm_model.description import Arm, Joint
+
+
+def _with_joint(arm: Arm, joint: int, changed: Joint) -> Arm:
+    return replace(arm, joints=(*arm.joints[: joint - 1], changed, *arm.joints[joint:]))
+
+
+def _drag(arm: Arm, joint: int | None, p: Values) -> Arm:
+    """Spread along the link's cylinder as Morison has it; on the joint as a whole where the model describes no cylinder that drags."""
+    assert joint is not None
+    link, unit = arm.joints[joint - 1], own_drag(arm, joint)
+    if link.cylinder is None or unit == 0.0:
+        return _with_joint(arm, joint, replace(link, drag=(link.drag or 0.0) + p.drag))
+    cylinder = replace(link.cylinder, drag_coefficient=link.cylinder.drag_coefficient + p.drag / unit)
+    return _with_joint(arm, joint, replace(link, cylinder=cylinder))
+
+
+def _added_mass(arm: Arm, joint: int | None, p: Values) -> Arm:
+    assert joint is not None
+    link = arm.joints[joint - 1]
+    assert link.cylinder is not None, "check_terms asks for it"
+    cylinder = replace(
+        link.cylinder,
+        added_mass_coefficient=link.cylinder.added_mass_coefficient + p.coefficient,
+        buoyancy=link.cylinder.buoyancy + p.buoyancy,
+    )
+    return _with_joint(arm, joint, replace(link, cylinder=cylinder))
+
+
+HYDRODYNAMIC_DRAG = Effect(
+    name="hydrodynamic_drag",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter(
+            "drag",
+            "N m s2/rad2",
+            (0.1, 10.0),
+            True,
+            "torque over square of velocity while the joint moves alone, all strips of the link together",
+        ),
+    ),
+    equation="dF = rho C_d R |v| v dl across the link (Morison); D |q'| q' on a joint that moves alone, or has no cylinder",
+    shows="error with the square of velocity",
+    confused_with={"stribeck_friction": "a ladder of speeds; air against water"},
+    change=_drag,
+)
+
+ADDED_MASS = Effect(
+    name="added_mass",
+    place=Place.MECHANICS,
+    parameters=(
+        Parameter(
+            "coefficient", "1", (0.5, 2.0), True, "missing coefficient C_a of the water that moves with the link"
+        ),
+        Parameter("buoyancy", "1", (0.1, 1.0), True, "missing share of the displaced water's weight"),
+    ),
+    equation="dF = (rho C_a pi R^2 a + b rho pi R^2 g) dl across the link's cylinder (Morison; Archimedes)",
+    shows="follows acceleration, by pose; a lighter link",
+    confused_with={"link_inertia": "air against water"},
+    change=_added_mass,
+    cylinder=True,
+)
+
+EFFECTS = (HYDRODYNAMIC_DRAG, ADDED_MASS)
