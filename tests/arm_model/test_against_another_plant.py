@@ -53,7 +53,7 @@ def _theirs(model: Path, hidden: tuple[Hidden, ...]) -> tuple[np.ndarray, np.nda
     knots = np.arange(0.0, DURATION + 0.056, 0.028)
     targets = swing(6)(knots)
     wanted = np.column_stack([np.interp(servo, knots, column) for column in targets.T])
-    angle, current, _, _ = run(plant, wanted, round(SETTLING / plant.servo_period), 8)
+    angle, current, _ = run(plant, wanted, round(SETTLING / plant.servo_period), 8)
     return angle, current
 
 

@@ -1,125 +1,229 @@
-"""Cases drawn from a seed that the finder never sees: effect, joint, magnitude, phase; pairs; nothing; and what no catalogue has."""
+"""Cases drawn from a seed that the finder never sees: effect, joint, magnitude, phase, laboratory; pairs, triples, nothing, strangers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tests.blind import strangers
 from tests.blind.hide import Hidden
+from tests.blind.laboratory import Laboratory, laboratory
+from tests.blind.magnitude import Wanted
 
 Draw = Callable[[np.random.Generator, int, float], dict[str, float]]
 
-COULOMB = (24.7, 13.6, 7.1)
-"""N m at joints 1-3: what friction magnitudes are a share of."""
+COULOMB = (26.0, 10.6, 6.4)
+"""N m at joints 1-3, mean of both directions: what friction magnitudes are a share of."""
 VISCOUS = (5.8, 9.5, 4.0)
 ROTOR = (0.78, 2.32, 0.58)
+RATED = (97.6, 186.4, 89.4)
+
+
+def _between(rng: np.random.Generator, low: float, high: float) -> float:
+    """Evenly in the logarithm."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _signed(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(rng.choice([-1.0, 1.0])) * _between(rng, low, high)
 
 
 def _phase(rng: np.random.Generator) -> float:
     return float(rng.uniform(-3.0, 3.0))
 
 
-def _sign(rng: np.random.Generator) -> float:
-    return float(rng.choice([-1.0, 1.0]))
+def _asymmetry(rng: np.random.Generator, j: int, m: float) -> dict[str, float]:
+    part = _signed(rng, 0.05, 0.15) * m * COULOMB[j]
+    return {"positive": part, "negative": -part * float(rng.uniform(0.5, 1.0))}
+
+
+def _link(rng: np.random.Generator, j: int, m: float) -> dict[str, float]:
+    """A piece of 0.3 to 1 kg that is on the link and not in the model: mass, moment and inertia about the link's frame."""
+    mass, place = (
+        _between(rng, 0.3, 1.0) * m,
+        rng.uniform([-0.4, -0.1, -0.1], [0.0, 0.1, 0.1]) * (1.0 if j == 1 else 0.6),
+    )
+    x, y, z = place
+    about = {
+        "ixx": y * y + z * z,
+        "iyy": x * x + z * z,
+        "izz": x * x + y * y,
+        "ixy": -x * y,
+        "iyz": -y * z,
+        "ixz": -x * z,
+    }
+    values = {"mass": 1.0, "mx": x, "my": y, "mz": z} | about
+    return {name: float(mass * value) for name, value in values.items()}
 
 
 SINGLES: dict[str, Draw] = {
-    "viscous_friction": lambda rng, j, m: {"viscous": _sign(rng) * 0.3 * m * VISCOUS[j]},
-    "coulomb_friction": lambda rng, j, m: {"coulomb": _sign(rng) * 0.15 * m * COULOMB[j]},
-    "friction_asymmetry": lambda rng, j, m: {"positive": 0.15 * m * COULOMB[j], "negative": -0.1 * m * COULOMB[j]},
+    "viscous_friction": lambda rng, j, m: {"viscous": _signed(rng, 0.2, 0.5) * m * VISCOUS[j]},
+    "coulomb_friction": lambda rng, j, m: {"coulomb": _signed(rng, 0.15, 0.5) * m * COULOMB[j]},
+    "friction_asymmetry": _asymmetry,
     "stribeck_friction": lambda rng, j, m: {
-        "breakaway": 0.5 * m * COULOMB[j],
-        "stribeck_velocity": float(rng.uniform(0.06, 0.12)),
+        "breakaway": _between(rng, 0.2, 0.6) * m * COULOMB[j],
+        "stribeck_velocity": _between(rng, 0.03, 0.12),
     },
-    "presliding_friction": lambda rng, j, m: {"stiffness": 200.0 / m * COULOMB[j], "damping": 10.0},
-    "load_friction": lambda rng, j, m: {"mu": 0.07 * m},
-    "friction_drift": lambda rng, j, m: {"fraction": 0.2 * m, "time_constant": float(rng.uniform(4.0, 10.0))},
-    "gear_ripple": lambda rng, j, m: {"amplitude": 2e-4 * m, "order": float(rng.integers(2, 9)), "phase": _phase(rng)},
+    "presliding_friction": lambda rng, j, m: {
+        "stiffness": _between(rng, 80.0, 300.0) / m * COULOMB[j],
+        "damping": 10.0,
+    },
+    "load_friction": lambda rng, j, m: {"mu": _between(rng, 0.03, 0.15) * m},
+    "friction_drift": lambda rng, j, m: {
+        "fraction": _between(rng, 0.1, 0.4) * m,
+        "time_constant": _between(rng, 4.0, 12.0),
+    },
+    "gear_ripple": lambda rng, j, m: {
+        "amplitude": _between(rng, 1e-4, 4e-4) * m,
+        "order": float(rng.integers(1, 7)),
+        "phase": _phase(rng),
+    },
     "cogging": lambda rng, j, m: {
-        "amplitude": 0.03 * m * COULOMB[j],
+        "amplitude": _between(rng, 0.01, 0.03) * m * RATED[j],
         "pole_pairs": float(rng.integers(2, 9)),
         "phase": _phase(rng),
     },
-    "backlash": lambda rng, j, m: {"half_gap": 2e-3 * m},
-    "joint_compliance": lambda rng, j, m: {"stiffness": 6e3 / m},
-    "payload": lambda rng, j, m: {"mass": 0.5 * m, "x": 0.0, "y": 0.0, "z": float(rng.uniform(0.03, 0.1))},
-    "link_inertia": lambda rng, j, m: {"scale": 1.0 + 0.1 * m},
-    "rotor_inertia": lambda rng, j, m: {"inertia": 0.3 * m * ROTOR[j]},
-    "base_tilt": lambda rng, j, m: {"roll": float(rng.normal(0, 0.01 * m)), "pitch": 0.01 * m * _sign(rng)},
-    "gravity_spring": lambda rng, j, m: {"stiffness": 5.0 * m, "rest_angle": float(rng.uniform(-1.0, 0.5))},
-    "torque_constant": lambda rng, j, m: {"error": _sign(rng) * 0.08 * m},
-    "wrist_coupling": lambda rng, j, m: {"c54": 0.0, "c64": 0.03 * m, "c65": 0.05 * m},
+    "backlash": lambda rng, j, m: {"half_gap": _between(rng, 5e-4, 3e-3) * m},
+    "joint_compliance": lambda rng, j, m: {"stiffness": _between(rng, 4e3, 2e4) / m},
+    "payload": lambda rng, j, m: {
+        "mass": _between(rng, 0.3, 1.5) * m,
+        "x": float(rng.uniform(-0.05, 0.05)),
+        "y": float(rng.uniform(-0.05, 0.05)),
+        "z": float(rng.uniform(0.03, 0.15)),
+    },
+    "link_inertia": _link,
+    "rotor_inertia": lambda rng, j, m: {"inertia": _between(rng, 0.2, 0.5) * m * ROTOR[j]},
+    "base_tilt": lambda rng, j, m: {"roll": _signed(rng, 0.005, 0.03) * m, "pitch": _signed(rng, 0.005, 0.03) * m},
+    "gravity_spring": lambda rng, j, m: {
+        "stiffness": _between(rng, 2.0, 15.0) * m,
+        "rest_angle": float(rng.uniform(-1.0, 0.5)),
+    },
+    "torque_constant": lambda rng, j, m: {"error": _signed(rng, 0.05, 0.15) * m},
+    "current_limit": lambda rng, j, m: {"share": float(rng.uniform(0.6, 0.9))},
+    "wrist_coupling": lambda rng, j, m: {
+        "c54": _signed(rng, 0.02, 0.1) * m,
+        "c64": _signed(rng, 0.02, 0.1) * m,
+        "c65": _signed(rng, 0.02, 0.2) * m,
+    },
     "encoder_ripple": lambda rng, j, m: {
-        "amplitude": 3e-4 * m,
+        "amplitude": _between(rng, 1e-4, 5e-4) * m,
         "order": float(rng.integers(1, 3)),
         "phase": _phase(rng),
     },
-    "missed_counts": lambda rng, j, m: {"jump": _sign(rng) * 4e-3 * m, "time": float(rng.uniform(4.0, 9.0))},
-    "joint_zero_offset": lambda rng, j, m: {"offset": _sign(rng) * 0.02 * m},
-    "current_offset": lambda rng, j, m: {"offset": _sign(rng) * 0.05 * m},
-    "current_gain": lambda rng, j, m: {"error": _sign(rng) * 0.08 * m},
-    "current_nonlinearity": lambda rng, j, m: {"cubic": 0.01 * m},
+    "missed_counts": lambda rng, j, m: {
+        "counts": float(np.round(_signed(rng, 10.0, 100.0) * m)),
+        "time": float(rng.uniform(3.0, 9.0)),
+    },
+    "joint_zero_offset": lambda rng, j, m: {"offset": _signed(rng, 0.008, 0.04) * m},
+    "current_offset": lambda rng, j, m: {"offset": _signed(rng, 0.02, 0.15) * m},
+    "current_gain": lambda rng, j, m: {"error": _signed(rng, 0.05, 0.15) * m},
+    "current_nonlinearity": lambda rng, j, m: {"cubic": _between(rng, 0.003, 0.02) * m},
     "mains_hum": lambda rng, j, m: {
-        "amplitude": 0.03 * m,
-        "frequency": float(rng.choice([50.0, 60.0])),
+        "amplitude": _between(rng, 0.015, 0.06) * m,
+        "frequency": float(rng.choice([50.0, 60.0]) + rng.uniform(-0.05, 0.05)),
         "phase": _phase(rng),
     },
-    "time_skew": lambda rng, j, m: {"delay": 0.002 * m},
+    "time_skew": lambda rng, j, m: {"delay": _between(rng, 5e-4, 4e-3) * m},
+    "dropped_trigger": lambda rng, j, m: {
+        "row": float(rng.integers(3000, 5000)),
+        "count": float(max(1, np.round(_between(rng, 1.5, 8.0) * m))),
+    },
+    "hydrodynamic_drag": lambda rng, j, m: {"drag": _between(rng, 1.0, 5.0) * m},
 }
-"""Parameters at joint j (from 0) and magnitude m, 1 being realistic."""
+"""Parameters at joint j (from 0) and magnitude m: the typical range of the vocabulary at 1."""
 
-WHOLE_ARM = {"payload", "base_tilt", "wrist_coupling", "time_skew"}
-GRAVITY_LOADED = {
-    "load_friction",
-    "backlash",
-    "gravity_spring",
-    "joint_zero_offset",
-    "current_nonlinearity",
-    "link_inertia",
-}
+WHOLE_ARM = {"payload", "base_tilt", "wrist_coupling", "time_skew", "dropped_trigger"}
+GRAVITY_LOADED = {"load_friction", "backlash", "joint_zero_offset", "current_nonlinearity", "link_inertia"}
 """Effects that need gravity at the joint to be there at all: hidden at joints 2 and 3 only."""
+NOT_WEAK = {"current_limit", "dropped_trigger"}
+"""Effects that are there or not: no small one is drawn."""
 
-SAME = ({"torque_constant", "current_gain"}, {"payload", "link_inertia"})
-"""Effects that currents and motor angles cannot tell apart: either name is right if the other is in its group."""
+SAME = (
+    {"torque_constant", "current_gain"},
+    {"payload", "link_inertia"},
+    {"gear_ripple", "encoder_ripple"},
+    {"friction_asymmetry", "current_offset"},
+)
+"""Effects that the vocabulary says currents and motor angles of moves cannot tell apart (a shunt, a known mass, a tracker, drives off would):
+either name is right if the other is in its group."""
+
+KINDS = ("singles", "weak", "large", "pairs", "triples", "empties", "strangers")
+COUNTS = {"pairs": 20, "triples": 10, "empties": 20}
 
 
 @dataclass(frozen=True)
 class Case:
-    """A name for the table, and what is hidden; ``unknown``: no effect of the catalogue is."""
+    """Where it was recorded and what is hidden there, before ``magnitude`` has scaled it. key: its name in a cache, and its seed."""
 
     kind: str
-    hidden: tuple[Hidden, ...]
-    seed: int
-    unknown: bool = False
+    number: int
+    key: tuple[int, ...]
+    laboratory: Laboratory
+    effects: tuple[tuple[str, int | None], ...]
+    wanted: Wanted
+    scale: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """As ``--only`` finds it."""
+        hidden = "+".join(f"{effect}@{joint or '-'}" for effect, joint in self.effects) or "nothing"
+        return f"{self.kind}-{self.number}-{hidden}"
+
+    def hidden(self, strengths: tuple[float, ...]) -> tuple[Hidden, ...]:
+        """The effects at strengths relative to what was drawn."""
+        drawn = []
+        for number, ((effect, joint), strength) in enumerate(zip(self.effects, strengths)):
+            rng = np.random.default_rng([*self.key, number, *map(ord, effect)])
+            if effect in strangers.DRAWN:
+                values = strangers.DRAWN[effect](rng, joint or 1, strength)
+            else:
+                values = SINGLES[effect](rng, (joint or 1) - 1, strength * self.scale)
+            drawn.append(Hidden(effect, joint, values))
+        return tuple(drawn)
 
 
-def single(effect: str, magnitude: float, seed: int) -> Hidden:
-    """One effect at a joint drawn from 1-3."""
-    rng = np.random.default_rng([seed, *map(ord, effect)])
-    joint = int(rng.integers(1, 3) if effect in GRAVITY_LOADED else rng.integers(0, 3))
-    return Hidden(effect, None if effect in WHOLE_ARM else joint + 1, SINGLES[effect](rng, joint, magnitude))
+def _placed(rng: np.random.Generator, effect: str, joint: int | None = None) -> tuple[str, int | None]:
+    if effect in WHOLE_ARM:
+        return effect, None
+    return effect, joint or int(rng.integers(2, 4) if effect in GRAVITY_LOADED else rng.integers(1, 4))
 
 
-def cases(seed: int, magnitudes: tuple[float, ...] = (1.0,), pairs: int = 10, empty: int = 5) -> Iterator[Case]:
-    """All singles at the magnitudes given, random pairs of different joints or effects, nothing, and two strangers."""
-    for magnitude in magnitudes:
-        for effect in SINGLES:
-            yield Case(f"single x{magnitude:g}", (single(effect, magnitude, seed),), seed)
-    rng = np.random.default_rng(seed)
-    names = list(SINGLES)
-    for number in range(pairs):
-        one, other = rng.choice(len(names), 2, replace=False)
-        yield Case(
-            "pair",
-            (single(names[one], 1.0, seed + number), single(names[other], 1.0, seed + 50 + number)),
-            seed + number,
-        )
-    for number in range(empty):
-        yield Case("nothing", (), seed + number)
-    for effect, parameters in (
-        ("position_torque", {"amplitude": 3.0, "cycles": 3.0}),
-        ("offset_drift", {"slope": 0.01}),
-    ):
-        yield Case("stranger", (Hidden(effect, int(rng.integers(1, 4)), parameters),), seed, unknown=True)
+def _several(rng: np.random.Generator, how_many: int) -> tuple[tuple[str, int | None], ...]:
+    """Different kinds, in half of the cases at the same joint; never two that no data can tell apart."""
+    while True:
+        names = [str(name) for name in rng.choice(list(SINGLES), how_many, replace=False)]
+        if any(len(same & set(names)) > 1 for same in SAME):
+            continue
+        joint = int(rng.integers(2, 4)) if rng.uniform() < 0.5 else None
+        return tuple(_placed(rng, name, joint) for name in names)
+
+
+def cases(kind: str, seed: int, number: int | None = None) -> Iterator[Case]:
+    """Cases of one kind: one for every effect (``singles``, ``weak``, ``large``, ``strangers``), or ``number`` of them."""
+    place = KINDS.index(kind)
+    names: list[str | None] = [None] * (number or COUNTS.get(kind, 0))
+    if kind in ("singles", "weak", "large"):
+        names = [name for name in SINGLES if kind == "singles" or name not in NOT_WEAK]
+    elif kind == "strangers":
+        names = list(strangers.DRAWN)
+    for index, name in enumerate(names[:number]):
+        key = (seed, place, index)
+        rng = np.random.default_rng(key)
+        where = laboratory(int(rng.integers(1 << 30)))
+        case = Case(kind, index, key, where, (), Wanted(3.0, None))
+        if kind == "weak":
+            target = float(rng.uniform(2.0, 3.0))
+            case = replace(case, wanted=Wanted(target, target))
+        elif kind == "large":
+            case = replace(case, scale=2.5)
+        elif kind == "strangers":
+            target = float(rng.uniform(6.0, 15.0))
+            case = replace(case, wanted=Wanted(target, target))
+        if name is not None:
+            yield replace(case, effects=(_placed(rng, name),))
+        elif kind == "empties":
+            yield case
+        else:
+            yield replace(case, effects=_several(rng, 2 if kind == "pairs" else 3))

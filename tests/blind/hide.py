@@ -1,18 +1,19 @@
 """Hides effects in a plant and in what its instruments say. One function an effect; magnitudes are the caller's.
 
 A mechanical effect changes the ``Plant``; a sensing or timing effect changes the ``Signals`` that the instruments see. Names and
-parameters are those of the public vocabulary; the code is not.
+parameters are those of the public vocabulary; the code is not. Strangers, which no vocabulary has, are in ``strangers``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from tests.blind import strangers
 from tests.blind.plant import Plant
 
 Array = NDArray[np.float64]
@@ -30,12 +31,16 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Signals:
-    """What there is to be measured, at times t (m,) s: motor angle over gear (m, n) rad and current (m, n) A, signed as the joint."""
+    """What there is to be measured, at times t (m,) s: motor angle over gear (m, n) rad and current (m, n) A, signed as the joint.
+
+    gear (n,) motor turns a turn of the joint; counts (n,) of the encoder a motor turn.
+    """
 
     t: Array
     angle: Array
     current: Array
     gear: Array
+    counts: Array
 
 
 def _set(values: Array, joint: int, value: float) -> Array:
@@ -44,20 +49,29 @@ def _set(values: Array, joint: int, value: float) -> Array:
     return values
 
 
+def _with_body(p: Plant, joint: int, mass: float, first: Array, about_origin: Array) -> Plant:
+    """A body on a link: mass kg, first moment (3,) kg m and inertia (3, 3) kg m2 about the origin of the link's frame."""
+    j = joint - 1
+    xx, yy, zz, xy, yz, xz = p.inertia[j]
+    whole = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) + p.mass[j] * _steiner(p.com[j]) + about_origin
+    total = p.mass[j] + mass
+    centre = (p.mass[j] * p.com[j] + first) / total
+    whole -= total * _steiner(centre)
+    com, inertia = p.com.copy(), p.inertia.copy()
+    com[j] = centre
+    inertia[j] = [whole[0, 0], whole[1, 1], whole[2, 2], whole[0, 1], whole[1, 2], whole[0, 2]]
+    return p._replace(mass=_set(p.mass, joint, total), com=com, inertia=inertia)
+
+
+def _steiner(r: Array) -> Array:
+    about: Array = r @ r * np.eye(3) - np.outer(r, r)
+    return about
+
+
 def _payload(p: Plant, joint: int, v: Values) -> Plant:
-    """A mass point of v['mass'] at (x, y, z) of the last link, merged into it."""
-    m, point = v["mass"], np.array([v["x"], v["y"], v["z"]])
-    total = p.mass[-1] + m
-    centre = (p.mass[-1] * p.com[-1] + m * point) / total
-    inertia = p.inertia[-1].copy()
-    for weight, place in ((p.mass[-1], p.com[-1]), (m, point)):
-        x, y, z = place - centre
-        inertia += weight * np.array([y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -y * z, -x * z])
-    return p._replace(
-        mass=_set(p.mass, len(p.mass), total),
-        com=np.vstack([p.com[:-1], centre]),
-        inertia=np.vstack([p.inertia[:-1], inertia]),
-    )
+    """A mass point of v['mass'] at (x, y, z) of the last link."""
+    point = np.array([v["x"], v["y"], v["z"]])
+    return _with_body(p, len(p.mass), v["mass"], v["mass"] * point, v["mass"] * _steiner(point))
 
 
 def _tilt(p: Plant, joint: int, v: Values) -> Plant:
@@ -67,11 +81,10 @@ def _tilt(p: Plant, joint: int, v: Values) -> Plant:
 
 
 def _link(p: Plant, joint: int, v: Values) -> Plant:
-    """Mass and inertia of one link scaled by v['scale'], its centre moved by v['shift'] along x."""
-    com, inertia = p.com.copy(), p.inertia.copy()
-    com[joint - 1, 0] += v.get("shift", 0.0)
-    inertia[joint - 1] *= v.get("scale", 1.0)
-    return p._replace(mass=_set(p.mass, joint, p.mass[joint - 1] * v.get("scale", 1.0)), com=com, inertia=inertia)
+    """The ten parameters of one link about its frame's origin, each wrong by what ``v`` says (0 where it says nothing)."""
+    xx, yy, zz, xy, yz, xz = (v.get(name, 0.0) for name in ("ixx", "iyy", "izz", "ixy", "iyz", "ixz"))
+    first = np.array([v.get(name, 0.0) for name in ("mx", "my", "mz")])
+    return _with_body(p, joint, v.get("mass", 0.0), first, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
 
 
 def _wrist(p: Plant, joint: int, v: Values) -> Plant:
@@ -137,10 +150,10 @@ MECHANICAL: dict[str, Callable[[Plant, int, Values], Plant]] = {
     ),
     "current_limit": lambda p, j, v: p._replace(current_limit=_set(p.current_limit, j, v["limit"])),
     "wrist_coupling": _wrist,
-    # strangers: no effect of the vocabulary
-    "position_torque": lambda p, j, v: p._replace(
-        ripple_torque=_set(p.ripple_torque, j, v["amplitude"]),
-        ripple_order=_set(p.ripple_order, j, v["cycles"] / p.gear[j - 1]),
+    "encoder_ripple": lambda p, j, v: p._replace(
+        read_error=_set(p.read_error, j, v["amplitude"]),
+        read_order=_set(p.read_order, j, v["order"]),
+        read_phase=_set(p.read_phase, j, v["phase"]),
     ),
     "hydrodynamic_drag": lambda p, j, v: p._replace(quadratic=_set(p.quadratic, j, v["drag"])),
 }
@@ -154,50 +167,51 @@ def _late(t: Array, values: Array, delay: float) -> Array:
 def _columns(s: Signals, which: str, joint: int, change: Callable[[Array], Array]) -> Signals:
     changed = getattr(s, which).copy()
     changed[:, joint - 1] = change(changed[:, joint - 1])
-    return Signals(s.t, changed if which == "angle" else s.angle, changed if which == "current" else s.current, s.gear)
-
-
-def _encoder_ripple(s: Signals, joint: int, v: Values) -> Signals:
-    order = v.get("order", 1.0) * s.gear[joint - 1]
-    return _columns(s, "angle", joint, lambda q: q + v["amplitude"] * np.sin(order * q - v["phase"]))
+    return replace(s, **{which: changed})
 
 
 def _missed(s: Signals, joint: int, v: Values) -> Signals:
-    return _columns(s, "angle", joint, lambda q: q + v["jump"] * (s.t >= v["time"]))
+    per_count = 2 * np.pi / (s.counts[joint - 1] * s.gear[joint - 1])
+    return _columns(s, "angle", joint, lambda q: q + v["counts"] * per_count * (s.t >= v["time"]))
 
 
 def _dropped(s: Signals, joint: int, v: Values) -> Signals:
     row, count = int(v["row"]), int(v["count"])
     later = np.minimum(np.arange(len(s.t)) + np.where(np.arange(len(s.t)) >= row, count, 0), len(s.t) - 1)
-    return Signals(s.t, s.angle, s.current[later], s.gear)
+    return replace(s, current=s.current[later])
 
 
 SENSING: dict[str, Callable[[Signals, int, Values], Signals]] = {
-    "encoder_ripple": _encoder_ripple,
     "missed_counts": _missed,
-    "joint_zero_offset": lambda s, j, v: s,  # in the plant's geometry: see ``offset_geometry``
     "current_offset": lambda s, j, v: _columns(s, "current", j, lambda i: i + v["offset"]),
     "current_gain": lambda s, j, v: _columns(s, "current", j, lambda i: i * (1 + v["error"])),
     "current_nonlinearity": lambda s, j, v: _columns(s, "current", j, lambda i: i - v["cubic"] * i**3),
     "mains_hum": lambda s, j, v: _columns(
         s, "current", j, lambda i: i + v["amplitude"] * np.sin(2 * np.pi * v["frequency"] * s.t + v["phase"])
     ),
-    "time_skew": lambda s, j, v: Signals(s.t, s.angle, _late(s.t, s.current, v["delay"]), s.gear),
+    "time_skew": lambda s, j, v: replace(s, current=_late(s.t, s.current, v["delay"])),
     "dropped_trigger": _dropped,
-    "offset_drift": lambda s, j, v: _columns(s, "current", j, lambda i: i + v["slope"] * s.t),
 }
+
+
+def _offset_zero(p: Plant, joint: int, v: Values) -> Plant:
+    """The encoder reads q where the link stands at q - offset: the same arm with another zero."""
+    dh = p.dh.copy()
+    dh[joint - 1, 0] -= v["offset"]
+    return p._replace(dh=dh)
+
+
+MECHANICAL["joint_zero_offset"] = _offset_zero
 
 
 def hide_in_plant(plant: Plant, hidden: tuple[Hidden, ...]) -> Plant:
     """The plant with the mechanical ones among the hidden effects."""
     for h in hidden:
-        if h.effect in MECHANICAL:
-            plant = MECHANICAL[h.effect](plant, h.joint or 0, h.parameters)
-        elif h.effect == "joint_zero_offset":
-            # the encoder reads q where the link stands at q - offset: the same arm with another zero
-            dh = plant.dh.copy()
-            dh[(h.joint or 0) - 1, 0] -= h.parameters["offset"]
-            plant = plant._replace(dh=dh)
+        change = MECHANICAL.get(h.effect) or strangers.MECHANICAL.get(h.effect)
+        if change is not None:
+            plant = change(plant, h.joint or 0, h.parameters)
+        elif h.effect not in SENSING and h.effect not in strangers.SENSING:
+            raise KeyError(h.effect)
     return plant
 
 
@@ -206,6 +220,7 @@ def hide_in_signals(signals: Signals, hidden: tuple[Hidden, ...]) -> Signals:
     for h in hidden:
         if h.effect in SENSING:
             signals = SENSING[h.effect](signals, h.joint or 0, h.parameters)
-        elif h.effect not in MECHANICAL:
-            raise KeyError(h.effect)
+        elif h.effect in strangers.SENSING:
+            change = strangers.SENSING[h.effect]
+            signals = replace(signals, current=change(signals.t, signals.current, h.joint or 0, h.parameters))
     return signals

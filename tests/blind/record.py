@@ -1,35 +1,43 @@
-"""A Puma with something hidden in it, recorded: plant -> signals -> encoder counts and 12-bit currents -> columns."""
+"""A Puma with something hidden in it, at work in a laboratory: plant -> signals -> instruments -> rows."""
 
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
+from daq.rows import Rows
 from experiment import Experiment, demand_of
 from tests.blind.hide import Hidden, Signals, hide_in_plant, hide_in_signals
+from tests.blind.instruments import rows_of
+from tests.blind.laboratory import WHITE, Laboratory
 from tests.blind.plant import Plant, run
-from tests.blind.rigid_body import mass_and_bias
+from tests.blind.rigid_body import mass_matrix, turned
 
 Array = NDArray[np.float64]
 
+MODEL = Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml"
+SETPOINTS = 0.028
+"""s between the setpoints that the servos interpolate."""
+
 
 @dataclass(frozen=True)
-class Taken:
-    """One recording as columns: t (m,) s; q, i, qref (m, n) rad, A, rad; and the truth behind it."""
+class Truth:
+    """One motion as it was: signals at the rows, hidden ones included and noise not; demands and link angles (m, n) rad."""
 
-    t: Array
-    q: Array
-    i: Array
-    qref: Array
+    signals: Signals
+    demand: Array
     link: Array
 
 
-def nominal_plant(model: Path) -> Plant:
+@cache
+def nominal_plant(model: Path = MODEL) -> Plant:
     """The plant of the nominal Puma file, with nothing wrong."""
     table = tomllib.loads(model.read_text(encoding="utf-8"))
     joints, control = table["joint"], table["controller"]
@@ -42,9 +50,9 @@ def nominal_plant(model: Path) -> Plant:
     dh = np.array([[0.0, joint["d"], joint["a"], joint["alpha"]] for joint in joints])
     gravity = np.array(table["gravity"])
     mass, com, inertia = column("mass"), column("com"), column("inertia")
-    matrix, bias = np.empty((n, n)), np.empty(n)
-    pose = np.array(control["inertia_pose"], float)
-    mass_and_bias(dh, mass, com, inertia, gravity, pose, np.zeros(n), matrix, bias, np.zeros((n + 4, 12)))
+    matrix, turns = np.empty((n, n)), np.column_stack([np.zeros((n, 2)), np.cos(dh[:, 3]), np.sin(dh[:, 3])])
+    turned(dh, np.array(control["inertia_pose"], float), turns)
+    mass_matrix(dh, turns, mass, com, inertia, matrix)
     felt = np.diag(matrix) + rotor
     wn = np.array(control["natural_frequency"])
     zero, one = np.zeros(n), np.ones(n)
@@ -55,6 +63,10 @@ def nominal_plant(model: Path) -> Plant:
         bristle=zero, bristle_damping=zero, rest_velocity=0.005 * one, spring=zero, spring_rest=zero,
         ripple_torque=zero, ripple_order=zero, ripple_phase=zero, lead_error=zero, lead_order=zero, lead_phase=zero,
         stiffness=zero, damping=zero, half_gap=zero, coupling=np.eye(n),
+        read_error=zero, read_order=zero, read_phase=zero,
+        eccentric=zero, eccentric_phase=zero, lost_driving=zero, cable=zero, cable_rest=zero,
+        cross_torque=zero, cross_cycles=np.zeros((n, n)), warm_share=zero, warm_time=one, one_way_viscous=zero,
+        rub=zero, rub_from=zero, rub_to=zero, harness=np.zeros((n, n)), relay=zero,
         kp=wn**2 * felt, ki=control["integral_rate"] * wn**2 * felt, kd=2 * control["damping_ratio"] * wn * felt,
         nominal_torque_per_ampere=torque_per_ampere, current_limit=column("torque_limit") / torque_per_ampere,
         velocity_reference=1.0, velocity_bandwidth=control["velocity_bandwidth"], current_lag=control["current_lag"],
@@ -62,32 +74,49 @@ def nominal_plant(model: Path) -> Plant:
     )  # fmt: skip
 
 
-def record(
-    plant: Plant,
-    experiment: Experiment,
-    hidden: tuple[Hidden, ...],
-    seed: int,
-    rate: float = 1000.0,
-    settle: float = 0.5,
-) -> Taken:
-    """One run of an experiment, sampled at ``rate`` through encoder counts and Hall currents, for at most 20 s."""
-    demand = demand_of(experiment)
+def truth(experiment: Experiment, hidden: tuple[Hidden, ...], laboratory: Laboratory, settle: float = 0.5) -> Truth:
+    """One run of an experiment by the nominal Puma with something hidden in it."""
+    plant = nominal_plant()
+    gains = laboratory.gains
+    plant = plant._replace(
+        rest_velocity=laboratory.rest_velocity * np.ones_like(plant.mass),
+        kp=gains * plant.kp, ki=gains * plant.ki, kd=np.sqrt(gains) * plant.kd,
+    )  # fmt: skip
     true = hide_in_plant(plant, hidden)
-    setpoints = np.arange(0.0, demand.duration + 0.056, 0.028)
+    demand = demand_of(experiment)
+    setpoints = np.arange(0.0, demand.duration + 2 * SETPOINTS, SETPOINTS)
     servo = np.arange(0.0, demand.duration, true.servo_period)
     targets = demand(setpoints)
     wanted = np.column_stack([np.interp(servo, setpoints, column) for column in targets.T])
-    substeps = 8 if np.any(true.stiffness > 0) else (4 if np.any(true.bristle > 0) else 2)
-    angle, current, link, _ = run(true, wanted, round(settle / true.servo_period), substeps)
-    t = np.arange(0.0, servo[-1], 1.0 / rate)
-    signals = Signals(t, CubicSpline(servo, angle)(t), CubicSpline(servo, current)(t), plant.gear)
+    angle, current, link = run(true, wanted, round(settle / true.servo_period), substeps(true))
+    t = np.arange(0.0, servo[-1], 1.0 / laboratory.rate)
+    counts = np.array([1000.0, 800.0, 1000.0, 1000.0, 1000.0, 1000.0])
+    signals = Signals(t, CubicSpline(servo, angle)(t), CubicSpline(servo, current)(t), plant.gear, counts)
     signals = hide_in_signals(signals, hidden)
-    rng = np.random.default_rng(seed)
-    counts = np.array([1000, 800, 1000, 1000, 1000, 1000]) * plant.gear / (2 * np.pi)
-    q = np.floor(signals.angle * counts + rng.uniform(size=len(plant.mass))) / counts
-    turns = np.array([10, 10, 10, 20, 20, 20])
-    volts = signals.current * turns * (10.0 / 200.0) + rng.normal(0.0, 2e-3, signals.current.shape)
-    step = 20.0 / 4096
-    i = np.clip(np.round(volts / step), -2048, 2047) * step / (turns * 0.05)
     qref = np.column_stack([np.interp(t, setpoints, column) for column in targets.T])
-    return Taken(t, q, i, qref, CubicSpline(servo, link)(t))
+    return Truth(signals, qref, CubicSpline(servo, link)(t))
+
+
+def substeps(plant: Plant) -> int:
+    """Steps a servo period: as many as the stiffest part wants."""
+    if np.any(plant.stiffness > 0):
+        return 5
+    return 4 if np.any(plant.bristle > 0) else 2
+
+
+def recorded(what: Truth, laboratory: Laboratory, seed: int) -> Rows:
+    """What the laboratory's instruments make of it."""
+    rng = np.random.default_rng(seed)
+    signals = what.signals
+    current = signals.current
+    if laboratory.colour > 0.0:
+        keep = np.exp(-1.0 / (laboratory.correlation * laboratory.rate))
+        white = rng.normal(0.0, laboratory.colour * np.sqrt(1.0 - keep**2), current.shape)
+        current = current + lfilter([1.0], [1.0, -keep], white, axis=0)
+    rows = rows_of(signals, CubicSpline(signals.t, current), rng, what.demand)
+    if laboratory.route == "rig":
+        return rows
+    # elsewhere: angles by the same encoders with a little noise, currents of the drives' own sensors
+    own = current + rng.normal(0.0, WHITE, current.shape)
+    count = 2 * np.pi / (signals.counts * signals.gear)
+    return replace(rows, position=rows.position + 0.3 * count * rng.normal(size=current.shape), current=own)

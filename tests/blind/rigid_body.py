@@ -14,17 +14,23 @@ Array = NDArray[np.float64]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def newton_euler(dh, mass, com, inertia, gravity, q, qd, qdd, tau, work):  # type: ignore[no-untyped-def]
+def turned(dh, q, turns):  # type: ignore[no-untyped-def]
+    """Writes cos and sin of the joints at q (n,) into ``turns`` (n, 4), where those of the twists stand already, in columns 2 and 3."""
+    for i in range(len(q)):
+        turns[i, 0], turns[i, 1] = np.cos(q[i] + dh[i, 0]), np.sin(q[i] + dh[i, 0])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def newton_euler(dh, turns, mass, com, inertia, gravity, qd, qdd, tau, work):  # type: ignore[no-untyped-def]
     """Joint torques ``tau`` (n,) of the links alone. dh (n, 4): theta offset, d, a, alpha; gravity (3,) points down.
 
-    inertia (n, 6): xx yy zz xy yz xz; work (n, 12): scratch, so that nothing is allocated.
+    turns (n, 4): as ``turned`` leaves it; inertia (n, 6): xx yy zz xy yz xz; work (n, 6): scratch, so that nothing is allocated.
     """
-    n = len(q)
+    n = len(qd)
     wx = wy = wz = ax = ay = az = 0.0
     lx, ly, lz = -gravity[0], -gravity[1], -gravity[2]
     for i in range(n):
-        ct, st = np.cos(q[i] + dh[i, 0]), np.sin(q[i] + dh[i, 0])
-        ca, sa = np.cos(dh[i, 3]), np.sin(dh[i, 3])
+        ct, st, ca, sa = turns[i]
         px, py, pz = dh[i, 2], dh[i, 1] * sa, dh[i, 1] * ca  # from frame i-1 to i, in frame i
         # joint i turns about z of frame i-1
         bx, by, bz = ax + wy * qd[i], ay - wx * qd[i], az + qdd[i]
@@ -60,11 +66,10 @@ def newton_euler(dh, mass, com, inertia, gravity, q, qd, qdd, tau, work):  # typ
         t[3] = ixx * ax + ixy * ay + ixz * az + wy * hz - wz * hy + dy * fz - dz * fy
         t[4] = ixy * ax + iyy * ay + iyz * az + wz * hx - wx * hz + dz * fx - dx * fz
         t[5] = ixz * ax + iyz * ay + izz * az + wx * hy - wy * hx + dx * fy - dy * fx
-        t[6], t[7], t[8], t[9] = ct, st, ca, sa
     fx = fy = fz = mx = my = mz = 0.0
     for i in range(n - 1, -1, -1):
         t = work[i]
-        ct, st, ca, sa = t[6], t[7], t[8], t[9]
+        ct, st, ca, sa = turns[i]
         px, py, pz = dh[i, 2], dh[i, 1] * sa, dh[i, 1] * ca
         # the outer force acts at the far end of this link: its lever is the whole link
         ux = mx + t[3] + py * fz - pz * fy
@@ -81,20 +86,13 @@ def newton_euler(dh, mass, com, inertia, gravity, q, qd, qdd, tau, work):  # typ
 
 
 @numba.njit(cache=True, error_model="numpy")
-def mass_and_bias(dh, mass, com, inertia, gravity, q, qd, mass_matrix, bias, work):  # type: ignore[no-untyped-def]
-    """Mass matrix (n, n) and bias torque (n,) of the links alone (Walker & Orin, 1982, method 1).
-
-    work (n + 4, 12 or n columns at least): scratch.
-    """
-    n = len(q)
-    zero, unit, still, column = work[n, :n], work[n + 1, :n], work[n + 2, :3], work[n + 3, :n]
-    zero[:] = 0.0
-    unit[:] = 0.0
-    still[:] = 0.0
-    newton_euler(dh, mass, com, inertia, gravity, q, qd, zero, bias, work)
+def mass_matrix(dh, turns, mass, com, inertia, matrix):  # type: ignore[no-untyped-def]
+    """Mass matrix (n, n) of the links alone, by columns (Walker & Orin, 1982, method 1)."""
+    n = len(mass)
+    work, still, rest, unit, column = np.empty((n, 6)), np.zeros(3), np.zeros(n), np.zeros(n), np.empty(n)
     for j in range(n):
         unit[j] = 1.0
-        newton_euler(dh, mass, com, inertia, still, q, zero, unit, column, work)
+        newton_euler(dh, turns, mass, com, inertia, still, rest, unit, column, work)
         unit[j] = 0.0
         for i in range(n):
-            mass_matrix[i, j] = column[i]
+            matrix[i, j] = column[i]

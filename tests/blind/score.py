@@ -1,0 +1,210 @@
+"""What a diagnosis is worth where the truth is known: names, parameters, what is left, confidence; one case, and all of them."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from diagnosis.diagnose import Cause, Diagnosis
+from tests.blind.cases import SAME, Case
+from tests.blind.strangers import TOLD
+
+BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.001)
+"""Edges of the reliability table."""
+
+
+@dataclass
+class Outcome:
+    """One case. hidden and named: [effect, joint]; found: whether each hidden one was named; parameters: one dict each that was compared.
+
+    left    weighed held-out rms at the joint of each hidden effect (1: noise); closed: current error of the simulation there over noise
+    told    for a stranger, whether ``unexplained`` has its joint and a right variable
+    """
+
+    name: str
+    kind: str
+    laboratory: dict[str, Any]
+    hidden: list[list[Any]]
+    strength: list[float]
+    values: list[dict[str, float]]
+    named: list[list[Any]]
+    found: list[bool]
+    superfluous: int
+    confidence: list[tuple[float, bool]]
+    parameters: list[dict[str, Any]]
+    verdict: str
+    unexplained: list[list[Any]]
+    told: bool
+    left: list[float]
+    closed: list[float]
+    seconds: float
+    generated: float = 0.0
+    groups: list[list[list[Any]]] = field(default_factory=list)
+
+    @property
+    def good(self) -> bool:
+        """All there was to say was said, and nothing else."""
+        if self.kind == "strangers":
+            return not self.named and self.told
+        if self.kind == "empties":
+            return not self.named and self.verdict == "consistent"
+        return all(self.found) and not self.superfluous
+
+    def line(self) -> str:
+        """For people."""
+        show = lambda what: ", ".join(f"{e}@{j or '-'}" for e, j in what) or "nothing"  # noqa: E731
+        strength = "/".join(f"{s:.1f}" for s in self.strength)
+        rest = "".join(f"; left {s}@{j} by {a} {share:.0%}" for s, j, a, share in self.unexplained)
+        return (
+            f"{'ok ' if self.good else 'NOT'} {self.kind} {show(self.hidden)} ({strength} x noise, {self.laboratory['motions']}) -> "
+            f"{show(self.named)} ({self.verdict}{rest}; {self.seconds:.0f} s)"
+        )
+
+
+def outcome(case: Case, hidden: Sequence[Mapping[str, Any]], result: Diagnosis, table: Mapping[str, Any]) -> Outcome:
+    """``table``: the content of diagnosis.json; seconds are the caller's to fill in."""
+    rest = list(result.causes)
+    stranger = case.kind == "strangers"
+    found, parameters, confidence = [], [], []
+    for one in () if stranger else hidden:
+        match = next((c for c in rest if right(c, one["effect"], one["joint"])), None)
+        found.append(match is not None)
+        if match is not None:
+            rest.remove(match)
+            confidence.append((match.confidence, True))
+            parameters += compared(match, one)
+    confidence += [(cause.confidence, False) for cause in rest]
+    left = [[s["signal"], s["joint"], s["against"], s["share"]] for s in table["unexplained"]]
+    return Outcome(
+        name=case.name, kind=case.kind, laboratory=asdict(case.laboratory),
+        hidden=[[one["effect"], one["joint"]] for one in hidden], strength=[one["strength"] for one in hidden],
+        values=[dict(one["parameters"]) for one in hidden],
+        named=[[c.effect, c.joint] for c in result.causes], found=found, superfluous=len(rest), confidence=confidence,
+        parameters=parameters, verdict=result.verdict, unexplained=left, told=stranger and told(hidden[0], left),
+        left=[_left(result, one["joint"]) for one in hidden], closed=[_closed(table, one["joint"]) for one in hidden],
+        seconds=0.0, groups=[[list(member) for member in c.group] for c in result.causes],
+    )  # fmt: skip
+
+
+def right(cause: Cause, effect: str, joint: int | None) -> bool:
+    """Whether a cause is the hidden one, or stands for it in a group that no data of this kind could part."""
+    if (cause.effect, cause.joint) == (effect, joint):
+        return True
+    return any({cause.effect, effect} <= same for same in SAME) and (effect, joint) in cause.group
+
+
+def compared(cause: Cause, hidden: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Every parameter that both have: the true value, the one found, its deviation, and whether it lies within two of them."""
+    rows = []
+    for p in cause.parameters if cause.effect == hidden["effect"] else ():
+        if p.name not in hidden["parameters"]:
+            continue
+        error = p.value - hidden["parameters"][p.name]
+        if p.name == "phase":
+            error = (error + np.pi) % (2 * np.pi) - np.pi
+        inside = bool(abs(error) <= 2 * p.std + 1e-9)
+        rows.append({"effect": cause.effect, "name": p.name, "true": hidden["parameters"][p.name], "value": p.value,
+                     "std": p.std, "inside": inside})  # fmt: skip
+    return rows
+
+
+def told(hidden: Mapping[str, Any], left: Iterable[Sequence[Any]]) -> bool:
+    """Whether what is called unexplained has the stranger's joint and one of its variables."""
+    other = hidden["parameters"].get("other")
+    accepted = [name.format(other=int(other) if other else 0) for name in TOLD[hidden["effect"]]]
+    for _, joint, against, _ in left:
+        for name in accepted:
+            more = against[len(name) :] if against.startswith(name) else "of joint"
+            if joint == hidden["joint"] and not more.strip().startswith("of joint"):
+                return True
+    return False
+
+
+def _left(result: Diagnosis, joint: int | None) -> float:
+    """rms of the weighed held-out residual at a joint; for the whole arm, over all joints."""
+    by_joint = result.left[1].reshape(len(result.arm), -1)
+    values = by_joint if joint is None else by_joint[joint - 1]
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _closed(table: Mapping[str, Any], joint: int | None) -> float:
+    """Error of the simulated current after, over the noise that the diagnosis states; the worst joint for the whole arm."""
+    ratios = [
+        s["error_rms"]["held_out"]["after"] / s["noise_rms"]
+        for s in table["signals"]
+        if s["signal"] == "current" and joint in (None, s["joint"]) and "held_out" in s["error_rms"]
+    ]
+    return float(max(ratios, default=np.nan))
+
+
+def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
+    """The issue's table, flat; shares from 0 to 1. Only what the cases at hand can say."""
+    by_kind = {kind: [o for o in outcomes if o.kind == kind] for kind in {o.kind for o in outcomes}}
+    table: dict[str, float] = {}
+    for kind in ("singles", "weak", "large", "pairs", "triples"):
+        if kind in by_kind:
+            table[f"{kind}_cases"] = len(by_kind[kind])
+            table[f"{kind}_all_named"] = _mean(all(o.found) for o in by_kind[kind])
+    hiding = [o for o in outcomes if o.kind not in ("empties", "strangers")]
+    if hiding:
+        table["superfluous_names_a_case"] = _mean(o.superfluous for o in hiding)
+    if "empties" in by_kind:
+        table["empties_cases"] = len(by_kind["empties"])
+        table["false_alarms"] = sum(bool(o.named) for o in by_kind["empties"])
+        table["empties_called_unexplained"] = sum(o.verdict == "unexplained" for o in by_kind["empties"])
+    if "strangers" in by_kind:
+        table["strangers_cases"] = len(by_kind["strangers"])
+        table["strangers_misnamed"] = sum(bool(o.named) for o in by_kind["strangers"])
+        table["strangers_unexplained"] = _mean(o.verdict == "unexplained" for o in by_kind["strangers"])
+        table["strangers_right_variable"] = _mean(o.told for o in by_kind["strangers"])
+    parameters = [p["inside"] for o in outcomes for p in o.parameters]
+    if parameters:
+        table["parameters_compared"] = len(parameters)
+        table["parameters_within_2_std"] = _mean(parameters)
+    singles = [value for o in by_kind.get("singles", []) if all(o.found) for value in o.left]
+    if singles:
+        table["held_out_left_over_noise_median"] = float(np.median(singles))
+        table["held_out_left_over_noise_worst"] = float(np.max(singles))
+        closed = [v for o in by_kind["singles"] if all(o.found) for v in o.closed]
+        table["closed_loop_left_over_noise_median"] = float(np.median(closed))
+    table["seconds_median"] = float(np.median([o.seconds for o in outcomes]))
+    table["seconds_worst"] = float(np.max([o.seconds for o in outcomes]))
+    return table
+
+
+def _mean(values: Iterable[float]) -> float:
+    return float(np.mean(list(values)))
+
+
+def confusion(outcomes: Sequence[Outcome]) -> Counter[tuple[str, str]]:
+    """(hidden, named) -> how often; '-' for none. What was found counts for itself, every other name for what was missed."""
+    pairs: Counter[tuple[str, str]] = Counter()
+    for o in outcomes:
+        missed = [h[0] for h, found in zip(o.hidden, o.found)] if o.kind != "strangers" else []
+        rest = [n[0] for n in o.named]
+        for effect, found in zip(missed, o.found):
+            if found:
+                pairs[effect, effect] += 1
+                if effect in rest:
+                    rest.remove(effect)
+        lost = [h[0] for h, found in zip(o.hidden, o.found) if not found] if missed else [h[0] for h in o.hidden]
+        for effect in lost or (["-"] if rest else []):
+            for name in rest or ["-"]:
+                pairs[effect, name] += 1
+    return pairs
+
+
+def reliability(outcomes: Sequence[Outcome]) -> list[tuple[float, float, int, float, float]]:
+    """Rows of (from, to, how many names, mean confidence, share that was right)."""
+    pairs = np.array([pair for o in outcomes for pair in o.confidence], float).reshape(-1, 2)
+    rows = []
+    for low, high in itertools.pairwise(BINS):
+        here = pairs[(pairs[:, 0] >= low) & (pairs[:, 0] < high)]
+        if len(here):
+            rows.append((low, min(high, 1.0), len(here), float(here[:, 0].mean()), float(here[:, 1].mean())))
+    return rows
