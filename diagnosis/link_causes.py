@@ -1,0 +1,259 @@
+"""What the two encoders of a joint say: causes with parameters, groups and evidence, and what no effect explains (``diagnosis.link_side``)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE
+from daq.recording import Recording
+from diagnosis.link_columns import DELAY, Seen, Shape, largest_load, shapes
+from diagnosis.link_side import OVER_NOISE, Sides, best_shapes, coefficients, look, physical, residual, select, sides_of, stacked
+from diagnosis.parameters import SYSTEMATIC, Estimate
+from diagnosis.remainder import Structure
+
+Array = NDArray[np.float64]
+Key = tuple[str, int | None]
+
+ALIKE = 0.95
+"""A candidate that explains this share of what the named one does, in its place, is in its group."""
+OFFSET = 1e-3
+"""rad (m): a constant between two encoders that is worth a name; below, it is how they were zeroed."""
+PREDICTED = 0.3
+"""Share of what is left that one variable must predict to be reported."""
+BINS = 16
+LOOKALIKES = ("backlash", "joint_compliance")
+"""What the loop of two encoders is readily taken for."""
+
+
+@dataclass(frozen=True)
+class LinkCause:
+    """One cause of the difference; before, after: rms of the held-out difference without and with it, rad (m).
+
+    of_arm  False: it is the link encoder's own, a fact about the recording and no part of the model
+    """
+
+    effect: str
+    joint: int | None
+    parameters: list[Estimate]
+    p: float
+    before: float
+    after: float
+    group: tuple[Key, ...]
+    evidence: str
+    of_arm: bool
+    felt_at: int
+
+
+@dataclass(frozen=True)
+class LinkSide:
+    """Causes, structure left; seen: the held-out rows; without, left (m, k): their difference less its constant, and after all causes."""
+
+    causes: list[LinkCause]
+    unexplained: list[Structure]
+    seen: Seen
+    without: Array
+    left: Array
+
+
+def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> LinkSide | None:
+    """Diagnoses the difference of motor and link encoders; None where no joint of all recordings has both."""
+    sides = sides_of(arm, fit, held_out)
+    if sides is None:
+        return None
+    chosen = [_settled(shape, sides) for shape in select(sides)]
+    causes = [_cause(shape, chosen, sides, arm) for shape in chosen] + _offsets(chosen, sides)
+    left = residual(chosen, sides.fit, sides.held_out, sides)
+    return LinkSide(causes, _structure(chosen, sides), sides.held_out, residual([], sides.fit, sides.held_out, sides), left)
+
+
+def _settled(shape: Shape, sides: Sides) -> Shape:
+    """A gap at the value that its own coefficient asks for, instead of the nearest on the grid."""
+    if shape.name != "half_gap":
+        return shape
+    for _ in range(4):
+        shape = replace(shape, value=float(coefficients([shape], sides.fit, sides)[-1]))
+    return shape
+
+
+def _cause(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> LinkCause:
+    others = [s for s in chosen if s is not shape]
+    one = look(shape, others, sides)
+    felt = [k for k, joint in enumerate(sides.fit.joints) if shape.joint in (None, joint)]
+    left = [residual(some, sides.fit, sides.held_out, sides)[:, felt] for some in (others, chosen)]
+    before, after = (float(np.sqrt(np.mean(values**2))) for values in left)
+    most = felt[int(np.argmax(np.sum(left[0] ** 2 - left[1] ** 2, axis=0)))]
+    group = _group(shape, others, one.gain, sides)
+    evidence = _skew_sentence(others, sides) if shape.effect == "time_skew" else _sentence(shape, before, after, one.share)
+    return LinkCause(
+        shape.effect, shape.joint, _parameters(shape, chosen, sides, arm), one.p, before, after, group, evidence,
+        shape.effect not in ("time_skew", "encoder_ripple"), int(sides.fit.joints[most]),
+    )  # fmt: skip
+
+
+def _group(shape: Shape, others: list[Shape], gain: float, sides: Sides) -> tuple[Key, ...]:
+    group: list[Key] = [(shape.effect, shape.joint)]
+    if shape.effect == "gear_ripple" and shape.value <= 2:
+        group.append(("encoder_ripple", shape.joint))  # of the motor: to the link encoder it is the same
+    for other in best_shapes(list(shapes(sides.fit)), others, sides):
+        alone = other.joint == shape.joint or len(sides.fit.joints) == 1
+        if other.effect != shape.effect and alone and physical(other, others, sides):
+            if look(other, others, sides).gain >= ALIKE * gain:
+                group.append((other.effect, other.joint))
+    return tuple(group)
+
+
+def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> list[Estimate]:
+    """Values and standard deviations, by the sandwich of block scores."""
+    values, covariance = _fitted(chosen, sides)
+    at = len(sides.fit.joints) + sum(s.width for s in chosen[: chosen.index(shape)])
+    c, spread = values[at], float(np.sqrt(covariance[at, at]))
+    unit = "rad" if shape.joint is None or arm.joints[shape.joint - 1].revolute else "m"
+
+    def rough(value: float, std: float) -> float:
+        return float(np.hypot(std, SYSTEMATIC * value))
+
+    match shape.effect:
+        case "time_skew":
+            delays = delays_by_joint([s for s in chosen if s is not shape], sides)
+            scatter = float(np.std(delays, ddof=1) / np.sqrt(len(delays))) if len(delays) > 1 else 0.0
+            return [Estimate("delay", c * DELAY, float(np.hypot(spread * DELAY, scatter)), "s")]
+        case "joint_compliance":
+            k = largest_load(sides.fit, shape.joint or 0) / c
+            return [Estimate("stiffness", k, rough(k, k * spread / c), "N m/rad" if unit == "rad" else "N/m")]
+        case "backlash":
+            return [Estimate("half_gap", c, rough(c, spread), unit)]
+    sine, cosine = values[at : at + 2]
+    turned = 1.0 if shape.effect == "gear_ripple" else -1.0  # d = -A sin(n q + phase), and of the encoder -e sin(n q - phase)
+    amplitude = float(np.hypot(sine, cosine))
+    return [
+        Estimate("amplitude", amplitude, rough(amplitude, spread), unit),
+        Estimate("order", shape.value, 0.0, "1"),
+        Estimate("phase", float(np.arctan2(-turned * cosine, -sine)), min(spread / max(amplitude, 1e-12), 3.2), "rad"),
+    ]
+
+
+def _fitted(chosen: list[Shape], sides: Sides) -> tuple[Array, Array]:
+    """Coefficients (c,) on the fit rows and their covariance (c, c), right for residuals that are correlated within a block."""
+    x = stacked(chosen, sides.fit, sides)
+    values = coefficients(chosen, sides.fit, sides)
+    y = (sides.fit.difference / sides.scale).T.ravel()
+    rest, block = y - x @ values, np.tile(sides.fit.block, len(sides.fit.joints))
+    size = np.linalg.norm(x, axis=0)
+    size[size == 0.0] = 1.0
+    x = x / size
+    bread = np.linalg.pinv(x.T @ x, rcond=1e-11)
+    scores = np.stack([np.bincount(block, weights=column * rest) for column in x.T], axis=1)
+    blocks = len(scores)
+    meat = scores.T @ scores * blocks / max(blocks - x.shape[1], 1)
+    return values, bread @ meat @ bread / np.outer(size, size)
+
+
+def delays_by_joint(others: list[Shape], sides: Sides) -> Array:
+    """(k,) s: the delay that each joint alone would have beside the other causes."""
+    delays = []
+    for k, joint in enumerate(int(j) for j in sides.fit.joints):
+        own = [s for s in others if s.joint == joint]
+        x = np.column_stack(
+            [np.ones(sides.fit.rows), *(sides.columns(s, sides.fit, k) for s in [*own, Shape("time_skew", None)])]
+        )
+        delays.append(float(np.linalg.lstsq(x, sides.fit.difference[:, k], rcond=1e-10)[0][-1]) * DELAY)
+    return np.array(delays)
+
+
+def _skew_sentence(others: list[Shape], sides: Sides) -> str:
+    delays = delays_by_joint(others, sides)
+    whole = residual(others, sides.fit, sides.held_out, sides)
+    rest = residual([*others, Shape("time_skew", None)], sides.fit, sides.held_out, sides)
+    shares = 1.0 - np.sum(rest**2, axis=0) / np.sum(whole**2, axis=0)
+    where = ", ".join(map(str, sides.fit.joints))
+    low, high = float(shares.min()), float(shares.max())
+    share = f"{low:.1%}" if len(shares) == 1 else f"{low:.1%} to {high:.1%}"
+    sentence = (
+        f"motor less link encoder is velocity times one constant: {', '.join(f'{d * 1e3:.2f}' for d in delays)} ms at joint {where}, "
+        f"which predicts {share} of it in held-out rows: the link encoder's stamps are late"
+    )
+    instead = _best_instead(others, sides)
+    return sentence + (f"; {instead}" if instead else "")
+
+
+def _best_instead(others: list[Shape], sides: Sides) -> str:
+    """What the effects that such a loop is taken for would predict in its place, at best at any joint."""
+    best: dict[str, float] = {}
+    for shape in best_shapes(list(shapes(sides.fit)), others, sides):
+        if shape.effect in LOOKALIKES and physical(shape, others, sides):
+            best[shape.effect] = max(best.get(shape.effect, 0.0), look(shape, others, sides).share)
+    return " and ".join(f"{name.replace('_', ' ')} would predict {share:.0%} at most" for name, share in best.items())
+
+
+def _sentence(shape: Shape, before: float, after: float, share: float) -> str:
+    shows = {
+        "backlash": "motor less link encoder jumps between two values where the load or the motion turns round",
+        "joint_compliance": "motor less link encoder follows the load",
+        "gear_ripple": f"motor less link encoder repeats {shape.value:.0f} times a motor turn",
+        "encoder_ripple": f"motor less link encoder repeats {shape.value:.0f} times a turn of the joint: the link encoder is off centre",
+    }[shape.effect]
+    return f"{shows}: with it the held-out difference of joint {shape.joint} falls from {before:.3g} to {after:.3g} rms ({share:.0%})"
+
+
+def _offsets(chosen: list[Shape], sides: Sides) -> list[LinkCause]:
+    """Constants between two encoders, as far as they are large and the same in both halves."""
+    causes = []
+    values, covariance = _fitted(chosen, sides)
+    for k, joint in enumerate(int(j) for j in sides.fit.joints):
+        offset, std = float(values[k]), float(np.sqrt(covariance[k, k]))
+        if abs(offset) < max(OFFSET, 5 * std):
+            continue
+        rest = residual(chosen, sides.fit, sides.held_out, sides)[:, k]
+        left = float(np.sqrt(np.mean(rest**2)))
+        causes.append(
+            LinkCause(
+                "joint_zero_offset", joint, [Estimate("offset", offset, std, "rad")], 0.0, float(np.hypot(offset, left)), left,
+                (("joint_zero_offset", joint),),
+                f"the motor encoder of joint {joint} reads {offset:.3g} rad more than the link encoder, everywhere alike; "
+                "which of the two is off, a level or a tracker says",
+                True, joint,
+            )  # fmt: skip
+        )
+    return causes
+
+
+def _structure(chosen: list[Shape], sides: Sides) -> list[Structure]:
+    """Joints whose difference is still above the noise and predictable from a variable, and from which one best."""
+    found = []
+    left = [residual(chosen, sides.fit, side, sides) for side in (sides.fit, sides.held_out)]
+    for k, joint in enumerate(int(j) for j in sides.fit.joints):
+        if float(np.sqrt(np.mean(left[1][:, k] ** 2))) < OVER_NOISE * sides.fit.noise[k]:
+            continue
+        against = {"position": "q", "velocity": "v", "load torque": "load"}
+        shares = {
+            name: _predicted(left[0][:, k], left[1][:, k], *(getattr(side, field)[:, k] for side in (sides.fit, sides.held_out)))
+            for name, field in against.items()
+        }
+        name = max(shares, key=lambda one: shares[one])
+        if shares[name] > PREDICTED:
+            found.append(Structure("link angle", joint, name, shares[name]))
+    return found
+
+
+def _predicted(y_fit: Array, y: Array, x_fit: Array, x: Array) -> float:
+    """Share of y (m,) that averages of y_fit in BINS bins of x_fit predict at x."""
+    edges = np.unique(np.quantile(x_fit, np.linspace(0, 1, BINS + 1)[1:-1]))
+    where = np.digitize(x_fit, edges)
+    count = np.bincount(where, minlength=len(edges) + 1)
+    averages = np.bincount(where, weights=y_fit, minlength=len(edges) + 1) / np.maximum(count, 1)
+    return 1.0 - float(np.sum((y - averages[np.digitize(x, edges)]) ** 2) / max(np.sum(y**2), 1e-300))
+
+
+def shows(effect: str) -> str:
+    """The variable against which a cause of the difference is drawn."""
+    return {"joint_compliance": "load", "gear_ripple": "q", "encoder_ripple": "q", "joint_zero_offset": "q"}.get(effect, "v")
+
+
+def equation_of(effect: str) -> str:
+    """Its equation, as seen between the encoders."""
+    return "q_motor - q_link = q' d" if effect == "time_skew" else CATALOGUE[effect].equation

@@ -1,0 +1,180 @@
+"""Motor encoder less link encoder: what it is, row by row, and what each effect would make of it.
+
+The difference d = q_motor / gear - q_link needs no dynamics: lost motion, elasticity, gear errors and stamps that disagree are all in it. Of the arm
+only the gear ratios are needed; the load comes from its masses where it has some, else from the measured current.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from arm_model.dynamics import rigid_torque
+from daq.recording import Recording
+from diagnosis.evidence import low_pass
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+VELOCITY_BAND = 30.0
+"""Hz: pass-band of the motion behind velocity columns."""
+LOAD_BAND = 10.0
+"""Hz: pass-band of loads."""
+MOST_ROWS = 8000
+"""Of one side: a difference needs no filter, so that rows may simply be left out."""
+ENDS = 0.1
+"""s at either end of a recording that filters spoil."""
+GAPS = tuple(float(gap) for gap in np.geomspace(5e-5, 1e-2, 12))
+"""Half gaps that are tried, rad (m)."""
+DRAGS = (0.0, 0.1, 0.2, 0.3, 0.4)
+"""Friction between motor and gear that is tried, as a share of the largest measured torque; where the load is not known from masses."""
+DELAY = 1e-3
+"""s: the delay of a unit coefficient."""
+ORDERS = tuple(range(1, 61))
+"""Cycles a motor turn that are tried."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One effect at one joint (1-based; None: the same at all), with its nonlinear parameter ("" and 0 where there is none)."""
+
+    effect: str
+    joint: int | None
+    name: str = ""
+    value: float = 0.0
+
+    @property
+    def width(self) -> int:
+        """Coefficients: a wave has a sine and a cosine."""
+        return 2 if self.name.endswith("order") else 1
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Rows of some recordings one after the other, at the joints (k,) that have both encoders (1-based).
+
+    difference, q, v, load (m, k) rad, rad/s, N m (m, m/s, N); t (m,) s; block (m,) from 0; starts: first row of each recording;
+    noise (k,): standard deviation of the difference from row to row; ratio (k,): abs(gear).
+    """
+
+    joints: Index
+    difference: Array
+    q: Array
+    v: Array
+    load: Array
+    known_load: bool
+    t: Array
+    block: Index
+    starts: tuple[int, ...]
+    noise: Array
+    ratio: Array
+
+    @property
+    def rows(self) -> int:
+        return len(self.t)
+
+
+def joints_with_both(recordings: Sequence[Recording]) -> Index:
+    """Joints (1-based) whose link encoder every recording holds without a hole."""
+    if any(r.ql is None for r in recordings):
+        return np.empty(0, np.intp)
+    there = np.all([np.isfinite(r.ql).all(axis=0) for r in recordings if r.ql is not None], axis=0)
+    moved = np.any([np.ptp(r.q, axis=0) > 0 for r in recordings], axis=0)
+    return np.flatnonzero(there & moved) + 1
+
+
+def see_links(recordings: Sequence[Recording], arm: Arm, joints: Index, block_seconds: float) -> Seen:
+    """The rows of ``recordings``, thinned to MOST_ROWS; uniformly sampled positions without holes are wanted."""
+    parts: list[tuple[Array, ...]] = []
+    blocks, starts, noises, first = [], [], [], 0
+    k = joints - 1
+    known = bool(np.any(arm.joint_array("mass") > 0))
+    stride = max(1, sum(map(len, recordings)) // MOST_ROWS)
+    for r in recordings:
+        assert r.ql is not None
+        rate = 1.0 / r.dt
+        smooth = low_pass(r.q, VELOCITY_BAND, rate)
+        slow = low_pass(r.q, LOAD_BAND, rate)
+        v = np.gradient(smooth, r.dt, axis=0)
+        slow_v = np.gradient(slow, r.dt, axis=0)
+        if known:
+            load = rigid_torque(arm, slow, slow_v, np.gradient(slow_v, r.dt, axis=0))
+        else:
+            load = low_pass(r.i, LOAD_BAND, rate) * arm.joint_array("drive_constant")
+        difference = (r.q - r.ql)[:, k]
+        bend = np.diff(difference, 2, axis=0)
+        noises.append(1.4826 * np.median(np.abs(bend), axis=0) / np.sqrt(6))
+        keep = slice(int(ENDS * rate), -int(ENDS * rate), stride)
+        t = r.t[keep]
+        parts.append((difference[keep], r.q[keep][:, k], v[keep][:, k], load[keep][:, k], t))
+        block = ((t - t[0]) // block_seconds).astype(np.intp) + first
+        first = int(block[-1]) + 1
+        blocks.append(block)
+        starts.append(sum(len(b) for b in blocks[:-1]))
+    difference, q, v, load, t = (np.concatenate(columns) for columns in zip(*parts))
+    return Seen(
+        joints, difference, q, v, load, known, t, np.concatenate(blocks), tuple(starts),
+        np.mean(noises, axis=0) + 1e-12, np.array([arm.joints[j].ratio for j in k]),
+    )  # fmt: skip
+
+
+def shapes(seen: Seen) -> Iterator[Shape]:
+    """Every candidate with each value of its nonlinear parameter."""
+    yield Shape("time_skew", None)
+    for column, joint in enumerate(int(j) for j in seen.joints):
+        yield from (Shape("joint_compliance", joint, "drag", drag) for drag in (DRAGS[:1] if seen.known_load else DRAGS))
+        yield from (Shape("backlash", joint, "half_gap", gap) for gap in GAPS)
+        yield Shape("backlash", joint, "by_load", 1.0)
+        yield from (Shape("gear_ripple", joint, "order", float(n)) for n in ORDERS)
+        if np.ptp(seen.q[:, column]) > np.pi:  # over less than half a turn a slow wave is any bend
+            yield from (Shape("encoder_ripple", joint, "turn_order", float(n)) for n in (1, 2))
+
+
+def columns(shape: Shape, seen: Seen, k: int) -> Array:
+    """(m, c) rad: what a unit of each of c coefficients adds to the difference at the k-th joint of ``seen``; c = 0 where it is not felt."""
+    if shape.effect == "time_skew":  # q(t) - q(t - delay)
+        return seen.v[:, k, None] * DELAY
+    if seen.joints[k] != shape.joint:
+        return np.empty((seen.rows, 0))
+    return _own(shape, seen, k)
+
+
+def _own(shape: Shape, seen: Seen, k: int) -> Array:
+    q, load = seen.q[:, k], seen.load[:, k]
+    largest = max(float(np.max(np.abs(load))), 1e-12)
+    match shape.effect, shape.name:
+        case "joint_compliance", _:
+            return (load - shape.value * largest * _direction(seen.v[:, k]))[:, None] / largest
+        case "backlash", "by_load":
+            return (load / np.hypot(load, 0.01 * largest))[:, None]
+        case "backlash", _:
+            return _play(q, shape.value, seen.starts)[:, None] / shape.value
+        case "gear_ripple", _:
+            angle = shape.value * seen.ratio[k] * q
+        case _:
+            angle = shape.value * q
+    return np.column_stack([np.sin(angle), np.cos(angle)])
+
+
+def largest_load(seen: Seen, joint: int) -> float:
+    """N m (N): the load of a unit coefficient of a joint's compliance."""
+    return max(float(np.max(np.abs(seen.load[:, int(np.flatnonzero(seen.joints == joint)[0])]))), 1e-12)
+
+
+def _direction(v: Array) -> Array:
+    return v / np.hypot(v, 0.01 * max(float(np.max(np.abs(v))), 1e-12))
+
+
+def _play(q: Array, half_gap: float, starts: tuple[int, ...]) -> Array:
+    """Motor less link where friction holds the link: the link is only taken along at either side of the gap."""
+    out = np.empty_like(q)
+    begun = set(starts)
+    d, before = 0.0, q[0]
+    for row, here in enumerate(q.tolist()):
+        d = 0.0 if row in begun else min(max(d + here - before, -half_gap), half_gap)
+        out[row], before = d, here
+    return out

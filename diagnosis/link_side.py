@@ -1,0 +1,192 @@
+"""Causes seen between motor and link encoder, where a recording has both.
+
+Forward selection as for the currents: the shape of a candidate is chosen on the fit recordings, whether it is a cause on the held-out ones. Where
+both are parts of the same recordings, each part is predicted from the other, so that a short run has blocks enough to judge by.
+A constant is always free (no two encoders are zeroed alike) and named last, where it is large.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from daq.recording import Recording
+from diagnosis.link_columns import Seen, Shape, columns, joints_with_both, see_links, shapes
+from diagnosis.significance import benjamini_hochberg, p_value
+
+Array = NDArray[np.float64]
+Key = tuple[str, int | None]
+
+SIGNIFICANT = 0.05
+"""False-discovery rate at which a candidate may enter."""
+MATTERS = 0.2
+"""Share of the squared difference left at a joint that a cause must explain."""
+OVER_NOISE = 3.0
+"""Times the scatter from row to row: what is left below is noise."""
+MOST = 20
+BLOCK_SECONDS = 0.5
+"""Longer than the correlation of what is left, short enough that a run of ten seconds has twenty."""
+
+
+@dataclass(frozen=True)
+class Sides:
+    """Fit and held-out rows. both_ways: they are parts of the same recordings, and each is predicted from the other.
+
+    scale (k,) rad: spread of each joint's difference, so that joints weigh alike.
+    """
+
+    fit: Seen
+    held_out: Seen
+    both_ways: bool
+    scale: Array
+    cache: dict[tuple[int, Shape, int], Array] = field(default_factory=dict, repr=False)
+
+    def ways(self) -> list[tuple[Seen, Seen]]:
+        """(learned from, judged on)."""
+        return [(self.fit, self.held_out), *([(self.held_out, self.fit)] if self.both_ways else [])]
+
+    def columns(self, shape: Shape, seen: Seen, k: int) -> Array:
+        """``link_columns.columns``, each computed once."""
+        key = (id(seen), shape, k)
+        if key not in self.cache:
+            self.cache[key] = columns(shape, seen, k)
+        return self.cache[key]
+
+
+@dataclass(frozen=True)
+class Look:
+    """One candidate beside the named ones: fall of the held-out squared error in units of the joints' scales, its share of what was left
+    where it is felt, and its significance."""
+
+    shape: Shape
+    gain: float
+    share: float
+    p: float
+
+
+def sides_of(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> Sides | None:
+    """Both sides' rows; None where no joint has a link encoder in all recordings."""
+    joints = joints_with_both([*fit, *held_out])
+    if len(joints) == 0:
+        return None
+    seen = [see_links(side, arm, joints, BLOCK_SECONDS) for side in (fit, held_out)]
+    spread = np.std(np.concatenate([s.difference for s in seen]), axis=0)
+    same = bool({r.path for r in fit} & {r.path for r in held_out})
+    return Sides(seen[0], seen[1], same, np.maximum(spread, seen[0].noise))
+
+
+def select(sides: Sides) -> list[Shape]:
+    """Causes in the order of acceptance."""
+    everything = list(shapes(sides.fit))
+    chosen: list[Shape] = []
+    while len(chosen) < MOST:
+        looks = [look(shape, chosen, sides) for shape in best_shapes(everything, chosen, sides)]
+        q = benjamini_hochberg(np.array([one.p for one in looks]))
+        left = sides_error(chosen, sides)
+        able = [
+            one
+            for one, q_one in zip(looks, q)
+            if q_one < SIGNIFICANT and one.share > MATTERS and _over_noise(one.shape, left, sides) and physical(one.shape, chosen, sides)
+        ]
+        if not able:
+            break
+        chosen.append(max(able, key=lambda one: one.gain).shape)
+        chosen = [s for s in chosen if look(s, [o for o in chosen if o is not s], sides).share > MATTERS / 2]
+    return chosen
+
+
+def look(shape: Shape, chosen: Sequence[Shape], sides: Sides) -> Look:
+    """What one candidate adds beside the chosen ones on the held-out side (on either side, predicted from the other)."""
+    blocks, left = [], 0.0
+    for learned, judged in sides.ways():
+        before = residual(chosen, learned, judged, sides)
+        after = residual([*chosen, shape], learned, judged, sides)
+        felt = [k for k in range(len(judged.joints)) if shape.joint in (None, judged.joints[k])]
+        fall = (before**2 - after**2)[:, felt] / sides.scale[felt] ** 2
+        left += float(np.sum(before[:, felt] ** 2 / sides.scale[felt] ** 2))
+        blocks += [np.bincount(judged.block, weights=column) for column in fall.T]
+    gains = np.concatenate(blocks)
+    return Look(shape, float(gains.sum()), float(gains.sum()) / max(left, 1e-300), p_value(gains))
+
+
+def best_shapes(everything: Sequence[Shape], chosen: Sequence[Shape], sides: Sides) -> list[Shape]:
+    """For each effect at each joint, the shape that fits best beside what is named; an effect named already may come again as
+    another order only."""
+    taken = {(s.effect, s.joint) for s in chosen if s.name != "order"} | {(s.effect, s.joint, s.value) for s in chosen}
+    best: dict[Key, tuple[float, Shape]] = {}
+    for k, joint in enumerate(int(j) for j in sides.fit.joints):
+        x = np.column_stack(
+            [np.ones(sides.fit.rows), *(sides.columns(s, sides.fit, k) for s in chosen)]
+        )
+        basis = np.linalg.qr(x / np.linalg.norm(x, axis=0))[0]
+        rest = _off(basis, sides.fit.difference[:, k])
+        for shape in everything:
+            key = (shape.effect, shape.joint)
+            if shape.joint != joint or key in taken or (*key, shape.value) in taken:
+                continue
+            seen = _off(basis, sides.columns(shape, sides.fit, k))
+            gain = float(np.sum((np.linalg.qr(seen)[0].T @ rest) ** 2))
+            if key not in best or gain > best[key][0]:
+                best[key] = gain, shape
+    everywhere = [s for s in everything if s.joint is None and (s.effect, None) not in taken]
+    return everywhere + [shape for _, shape in best.values()]
+
+
+def _off(basis: Array, columns: Array) -> Array:
+    return columns - basis @ (basis.T @ columns)
+
+
+def stacked(chosen: Sequence[Shape], seen: Seen, sides: Sides) -> Array:
+    """(k m, c) columns over the joints' scales, joint after joint: a constant a joint, then those of every shape."""
+    joints = len(seen.joints)
+    width = joints + sum(s.width for s in chosen)
+    x = np.zeros((joints, seen.rows, width))
+    for k in range(joints):
+        x[k, :, k] = 1.0
+        at = joints
+        for shape in chosen:
+            own = sides.columns(shape, seen, k)
+            x[k, :, at : at + own.shape[1]] = own
+            at += shape.width
+        x[k] /= sides.scale[k]
+    return x.reshape(joints * seen.rows, width)
+
+
+def coefficients(chosen: Sequence[Shape], seen: Seen, sides: Sides) -> Array:
+    """(c,) least squares of all joints together."""
+    x = stacked(chosen, seen, sides)
+    y = (seen.difference / sides.scale).T.ravel()
+    size = np.linalg.norm(x, axis=0)
+    size[size == 0.0] = 1.0
+    x = x / size
+    found: Array = np.linalg.lstsq(x.T @ x, x.T @ y, rcond=1e-11)[0] / size
+    return found
+
+
+def residual(chosen: Sequence[Shape], learned: Seen, judged: Seen, sides: Sides) -> Array:
+    """(m, k) rad: difference of ``judged`` less what is predicted from ``learned``; its own constant is free."""
+    predicted = (stacked(chosen, judged, sides) @ coefficients(chosen, learned, sides)).reshape(len(judged.joints), -1).T
+    rest = judged.difference - predicted * sides.scale
+    return rest - rest.mean(axis=0)
+
+
+def sides_error(chosen: Sequence[Shape], sides: Sides) -> Array:
+    """(k,) rad: rms of what is left of the held-out difference."""
+    rms: Array = np.sqrt(np.mean(residual(chosen, sides.fit, sides.held_out, sides) ** 2, axis=0))
+    return rms
+
+
+def _over_noise(shape: Shape, left: Array, sides: Sides) -> bool:
+    felt = [k for k, joint in enumerate(sides.fit.joints) if shape.joint in (None, joint)]
+    return bool(np.any(left[felt] > OVER_NOISE * sides.fit.noise[felt]))
+
+
+def physical(shape: Shape, chosen: Sequence[Shape], sides: Sides) -> bool:
+    """Whether a stiffness or a gap comes out positive."""
+    if shape.effect not in ("joint_compliance", "backlash"):
+        return True
+    return bool(coefficients([*chosen, shape], sides.fit, sides)[-1] > 0.0)
