@@ -62,15 +62,19 @@ def _print(result: Diagnosis, out: Path) -> None:
 
     console = Console(highlight=False)
     console.print(sentence(result), markup=False, soft_wrap=True)
+    for warning in result.warnings:
+        console.print(f"warning: {warning}", markup=False, soft_wrap=True)
     if result.causes:
         table = Table(box=None, pad_edge=False)
-        for heading in ("cause", "parameters", "held-out error, A", "confidence"):
+        for heading in ("cause", "parameters", "held-out error", "confidence"):
             table.add_column(heading)
         for cause in result.causes:
             values = ", ".join(
                 f"{p.name} {p.value:.4g} ± {2 * p.std:.2g}{'' if p.unit == '1' else ' ' + p.unit}"
                 for p in cause.parameters
             )
-            table.add_row(title(cause), values, f"{cause.before:.3g} -> {cause.after:.3g}", f"{cause.confidence:.0%}")
+            table.add_row(
+                title(cause), values, f"{cause.before:.3g} -> {cause.after:.3g} {cause.unit}", f"{cause.confidence:.0%}"
+            )
         console.print(table)
     console.print(f"{out / 'report.html'}", markup=False, soft_wrap=True)

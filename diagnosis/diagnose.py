@@ -22,6 +22,7 @@ from diagnosis.closed_loop import Compared, compare
 from diagnosis.events import Event
 from diagnosis.evidence import Run, see
 from diagnosis.library import Side, columns_of, free_columns, side_of
+from diagnosis.link_causes import LinkCause, LinkSide, link_side
 from diagnosis.parameters import Estimate, estimates
 from diagnosis.projection import confusability, span_of
 from diagnosis.remainder import Structure, structure_left
@@ -39,7 +40,8 @@ GROUP_ABOVE = 0.98
 
 @dataclass(frozen=True)
 class Cause:
-    """One accepted effect. gain: rms of its joint's held-out residual before and after, A; group: effects this data cannot tell from it."""
+    """One accepted effect. before, after: rms of its joint's held-out residual, in ``unit``; group: effects this data cannot tell from it;
+    of_arm: False for a fact about the instruments that the model has no place for."""
 
     effect: str
     joint: int | None
@@ -51,6 +53,8 @@ class Cause:
     separate_by: str | None
     evidence: str
     felt_at: int
+    unit: str = "A"
+    of_arm: bool = True
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,8 @@ class Diagnosis:
     unexplained: list[Structure]
     compared: dict[str, list[tuple[Compared, Compared]]] = field(repr=False)
     encoder_noise: Array
+    link: LinkSide | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -96,7 +102,8 @@ def diagnose(
         runs.append(see(recording.path.name, of_run, recording.t, q, i, powered=not setup.drives_off))
     sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
     progress("computing what each effect would look like")
-    library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in candidates(arm)}
+    judged = has_dynamics(arm)
+    library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in candidates(arm) if judged}
     problem = Problem(arm, sides, library, list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm))))
     search_result = search(problem, progress)
     chosen, sides = search_result.chosen, search_result.sides
@@ -107,6 +114,9 @@ def diagnose(
     values = estimates(chosen, own, accepted.fit, free, sides[0], arm) if chosen else []
     causes = [_from_event(event, sides) for event in found]
     causes += [_cause(c, v, one, problem, search_result) for c, v, one in zip(chosen, values, search_result.equals)]
+    progress("comparing motor and link encoders")
+    link = link_side(arm, fit, held_out)
+    causes += [_from_link(one, arm) for one in link.causes] if link else []
     extended = extend(arm, causes) if causes else arm
     progress("judging in closed loop")
     compared = {
@@ -117,9 +127,17 @@ def diagnose(
     named = {c.key for c in chosen}
     return Diagnosis(
         arm, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
-        not_visible(library, sides[1], accepted, named, arm), structure_left(*sides, left, arm), compared,
-        np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]),
+        not_visible(library, sides[1], accepted, named, arm),
+        (structure_left(*sides, left, arm) if judged else []) + (link.unexplained if link else []), compared,
+        np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link,
+        (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
+        + (link.remarks if link else ()),
     )  # fmt: skip
+
+
+def has_dynamics(arm: Arm) -> bool:
+    """Whether the model expects any torque at all."""
+    return any(joint.mass or joint.rotor_inertia or any(joint.coulomb) or joint.viscous for joint in arm.joints)
 
 
 def _check(arm: Arm, recordings: list[Recording]) -> None:
@@ -203,10 +221,18 @@ def _from_event(event: Event, sides: tuple[Side, Side]) -> Cause:
     )  # fmt: skip
 
 
+def _from_link(one: LinkCause, arm: Arm) -> Cause:
+    confidence = float(np.clip(1.0 - one.p, 0.0, 0.99)) / len(one.group)
+    return Cause(
+        one.effect, one.joint, one.parameters, confidence, one.before, one.after, one.group, None, one.evidence, one.felt_at,
+        unit="rad" if arm.joints[one.felt_at - 1].revolute else "m", of_arm=one.of_arm,
+    )  # fmt: skip
+
+
 def extend(arm: Arm, causes: Sequence[Cause]) -> Arm:
     """The model with every cause as an effect of its own, beside those it had."""
     terms = list(arm.effects)
-    for cause in causes:
+    for cause in (one for one in causes if one.of_arm):
         terms.append(EffectTerm(cause.effect, cause.joint, {p.name: float(p.value) for p in cause.parameters}))
     return replace(fixed_gains(arm), effects=tuple(terms))
 

@@ -37,6 +37,7 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
             {"signal": one.signal, "joint": one.joint, "against": one.against, "share": round(one.share, 4)}
             for one in result.unexplained
         ],
+        "warnings": list(result.warnings),
     }
 
 
@@ -57,6 +58,27 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
                 row = {"signal": signal, "joint": j + 1, "unit": unit, "error_rms": errors}
                 row["noise_rms"] = float(noise[j]) if signal == "current" else float(result.encoder_noise[j])
                 rows.append(row)
+    return rows + _link_signals(result)
+
+
+def _link_signals(result: Diagnosis) -> list[dict[str, Any]]:
+    """Motor less link encoder, its constant left out: held out, without and with its causes."""
+    if result.link is None:
+        return []
+    link, rows = result.link, []
+    for k, joint in enumerate(int(j) for j in link.seen.joints):
+        before, after = (float(np.sqrt(np.mean(values[:, k] ** 2))) for values in (link.without, link.left))
+        unit = "rad" if result.arm.joints[joint - 1].revolute else "m"
+        errors = {"held_out": {"before": before, "after": after}}
+        rows.append(
+            {
+                "signal": "link angle",
+                "joint": joint,
+                "unit": unit,
+                "error_rms": errors,
+                "noise_rms": float(link.seen.noise[k]),
+            }
+        )
     return rows
 
 
@@ -66,7 +88,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
         "joint": cause.joint,
         "parameters": {p.name: {"value": p.value, "std": p.std, "unit": p.unit} for p in cause.parameters},
         "confidence": round(cause.confidence, 4),
-        "gain": {"held_out_rms_before": cause.before, "held_out_rms_after": cause.after, "unit": "A"},
+        "gain": {"held_out_rms_before": cause.before, "held_out_rms_after": cause.after, "unit": cause.unit},
         "group": [{"effect": effect, "joint": joint} for effect, joint in cause.group],
         "separate_by": cause.separate_by,
         "evidence": cause.evidence,

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm
-from arm_model.effects import CATALOGUE
 from daq.recording import Recording
-from diagnosis.link_columns import DELAY, Seen, Shape, largest_load, shapes
-from diagnosis.link_side import OVER_NOISE, Sides, best_shapes, coefficients, look, physical, residual, select, sides_of, stacked
+from diagnosis.link_columns import DELAY, Seen, Shape, largest_load, shapes, standing_orders, turns
+from diagnosis.link_side import (
+    OVER_NOISE,
+    Sides,
+    best_shapes,
+    coefficients,
+    look,
+    physical,
+    residual,
+    select,
+    sides_of,
+    stacked,
+)
 from diagnosis.parameters import SYSTEMATIC, Estimate
 from diagnosis.remainder import Structure
 
@@ -51,13 +61,15 @@ class LinkCause:
 
 @dataclass(frozen=True)
 class LinkSide:
-    """Causes, structure left; seen: the held-out rows; without, left (m, k): their difference less its constant, and after all causes."""
+    """Causes, structure left; seen: the held-out rows; without, left (m, k): their difference less its constant, and after all causes;
+    remarks: what is left above the scatter, joint by joint."""
 
     causes: list[LinkCause]
     unexplained: list[Structure]
     seen: Seen
     without: Array
     left: Array
+    remarks: tuple[str, ...]
 
 
 def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> LinkSide | None:
@@ -67,8 +79,8 @@ def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording])
         return None
     chosen = [_settled(shape, sides) for shape in select(sides)]
     causes = [_cause(shape, chosen, sides, arm) for shape in chosen] + _offsets(chosen, sides)
-    left = residual(chosen, sides.fit, sides.held_out, sides)
-    return LinkSide(causes, _structure(chosen, sides), sides.held_out, residual([], sides.fit, sides.held_out, sides), left)
+    without, left = (residual(some, sides.fit, sides.held_out, sides) for some in ([], chosen))
+    return LinkSide(causes, _structure(chosen, sides), sides.held_out, without, left, tuple(_remarks(chosen, sides)))
 
 
 def _settled(shape: Shape, sides: Sides) -> Shape:
@@ -88,7 +100,9 @@ def _cause(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> LinkCau
     before, after = (float(np.sqrt(np.mean(values**2))) for values in left)
     most = felt[int(np.argmax(np.sum(left[0] ** 2 - left[1] ** 2, axis=0)))]
     group = _group(shape, others, one.gain, sides)
-    evidence = _skew_sentence(others, sides) if shape.effect == "time_skew" else _sentence(shape, before, after, one.share)
+    evidence = (
+        _skew_sentence(others, sides) if shape.effect == "time_skew" else _sentence(shape, before, after, one.share)
+    )
     return LinkCause(
         shape.effect, shape.joint, _parameters(shape, chosen, sides, arm), one.p, before, after, group, evidence,
         shape.effect not in ("time_skew", "encoder_ripple"), int(sides.fit.joints[most]),
@@ -97,13 +111,14 @@ def _cause(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> LinkCau
 
 def _group(shape: Shape, others: list[Shape], gain: float, sides: Sides) -> tuple[Key, ...]:
     group: list[Key] = [(shape.effect, shape.joint)]
-    if shape.effect == "gear_ripple" and shape.value <= 2:
+    if shape.effect == "gear_ripple" and shape.value in (1.0, 2.0):
         group.append(("encoder_ripple", shape.joint))  # of the motor: to the link encoder it is the same
     for other in best_shapes(list(shapes(sides.fit)), others, sides):
         alone = other.joint == shape.joint or len(sides.fit.joints) == 1
-        if other.effect != shape.effect and alone and physical(other, others, sides):
-            if look(other, others, sides).gain >= ALIKE * gain:
-                group.append((other.effect, other.joint))
+        if other.effect == shape.effect or not alone or not physical(other, others, sides):
+            continue
+        if look(other, others, sides).gain >= ALIKE * gain:
+            group.append((other.effect, other.joint))
     return tuple(group)
 
 
@@ -128,11 +143,15 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> li
         case "backlash":
             return [Estimate("half_gap", c, rough(c, spread), unit)]
     sine, cosine = values[at : at + 2]
-    turned = 1.0 if shape.effect == "gear_ripple" else -1.0  # d = -A sin(n q + phase), and of the encoder -e sin(n q - phase)
+    turned = (
+        1.0 if shape.effect == "gear_ripple" else -1.0
+    )  # d = -A sin(n q + phase), and of the encoder -e sin(n q - phase)
     amplitude = float(np.hypot(sine, cosine))
     return [
         Estimate("amplitude", amplitude, rough(amplitude, spread), unit),
-        Estimate("order", shape.value, 0.0, "1"),
+        Estimate(
+            "order", shape.value, 0.1 / turns(sides.fit, int(np.flatnonzero(sides.fit.joints == shape.joint)[0])), "1"
+        ),
         Estimate("phase", float(np.arctan2(-turned * cosine, -sine)), min(spread / max(amplitude, 1e-12), 3.2), "rad"),
     ]
 
@@ -194,7 +213,7 @@ def _sentence(shape: Shape, before: float, after: float, share: float) -> str:
     shows = {
         "backlash": "motor less link encoder jumps between two values where the load or the motion turns round",
         "joint_compliance": "motor less link encoder follows the load",
-        "gear_ripple": f"motor less link encoder repeats {shape.value:.0f} times a motor turn",
+        "gear_ripple": f"motor less link encoder repeats {shape.value:.4g} times a motor turn",
         "encoder_ripple": f"motor less link encoder repeats {shape.value:.0f} times a turn of the joint: the link encoder is off centre",
     }[shape.effect]
     return f"{shows}: with it the held-out difference of joint {shape.joint} falls from {before:.3g} to {after:.3g} rms ({share:.0%})"
@@ -212,14 +231,34 @@ def _offsets(chosen: list[Shape], sides: Sides) -> list[LinkCause]:
         left = float(np.sqrt(np.mean(rest**2)))
         causes.append(
             LinkCause(
-                "joint_zero_offset", joint, [Estimate("offset", offset, std, "rad")], 0.0, float(np.hypot(offset, left)), left,
+                "joint_zero_offset",
+                joint,
+                [Estimate("offset", offset, std, "rad")],
+                0.0,
+                float(np.hypot(offset, left)),
+                left,
                 (("joint_zero_offset", joint),),
                 f"the motor encoder of joint {joint} reads {offset:.3g} rad more than the link encoder, everywhere alike; "
                 "which of the two is off, a level or a tracker says",
-                True, joint,
-            )  # fmt: skip
+                True,
+                joint,
+            )
         )
     return causes
+
+
+def _remarks(chosen: list[Shape], sides: Sides) -> Iterator[str]:
+    """What is left above the scatter from row to row; with the order of a wave over motor angle that both sides show alike."""
+    left = [residual(chosen, side, side, sides) for side in (sides.fit, sides.held_out)]
+    for k, joint in enumerate(int(j) for j in sides.fit.joints):
+        rms = float(np.sqrt(np.mean(left[1][:, k] ** 2)))
+        if rms < OVER_NOISE * sides.fit.noise[k]:
+            continue
+        remark = f"joint {joint}: {rms:.2g} rad (m) rms between its encoders is left, {rms / sides.fit.noise[k]:.0f} times their scatter"
+        orders = [standing_orders(values[:, k], side, k, 1) for values, side in zip(left, (sides.fit, sides.held_out))]
+        if all(orders) and abs(orders[0][0] - orders[1][0]) < 0.5 / turns(sides.fit, k):
+            remark += f"; part of it repeats {orders[0][0]:.3g} times a motor turn"
+        yield remark
 
 
 def _structure(chosen: list[Shape], sides: Sides) -> list[Structure]:
@@ -231,7 +270,9 @@ def _structure(chosen: list[Shape], sides: Sides) -> list[Structure]:
             continue
         against = {"position": "q", "velocity": "v", "load torque": "load"}
         shares = {
-            name: _predicted(left[0][:, k], left[1][:, k], *(getattr(side, field)[:, k] for side in (sides.fit, sides.held_out)))
+            name: _predicted(
+                left[0][:, k], left[1][:, k], *(getattr(side, field)[:, k] for side in (sides.fit, sides.held_out))
+            )
             for name, field in against.items()
         }
         name = max(shares, key=lambda one: shares[one])
@@ -247,13 +288,3 @@ def _predicted(y_fit: Array, y: Array, x_fit: Array, x: Array) -> float:
     count = np.bincount(where, minlength=len(edges) + 1)
     averages = np.bincount(where, weights=y_fit, minlength=len(edges) + 1) / np.maximum(count, 1)
     return 1.0 - float(np.sum((y - averages[np.digitize(x, edges)]) ** 2) / max(np.sum(y**2), 1e-300))
-
-
-def shows(effect: str) -> str:
-    """The variable against which a cause of the difference is drawn."""
-    return {"joint_compliance": "load", "gear_ripple": "q", "encoder_ripple": "q", "joint_zero_offset": "q"}.get(effect, "v")
-
-
-def equation_of(effect: str) -> str:
-    """Its equation, as seen between the encoders."""
-    return "q_motor - q_link = q' d" if effect == "time_skew" else CATALOGUE[effect].equation

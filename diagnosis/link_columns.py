@@ -11,10 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from arm_model.description import Arm
 from arm_model.dynamics import rigid_torque
 from daq.recording import Recording
+from diagnosis.events import encoder_step
 from diagnosis.evidence import low_pass
 
 Array = NDArray[np.float64]
@@ -58,7 +60,7 @@ class Seen:
     """Rows of some recordings one after the other, at the joints (k,) that have both encoders (1-based).
 
     difference, q, v, load (m, k) rad, rad/s, N m (m, m/s, N); t (m,) s; block (m,) from 0; starts: first row of each recording;
-    noise (k,): standard deviation of the difference from row to row; ratio (k,): abs(gear).
+    noise (k,): standard deviation of the difference from row to row and by the steps of the encoders; ratio (k,): abs(gear).
     """
 
     joints: Index
@@ -106,8 +108,9 @@ def see_links(recordings: Sequence[Recording], arm: Arm, joints: Index, block_se
         else:
             load = low_pass(r.i, LOAD_BAND, rate) * arm.joint_array("drive_constant")
         difference = (r.q - r.ql)[:, k]
-        bend = np.diff(difference, 2, axis=0)
-        noises.append(1.4826 * np.median(np.abs(bend), axis=0) / np.sqrt(6))
+        scatter = 1.4826 * np.median(np.abs(np.diff(difference, 2, axis=0)), axis=0) / np.sqrt(6)
+        steps = np.array([[encoder_step(angles[:, j]) for angles in (r.q, r.ql)] for j in k])
+        noises.append(np.sqrt(scatter**2 + np.sum(steps**2, axis=1) / 12))
         keep = slice(int(ENDS * rate), -int(ENDS * rate), stride)
         t = r.t[keep]
         parts.append((difference[keep], r.q[keep][:, k], v[keep][:, k], load[keep][:, k], t))
@@ -126,7 +129,9 @@ def shapes(seen: Seen) -> Iterator[Shape]:
     """Every candidate with each value of its nonlinear parameter."""
     yield Shape("time_skew", None)
     for column, joint in enumerate(int(j) for j in seen.joints):
-        yield from (Shape("joint_compliance", joint, "drag", drag) for drag in (DRAGS[:1] if seen.known_load else DRAGS))
+        yield from (
+            Shape("joint_compliance", joint, "drag", drag) for drag in (DRAGS[:1] if seen.known_load else DRAGS)
+        )
         yield from (Shape("backlash", joint, "half_gap", gap) for gap in GAPS)
         yield Shape("backlash", joint, "by_load", 1.0)
         yield from (Shape("gear_ripple", joint, "order", float(n)) for n in ORDERS)
@@ -158,6 +163,29 @@ def _own(shape: Shape, seen: Seen, k: int) -> Array:
         case _:
             angle = shape.value * q
     return np.column_stack([np.sin(angle), np.cos(angle)])
+
+
+def turns(seen: Seen, k: int) -> float:
+    """Motor turns that the k-th joint covers."""
+    return float(np.ptp(seen.q[:, k]) * seen.ratio[k] / (2 * np.pi))
+
+
+def standing_orders(rest: Array, seen: Seen, k: int, count: int = 3) -> list[float]:
+    """Cycles a motor turn, whole or not (a wave of the gear wheel is not), at which ``rest`` (m,) repeats most: peaks of the spectrum over motor
+    angle of its averages in bins of a 128th turn, less their running mean over a turn."""
+    if turns(seen, k) < 2.0:
+        return []
+    angle = seen.q[:, k] * seen.ratio[k] / (2 * np.pi)
+    bins = ((angle - angle.min()) * 128).astype(np.intp)
+    number = np.bincount(bins)
+    mean = np.bincount(bins, weights=rest) / np.maximum(number, 1)
+    wave = np.where(number > 0, mean - ndimage.uniform_filter1d(mean, 128), 0.0)
+    length = 8 * len(wave)
+    power = np.abs(np.fft.rfft(wave, length)) ** 2
+    order = np.fft.rfftfreq(length, 1 / 128)
+    power[(order < 0.5) | (order > ORDERS[-1])] = 0.0
+    peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    return [float(order[peak]) for peak in peaks[np.argsort(-power[peaks])][:count]]
 
 
 def largest_load(seen: Seen, joint: int) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm
 from daq.recording import Recording
-from diagnosis.link_columns import Seen, Shape, columns, joints_with_both, see_links, shapes
+from diagnosis.link_columns import Seen, Shape, columns, joints_with_both, see_links, shapes, standing_orders
 from diagnosis.significance import benjamini_hochberg, p_value
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ MATTERS = 0.2
 OVER_NOISE = 3.0
 """Times the scatter from row to row: what is left below is noise."""
 MOST = 20
-BLOCK_SECONDS = 0.5
+BLOCK_SECONDS = 0.3
 """Longer than the correlation of what is left, short enough that a run of ten seconds has twenty."""
 
 
@@ -60,12 +60,13 @@ class Sides:
 @dataclass(frozen=True)
 class Look:
     """One candidate beside the named ones: fall of the held-out squared error in units of the joints' scales, its share of what was left
-    where it is felt, and its significance."""
+    where it is felt, its significance, and the part of the gain on the held-out side itself."""
 
     shape: Shape
     gain: float
     share: float
     p: float
+    ahead: float
 
 
 def sides_of(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> Sides | None:
@@ -90,7 +91,11 @@ def select(sides: Sides) -> list[Shape]:
         able = [
             one
             for one, q_one in zip(looks, q)
-            if q_one < SIGNIFICANT and one.share > MATTERS and _over_noise(one.shape, left, sides) and physical(one.shape, chosen, sides)
+            if q_one < SIGNIFICANT
+            and one.share > MATTERS
+            and one.ahead > 0.0
+            and _over_noise(one.shape, left, sides)
+            and physical(one.shape, chosen, sides)
         ]
         if not able:
             break
@@ -101,16 +106,18 @@ def select(sides: Sides) -> list[Shape]:
 
 def look(shape: Shape, chosen: Sequence[Shape], sides: Sides) -> Look:
     """What one candidate adds beside the chosen ones on the held-out side (on either side, predicted from the other)."""
-    blocks, left = [], 0.0
+    blocks: list[Array] = []
+    left = 0.0
     for learned, judged in sides.ways():
         before = residual(chosen, learned, judged, sides)
         after = residual([*chosen, shape], learned, judged, sides)
         felt = [k for k in range(len(judged.joints)) if shape.joint in (None, judged.joints[k])]
         fall = (before**2 - after**2)[:, felt] / sides.scale[felt] ** 2
         left += float(np.sum(before[:, felt] ** 2 / sides.scale[felt] ** 2))
-        blocks += [np.bincount(judged.block, weights=column) for column in fall.T]
+        blocks += [np.bincount(judged.block, weights=column).astype(float) for column in fall.T]
     gains = np.concatenate(blocks)
-    return Look(shape, float(gains.sum()), float(gains.sum()) / max(left, 1e-300), p_value(gains))
+    ahead = float(sum(block.sum() for block in blocks[: len(felt)]))
+    return Look(shape, float(gains.sum()), float(gains.sum()) / max(left, 1e-300), p_value(gains), ahead)
 
 
 def best_shapes(everything: Sequence[Shape], chosen: Sequence[Shape], sides: Sides) -> list[Shape]:
@@ -119,12 +126,11 @@ def best_shapes(everything: Sequence[Shape], chosen: Sequence[Shape], sides: Sid
     taken = {(s.effect, s.joint) for s in chosen if s.name != "order"} | {(s.effect, s.joint, s.value) for s in chosen}
     best: dict[Key, tuple[float, Shape]] = {}
     for k, joint in enumerate(int(j) for j in sides.fit.joints):
-        x = np.column_stack(
-            [np.ones(sides.fit.rows), *(sides.columns(s, sides.fit, k) for s in chosen)]
-        )
+        x = np.column_stack([np.ones(sides.fit.rows), *(sides.columns(s, sides.fit, k) for s in chosen)])
         basis = np.linalg.qr(x / np.linalg.norm(x, axis=0))[0]
         rest = _off(basis, sides.fit.difference[:, k])
-        for shape in everything:
+        standing = [Shape("gear_ripple", joint, "order", order) for order in standing_orders(rest, sides.fit, k)]
+        for shape in [*everything, *standing]:
             key = (shape.effect, shape.joint)
             if shape.joint != joint or key in taken or (*key, shape.value) in taken:
                 continue
@@ -169,7 +175,9 @@ def coefficients(chosen: Sequence[Shape], seen: Seen, sides: Sides) -> Array:
 
 def residual(chosen: Sequence[Shape], learned: Seen, judged: Seen, sides: Sides) -> Array:
     """(m, k) rad: difference of ``judged`` less what is predicted from ``learned``; its own constant is free."""
-    predicted = (stacked(chosen, judged, sides) @ coefficients(chosen, learned, sides)).reshape(len(judged.joints), -1).T
+    predicted = (
+        (stacked(chosen, judged, sides) @ coefficients(chosen, learned, sides)).reshape(len(judged.joints), -1).T
+    )
     rest = judged.difference - predicted * sides.scale
     return rest - rest.mean(axis=0)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from diagnosis.diagnose import Cause, Diagnosis
 from diagnosis.library import side_of
+from diagnosis.link_plots import link_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,6 +70,9 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
     from matplotlib.figure import Figure
 
     from diagnosis.remainder import variables
+
+    if result.link is not None and cause.unit != "A":
+        return link_figure(result.link, cause.effect, cause.felt_at)
 
     side = side_of(result.held_out)
     joint = cause.felt_at

@@ -20,6 +20,7 @@ def report(result: Diagnosis, table: dict[str, Any]) -> str:
         f"<h1>{escape(result.arm.name)}: what the simulation gets wrong</h1>",
         f"<p class=note>{names}. The model's own numbers were trusted, and what they leave was asked for its causes.</p>",
         f"<p class=verdict>{escape(sentence(result))}</p>",
+        *(f"<p class=warning>{escape(warning)}</p>" for warning in result.warnings),
         image(*plots.overview(result)),
     ]
     for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
@@ -51,7 +52,7 @@ def sentence(result: Diagnosis) -> str:
         return "Consistent: nothing beyond the noise was found in these recordings."
     causes = ", ".join(title(cause) for cause in result.causes)
     if result.verdict == "explained":
-        return f"Explained: {causes}. What is left is noise."
+        return f"Explained: {causes}." + ("" if result.warnings else " What is left is noise.")
     places = ", ".join(f"joint {one.joint} against {one.against}" for one in result.unexplained)
     found = f"Found: {causes}. " if causes else ""
     return f"Unexplained: {found}Structure is left in the current of {places} that no effect of the catalogue explains."
@@ -68,7 +69,7 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
         f"<p>{escape(cause.evidence)}.</p>",
         image(*plots.cause_figure(result, cause)),
         f"<table><tr><th>parameter</th><th class=n>value</th><th class=n>2 std</th><th>unit</th></tr>{rows}</table>",
-        f"<p>Held-out error of joint {cause.felt_at}: {cause.before:.3g} A without, {cause.after:.3g} A with it. "
+        f"<p>Held-out error of joint {cause.felt_at}: {cause.before:.3g} {cause.unit} without, {cause.after:.3g} {cause.unit} with it. "
         f"Confidence {cause.confidence:.0%}.</p>",
     ]
     if len(cause.group) > 1:

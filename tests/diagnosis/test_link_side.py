@@ -1,0 +1,139 @@
+"""Lost motion, elasticity and gear errors of an independent plant are named from its two encoders; so are stamps of the link encoder that are late.
+
+The plant has two masses with a gap or a spring between them (``tests/blind``); the finder has neither.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from arm_model.description import Arm, read_model
+from daq.recording import Recording, open_recording
+from daq.recording_file import Attachments
+from daq.table import write_table
+from diagnosis.link_causes import LinkCause, LinkSide, link_side
+from diagnosis.split import split
+from experiment import Experiment
+from tests.blind.hide import Hidden
+from tests.blind.motions import FULL_ACCELERATION, FULL_SPEED, HOME, fourier
+from tests.blind.record import nominal_plant, record
+
+pytest.importorskip("numba", reason="the plant of the hidden-effect tests is compiled by numba")
+
+LINK_STEP = 2 * np.pi / 2**20
+"""rad: the link encoders of this test."""
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    return read_model(root / "config" / "models" / "puma560.toml")
+
+
+def _over_the_vertical(number: int, rounds: int) -> Experiment:
+    """Joint 2 past the vertical and back, where gravity changes sides; joints 1 and 3 in between."""
+    to, back = (-2.0, -1.1) if number else (-2.1, -1.2)
+    moves = [(2, to, 0.9), (3, -0.4, 0.9), (2, back, 0.9), (1, 0.5, 0.9), (2, to, 0.5), (1, 0.0, 0.6), (2, back, 0.9)]
+    segments = [{"type": "drive", "joint": j, "to": q, "speed": speed} for j, q, speed in moves * rounds]
+    start = {"start": HOME, "full_speed": FULL_SPEED, "full_acceleration": FULL_ACCELERATION}
+    return Experiment.model_validate({"name": f"run {number}", **start, "segment": segments})
+
+
+def _recorded(
+    root: Path, hidden: tuple[Hidden, ...], late: float = 0.0, zero: float = 0.0, rounds: int = 1
+) -> list[Recording]:
+    """Two runs with link encoders at joints 1-3, whose stamps are ``late`` s; joint 3's is turned by ``zero`` rad."""
+    plant = nominal_plant(root / "config" / "models" / "puma560.toml")
+    read = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(2):
+            taken = record(plant, _over_the_vertical(number, rounds), hidden, 10 + number)
+            link = CubicSpline(taken.t, taken.link)(np.maximum(taken.t - late, taken.t[0]))
+            for one in hidden:
+                if one.effect == "gear_ripple":  # the plant tells where the motor is
+                    j, order = (one.joint or 0) - 1, one.parameters["order"] * plant.gear
+                    link[:, j] += one.parameters["amplitude"] * np.sin(order[j] * link[:, j] + one.parameters["phase"])
+            link[:, 2] += zero
+            ql = np.floor(link / LINK_STEP) * LINK_STEP
+            ql[:, 3:] = np.nan
+            path = Path(folder) / f"run_{number}.mcap"
+            write_table(path, taken.t, {"q": taken.q, "i": taken.i, "ql": ql}, Attachments())
+            read.append(open_recording(path))
+    return read
+
+
+def _found(arm: Arm, recordings: list[Recording]) -> LinkSide:
+    found = link_side(arm, recordings[:1], recordings[1:])
+    assert found is not None
+    return found
+
+
+def _value(cause: LinkCause, name: str) -> tuple[float, float]:
+    parameter = next(p for p in cause.parameters if p.name == name)
+    return parameter.value, parameter.std
+
+
+def test_nothing_is_named_where_nothing_is_wrong(root: Path, arm: Arm) -> None:
+    found = _found(arm, _recorded(root, ()))
+    assert found.causes == []
+    assert found.unexplained == []
+
+
+@pytest.mark.parametrize(
+    ("hidden", "parameter"),
+    [
+        (Hidden("backlash", 2, {"half_gap": 1.5e-3}), "half_gap"),
+        (Hidden("joint_compliance", 2, {"stiffness": 2e4}), "stiffness"),
+        (Hidden("gear_ripple", 3, {"amplitude": 4e-4, "order": 5.0, "phase": 0.7}), "amplitude"),
+    ],
+)
+def test_what_is_between_motor_and_link_is_named(root: Path, arm: Arm, hidden: Hidden, parameter: str) -> None:
+    found = _found(arm, _recorded(root, (hidden,), rounds=2))
+    assert [(c.effect, c.joint) for c in found.causes] == [(hidden.effect, hidden.joint)]
+    value, std = _value(found.causes[0], parameter)
+    assert abs(value - hidden.parameters[parameter]) < 4 * std + 0.02 * value
+    assert found.causes[0].after < 0.5 * found.causes[0].before
+    assert found.causes[0].of_arm
+
+
+def test_late_stamps_of_the_link_encoder_are_neither_backlash_nor_compliance(root: Path, arm: Arm) -> None:
+    found = _found(arm, _recorded(root, (), late=2.5e-3))
+    assert [(c.effect, c.joint) for c in found.causes] == [("time_skew", None)]
+    delay, std = _value(found.causes[0], "delay")
+    assert abs(delay - 2.5e-3) < 4 * std
+    assert std < 2e-4
+    assert not found.causes[0].of_arm
+    assert found.causes[0].group == (("time_skew", None),)
+
+
+@pytest.mark.slow
+def test_several_at_once_come_apart(root: Path, arm: Arm) -> None:
+    hidden = Hidden("joint_compliance", 2, {"stiffness": 2e4})
+    found = _found(arm, _recorded(root, (hidden,), late=2.5e-3, zero=-4e-3))
+    assert {(c.effect, c.joint) for c in found.causes} == {
+        ("time_skew", None),
+        ("joint_compliance", 2),
+        ("joint_zero_offset", 3),
+    }
+    assert _value(found.causes[-1], "offset")[0] == pytest.approx(4e-3, abs=1e-4)
+
+
+def test_one_run_split_by_time_is_judged_both_ways(root: Path, arm: Arm) -> None:
+    first, second = split(_recorded(root, (), late=2.5e-3)[0])
+    found = link_side(arm, [first], [second])
+    assert found is not None
+    assert [c.effect for c in found.causes] == ["time_skew"]
+
+
+def test_without_link_encoders_there_is_nothing_to_say(root: Path, arm: Arm) -> None:
+    plant = nominal_plant(root / "config" / "models" / "puma560.toml")
+    taken = record(plant, fourier("short", 3, 0.2, 0.5, 4.0), (), 1)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        write_table(path, taken.t, {"q": taken.q, "i": taken.i}, Attachments())
+        recording = open_recording(path)
+    assert link_side(arm, [recording], [recording]) is None

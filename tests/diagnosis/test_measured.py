@@ -1,0 +1,36 @@
+"""Data that nobody here made: what is published of it has to be found. Skipped where the data is absent; it is not ours to ship."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from armscope.cli import run
+
+
+def _diagnosed(root: Path, folder: Path, table: Path, rig: str, model: str) -> dict[str, Any]:
+    """diagnosis.json of one imported table, split by time."""
+    assert run(["import", str(table), "--rig", str(root / "config" / rig), "--out", str(folder / "run.mcap")]) == 0
+    arguments = ["diagnose", "--model", str(root / "config" / "models" / model), "--fit", str(folder / "run.mcap")]
+    assert run([*arguments, "--out", str(folder / "found")]) == 0
+    found: dict[str, Any] = json.loads((folder / "found" / "diagnosis.json").read_text())
+    return found
+
+
+def test_the_loop_between_the_encoders_of_a_kuka_is_time_skew(root: Path, shared: Path, tmp_path: Path) -> None:
+    found = _diagnosed(root, tmp_path, shared / "data" / "kr300" / "run_A.csv", "kr300.toml", "kr300.toml")
+    names = [cause["effect"] for cause in found["causes"]]
+    assert names[0] == "time_skew"
+    assert not {"backlash", "joint_compliance"} & set(names)
+    skew = found["causes"][0]
+    assert skew["group"] == [{"effect": "time_skew", "joint": None}]
+    assert skew["parameters"]["delay"]["value"] == pytest.approx(3.0e-3, abs=1.5e-4)
+    assert 0.0 < skew["parameters"]["delay"]["std"] < 2e-4
+    assert skew["gain"]["held_out_rms_after"] < 0.25 * skew["gain"]["held_out_rms_before"]
+    assert skew["gain"]["unit"] == "rad"
+    # what belongs to an instrument of the recording is no part of the arm
+    assert "time_skew" not in (tmp_path / "found" / "model.toml").read_text()
+    assert (tmp_path / "found" / "report.html").stat().st_size > 20_000
