@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from arm_model.description import Arm
-from arm_model.dynamics import rigid_torque
+from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording
 from diagnosis.events import encoder_step
-from diagnosis.evidence import low_pass
+from diagnosis.reading import low_pass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

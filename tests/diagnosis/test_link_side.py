@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from arm_model.description import Arm, read_model
+from arm_model.description import Arm
+from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
 from daq.recording_file import Attachments
 from daq.table import write_table
