@@ -137,7 +137,7 @@ def diagnose(
 
 def has_dynamics(arm: Arm) -> bool:
     """Whether the model expects any torque at all."""
-    return any(joint.mass or joint.rotor_inertia or any(joint.coulomb) or joint.viscous for joint in arm.joints)
+    return any(joint.mass or joint.rotor_inertia or any(joint.coulomb) or any(joint.viscous) for joint in arm.joints)
 
 
 def _check(arm: Arm, recordings: list[Recording]) -> None:
