@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from identification.effects import is_effect
+
 Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-8  # of a column's own size: what is left of it counts as rounding
@@ -86,12 +88,14 @@ def base_parameters(
 
 
 def reading_order(names: Sequence[str]) -> list[int]:
-    """Drives first, then links from the tip inwards; what is commonly summed into the next link inwards last: iyy, mz, mass."""
+    """Drives first, then links from the tip inwards; what is commonly summed into the next link inwards last: iyy, mz, mass; then effects."""
     last = {"iyy": 1, "mz": 2, "mass": 3}
     within = {"mx": 0, "my": 1, "izz": 2, "ixx": 3}
 
     def rank(index: int) -> tuple[int, int, int, int]:
         head, _, rest = names[index].partition(".")
+        if is_effect(names[index]):
+            return (2, 0, index, 0)
         number = int("".join(c for c in head if c.isdigit()) or 0)
         if head.startswith("link"):
             return (1, last.get(rest, 0), -number, within.get(rest, 4))

@@ -11,6 +11,7 @@ Both need the demands of the run and a controller in the model that is the real 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -20,13 +21,12 @@ from scipy import linalg
 from arm_model.description import Arm
 from arm_model.simulation import simulate
 from daq.recording import Recording
-from identification.consistency import consistent_parameters
-from identification.equations import filtered_columns, model_values
+from identification.equations import Equations, filtered_columns, with_effects
 from identification.least_squares import Fit, joint_noise, least_squares, weighted
 from identification.result import Identification
 from identification.signals import Motion, parallel_rows, smooth_motion
 from identification.uncertainty import uncertainty
-from identification.whole_arm import Problem, conclude, with_values
+from identification.whole_arm import Problem, conclude, physical_values, with_values
 from inputs import InputError
 
 Array = NDArray[np.float64]
@@ -49,8 +49,7 @@ def identify_closed_loop(
             )
     if problem.arm.controller is None:
         raise InputError("model", f"has no [controller]; method {method} simulates the closed loop with it")
-    columns = problem.rows.columns[:, problem.columns]
-    torque = problem.rows.torque - problem.given(problem.rows)
+    columns, torque = _regression(problem, problem.rows)
     fit = least_squares(columns, torque, problem.rows.joint, "wls")
     weight = 1.0 / joint_noise(fit.residual, problem.rows.joint)[problem.rows.joint]
     spread = uncertainty(columns, problem.rows, fit)
@@ -58,15 +57,17 @@ def identify_closed_loop(
     for number in range(ITERATIONS):
         taken = number + 1
         progress(f"{method}: simulation {taken}")
-        arm = _arm_of(problem, fit, spread.information)
-        simulated = np.concatenate([_simulated_columns(problem, arm, run) for run in range(len(problem.fit))])
-        simulated = simulated[:, problem.columns]
+        arm = with_values(problem, physical_values(problem, fit, spread.information))
+        if arm.effects:
+            problem = problem.around(arm)
+            columns, torque = _regression(problem, problem.rows)
+        simulated, of_simulated = _regression(problem, simulated_rows(problem, arm))
         before = fit.values
         if method == "iv":
             fit = _instrumental(simulated, columns, torque, weight)
             spread = uncertainty(columns, problem.rows, fit, instruments=simulated)
         else:
-            fit = weighted(simulated, torque, weight)
+            fit = weighted(simulated, of_simulated, weight)
             spread = uncertainty(simulated, problem.rows, fit)
         if np.all(np.abs(fit.values - before) < SETTLED * spread.std):
             break
@@ -89,15 +90,9 @@ def identify_closed_loop(
     return result
 
 
-def _arm_of(problem: Problem, fit: Fit, information: Array) -> Arm:
-    physical = consistent_parameters(
-        problem.base.grouping[problem.excited],
-        fit.values,
-        information,
-        model_values(problem.arm, problem.friction),
-        problem.base.names,
-    )
-    return with_values(problem, physical)
+def _regression(problem: Problem, rows: Equations) -> tuple[Array, Array]:
+    """Columns (rows, b) of the excited base parameters, and the torque (rows,) that they have to explain."""
+    return rows.columns[:, problem.columns], rows.torque - problem.given(rows)
 
 
 def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:
@@ -125,13 +120,15 @@ def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:
     return smooth_motion(motion.t, run.qm, run.torque, band=motion.band)
 
 
-def _simulated_columns(problem: Problem, arm: Arm, run: int) -> Array:
-    """(rows of this run, p) the regressor on the simulated motion, for the rows that the measured one keeps."""
-    motion = problem.motions[run]
-    simulated = simulated_motion(arm, problem.fit[run], motion)
-    columns = filtered_columns(problem.arm, motion, simulated.q, simulated.qd, simulated.qdd, problem.friction)
-    joint, row = np.nonzero(parallel_rows(motion)[1].T)
-    return np.asarray(columns[row, joint])
+def simulated_rows(problem: Problem, arm: Arm) -> Equations:
+    """The measured torques beside the regressor on the simulated motions, for the rows that the measured ones keep."""
+    moved, parts = [], []
+    for recording, motion in zip(problem.fit, problem.motions):
+        moved.append(simulated_motion(arm, recording, motion))
+        joint, row = np.nonzero(parallel_rows(motion)[1].T)
+        parts.append(filtered_columns(arm, motion, moved[-1], problem.friction)[row, joint])
+    rows = replace(problem.rows, columns=np.concatenate(parts))
+    return with_effects(rows, arm, problem.arm, problem.motions, problem.friction, problem.base, moved)
 
 
 def _instrumental(instruments: Array, columns: Array, torque: Array, weight: Array) -> Fit:

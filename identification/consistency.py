@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.inertia import PARAMETERS
+from identification.effects import definition, is_effect
 
 Array = NDArray[np.float64]
 
@@ -70,7 +71,8 @@ def consistent_parameters(
     """(p,) physical standard parameters with grouping (b, p) @ them near base (b,), whose inverse covariance is ``information`` (b, b).
 
     ``prior`` (p,): of ``names``; links without mass or inertia get a small one. Parameters that are neither of a link nor friction are
-    free, held to the prior only where no base parameter speaks of them.
+    free, held to the prior only where no base parameter speaks of them; so are signed parameters of effects, while those that have no sign
+    (an amplitude, a share) stay positive as friction does.
     """
     problem = _Problem(grouping, base, information, np.array(prior, float), names)
     delta = problem.centre
@@ -84,10 +86,12 @@ class _Problem:
     """The convex function of the module's docstring, with its first and second derivatives."""
 
     def __init__(self, grouping: Array, base: Array, information: Array, centre: Array, names: Sequence[str]) -> None:
-        self.links = [k for k, name in enumerate(names) if name.endswith(".mass")]
-        self.friction = np.array([k for k, name in enumerate(names) if name.split(".")[-1] in DISSIPATIVE], np.intp)
+        of_effects = np.array([is_effect(name) for name in names], bool)
+        self.links = [k for k, name in enumerate(names) if name.endswith(".mass") and not of_effects[k]]
+        self.friction = np.array([k for k, name in enumerate(names) if _never_negative(name)], np.intp)
         _fill_bodies(centre, self.links)
-        centre[self.friction] = np.maximum(np.abs(centre[self.friction]), 1e-3)
+        least = np.where(of_effects[self.friction], 1e-6, 1e-3)
+        centre[self.friction] = np.maximum(np.abs(centre[self.friction]), least)
         self.centre = centre
         self.inverse = [np.linalg.inv(pseudo_inertia(centre[k : k + 10])) for k in self.links]
         self.quadratic = grouping.T @ information @ grouping
@@ -97,6 +101,8 @@ class _Problem:
         free = np.setdiff1d(np.arange(len(names)), np.concatenate([inertial, self.friction]))
         self.ridge = np.zeros(len(names))
         self.ridge[free] = 1e-6 / np.maximum(np.abs(centre[free]), 1.0) ** 2
+        for k in np.flatnonzero(of_effects).tolist():  # what repeats a drive's own friction must not run off against it
+            self.ridge[k] = REGULARISATION / max(abs(centre[k]), definition(names[k]).typical[0]) ** 2
 
     def cost(self, delta: Array, regularisation: float, barrier: float) -> float:
         """Infinite outside the cone of bodies."""
@@ -146,6 +152,10 @@ def _newton(problem: _Problem, delta: Array, regularisation: float, barrier: flo
                 return delta
         delta, value = delta + length * step, trial
     return delta
+
+
+def _never_negative(name: str) -> bool:
+    return not definition(name).signed if is_effect(name) else name.split(".")[-1] in DISSIPATIVE
 
 
 def _fill_bodies(parameters: Array, links: Sequence[int]) -> None:

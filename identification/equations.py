@@ -1,20 +1,23 @@
-"""The equations of motion as rows of a linear regression: Y(q, q', q'') delta = torque, for all runs of an identification.
+"""The equations of motion as rows of a linear regression: Y(q, q', q'') delta + rest = torque, for all runs of an identification.
 
+``rest`` is what an arm with effects shows beyond its columns times its parameters (``identification.effects``); without effects it is nothing.
 Row by row through the same parallel filter on both sides; rows that rest on samples which cannot be trusted are left out and counted.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm
+from arm_model.parameters import parameter
 from arm_model.regressor import parameter_names, parameter_vector, regressor
 from identification.base_parameters import BaseParameters, base_parameters
+from identification.effects import effect_columns, effect_parameters, shown_torque
 from identification.signals import Motion, parallel_filter, parallel_rows, parallel_window
 
 Array = NDArray[np.float64]
@@ -24,7 +27,8 @@ Friction = Literal["symmetric", "asymmetric"]
 @dataclass(frozen=True)
 class Equations:
     """columns (rows, p) of the standard parameters ``names``, torque (rows,) N m or N, and where each row comes from:
-    joint (rows,) from 0, run (rows,) from 0, t (rows,) s within the run. Rows of one run and joint follow in time."""
+    joint (rows,) from 0, run (rows,) from 0, t (rows,) s within the run. Rows of one run and joint follow in time.
+    rest (rows,): the part of the torque that no column carries; None: nothing."""
 
     columns: Array
     torque: Array
@@ -32,6 +36,7 @@ class Equations:
     run: NDArray[np.intp]
     t: Array
     names: tuple[str, ...]
+    rest: Array | None = None
 
     def __len__(self) -> int:
         return len(self.torque)
@@ -39,21 +44,40 @@ class Equations:
     def of(self, rows: NDArray[np.bool_]) -> Equations:
         """Only those rows."""
         return Equations(
-            self.columns[rows], self.torque[rows], self.joint[rows], self.run[rows], self.t[rows], self.names
+            self.columns[rows],
+            self.torque[rows],
+            self.joint[rows],
+            self.run[rows],
+            self.t[rows],
+            self.names,
+            None if self.rest is None else self.rest[rows],
         )
 
 
 def column_names(arm: Arm, friction: Friction) -> list[str]:
-    """Names of ``model_columns``: the regressor's, friction as asked for, rotors only where the model has one.
+    """Names of ``model_columns``: the regressor's, friction as asked for, rotors only where the model has one; then the effects'.
 
     symmetric   viscous, coulomb, offset: with a constant offset, Coulomb friction may differ by direction
     asymmetric  viscous_positive, viscous_negative, coulomb_positive, coulomb_negative; an offset could not be told from these
     """
-    return [name for name in parameter_names(arm, friction=friction) if not _left_out(arm, name, friction)]
+    described = [name for name in parameter_names(arm, friction=friction) if not _left_out(arm, name, friction)]
+    return described + effect_parameters(arm)
 
 
-def model_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction = "symmetric") -> Array:
-    """(N, n, p) regressor with the columns ``column_names(arm, friction)``."""
+def model_columns(
+    arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction = "symmetric", t: Array | None = None
+) -> Array:
+    """(N, n, p) regressor with the columns ``column_names(arm, friction)``; t (N,) s matters to effects that change in time."""
+    described = described_columns(arm, q, qd, qdd, friction)
+    if not arm.effects:
+        return described
+    t = np.zeros(len(q)) if t is None else t
+    shown = shown_torque(arm, arm, q, qd, qdd, t)
+    return np.concatenate([described, effect_columns(arm, arm, q, qd, qdd, t, shown)], axis=2)
+
+
+def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction) -> Array:
+    """(N, n, p - e) columns of links and drives, which count as moving alike: those of a Gauss-Newton step need no more."""
     full, names = regressor(arm, q, qd, qdd, friction=friction)
     return full[:, :, [k for k, name in enumerate(names) if not _left_out(arm, name, friction)]]
 
@@ -75,7 +99,7 @@ def model_values(arm: Arm, friction: Friction = "symmetric") -> Array:
         elif joint is not None and rest in ("coulomb_positive", "coulomb_negative"):
             value += joint.ratio * joint.offset * (1 if rest.endswith("positive") else -1)
         values.append(value)
-    return np.array(values)
+    return np.array(values + [parameter(arm, name) for name in effect_parameters(arm)])
 
 
 def _left_out(arm: Arm, name: str, friction: Friction) -> bool:
@@ -88,41 +112,44 @@ def _left_out(arm: Arm, name: str, friction: Friction) -> bool:
 
 def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int = 0, seed: int = 1) -> BaseParameters:
     """What any motion of this arm could show: base parameters from random states within its limits."""
+    # Where friction only turns about, Coulomb's magnitudes and an offset are not the same: let it turn at once.
+    arm = replace(arm, joints=tuple(replace(joint, sign_velocity=1e-7) for joint in arm.joints))
     names = column_names(arm, friction)
     random = np.random.default_rng(seed)
     count = states or 4 * len(names)
     limits = [joint.limits or ((-np.pi, np.pi) if joint.revolute else (-1.0, 1.0)) for joint in arm.joints]
     q = random.uniform([low for low, _ in limits], [high for _, high in limits], (count, len(arm)))
     qd, qdd = random.uniform(-2, 2, q.shape), random.uniform(-5, 5, q.shape)
-    columns = model_columns(arm, q, qd, qdd, friction)
+    columns = model_columns(arm, q, qd, qdd, friction, random.uniform(0.0, 60.0, count))
     return base_parameters(columns.reshape(-1, len(names)), names)
 
 
-def equations(arm: Arm, motions: Sequence[Motion], friction: Friction = "symmetric") -> Equations:
-    """All usable rows of all runs."""
+def equations(
+    arm: Arm, motions: Sequence[Motion], friction: Friction = "symmetric", base: BaseParameters | None = None
+) -> Equations:
+    """All usable rows of all runs; ``rest`` is what the arm shows beyond the columns of its ``base`` parameters (default: of all)."""
     parts = [_run_equations(arm, motion, run, friction) for run, motion in enumerate(motions)]
-    names = tuple(column_names(arm, friction))
-    return Equations(
-        np.concatenate([part.columns for part in parts]),
-        np.concatenate([part.torque for part in parts]),
-        np.concatenate([part.joint for part in parts]),
-        np.concatenate([part.run for part in parts]),
-        np.concatenate([part.t for part in parts]),
-        names,
-    )
+    columns, torque, joint, run, t = (np.concatenate(part) for part in zip(*parts))
+    rows = Equations(columns, torque, joint, run, t, tuple(column_names(arm, friction)))
+    return with_effects(rows, arm, arm, motions, friction, base)
 
 
-def _run_equations(arm: Arm, motion: Motion, run: int, friction: Friction) -> Equations:
+def _run_equations(
+    arm: Arm, motion: Motion, number: int, friction: Friction
+) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.intp], Array]:
+    """columns of links and drives, torque, joint, run and t of one run's rows."""
     t, trusted = parallel_rows(motion)
-    columns = filtered_columns(arm, motion, motion.q, motion.qd, motion.qdd, friction)
+    columns = filtered_columns(arm, motion, motion, friction)
     torque = parallel_filter(motion, motion.torque)
     joint, row = np.nonzero(trusted.T)
-    names = tuple(column_names(arm, friction))
-    return Equations(columns[row, joint], torque[row, joint], joint, np.full(len(row), run), t[row], names)
+    return columns[row, joint], torque[row, joint], joint, np.full(len(row), number, np.intp), t[row]
 
 
-def filtered_columns(arm: Arm, motion: Motion, q: Array, qd: Array, qdd: Array, friction: Friction) -> Array:
-    """(k, n, p) ``model_columns`` on the grid of ``motion`` through its parallel filter, a stretch at a time to save memory."""
+def filtered_columns(arm: Arm, motion: Motion, moved: Motion, friction: Friction) -> Array:
+    """(k, n, p - e) ``described_columns`` of the positions of ``moved`` through the parallel filter of ``motion``, whose grid it has.
+
+    A stretch at a time, to save memory.
+    """
     window, step = parallel_window(motion)
     kept = (len(motion.t) - window) // step + 1
     stretch = max(1, 4 * window // step)
@@ -130,5 +157,48 @@ def filtered_columns(arm: Arm, motion: Motion, q: Array, qd: Array, qdd: Array, 
     for first in range(0, kept, stretch):
         last = min(first + stretch, kept)
         rows = slice(first * step, (last - 1) * step + window)
-        parts.append(parallel_filter(motion, model_columns(arm, q[rows], qd[rows], qdd[rows], friction)))
+        unfiltered = described_columns(arm, moved.q[rows], moved.qd[rows], moved.qdd[rows], friction)
+        parts.append(parallel_filter(motion, unfiltered))
+    return np.concatenate(parts)
+
+
+def with_effects(
+    rows: Equations,
+    arm: Arm,
+    model: Arm,
+    motions: Sequence[Motion],
+    friction: Friction,
+    base: BaseParameters | None = None,
+    moved: Sequence[Motion] | None = None,
+) -> Equations:
+    """``rows`` with the columns of the effects at the values of ``arm``, and the ``rest``. ``model``: that of the readings (``shown_torque``);
+    ``moved``: other positions on the grids of ``motions``, simulated ones."""
+    if not arm.effects:
+        return rows
+    parts = [_effect_rows(arm, model, motion, other) for motion, other in zip(motions, moved or motions)]
+    found = np.concatenate(parts)
+    values = model_values(arm, friction)
+    effects = len(effect_parameters(arm))
+    described = rows.columns[:, : len(values) - effects]
+    columns = np.concatenate([described, found[:, 1:]], axis=1)
+    linear = columns @ values if base is None else columns[:, base.kept] @ (base.grouping @ values)
+    return replace(rows, columns=columns, rest=found[:, 0] - linear)
+
+
+def _effect_rows(arm: Arm, model: Arm, motion: Motion, moved: Motion) -> Array:
+    """(rows of this run, 1 + e): the torque that the arm shows, then its derivatives by the effects' parameters."""
+    q, qd, qdd = moved.q, moved.qd, moved.qdd
+    shown = shown_torque(arm, model, q, qd, qdd, motion.t)
+    columns = effect_columns(arm, model, q, qd, qdd, motion.t, shown)
+    joint, row = np.nonzero(parallel_rows(motion)[1].T)
+    return np.asarray(parallel_filter(motion, np.concatenate([shown[..., None], columns], axis=2))[row, joint])
+
+
+def shown_rows(arm: Arm, model: Arm, motions: Sequence[Motion]) -> Array:
+    """(rows,) the torque that a recording of ``arm`` shows on these motions, as the rows of ``equations``."""
+    parts = []
+    for motion in motions:
+        joint, row = np.nonzero(parallel_rows(motion)[1].T)
+        shown = shown_torque(arm, model, motion.q, motion.qd, motion.qdd, motion.t)
+        parts.append(parallel_filter(motion, shown)[row, joint])
     return np.concatenate(parts)

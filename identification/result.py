@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm
+from identification.effects import definition, is_effect
 from identification.spectrum import Band
 
 Array = NDArray[np.float64]
@@ -147,6 +148,8 @@ def _number(value: float | None) -> float | None:
 
 def unit_of(name: str, arm: Arm) -> str:
     """'link2.mx' -> 'kg m', by the joint's type for what the drive does."""
+    if is_effect(name):
+        return definition(name).unit
     head, _, rest = name.partition(".")
     if head.startswith("link"):
         return "kg" if rest == "mass" else "kg m" if rest in ("mx", "my", "mz") else "kg m2"

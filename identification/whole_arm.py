@@ -6,7 +6,7 @@ check -> smooth -> equations -> base parameters -> fit -> uncertainty -> predict
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,16 @@ from daq.recording import Recording
 from identification import readiness
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.consistency import consistent_parameters
-from identification.equations import Equations, Friction, equations, model_values, structural_base
+from identification.effects import is_effect, left_to_the_model, true_readings
+from identification.equations import (
+    Equations,
+    Friction,
+    equations,
+    model_values,
+    shown_rows,
+    structural_base,
+    with_effects,
+)
 from identification.least_squares import Fit, Method, least_squares, relative_error
 from identification.result import Identification, Prediction, Value, unit_of
 from identification.signals import Motion, smooth_motion
@@ -29,6 +38,11 @@ Progress = Callable[[str], None]
 
 SPLIT = 0.7  # share of the time that is fitted where no recording is held out
 EXCITED = 1e-4  # share of a column that no other explains; below it, this experiment says nothing about the parameter
+STEPS, SETTLED = (
+    8,
+    0.1,
+)  # Gauss-Newton steps of an arm with effects, at most; a step of fewer standard deviations is the last
+SHORTEST = 1 / 16  # of a step
 CERTAIN = 0.3  # of the value: a parameter with a larger standard deviation counts as not identifiable
 FELT = 0.02  # of the torque: unless the uncertainty is no more than this share of what the joints do
 
@@ -59,16 +73,24 @@ class Problem:
         return self.base.kept[self.excited]
 
     def given(self, rows: Equations) -> Array:
-        """(rows,) torque of the base parameters that this data does not excite, at the model's own values."""
+        """(rows,) torque of the base parameters that this data does not excite, at the model's own values; and what no column carries."""
         silent = np.setdiff1d(np.arange(len(self.base)), self.excited)
         values = self.base.grouping[silent] @ model_values(self.arm, self.friction)
-        return np.asarray(rows.columns[:, self.base.kept[silent]] @ values)
+        torque = rows.columns[:, self.base.kept[silent]] @ values
+        return np.asarray(torque if rows.rest is None else torque + rows.rest)
+
+    def around(self, arm: Arm) -> Problem:
+        """The same equations with effects taken at the values of ``arm``."""
+        common = self.friction, self.base
+        rows = with_effects(self.rows, arm, self.arm, self.motions, *common)
+        held = None if self.held is None else with_effects(self.held, arm, self.arm, self.held_motions, *common)
+        return replace(self, rows=rows, held=held)
 
 
 def motion_of(recording: Recording, arm: Arm) -> Motion:
-    """The smooth motion of a recording, torques from its currents by the arm's drive constants."""
-    constants = np.array([joint.drive_constant for joint in arm.joints])
-    motion = smooth_motion(recording.t, recording.q, recording.i * constants)
+    """The smooth motion of a recording, torques from its currents by the arm's drive constants; the arm's errors of angle and time put right."""
+    q, current = true_readings(arm, recording.t, recording.q, recording.i)
+    motion = smooth_motion(recording.t, q, current * arm.joint_array("drive_constant"))
     readiness.check_motion(recording.path, motion)
     return motion
 
@@ -91,13 +113,15 @@ def prepare(
     progress("smoothing")
     motions = [motion_of(recording, arm) for recording in fit]
     held_motions = [motion_of(recording, arm) for recording in held_out]
-    warnings = []
+    warnings = [
+        f"{name}: held as the model has it, and counted as rigid or sliding here" for name in left_to_the_model(arm)
+    ]
     for recording, motion in zip([*fit, *held_out], [*motions, *held_motions]):
         warnings += readiness.warnings_of(recording.path.name, recording, motion, arm)
     progress("equations of motion")
-    rows = equations(arm, motions, friction)
-    held = equations(arm, held_motions, friction) if held_motions else None
     base = structural_base(arm, friction)
+    rows = equations(arm, motions, friction, base)
+    held = equations(arm, held_motions, friction, base) if held_motions else None
     spread = np.array(
         [np.std(rows.torque[rows.joint == j]) if (rows.joint == j).any() else 1.0 for j in range(len(arm))]
     )
@@ -127,15 +151,55 @@ def identify(
     recordings are unusable.
     """
     problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
-    progress("least squares")
 
     def solve(rows: Equations) -> Fit:
         return least_squares(rows.columns[:, problem.columns], rows.torque - problem.given(rows), rows.joint, method)
 
-    best = solve(problem.rows)
-    progress("uncertainty")
-    spread = uncertainty(problem.rows.columns[:, problem.columns], problem.rows, best)
+    values, before = model_values(arm, friction), None
+    for number in range(STEPS if arm.effects else 1):
+        progress(f"least squares, step {number + 1}" if arm.effects else "least squares")
+        best = solve(problem.rows)
+        progress("uncertainty")
+        spread = uncertainty(problem.rows.columns[:, problem.columns], problem.rows, best)
+        if not arm.effects or (before is not None and np.all(np.abs(best.values - before) < SETTLED * spread.std)):
+            break
+        before, values = (
+            best.values,
+            _towards(problem, values, physical_values(problem, best, spread.information), best),
+        )
+        problem = problem.around(with_values(problem, values))
+    else:
+        problem.warnings.append(
+            f"the effects did not settle in {STEPS} steps; is one of them far from what the model says?"
+        )
     return conclude(problem, method, best, spread, solve)
+
+
+def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:
+    """(p,) standard parameters of the physically consistent arm nearest to a fit."""
+    return consistent_parameters(
+        problem.base.grouping[problem.excited],
+        fit.values,
+        information,
+        model_values(problem.arm, problem.friction),
+        problem.base.names,
+    )
+
+
+def _towards(problem: Problem, now: Array, wanted: Array, fit: Fit) -> Array:
+    """As far from the parameters ``now`` (p,) towards ``wanted`` as the arm shows the torques better: a line search by halves.
+
+    Both are consistent arms, and so is all that lies between.
+    """
+
+    def cost(values: Array) -> float:
+        shown = shown_rows(with_values(problem, values), problem.arm, problem.motions)
+        return float(np.sum((fit.weight * (problem.rows.torque - shown)) ** 2))
+
+    least, length = cost(now), 1.0
+    while cost(now + length * (wanted - now)) > least and length > SHORTEST:
+        length /= 2
+    return now + length * (wanted - now)
 
 
 def conclude(
@@ -145,13 +209,7 @@ def conclude(
     _check_friction(problem, best, spread)
     warnings = list(problem.warnings)
     predictions, held_names = _predictions(problem, best, solve, warnings)
-    physical = consistent_parameters(
-        problem.base.grouping[problem.excited],
-        best.values,
-        spread.information,
-        model_values(problem.arm, problem.friction),
-        problem.base.names,
-    )
+    physical = physical_values(problem, best, spread.information)
     identified = with_values(problem, physical)
     reduced = problem.base.grouping[problem.excited] @ physical
     compared = {"physically consistent model": _errors(problem, reduced)}
@@ -200,7 +258,7 @@ def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:
         weight = np.zeros(len(problem.columns))
         for k, column in enumerate(problem.columns):
             head, _, rest = problem.base.names[column].partition(".")
-            if head == f"joint{j + 1}":
+            if head == f"joint{j + 1}" and not is_effect(problem.base.names[column]):
                 weight[k] = mean.get(rest.partition("_")[0], 0.0) * (0.5 if rest.endswith("tive") else 1.0)
         power[j] = weight @ best.values
         doubt[j] = float(weight @ spread.covariance @ weight) ** 0.5
