@@ -5,60 +5,133 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from inputs import InputError
+
 if TYPE_CHECKING:
+    from rich.status import Status
+
+    from arm_model.description import Arm
+    from armscope.separating_runs import Case
+    from daq.recording import Recording
     from diagnosis.diagnose import Diagnosis
 
 
 MANY = ("--fit", "--held-out")
 """Options that take several values."""
+_DONE, _SAMPLES_LOST = 0, 4
 
 
 def command(
-    model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="the model whose simulation is judged")],
     fit: Annotated[list[Path], typer.Option(metavar="A.mcap ...", help="recordings to find causes in")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder for diagnosis.json, report.html, model.toml")],
+    model: Annotated[
+        Path | None, typer.Option(metavar="MODEL.toml", help="the model whose simulation is judged; default: the rig's")
+    ] = None,
     held_out: Annotated[
         list[Path] | None,
         typer.Option("--held-out", metavar="B.mcap ...", help="to judge by; without any, the last 40 % of each"),
     ] = None,
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RIG.toml", help="record on it what separates causes that the recordings cannot tell apart"
+        ),
+    ] = None,
+    max_experiments: Annotated[int, typer.Option(min=0, help="at most so many, with --rig")] = 3,
+    yes: Annotated[bool, typer.Option("--yes", help="move a real arm without asking, with --rig")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print diagnosis.json and nothing else")] = False,
-) -> None:
+) -> int:
     """Diagnoses recordings against a model."""
     from rich.console import Console
 
     from arm_model.model_file import read_model
     from daq.recording import open_recording
-    from diagnosis.diagnose import diagnose
-    from diagnosis.files import write_diagnosis
     from diagnosis.split import split
-    from inputs import check_folder
+    from inputs import check_folder, make_folder
 
     check_folder(out)
-    arm = read_model(model)
+    arm = read_model(_model(model, rig))
     fitted = [open_recording(path) for path in fit]
     held = [open_recording(path) for path in held_out or []]
     if not held:
         print("warning: no recording is held out; the last 40 % of each is judged by, a weaker test", file=sys.stderr)
         fitted, held = (list(parts) for parts in zip(*map(split, fitted)))
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
-        result = diagnose(arm, fitted, held, progress=status.update)
-        status.update("report")
-        table = write_diagnosis(out, result, fitted, held)
+        case = _case(arm, fitted, held, status)
+        if rig is not None:
+            make_folder(out)
+            table = _gone_on(arm, case, rig, out, yes, max_experiments, status)
+        else:
+            table = _kept(case, out, status)
     if as_json:
         print(json.dumps(table))
     else:
-        _print(result, out)
+        _print(case.result, table, out)
+    return _SAMPLES_LOST if case.lost else _DONE
 
 
-def _print(result: Diagnosis, out: Path) -> None:
+def _model(model: Path | None, rig: Path | None) -> Path:
+    from daq.rig import read_rig
+
+    path = model if model is not None or rig is None else read_rig(rig, drivers=False).model_path
+    if path is None:
+        raise InputError("--model", "is missing; the model whose simulation is judged is wanted")
+    return path
+
+
+def _case(arm: Arm, fitted: list[Recording], held: list[Recording], status: Status) -> Case:
+    from armscope.separating_runs import Case
+    from diagnosis.diagnose import diagnose
+
+    return Case(fitted, held, diagnose(arm, fitted, held, progress=status.update), {})
+
+
+def _kept(case: Case, out: Path, status: Status) -> dict[str, Any]:
+    from diagnosis.files import write_diagnosis
+    from diagnosis.separate import separations
+
+    case.separate = separations(case.result, progress=status.update)
+    status.update("report")
+    return write_diagnosis(out, case.result, case.fit, case.held_out, case.separate)
+
+
+def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, status: Status) -> dict[str, Any]:
+    """The case decided as far as the rig's experiments can; every stage is written whole before the next begins."""
+    from armscope.separating_runs import Bench, go_on, rig_of
+    from diagnosis.diagnose import diagnose
+    from diagnosis.files import write_diagnosis
+
+    table: dict[str, Any] = {}
+
+    def say(line: str) -> None:
+        status.stop()
+        print(line, file=sys.stderr, flush=True)
+
+    def judge(fitted: list[Recording], held: list[Recording]) -> Diagnosis:
+        status.start()
+        return diagnose(arm, fitted, held, progress=status.update)
+
+    def keep(case: Case) -> None:
+        table.clear()
+        table.update(
+            write_diagnosis(out, case.result, case.fit, case.held_out, case.separate, experiments=case.experiments)
+        )
+
+    bench = Bench(rig, rig_of(rig, len(arm)), out, yes, say, judge, keep)
+    go_on(bench, case, most, status.update)
+    return table
+
+
+def _print(result: Diagnosis, report: dict[str, Any], out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
     from diagnosis.report import sentence, title
+    from diagnosis.separate import named
 
     console = Console(highlight=False)
     console.print(sentence(result), markup=False, soft_wrap=True)
@@ -77,4 +150,8 @@ def _print(result: Diagnosis, out: Path) -> None:
                 title(cause), values, f"{cause.before:.3g} -> {cause.after:.3g} {cause.unit}", f"{cause.confidence:.0%}"
             )
         console.print(table)
+    for cause, row in zip(result.causes, report["causes"]):
+        if len(cause.group) > 1:
+            text = f"{title(cause)} may as well be {', '.join(map(named, cause.group[1:]))}; what would tell: {row['separate_by']}"
+            console.print(text, markup=False, soft_wrap=True)
     console.print(f"{out / 'report.html'}", markup=False, soft_wrap=True)

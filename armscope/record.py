@@ -44,16 +44,21 @@ def command(
     instruction = read_experiment(experiment).setup.instruction
     if instruction:
         print(f"before this run: {instruction}", file=sys.stderr)
-    server = _server(rig, checked)
-    try:
-        result = _record(server, rig, experiment, out)
-    finally:
-        server.close()
+    result = record(rig, checked, experiment, out)
     print(json.dumps(result) if as_json else _text(result))
     if result["ending"]["fault"]:
         print(f"error: {result['ending']['sentence']}", file=sys.stderr)
         return _DEVICE_FAILED
     return _SAMPLES_LOST if result["ledger"]["lost"] else _DONE
+
+
+def record(rig: Path, checked: Rig, experiment: Path, out: Path) -> Table:
+    """One run of an experiment file to one recording; what came of it, as ``--json`` prints it. Shows progress; Ctrl-C ends the run."""
+    server = _server(rig, checked)
+    try:
+        return _record(server, rig, experiment, out)
+    finally:
+        server.close()
 
 
 def _record(server: Server, rig: Path, experiment: Path, out: Path) -> Table:

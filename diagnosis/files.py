@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from arm_model.model_file import write_model
 from daq.recording import Recording
 from diagnosis.diagnose import Cause, Diagnosis
 from diagnosis.report import report
-from diagnosis.separate import Separation, separations
+from diagnosis.separate import Separation, named, separations
 from experiment import write_experiment
 from inputs import make_folder, write_text
 
@@ -101,10 +101,12 @@ def write_diagnosis(
     fit: list[Recording],
     held_out: list[Recording],
     separate: Mapping[int, Separation] | None = None,
+    experiments: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """Writes DIR/diagnosis.json, report.html, model.toml, and separate_K.toml for every cause K whose group a motion separates.
 
-    separate: ``diagnosis.separate.separations`` of the result; left out, they are looked for here.
+    separate: ``diagnosis.separate.separations`` of the result; left out, they are looked for here. experiments: what was
+    recorded to come this far.
     """
     make_folder(out)
     table = table_of(result, fit, held_out)
@@ -116,6 +118,8 @@ def write_diagnosis(
             write_experiment(path, found.experiment, heading=_heading(result.causes[place], found))
             row["separate_by"] = str(path)
             row["separation"] = {"motion": found.words, "distance": round(found.distance, 1), "tried": found.tried}
+    if experiments:
+        table["experiments"] = [dict(one) for one in experiments]
     write_model(out / "model.toml", result.extended)
     write_text(out / "report.html", report(result, table))
     write_text(out / "diagnosis.json", json.dumps(table, indent=2) + "\n")
@@ -123,7 +127,7 @@ def write_diagnosis(
 
 
 def _heading(cause: Cause, found: Separation) -> str:
-    members = ", ".join(f"{effect} of joint {joint}" if joint else effect for effect, joint in cause.group)
+    members = ", ".join(map(named, cause.group))
     return (
         f"Tells apart: {members}.\n{found.words[:1].upper()}{found.words[1:]}.\n"
         f"Their predictions then differ by at least {found.distance:.0f} standard deviations of the noise;\n"

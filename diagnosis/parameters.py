@@ -54,9 +54,15 @@ def parameters_of(candidate: Candidate, coefficients: Array) -> dict[str, float]
 
 
 def physical(candidate: Candidate, coefficients: Array) -> bool:
-    """Whether the parameters have the signs that they must have: no negative mass, stiffness, gap or friction share."""
+    """Whether the parameters have the signs that they must have: no negative mass, stiffness, gap or friction share.
+
+    A spring that is slack a turn and more beyond every place that a joint can reach is a constant torque, not a spring.
+    """
     values = parameters_of(candidate, coefficients)
     signed = {p.name for p in candidate.definition.parameters if p.signed}
+    farthest = next((3 * p.typical[1] for p in candidate.definition.parameters if p.name == "rest_angle"), np.inf)
+    if abs(values.get("rest_angle", 0.0)) > farthest:
+        return False
     return all(np.isfinite(value) and (name in signed or value >= 0.0) for name, value in values.items())
 
 

@@ -157,11 +157,21 @@ def round_of(
 def simplest(able: list[Look], held_out: Side) -> tuple[Look, list[Look]]:
     """Of the candidates that explain as much as the best one, the one with the fewest coefficients; and all that are its equals.
 
-    A candidate with more coefficients than another that explains the same is not an alternative but an excess.
+    A candidate with more coefficients than another that explains the same is not an alternative but an excess; unless the catalogue knows
+    the two to be confused (an offset of the current and friction that differs by direction, where the arm always moves).
     """
     best = able[0].held_out_gain
     level = best - max(ALIKE * best, 0.02 * held_out.rows)
     alike = [one for one in able if one.held_out_gain >= level]
     fewest = min(len(one.coefficients) for one in alike)
-    equals = [one for one in alike if len(one.coefficients) == fewest]
-    return equals[0], equals
+    named = next(one for one in alike if len(one.coefficients) == fewest)
+    equals = [
+        one for one in alike if len(one.coefficients) == fewest or _known_confused(one.candidate, named.candidate)
+    ]
+    return named, equals
+
+
+def _known_confused(one: Candidate, other: Candidate) -> bool:
+    """Whether the catalogue says that two effects at one joint may look alike."""
+    alike = other.effect in one.definition.confused_with or one.effect in other.definition.confused_with
+    return alike and one.joint == other.joint

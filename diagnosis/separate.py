@@ -68,37 +68,61 @@ def separation(
     return _best(Question(rivals, others, result.fit, result.arm), result, joints, rig, progress) or nothing
 
 
+@dataclass(frozen=True)
+class _Found:
+    """A trial, how many pairs of rivals it tells apart, and by how much the nearest of these; by how much any, where it tells none."""
+
+    pairs: int
+    distance: float
+    kind: Kind = Kind.MOTION
+    visited: bool = True
+    trial: Trial | None = None
+    together: tuple[tuple[Key, Key], ...] = ()
+
+
 def _best(
     question: Question, result: Diagnosis, joints: Sequence[int], rig: Limits | None, progress: Progress
 ) -> Separation | None:
-    """The motion with the largest smallest distance, of the first kind in which one reaches ``ENOUGH``; None where none does."""
-    tried, farthest_yet = 0, 0.0
+    """Of the first kind of experiment that tells all rivals apart, the motion with the largest smallest distance.
+
+    Where none tells all apart, the one that tells most pairs apart, by the largest distance of these; None where none tells any.
+    """
+    best, tried = _Found(0, 0.0), 0
     for kind, visited in ((Kind.MOTION, True), (Kind.OFF, True), (Kind.PAYLOAD, True), (Kind.MOTION, False)):
-        if not visited and farthest_yet < HOPELESS:
+        if (best.trial and not best.together) or (not visited and best.distance < HOPELESS):
             break
         stage = _stage(result, joints, rig, visited)
-        best, farthest = None, 0.0
         for trial in trials(stage, joints, kind):
             run = foreseen(trial, stage, question.noise)
             if run is None:
                 continue
             tried += 1
             progress(f"separating experiment: {tried} motions tried")
-            distance = float(question.distances(run).min())
-            if distance > farthest:
-                best, farthest = trial, distance
-        farthest_yet = max(farthest_yet, farthest)
-        if best is not None and farthest >= ENOUGH:
-            return _told(farthest, best, tried, beyond=not visited)
-    return None
+            distances = question.apart(run)
+            far = [distance for distance in distances.values() if distance >= ENOUGH]
+            together = tuple(pair for pair, distance in distances.items() if distance < ENOUGH)
+            found = _Found(len(far), min(far or distances.values()), kind, visited, trial, together)
+            same = (best.kind, best.visited) == (kind, visited)
+            # what asks more of a person has to tell more apart, not the same better
+            if found.pairs > best.pairs or (same and found.pairs == best.pairs and found.distance > best.distance):
+                best = found
+    return _told(best, best.trial, tried) if best.pairs and best.trial else None
 
 
-def _told(distance: float, trial: Trial, tried: int, *, beyond: bool) -> Separation:
-    seconds = demand_of(trial.experiment).duration
-    words = f"{trial.words} ({seconds:.0f} s)"
-    if beyond:
+def _told(found: _Found, trial: Trial, tried: int) -> Separation:
+    words = f"{trial.words} ({demand_of(trial.experiment).duration:.0f} s)"
+    if not found.visited:
         words += "; this goes further than the recordings did: see that the way is free"
-    return Separation(trial.experiment.model_copy(update={"description": words}), distance, words, tried)
+    if found.together:
+        pairs = ", ".join(f"{named(one)} from {named(other)}" for one, other in found.together)
+        words += f"; it does not tell {pairs}"
+    return Separation(trial.experiment.model_copy(update={"description": words}), found.distance, words, tried)
+
+
+def named(key: Key) -> str:
+    """``backlash of joint 2``."""
+    effect, joint = key
+    return f"{effect.replace('_', ' ')} of joint {joint}" if joint else effect.replace("_", " ")
 
 
 def _stage(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visited: bool) -> Stage:

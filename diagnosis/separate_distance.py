@@ -62,6 +62,17 @@ class Question:
         self.noise = np.mean([run.noise for run in runs], axis=0)
         self._told, self._squares = self._equations(side_of(runs))
 
+    def apart(self, run: Run) -> dict[tuple[Key, Key], float]:
+        """The distance of every pair of rivals, whichever of the two is true; see ``distances``."""
+        found = self.distances(run)
+        count = range(len(self.rivals))
+        return {
+            (self.rivals[k].key, self.rivals[other].key): float(min(found[k, other], found[other, k]))
+            for k in count
+            for other in count
+            if k < other
+        }
+
     def distances(self, run: Run) -> Array:
         """(rivals, rivals) standard deviations by which what row k predicts for ``run`` stays away from what column l can be refit to."""
         count = len(self.rivals)
