@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from arm_model import scalar
 from arm_model.description import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Effect, Signals, Values
+from arm_model.effects.transmission import across_gap
 from arm_model.tape import Expr, derivative
 
 Symbol = Callable[[str], Expr]
@@ -188,7 +189,7 @@ class Mechanics:
     def twist_torque(self, j: int, twist: Expr, rate: Expr) -> Expr:
         """Torque that joint j's transmission passes on, N m at the joint side, for ``twist`` = theta - phi.
 
-        Play in series with a spring is a spring that begins beyond the gap.
+        Play in series with a spring is a spring that begins beyond the gap, and never pulls.
         """
         gives = self._gives(j)
         play = next((term for term in gives if "half_gap" in term.values), None)
@@ -196,14 +197,13 @@ class Mechanics:
         if not springs:
             assert play is not None and play.effect.spring is not None
             return twist.tape.expr(play.effect.spring(play.values, Signals(twist=twist, twist_rate=rate)))
-        if play is not None:
-            gap = play.values.half_gap
-            beyond = scalar.maximum(twist - gap, 0.0) + scalar.minimum(twist + gap, 0.0)
-            seated = scalar.minimum(abs(beyond) / (0.01 * gap + 1e-9), 1.0)
-            twist, rate = beyond, rate * seated
-        law = springs[0].effect.spring
-        assert law is not None
-        return twist.tape.expr(law(springs[0].values, Signals(twist=twist, twist_rate=rate)))
+        term = springs[0]
+
+        def spring(twist: Expr, rate: Expr) -> Expr:
+            assert term.effect.spring is not None
+            return twist.tape.expr(term.effect.spring(term.values, Signals(twist=twist, twist_rate=rate)))
+
+        return spring(twist, rate) if play is None else across_gap(play.values.half_gap, twist, rate, spring)
 
     def current_bounds(self, j: int) -> list[Expr]:
         """Largest magnitudes of motor current j, A: the servo's own and those of effects."""

@@ -103,6 +103,8 @@ class Tape:
         match operation:
             case "add" if known == 0.0:
                 return a
+            case "add" if a.index == b.index:
+                return a * 2.0
             case "add" if minus_b is not None:
                 return a - minus_b
             case "add" if minus_a is not None:
@@ -123,6 +125,8 @@ class Tape:
                 return a
             case "mul" | "div" if known == -1.0:
                 return -a
+            case "mul" if known is not None and (scaled := self._scaled(a)) is not None:
+                return scaled[0] * (scaled[1] * known)
             case "mul" | "div" if minus_a is not None:
                 return -self.binary(operation, minus_a, b)
             case "mul" | "div" if minus_b is not None:
@@ -131,6 +135,17 @@ class Tape:
                 return self.constant(0.0)
             case "div" if known is not None:
                 return a * (1.0 / known)
+        return None
+
+    def _scaled(self, a: Expr) -> tuple[Expr, float] | None:
+        """(b, number) where a is b times a number."""
+        node = self.nodes[a.index]
+        if node.operation == "mul":
+            first, second = (Expr(self, index) for index in node.arguments)
+            if second.value is not None:
+                return first, second.value
+            if first.value is not None:
+                return second, first.value
         return None
 
     def _negated(self, a: Expr) -> Expr | None:

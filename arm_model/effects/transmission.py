@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from arm_model import scalar
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
 
 
-def _gap_spring(p: Values, s: Signals) -> Any:
-    """Contact on either side of the gap: spring and damper that push, never pull."""
-    above = scalar.maximum(s.twist - p.half_gap, 0.0)
-    below = scalar.minimum(s.twist + p.half_gap, 0.0)
-    return p.contact_stiffness * (above + below) + p.contact_damping * s.twist_rate * _touching(
-        above - below, p.half_gap
+def across_gap(half_gap: Any, twist: Any, rate: Any, spring: Callable[[Any, Any], Any]) -> Any:
+    """Torque of a gap in series with ``spring`` (twist beyond the gap, its rate): contact on either side that pushes, never pulls.
+
+    Bodies that part faster than the spring unloads are let go. The rate counts from a hundredth of the gap on.
+    """
+    above, below = scalar.maximum(twist - half_gap, 0.0), scalar.minimum(twist + half_gap, 0.0)
+    seat = 0.01 * half_gap + 1e-9
+    pushed = spring(above, rate * scalar.minimum(above / seat, 1.0))
+    pulled = spring(below, rate * scalar.minimum(-below / seat, 1.0))
+    return scalar.maximum(pushed, 0.0) + scalar.minimum(pulled, 0.0)
+
+
+def _teeth(p: Values, s: Signals) -> Any:
+    return across_gap(
+        p.half_gap, s.twist, s.twist_rate, lambda twist, rate: p.contact_stiffness * twist + p.contact_damping * rate
     )
-
-
-def _touching(depth: Any, half_gap: Any) -> Any:
-    """0 inside the gap, rising to 1 over a hundredth of it."""
-    return scalar.minimum(depth / (0.01 * half_gap + 1e-9), 1.0)
 
 
 BACKLASH = Effect(
@@ -34,7 +39,7 @@ BACKLASH = Effect(
     shows="lost motion at reversal and where the load changes sign: a current jump, felt by resting neighbours",
     confused_with={"joint_compliance": "a load bias closes the gap; compliance stays"},
     deflection=lambda p, s: p.half_gap * s.load / scalar.sqrt(s.load**2 + 1e-2),
-    spring=_gap_spring,
+    spring=_teeth,
 )
 
 JOINT_COMPLIANCE = Effect(

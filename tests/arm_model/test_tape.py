@@ -30,6 +30,7 @@ def test_trivial_operations_cost_nothing() -> None:
     assert (x * y).index == (y * x).index
     assert (x + -y).index == (x - y).index
     assert operations(tape, [x * y + x * y]) == 2
+    assert operations(tape, [3.0 * (x + x) * 0.5]) == 1
 
 
 def test_derivative_is_the_slope() -> None:
