@@ -30,6 +30,10 @@ _OF_JOINT = {
     "coulomb_difference": "D_{{{}}}",
     "sign_velocity": "v_{{s,{}}}",
     "zero": "q_{{0,{}}}",
+    "resistance": r"\rho C_d R_{{{}}}",
+    "added": r"\rho C_a\pi R^2_{{{}}}",
+    "displaced": "m_{{w,{}}}",
+    "drag": "D_{{q,{}}}",
     "internal": "z_{{{}}}",
     "damping": "c_{{{}}}",
 }

@@ -5,14 +5,27 @@ What is used more than once gets a name of its own (t1, t2, ...); everything els
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from arm_model.inertia import PARAMETERS
 from arm_model.tape import Expr, Tape, needed
 
 _INFIX = {"add": ("+", 1), "sub": ("-", 1), "mul": ("*", 2), "div": ("/", 2)}
 _SUM, _PRODUCT, _ATOM = 1, 2, 4
+
+
+def shown(name: str) -> str:
+    """A name of a generated system (``arm_model.loop``, ``arm_model.numbers``), which counts from 0, as people read it: joints and
+    effects from 1, parameters of bodies and axes of gravity by their letters. theta0 -> theta1, body1.4 -> body2.ixx."""
+    if body := re.fullmatch(r"body(\d+)\.(\d)", name):
+        return f"body{int(body[1]) + 1}.{PARAMETERS[int(body[2])]}"
+    if gravity := re.fullmatch(r"gravity(\d)", name):
+        return f"gravity_{'xyz'[int(gravity[1])]}"
+    counted = re.fullmatch(r"([a-z_]+)(\d+)(\.\w+)?", name)
+    return f"{counted[1]}{int(counted[2]) + 1}{counted[3] or ''}" if counted else name
 
 
 @dataclass(frozen=True)
@@ -102,7 +115,7 @@ def c_function(
     return head + "".join(f"    {line}\n" for line in body) + "}\n"
 
 
-def equations(tape: Tape, outputs: Mapping[str, Expr]) -> str:
-    """The outputs as lines of text for people, common parts first."""
-    lines, values = assignments(tape, outputs)
+def equations(tape: Tape, outputs: Mapping[str, Expr], names: Mapping[str, str] | None = None) -> str:
+    """The outputs as lines of text for people, common parts first; ``names`` as of ``assignments``."""
+    lines, values = assignments(tape, outputs, names=names)
     return "\n".join([*lines, *(f"{name} = {value}" for name, value in values.items())])

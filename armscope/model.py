@@ -101,6 +101,8 @@ def _summary(arm: Arm) -> dict[str, Any]:
             "gear": joint.gear,
             "viscous": [joint.ratio**2 * value for value in joint.viscous],
             "coulomb": [joint.ratio * value for value in joint.coulomb],
+            "drag": joint.drag,
+            "cylinder": None if joint.cylinder is None else asdict(joint.cylinder),
         }
         for number, joint in enumerate(arm.joints, 1)
     ]
@@ -129,6 +131,12 @@ def _text(summary: dict[str, Any]) -> str:
             f"{joint['joint']:>5}  {joint['type']:<9} {joint['mass']:>7.4g} {joint['inertia_at_zero']:>18.4g}"
             f" {viscous:>24}  {coulomb:>15}  {joint['name']}".rstrip()
         )
+    for joint in summary["joints"]:
+        if body := joint["cylinder"]:
+            coefficients = f"C_d {body['drag_coefficient']:g}, C_a {body['added_mass_coefficient']:g}, buoyancy {body['buoyancy']:g}"
+            lines.append(f"link {joint['joint']} in water: cylinder of {body['radius']:g} m, {coefficients}")
+        if joint["drag"]:
+            lines.append(f"joint {joint['joint']}: drag {joint['drag']:g} N m s2/rad2")
     for term in summary["effects"]:
         values = ", ".join(f"{name} {value:g}" for name, value in term["parameters"].items())
         where = "arm" if term["joint"] is None else f"joint {term['joint']}"
@@ -168,15 +176,26 @@ def _equations(arm: Arm, form: Form, by: Formulation | None) -> str:
         # that the rate of an angle is a speed is in the notation
         told = {name: value for name, value in outputs.items() if tape.nodes[value.index].operation != "input"}
         return latex.equations(tape, {latex.output_symbol(name): value for name, value in told.items()})
-    if form is Form.TEXT:
-        return printing.equations(tape, outputs) + "\n"
     nodes = [tape.nodes[index] for index in needed(tape, outputs.values())]
-    legal = {node.name: node.name.replace(".", "_") for node in nodes if node.operation == "input"}
+    read = {node.name: printing.shown(node.name) for node in nodes if node.operation == "input"}
+    if form is Form.TEXT:
+        return printing.equations(tape, {_left(name): value for name, value in outputs.items()}, read) + "\n"
+    legal = {name: text.replace(".", "_") for name, text in read.items()}
     python = form is Form.PYTHON
     write: Callable[..., str] = printing.python_function if python else printing.c_function
     arguments = [name if python else f"double {name}" for name in legal.values()]
-    head = "" if python else "#include <math.h>\n\n"
+    order = f"out of {what}, in order: {', '.join(_left(name) for name in outputs)}"
+    head = f"# {order}\n" if python else f"/* {order} */\n#include <math.h>\n\n"
     return head + write(what, arguments, tape, list(outputs.values()), legal)
+
+
+def _left(name: str) -> str:
+    """What stands left of the equals sign: "d speed0/dt" -> "d speed1/dt", "tau0" -> "tau1"."""
+    from arm_model.printing import shown
+
+    if not name.startswith("d "):
+        return shown(name)
+    return f"d {shown(name.removeprefix('d ').removesuffix('/dt'))}/dt"
 
 
 def _accelerations(arm: Arm) -> tuple[str, Tape, dict[str, Expr]]:

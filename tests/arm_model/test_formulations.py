@@ -128,8 +128,8 @@ def test_torques_as_source(root: Path, by: str, capsys: pytest.CaptureFixture[st
     torques = space["torques"]
     inertia, moment = 0.167 + 2 * 0.25, 2 * 0.5  # of each link about its own joint
     q2, u1, u2, a1, a2 = 0.4, 0.3, -0.8, 1.1, 0.7
-    known = dict(body0_9=inertia + 2.0, body1_1=moment, body1_9=inertia)  # link 1 carries the mass of link 2
-    moving = dict(q1=q2, qd0=u1, qd1=u2, qdd0=a1, qdd1=a2)
+    known = dict(body1_izz=inertia + 2.0, body2_mx=moment, body2_izz=inertia)  # link 1 carries the mass of link 2
+    moving = dict(q2=q2, qd1=u1, qd2=u2, qdd1=a1, qdd2=a2)
     wanted = torques.__code__.co_varnames[: torques.__code__.co_argcount]
     c, s = moment * np.cos(q2), moment * np.sin(q2)
     np.testing.assert_allclose(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +30,21 @@ def test_summary(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_equations(root: Path, form: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["model", str(root / MODEL), "--equations", form]) == 0
     printed = capsys.readouterr().out
-    assert "sin(theta1)" in printed
+    assert "sin(theta2)" in printed
+    counted = {int(number) for number in re.findall(r"\b(?:theta|speed|current|rotor|body)(\d+)", printed)}
+    assert counted == set(range(1, 7))
+    first = {"text": "d theta1/dt = speed1\n", "python": "return (speed1, ", "c": "out[0] = speed1;"}[form]
+    assert first in printed
     if form == "python":
         compile(printed, "rates", "exec")
+
+
+def test_water_is_told(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = str(root / "config/models/underwater.toml")
+    assert run(["model", model]) == 0
+    assert "link 2 in water: cylinder of 0.025 m, C_d 1, C_a 2, buoyancy 1" in capsys.readouterr().out
+    assert run(["model", model, "--equations", "text"]) == 0
+    assert "resistance2" in capsys.readouterr().out
 
 
 def test_through_urdf(root: Path, tmp_path: Path) -> None:

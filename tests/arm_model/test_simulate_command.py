@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 
 from armscope.cli import run
 from daq.recording import open_recording
@@ -41,6 +43,25 @@ def test_simulates_an_experiment_and_its_own_recording_alike(
     # Demands that were recorded between the servos' ticks are joined by straight lines: not quite what the servos had.
     np.testing.assert_allclose(b.q, a.q, atol=2e-4)
     assert np.abs(a.q[-1] - [0.3, 0.2, -0.2, 0.1, 0.1, 0.1]).max() < 0.02
+
+
+def test_water_in_the_model_file_is_simulated(root: Path, tmp_path: Path) -> None:
+    """The forearm in water: the motors of joints 2 and 3 give more while it moves, and the weight is less at rest."""
+    (tmp_path / "move.toml").write_text(EXPERIMENT)
+    table = tomllib.loads((root / "config/models/puma560.toml").read_text())
+    body = {"start": [0.0, 0.0, 0.0], "end": [0.0, 0.0, 0.4], "radius": 0.05}
+    table["joint"][2]["cylinder"] = body | {"drag_coefficient": 1.0, "added_mass_coefficient": 1.0, "buoyancy": 1.0}
+    (tmp_path / "wet.toml").write_text(tomli_w.dumps(table))
+    runs = []
+    for name, model in (("dry", root / "config/models/puma560.toml"), ("wet", tmp_path / "wet.toml")):
+        out = tmp_path / f"{name}.mcap"
+        arguments = ["--experiment", str(tmp_path / "move.toml"), "--out", str(out)]
+        assert run(["simulate", "--model", str(model), *arguments]) == 0
+        runs.append(open_recording(out))
+    dry, wet = runs
+    assert np.abs(wet.i[0, 1:3]).sum() < np.abs(dry.i[0, 1:3]).sum()
+    moved = (wet.i - wet.i[0]) - (dry.i - dry.i[0])
+    assert (np.abs(moved[:, :3]).max(axis=0) > 0.01).all()
 
 
 def test_emps_is_simulated_as_published(root: Path, shared: Path, tmp_path: Path) -> None:
