@@ -25,7 +25,7 @@ from diagnosis.library import Side, columns_of, free_columns, side_of
 from diagnosis.link_causes import LinkCause, LinkSide, link_side
 from diagnosis.parameters import Estimate, estimates
 from diagnosis.projection import confusability, span_of
-from diagnosis.remainder import Structure, structure_left
+from diagnosis.remainder import Structure
 from diagnosis.search import Found, Problem, search
 from diagnosis.selection import Look, look
 from diagnosis.setup import loaded, setup_of
@@ -128,7 +128,7 @@ def diagnose(
     return Diagnosis(
         arm, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
         not_visible(library, sides[1], accepted, named, arm),
-        (structure_left(*sides, left, arm) if judged else []) + (link.unexplained if link else []), compared,
+        (search_result.remainder.structures if judged else []) + (link.unexplained if link else []), compared,
         np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
         + (link.remarks if link else ()),

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm, EffectTerm
 from diagnosis.candidates import Candidate
-from diagnosis.library import Side, columns_of, side_with
+from diagnosis.library import Columns, Side, columns_of, side_with
 from diagnosis.parameters import parameters_of, physical, sharpened
+from diagnosis.remainder import Remainder, beside, better_than_causes, structure_left
 from diagnosis.selection import Accepted, Look, Pair, accept, look, matters, round_of, simplest
 
 Array = NDArray[np.float64]
@@ -24,6 +25,11 @@ Array = NDArray[np.float64]
 MOST_CAUSES = 8
 CORRECTIONS = 2
 """Evaluations of the exact model a round: the second-order part of a strong effect is a tenth of it, that of the rest a hundredth."""
+
+WORSE = 1.1
+"""Times the first-order residual: an exact model that leaves more is outside of its range."""
+SUPERFLUOUS = 0.5
+"""A cause that keeps less than this share of its gain beside unexplained structure was a name for part of that structure."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,7 @@ class Found:
     chosen: list[Candidate]
     equals: list[list[Look]]
     sides: tuple[Side, Side]
+    remainder: Remainder
 
 
 def search(problem: Problem, progress: Callable[[str], None]) -> Found:
@@ -70,7 +77,43 @@ def search(problem: Problem, progress: Callable[[str], None]) -> Found:
         equals[sharp.key] = alike
         chosen = weeded([*chosen, sharp], problem, sides)
         sides = corrected(chosen, problem, sides)
-    return Found(chosen, [equals[c.key] for c in chosen], sides)
+    progress("looking at what is left")
+    remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
+    while dissolved := _superfluous(chosen, problem, sides, remainder) or _outdone(chosen, problem, sides):
+        chosen = [c for c in chosen if c not in dissolved]
+        sides = corrected(chosen, problem, sides)
+        remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
+    return Found(chosen, [equals[c.key] for c in chosen], sides, remainder)
+
+
+def _superfluous(
+    chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, Side], remainder: Remainder
+) -> list[Candidate]:
+    """The cause that unexplained structure beside all causes makes superfluous most, if there is one."""
+    shares = {}
+    for c in chosen:
+        others = problem.accepted([o for o in chosen if o is not c], sides)
+        touching = [pair for pair in remainder.pairs if _meet(pair[0], problem.library[c][0])]
+        if touching:
+            alone = look(c, problem.library[c], others, sides[1]).held_out_gain
+            shares[c] = look(c, problem.library[c], beside(others, touching), sides[1]).held_out_gain / alone
+    least = min(shares, key=lambda c: shares[c], default=None)
+    return [least] if least is not None and shares[least] < SUPERFLUOUS else []
+
+
+def _outdone(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, Side]) -> list[Candidate]:
+    """The causes of a joint that a function of one variable explains better than all of them together."""
+    having = problem.accepted(chosen, sides)
+    for joint in sorted({c.joint for c in chosen if c.joint}):
+        own = [c for c in chosen if c.joint == joint]
+        without = problem.accepted([c for c in chosen if c not in own], sides)
+        if better_than_causes(*sides, without, having, problem.arm, joint):
+            return own
+    return []
+
+
+def _meet(one: Columns, other: Columns) -> bool:
+    return one.where.start < other.where.stop and other.where.start < one.where.stop
 
 
 def corrected(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, Side]) -> tuple[Side, Side]:
@@ -85,7 +128,7 @@ def corrected(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, 
         exact = [side_with(side, terms) for side in problem.sides]
         linear = [_spread(chosen, parts, problem, which) for which in (0, 1)]
         trial = replace(sides[0], y=exact[0] + linear[0]), replace(sides[1], y=exact[1] + linear[1])
-        if not np.sum(problem.accepted(chosen, trial).fit ** 2) < np.sum(accepted.fit**2):
+        if np.sum(problem.accepted(chosen, trial).fit ** 2) > WORSE * np.sum(accepted.fit**2):
             return sides
         sides = trial
     return sides

@@ -96,11 +96,17 @@ def fit_gain(columns: Columns, accepted: Accepted) -> tuple[float, Array]:
 
 def look(candidate: Candidate, pair: Pair, accepted: Accepted, held_out: Side) -> Look:
     """What one candidate adds beside the accepted ones."""
+    gain, c, blocks = gain_of(pair, accepted, held_out)
+    return Look(candidate, c, gain, float(blocks.sum()), p_value(blocks), blocks)
+
+
+def gain_of(pair: Pair, accepted: Accepted, held_out: Side) -> tuple[float, Array, Array]:
+    """Fall of the squared fit error by columns beside the accepted ones, their coefficients (k,), fall of the held-out one by block."""
     gain, c = fit_gain(pair[0], accepted)
     inside = pair[0].dot(accepted.basis).T @ c
     after = accepted.held_out - pair[1].spread(c, len(held_out.y)) + accepted.to_held_out @ inside
     blocks = np.bincount(held_out.block, weights=accepted.held_out**2 - after**2).astype(float)
-    return Look(candidate, c, gain, float(blocks.sum()), p_value(blocks), blocks)
+    return gain, c, blocks
 
 
 def best_shapes(library: Mapping[Candidate, Pair], accepted: Accepted, fit: Side, taken: set[Key]) -> list[Candidate]:
