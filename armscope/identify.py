@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from identification.readiness import Readiness
     from identification.result import Identification, Value
 
 
@@ -39,7 +40,9 @@ def command(
     model: Annotated[
         Path, typer.Option(metavar="MODEL.toml", help="geometry and drives, and the values to start from")
     ],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="folder for identification.json, report.html, model.toml")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="folder for identification.json, report.html, model.toml")
+    ] = None,
     held_out: Annotated[
         list[Path] | None,
         typer.Option("--held-out", metavar="RUN.mcap", help="a recording to judge by; may be repeated"),
@@ -52,8 +55,14 @@ def command(
         ),
     ] = Method.wls,
     friction: Annotated[
-        Friction, typer.Option(help="asymmetric: viscous and Coulomb friction of their own for each direction")
-    ] = Friction.symmetric,
+        Friction | None,
+        typer.Option(
+            help="asymmetric: viscous and Coulomb friction of their own for each direction; left out: as the model has viscous friction"
+        ),
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="only say how fit the recordings are: rows, excitation, saturation, lag")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print identification.json and nothing else")] = False,
 ) -> None:
     """Identifies an arm."""
@@ -62,15 +71,25 @@ def command(
     from arm_model.model_file import read_model
     from daq.recording import open_recording
     from identification.files import write_identification
-    from identification.methods import identify_by
-    from inputs import check_folder
+    from identification.methods import check_runs, identify_by, own_friction
+    from inputs import InputError, check_folder
 
-    check_folder(out)
+    if out is None and not check:
+        raise InputError("--out", "is missing: a folder for the results; or --check to judge the recordings only")
+    if out is not None:
+        check_folder(out)
     arm = read_model(model)
     fitted = [open_recording(path) for path in run]
     held = [open_recording(path) for path in held_out or []]
+    rubbing = friction.value if friction else own_friction(arm)
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
-        result = identify_by(method.value, fitted, arm, held_out=held, friction=friction.value, progress=status.update)
+        if out is None or check:
+            sparse = method in (Method.motor_link, Method.sequence, Method.friction)
+            ready = check_runs(fitted, arm, held_out=held, friction=rubbing, sparse=sparse, progress=status.update)
+            status.stop()
+            _print_readiness(ready, as_json)
+            return
+        result = identify_by(method.value, fitted, arm, held_out=held, friction=rubbing, progress=status.update)
         status.update("report")
         table = write_identification(out, result)
     if as_json:
@@ -95,6 +114,45 @@ def _print(result: Identification, out: Path) -> None:
         console.print(f"warning: {warning}", markup=False, soft_wrap=True)
     console.print(verdict(result), markup=False, soft_wrap=True)
     console.print(f"{out / 'report.html'}, identification.json, model.toml", markup=False, soft_wrap=True)
+
+
+def _print_readiness(ready: Readiness, as_json: bool) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    if as_json:
+        print(json.dumps(ready.to_json()))
+        return
+    console = Console(highlight=False)
+    for run in ready.runs:
+        console.print(f"{run.run}: {run.rows} rows of {run.period * 1e3:.4g} ms", markup=False, soft_wrap=True)
+        table = Table(box=None, pad_edge=False)
+        for heading in (
+            "joint",
+            "travel",
+            "top speed",
+            "noise",
+            "rows that count",
+            "left out",
+            "torque late by",
+            "of the limit",
+        ):
+            table.add_column(heading, justify="left" if heading == "left out" else "right", no_wrap=True)
+        for joint in run.joints:
+            table.add_row(
+                str(joint.joint),
+                f"{joint.travel:.3g}",
+                f"{joint.top_speed:.3g}",
+                f"{joint.noise:.1g}",
+                f"{joint.used / run.rows:.0%}",
+                ", ".join(f"{reason} {rows / run.rows:.0%}" for reason, rows in joint.left_out.items()),
+                "" if joint.lag is None else f"{joint.lag * 1e3:.1f} ms",
+                "" if joint.torque is None else f"{joint.torque:.0%}",
+            )
+        console.print(table)
+    for warning in ready.warnings:
+        console.print(f"warning: {warning}", markup=False, soft_wrap=True)
+    console.print(ready.sentence, markup=False, soft_wrap=True)
 
 
 def _table(values: list[Value], what: str) -> object:

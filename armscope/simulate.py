@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -106,6 +107,8 @@ def _of_experiment(arm: Arm, path: Path, rate: float | None) -> _Task:
 def _of_recording(arm: Arm, path: Path | None, rate: float | None) -> _Task:
     assert path is not None
     recording = open_recording(path)
+    for note in recording.notes:
+        print(f"warning: {path}: {note}", file=sys.stderr)
     if recording.qref is None:
         raise InputError(path, "has no demanded positions (qref); a recording with them is wanted")
     if recording.joints != len(arm):

@@ -6,7 +6,7 @@ import json
 import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from daq.contents import Contents, read_contents
 from daq.layout import JOINT_TOPICS, Layout
 from daq.ledger import LedgerSummary
+from drivers.shapes import Quality
 from inputs import InputError
 
 Array = NDArray[np.float64]
@@ -126,6 +127,25 @@ class Recording:
         """How the run ended, its notes and clocks, of a measured recording."""
         data = self.attachments.get("run.json")
         return None if data is None else json.loads(data)
+
+    def doubted(self, signal: Literal["q", "i", "points"]) -> dict[str, NDArray[np.bool_]]:
+        """What the instruments themselves doubted: name of a ``drivers.shapes.Quality`` in small letters -> rows (n, J), points (n, 1).
+
+        Only doubts that occur; none in a recording without devices.
+        """
+        if self.quality is None:
+            return {}
+        counters, inputs, table = len(self.layout.counters), len(self.layout.inputs), self.calibration or {}
+        columns = {
+            "q": list(table.get("count_column", ())),
+            "i": [column + counters if column >= 0 else column for column in table.get("volt_column", ())],
+            "points": [counters + inputs] if self.layout.points else [],
+        }[signal]
+        bits = np.zeros((len(self), len(columns)), np.uint8)
+        for place, column in enumerate(columns):
+            if column >= 0:
+                bits[:, place] = self.quality[:, column]
+        return {str(doubt.name).lower(): rows for doubt in Quality if (rows := (bits & doubt) != 0).any()}
 
     def _toml(self, name: str) -> dict[str, Any] | None:
         data = self.attachments.get(name)

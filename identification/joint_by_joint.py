@@ -11,7 +11,7 @@ from arm_model.description import Arm
 from arm_model.parameters import with_parameters
 from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording
-from identification import readiness
+from identification import refusals
 from identification.motor_link import MotorLink, motor_link_of, motor_link_rows
 from identification.result import Identification, Prediction, Value, unit_of
 from identification.signals import Motion
@@ -33,11 +33,11 @@ def identify_joints(
 ) -> Identification:
     """Each joint from the run in which it moves furthest; state-variable filter, beside it the integrated equation."""
     for recording in [*fit, *held_out]:
-        readiness.check_recording(recording, arm)
+        refusals.check_recording(recording, arm)
     progress("smoothing")
-    motions = [motion_of(recording, arm) for recording in fit]
-    held_motions = [motion_of(recording, arm) for recording in held_out]
-    warnings: list[str] = []
+    seen = [motion_of(recording, arm) for recording in [*fit, *held_out]]
+    motions, held_motions = [motion for motion, _ in seen[: len(fit)]], [motion for motion, _ in seen[len(fit) :]]
+    warnings = [warning for _, run in seen[: len(fit)] for warning in run.warnings if "never moves" not in warning]
     parameters, predictions, conditions = [], [], []
     compared: dict[str, tuple[float, float]] = {}
     values: dict[str, float] = {}
@@ -90,6 +90,7 @@ def identify_joints(
         predictions=predictions,
         warnings=warnings,
         bands=[motion.band for motion in motions],
+        runs=[run for _, run in seen],
         extra={
             "integrated_equation": {
                 name.removesuffix(" by the integrated equation"): value for name, (value, _) in compared.items()

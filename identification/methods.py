@@ -12,6 +12,7 @@ from daq.recording import Recording
 from identification import closed_loop, joint_by_joint, sequence, whole_arm
 from identification.equations import Friction
 from identification.friction_tuning import simulated_error, tune_friction
+from identification.readiness import Readiness
 from identification.result import Identification, Prediction, Value, unit_of
 from identification.whole_arm import Progress
 
@@ -40,6 +41,26 @@ def identify_by(
             return sequence.identify_in_sequence(fit, arm, held_out=held_out, friction=friction, progress=progress)
         case "friction":
             return tuned(fit, arm, held_out=held_out, progress=progress)
+
+
+def own_friction(arm: Arm) -> Friction:
+    """Asymmetric where the model's viscous friction differs between the directions."""
+    uneven = any(joint.viscous[0] != joint.viscous[1] for joint in arm.joints)
+    return "asymmetric" if uneven else "symmetric"
+
+
+def check_runs(
+    fit: Sequence[Recording],
+    arm: Arm,
+    *,
+    held_out: Sequence[Recording] = (),
+    friction: Friction = "symmetric",
+    sparse: bool = False,
+    progress: Progress = lambda _: None,
+) -> Readiness:
+    """How fit recordings are to identify ``arm``, before anything is fitted; ``sparse``: runs of one joint each. InputError: not at all."""
+    problem = whole_arm.prepare(fit, arm, held_out=held_out, friction=friction, progress=progress, sparse=sparse)
+    return Readiness(problem.runs, whole_arm.excitation_of(problem), problem.warnings)
 
 
 def tuned(
@@ -76,5 +97,6 @@ def tuned(
         warnings=warnings,
         notes=[f"{tuning.simulations} simulations of the closed loop, in batches"],
         bands=[motion.band for motion in problem.motions],
+        runs=problem.runs,
         compared={"the friction that the model came with": (tuning.before, float(np.nan))},
     )

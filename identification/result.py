@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm
 from identification.effects import definition, is_effect
+from identification.readiness import RunReadiness
 from identification.spectrum import Band
 
 Array = NDArray[np.float64]
@@ -54,6 +55,7 @@ class Identification:
     covariance  (b, b) of ``base``
     compared    relative errors of other models on the same rows: name -> (fit, held out)
     extra       further entries of the file, by method
+    runs        rows of each recording, and why some of them do not count
     """
 
     method: str
@@ -71,6 +73,7 @@ class Identification:
     covariance: Array | None = None
     compared: dict[str, tuple[float, float]] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
+    runs: list[RunReadiness] = field(default_factory=list)
 
     def rows(self, held_out: bool) -> list[Prediction]:
         return [p for p in self.predictions if p.held_out == held_out]
@@ -123,6 +126,7 @@ class Identification:
                 name: {"fit": _number(fit), "held_out": _number(held)} for name, (fit, held) in self.compared.items()
             },
             **self.extra,
+            "runs": [run.to_json() for run in self.runs],
             "warnings": self.warnings,
             "notes": self.notes,
         }

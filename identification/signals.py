@@ -132,7 +132,9 @@ def slowest_certain_speed(q: Array, qd: Array, band: Band, dt: float) -> Array:
     step = np.array([_resolution(column) for column in q.T])
     # White position noise of rms s has density 2 dt s^2; differentiated and cut at f: s_v^2 = 2 dt s^2 (2 pi)^2 f^3 / 3.
     noise = band.noise_rms * 2 * np.pi * np.sqrt(2 * dt * band.motion**3 / 3)
-    return np.maximum.reduce([step * band.motion, 3 * noise, CREEP * np.max(np.abs(qd), axis=0)])
+    rounding = 1e-9 * np.maximum(np.max(np.abs(q), axis=0), 1.0)  # of a joint that stands in a simulation
+    still = np.where(np.ptp(q, axis=0) < rounding, np.inf, 0.0)
+    return np.maximum.reduce([step * band.motion, 3 * noise, CREEP * np.max(np.abs(qd), axis=0), still])
 
 
 def flat_tops(channel: Array, q: Array) -> Mask:

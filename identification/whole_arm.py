@@ -15,9 +15,10 @@ from arm_model.description import Arm
 from arm_model.parameters import with_parameters
 from arm_model.servo import fixed_gains
 from daq.recording import Recording
-from identification import readiness
+from identification import refusals
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.consistency import consistent_parameters
+from identification.doubts import trusted
 from identification.effects import is_effect, left_to_the_model, true_readings
 from identification.equations import (
     Equations,
@@ -28,7 +29,8 @@ from identification.equations import (
     structural_base,
     with_effects,
 )
-from identification.least_squares import Fit, Method, least_squares, relative_error
+from identification.least_squares import Fit, Method, least_squares, relative_error, weighted
+from identification.readiness import Excitation, RunReadiness, readiness_of
 from identification.result import Identification, Prediction, Value, unit_of
 from identification.signals import Motion, smooth_motion
 from identification.uncertainty import Uncertainty, uncertainty
@@ -53,6 +55,7 @@ class Problem:
 
     base    what the arm could show; excited: indices into it that this data shows
     held    rows of the held-out recordings (None: split by time)
+    runs    how fit each recording is, fitted ones first
     """
 
     arm: Arm
@@ -66,6 +69,7 @@ class Problem:
     base: BaseParameters
     excited: NDArray[np.intp]
     warnings: list[str]
+    runs: list[RunReadiness]
 
     @property
     def columns(self) -> NDArray[np.intp]:
@@ -87,12 +91,14 @@ class Problem:
         return replace(self, rows=rows, held=held)
 
 
-def motion_of(recording: Recording, arm: Arm) -> Motion:
-    """The smooth motion of a recording, torques from its currents by the arm's drive constants; the arm's errors of angle and time put right."""
-    q, current = true_readings(arm, recording.t, recording.q, recording.i)
-    motion = smooth_motion(recording.t, q, current * arm.joint_array("drive_constant"))
-    readiness.check_motion(recording.path, motion)
-    return motion
+def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
+    """The smooth motion of a recording, and how fit it is. Torques are its currents times the arm's drive constants; errors of angle and time
+    that the arm has as effects are put right, what the instruments doubt is left out."""
+    found = trusted(recording)
+    q, current = true_readings(arm, recording.t, found.q, found.i)
+    motion = smooth_motion(recording.t, q, current * arm.joint_array("drive_constant"), saturated=found.saturated)
+    refusals.check_motion(recording.path, motion)
+    return motion, readiness_of(recording, found, motion, arm)
 
 
 def prepare(
@@ -109,31 +115,34 @@ def prepare(
     ``sparse``: the runs are of one joint each and need not excite the whole arm.
     """
     for recording in [*fit, *held_out]:
-        readiness.check_recording(recording, arm)
+        refusals.check_recording(recording, arm)
     progress("smoothing")
-    motions = [motion_of(recording, arm) for recording in fit]
-    held_motions = [motion_of(recording, arm) for recording in held_out]
-    warnings = [
+    seen = [motion_of(recording, arm) for recording in [*fit, *held_out]]
+    motions, held_motions = [motion for motion, _ in seen[: len(fit)]], [motion for motion, _ in seen[len(fit) :]]
+    runs = [run for _, run in seen]
+    warnings = [warning for run in runs for warning in run.warnings]
+    warnings += [
         f"{name}: held as the model has it, and counted as rigid or sliding here" for name in left_to_the_model(arm)
     ]
-    for recording, motion in zip([*fit, *held_out], [*motions, *held_motions]):
-        warnings += readiness.warnings_of(recording.path.name, recording, motion, arm)
     progress("equations of motion")
     base = structural_base(arm, friction)
     rows = equations(arm, motions, friction, base)
     held = equations(arm, held_motions, friction, base) if held_motions else None
-    spread = np.array(
-        [np.std(rows.torque[rows.joint == j]) if (rows.joint == j).any() else 1.0 for j in range(len(arm))]
-    )
-    shown = rows.columns[:, base.kept] / np.maximum(spread, 1e-12)[rows.joint, None]
+    shown = rows.columns[:, base.kept] / _spread(rows, arm)[:, None]
     if len(shown) < (1 if sparse else 2) * len(base):
-        raise readiness.too_short([recording.path for recording in fit], len(shown), len(base))
+        raise refusals.too_short([recording.path for recording in fit], len(shown), len(base))
     labels = [base.names[k] for k in base.kept]
     excited = base_parameters(shown, labels, order=range(len(base)), negligible=EXCITED).kept
     excited = np.sort(excited)
     for k in [] if sparse else np.setdiff1d(np.arange(len(base)), excited):
         warnings.append(f"{base.expression(int(k))}: not excited by these runs; taken from the model")
-    return Problem(arm, friction, fit, held_out, motions, held_motions, rows, held, base, excited, warnings)
+    return Problem(arm, friction, fit, held_out, motions, held_motions, rows, held, base, excited, warnings, runs)
+
+
+def _spread(rows: Equations, arm: Arm) -> Array:
+    """(rows,) standard deviation of the torque of each row's joint."""
+    mine = [rows.torque[rows.joint == j] for j in range(len(arm))]
+    return np.array([max(float(np.std(torque)), 1e-12) if len(torque) else 1.0 for torque in mine])[rows.joint]
 
 
 def identify(
@@ -202,6 +211,14 @@ def _towards(problem: Problem, now: Array, wanted: Array, fit: Fit) -> Array:
     return now + length * (wanted - now)
 
 
+def excitation_of(problem: Problem) -> Excitation:
+    """What the fitted runs show of the arm, before anything is fitted: rows of a joint over the spread of its torque."""
+    base, rows = problem.base, problem.rows
+    fit = weighted(rows.columns[:, problem.columns], rows.torque, 1 / _spread(rows, problem.arm))
+    silent = [base.expression(int(k)) for k in np.setdiff1d(np.arange(len(base)), problem.excited)]
+    return Excitation(len(problem.excited), len(base), fit.condition, silent)
+
+
 def conclude(
     problem: Problem, method: str, best: Fit, spread: Uncertainty, solve: Callable[[Equations], Fit]
 ) -> Identification:
@@ -243,6 +260,7 @@ def conclude(
         bands=[motion.band for motion in problem.motions],
         covariance=spread.covariance,
         compared=compared,
+        runs=problem.runs,
     )
 
 
@@ -262,7 +280,7 @@ def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:
                 weight[k] = mean.get(rest.partition("_")[0], 0.0) * (0.5 if rest.endswith("tive") else 1.0)
         power[j] = weight @ best.values
         doubt[j] = float(weight @ spread.covariance @ weight) ** 0.5
-    readiness.check_signs([recording.path for recording in problem.fit], power, doubt)
+    refusals.check_signs([recording.path for recording in problem.fit], power, doubt)
 
 
 def _predictions(
