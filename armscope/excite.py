@@ -17,8 +17,13 @@ class Criterion(StrEnum):
 
 
 def command(
-    model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="the arm, with its limits")],
     out: Annotated[Path, typer.Option(metavar="EXP.toml", help="the experiment file to write")],
+    model: Annotated[
+        Path | None, typer.Option(metavar="MODEL.toml", help="the arm, with its limits; left out: the rig's model")
+    ] = None,
+    rig: Annotated[
+        Path | None, typer.Option(metavar="RIG.toml", help="stay inside this rig's limits too, so that record takes it")
+    ] = None,
     duration: Annotated[float, typer.Option(min=2.0, help="s; whole periods of the fundamental are wise")] = 20.0,
     fundamental: Annotated[float, typer.Option(min=0.01, help="Hz")] = 0.1,
     harmonics: Annotated[int, typer.Option(min=1, max=20)] = 5,
@@ -34,10 +39,21 @@ def command(
     from rich.progress import Progress
 
     from arm_model.model_file import read_model
+    from daq.rig import read_rig
     from experiment import write_experiment
-    from identification.excitation import design_excitation
+    from identification.excitation import Limits, design_excitation
+    from inputs import InputError
 
-    arm = read_model(model)
+    checked = None if rig is None else read_rig(rig, drivers=False)
+    path = model or (checked.model_path if checked else None)
+    if path is None:
+        raise InputError("--model", "is missing, and no --rig names one")
+    arm = read_model(path)
+    limits = Limits.of(arm)
+    if checked is not None:
+        if checked.joints != len(arm):
+            raise InputError(str(rig), f"has {checked.joints} joints, the model '{arm.name}' has {len(arm)}")
+        limits = limits.within(arm, **checked.limits.model_dump())
     with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
         task = bar.add_task("designing", total=1.0)
         found = design_excitation(
@@ -46,6 +62,7 @@ def command(
             fundamental=fundamental,
             harmonics=harmonics,
             criterion=criterion.value,
+            limits=limits,
             candidates=candidates,
             seed=seed,
             progress=lambda share, text: bar.update(task, completed=share, description=text),

@@ -131,6 +131,10 @@ def _check_memory(name: str, memory: int, plan: Plan) -> list[str]:
     ]
 
 
+FELT = 0.02
+"""s: an arm does not follow corners of a demand that are shorter; its acceleration is that between instants so far apart."""
+
+
 def check_motion(rig: Rig, experiment: Experiment, step: float = 1e-3) -> list[str]:
     """Where an experiment asks for more than the rig's limits allow; its demand is looked at every ``step`` s."""
     if len(experiment.start) != rig.joints:
@@ -151,4 +155,13 @@ def check_motion(rig: Rig, experiment: Experiment, step: float = 1e-3) -> list[s
         for joint, limit in enumerate(rig.limits.speed, 1):
             if speed[joint - 1] > limit * (1 + 1e-6):
                 problems.append(f"joint {joint} moves at up to {speed[joint - 1]:.4g}/s; its limit is {limit:g}/s")
+    apart = max(1, round(FELT / step))
+    if rig.limits.acceleration is not None and len(q) > 2 * apart:
+        bend = q[2 * apart :] - 2 * q[apart:-apart] + q[: -2 * apart]
+        acceleration = np.abs(bend).max(axis=0) / (apart * step) ** 2
+        for joint, limit in enumerate(rig.limits.acceleration, 1):
+            if acceleration[joint - 1] > limit * (1 + 1e-6):
+                problems.append(
+                    f"joint {joint} accelerates at up to {acceleration[joint - 1]:.4g}/s2; its limit is {limit:g}/s2"
+                )
     return problems

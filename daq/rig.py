@@ -145,6 +145,7 @@ class Limits(_Table):
 
     position: list[tuple[float, float]] | None = None  # rad (m)
     speed: list[Positive] | None = None  # rad/s
+    acceleration: list[Positive] | None = None  # rad/s2, of what is asked for
     current: list[Positive] | None = None  # A, either direction
 
     @field_validator("position")
@@ -274,7 +275,7 @@ class Rig(_Table):
                 known = ", ".join(names) or "none"
                 raise ValueError(f"{place}: no device {device!r}; devices of this rig: {known}")
         _check_double_use(self)
-        for entry in ("position", "speed", "current"):
+        for entry in ("position", "speed", "acceleration", "current"):
             values = getattr(self.limits, entry)
             if values is not None and len(values) != len(self.joint):
                 raise ValueError(f"limits.{entry}: has {len(values)} entries for {len(self.joint)} joints")

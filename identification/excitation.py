@@ -22,6 +22,7 @@ from experiment import Experiment, demand_of
 from experiment.segments import Fourier, Hold
 from identification.base_parameters import BaseParameters
 from identification.equations import model_columns, model_values, structural_base
+from inputs import InputError
 
 Array = NDArray[np.float64]
 Criterion = Literal["d", "condition"]
@@ -55,6 +56,34 @@ class Limits:
             speed.append(share * min(joint.motor_speed_limit / joint.ratio, 3.0) if joint.motor_speed_limit else SPEED)
             torque.append(share * joint.torque_limit if joint.torque_limit else np.inf)
         return Limits(np.array(position), np.array(speed), 4.0 * np.array(speed), np.array(torque))
+
+    def within(
+        self,
+        arm: Arm,
+        *,
+        position: Sequence[tuple[float, float]] | None = None,
+        speed: Sequence[float] | None = None,
+        acceleration: Sequence[float] | None = None,
+        current: Sequence[float] | None = None,
+        share: float = 0.8,
+    ) -> Limits:
+        """These and a rig's limits (rad, rad/s, rad/s2, A a joint; None: it states none), less a margin, whichever is narrower."""
+        low, high = self.position.T
+        if position is not None:
+            lower, upper = np.array(position, float).T
+            middle, half = (lower + upper) / 2, (upper - lower) / 2 * share
+            low, high = np.maximum(low, middle - half), np.minimum(high, middle + half)
+            if (low >= high).any():
+                joint = int(np.argmax(low >= high)) + 1
+                raise InputError(
+                    f"limits.position[{joint}]", f"leave no room within what '{arm.name}' states for the joint"
+                )
+        slower = self.speed if speed is None else np.minimum(self.speed, share * np.array(speed, float))
+        gentler = self.acceleration if acceleration is None else share * np.array(acceleration, float)
+        weaker = self.torque
+        if current is not None:
+            weaker = np.minimum(weaker, share * np.array(current, float) * arm.joint_array("drive_constant"))
+        return Limits(np.stack([low, high], axis=1), slower, np.minimum(self.acceleration, gentler), weaker)
 
 
 def design_excitation(

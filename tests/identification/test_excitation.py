@@ -10,6 +10,8 @@ import pytest
 from arm_model.dynamics import inverse_dynamics
 from arm_model.model_file import read_model
 from armscope.cli import run
+from daq.arming import check_motion
+from daq.rig import read_rig
 from experiment import demand_of, read_experiment
 from identification.equations import structural_base
 from identification.excitation import Limits, design_excitation, excitation_scores
@@ -47,3 +49,36 @@ def test_command_writes_what_record_reads(root: Path, tmp_path: Path) -> None:
     torque = inverse_dynamics(arm, q, qd, np.gradient(qd, t, axis=0))
     assert np.all(np.abs(torque).max(axis=0) < [joint.torque_limit for joint in arm.joints])
     assert np.all(np.ptp(q, axis=0) > 0.05)
+
+
+def test_rig_narrower_than_the_model_is_kept_and_accepted(
+    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    text = (root / "config/puma560_sim.toml").read_text()
+    text = text.replace('"models/', f'"{root}/config/models/').split("[limits]")[0]
+    narrow = {
+        "position": [[-0.5, 0.9], [-1.2, 0.2], [0.1, 1.4], [-1, 1], [-1, 1], [-1, 1]],
+        "speed": [0.5, 0.4, 0.6, 1.0, 1.0, 1.0],
+        "acceleration": [0.8, 0.7, 0.9, 2.0, 2.0, 2.0],
+        "current": [4.0, 5.5, 5.0, 3.0, 3.0, 3.0],
+    }
+    rig, out = tmp_path / "rig.toml", tmp_path / "excitation.toml"
+    rig.write_text(text + "[limits]\n" + "\n".join(f"{name} = {values}" for name, values in narrow.items()) + "\n")
+    assert run(["excite", "--rig", str(rig), "--out", str(out), "--candidates", "32", "--duration", "10"]) == 0
+    found = read_experiment(out)
+    assert check_motion(read_rig(rig, drivers=False), found) == []
+    arm = read_model(root / "config/models/puma560.toml")
+    demand = demand_of(found)
+    t = np.linspace(0.0, demand.duration, 4000)
+    q = demand(t)
+    qd = np.gradient(q, t, axis=0)
+    current = inverse_dynamics(arm, q, qd, np.gradient(qd, t, axis=0)) / arm.joint_array("drive_constant")
+    assert np.all(np.abs(current).max(axis=0) < narrow["current"])
+    assert np.all(np.ptp(q, axis=0) > 0.05)
+    # The fiercer motion for the bare model is what this rig refuses, acceleration included.
+    assert (
+        run(["excite", "--model", str(root / "config/models/puma560.toml"), "--out", str(out), "--candidates", "32"])
+        == 0
+    )
+    refused = " ".join(check_motion(read_rig(rig, drivers=False), read_experiment(out)))
+    assert "accelerates" in refused
