@@ -7,7 +7,18 @@ of all that is not in the model: the water's drag and added mass, a payload, wro
 
 r is d through a low-pass of bandwidth K, without differentiating a velocity (De Luca and Mattone, "Actuator failure detection and
 isolation using generalized momenta", ICRA 2003). The drives are told tau - r. tau in the observer is what the drives gave,
-cut by their limits, so that a saturated arm does not wind the observer up.
+cut by their limits.
+
+What it guarantees where motions are slow against the sampling period T:
+
+* r follows d with r' = K (d - r), sampled r + K T (d - r), at all times: limits that cut the torque do not wind it up, since what they
+  cut is not taken for a disturbance. Wants K T < 1.
+* While no limit cuts, each joint's error obeys e'' + 2 zeta w e' + w^2 e = -(M^-1 (d - r))_j: a constant disturbance leaves no error, one
+  that changes is felt with d'/K.
+* While a limit cuts, nothing is promised of the error, by this or any controller at the demanded pace: the demand has to slow down
+  (``arm_model.control.time_scaling``).
+
+Added mass that the model lacks is in d as -Ma q''; that of the thesis's arm is three times the links' own, and is borne.
 """
 
 from __future__ import annotations
@@ -18,6 +29,7 @@ from numpy.typing import NDArray
 from arm_model.control.computed_torque import ComputedTorque, Wanted
 from arm_model.dynamics import inverse_dynamics
 from arm_model.rigid_body import mass_matrix
+from inputs import InputError
 
 Array = NDArray[np.float64]
 
@@ -29,6 +41,8 @@ class DisturbanceDecoupling:
     """Computed torque less the observed disturbance. ``bandwidth`` K 1/s; ``period`` s between two calls of ``torque``."""
 
     def __init__(self, computed: ComputedTorque, *, bandwidth: float, period: float) -> None:
+        if not 0 < bandwidth * period < 1:
+            raise InputError("bandwidth", f"times the period is {bandwidth * period:g}; between 0 and 1 is wanted")
         self.computed, self.bandwidth, self.period = computed, bandwidth, period
         self.disturbance = np.zeros(len(computed.arm))
         """(n,) N m (N): r as it was observed last."""

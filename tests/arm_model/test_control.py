@@ -13,7 +13,9 @@ from arm_model.control.decoupling import DisturbanceDecoupling
 from arm_model.control.driven import controlled
 from arm_model.control.time_scaling import TimeScaling
 from arm_model.description import Arm
+from arm_model.hydrodynamics import dry
 from arm_model.model_file import read_model
+from arm_model.two_links import TwoLinks
 from inputs import InputError
 
 POINT = np.array([0.5, -0.4])
@@ -75,6 +77,39 @@ def test_limits_hold_and_do_not_wind_the_observer_up(arm: Arm) -> None:
     np.testing.assert_allclose(controller.disturbance, [-3.0, -3.0], atol=0.1)
 
 
+@pytest.mark.parametrize(("limits", "saturated"), [((100.0, 100.0), False), ((4.0, 1.2), True)])
+def test_the_water_is_observed_through_the_low_pass_saturated_or_not(
+    arm: Arm, limits: tuple[float, float], saturated: bool
+) -> None:
+    """A controller that knows the dry arm only: what its observer finds is the sampled low-pass of the water's torque, which the closed
+    form gives for the motion that came of it."""
+    weak, bandwidth, period = limited(arm, *limits), 15.0, 0.003
+    decoupled, seen = DisturbanceDecoupling(ComputedTorque(dry(weak), 4.0), bandwidth=bandwidth, period=period), []
+
+    class Watched:
+        def torque(self, q: np.ndarray, qd: np.ndarray, wanted: Wanted) -> np.ndarray:
+            tau = decoupled.torque(q, qd, wanted)
+            seen.append(decoupled.disturbance.copy())
+            return tau
+
+        def told(self, q: np.ndarray, qd: np.ndarray, applied: np.ndarray) -> None:
+            decoupled.told(q, qd, applied)
+
+    run = controlled(weak, Watched(), sway, duration=3.9, period=period)
+    share = (np.abs(run.torque) >= np.array(limits) - 1e-9).mean(axis=0)
+    assert (share > 0.1).all() if saturated else (share == 0.0).all()
+    water = TwoLinks((1.0, 1.0), 1025.0 * 0.025, 1025.0 * 2.0 * np.pi * 0.025**2)
+    disturbance = -water.torque(run.q, run.qd, np.gradient(run.qd, run.t, axis=0))
+    wanted, r = [], np.zeros(2)
+    for d in disturbance:
+        wanted.append(r)
+        r = r + bandwidth * period * (d - r)
+    np.testing.assert_allclose(seen, wanted, atol=0.01 * np.abs(disturbance).max())
+    assert np.abs(run.q - run.demand)[-1].max() < 2e-3  # it arrives, and does not overshoot for having been held up
+    overshoot = ((run.q - POINT) * np.sign(POINT)).max()
+    assert overshoot < 5e-3
+
+
 def sway(t: float) -> Wanted:
     """To POINT in 3 s, from and to rest without a jump of the acceleration."""
     s = min(t / 3.0, 1.0)
@@ -106,6 +141,8 @@ def test_time_scaling_keeps_to_the_path_within_the_limits(arm: Arm, limits: tupl
 
 
 def test_bad_period_and_unstable_sampling(arm: Arm) -> None:
+    with pytest.raises(InputError, match="between 0 and 1"):
+        DisturbanceDecoupling(ComputedTorque(arm, 5.0), bandwidth=50.0, period=0.02)
     with pytest.raises(InputError, match="whole number of steps"):
         controlled(arm, ComputedTorque(arm, 5.0), hold, duration=1.0, period=0.0125)
     with pytest.raises(InputError, match="must be positive"):
