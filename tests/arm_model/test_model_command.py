@@ -61,3 +61,31 @@ def test_refuses_other_files(root: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert "neither .toml nor .urdf" in capsys.readouterr().err
     with pytest.raises(InputError, match="no such file"):
         read_model(tmp_path / "absent.toml")
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "said"),
+    [
+        ('units = "SI"', "", "units: is missing"),
+        (
+            "inertia = [0.13, 0.524, 0.539",
+            "inertia = [0.13, 0.524, 0.939",
+            "joint[2]: inertia breaks the triangle inequality",
+        ),
+        (
+            "[controller]",
+            '[[effect]]\nname = "friktion"\njoint = 1\n\n[controller]',
+            "effect[1].name: no effect 'friktion'",
+        ),
+    ],
+)
+def test_a_wrong_model_gets_one_line(
+    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], right: str, wrong: str, said: str
+) -> None:
+    text = (root / MODEL).read_text()
+    assert right in text
+    (tmp_path / "arm.toml").write_text(text.replace(right, wrong, 1))
+    assert run(["model", str(tmp_path / "arm.toml")]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == "" and shown.err.count("\n") == 1
+    assert shown.err.startswith(f"error: {tmp_path / 'arm.toml'}: ") and said in shown.err

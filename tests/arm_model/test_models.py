@@ -52,6 +52,21 @@ def test_scara_of_the_thesis(root: Path, shared: Path) -> None:
     np.testing.assert_allclose(dynamics.inverse_dynamics(arm, q, qd, qdd), tau, rtol=0, atol=1e-8)
 
 
+AA300 = {  # as published: mass, centre, Ixx Iyy Izz Ixy Ixz Iyz about it
+    "column": (1123.1, (0.0059, 0.9383, 0.0638), (692.59, 85.08, 699.93, 7.2543, -0.2016, 22.1523)),
+    "upper arm": (201.45, (0.3267, 0.3938, 0.4836), (67.57, 49.62, 33.82, 0.0444, -0.0430, -17.8084)),
+    "extension tube": (118.95, (0.0012, 0.2900, -0.2111), (18.32, 2.80, 17.52, -0.0511, 0.0292, -1.4355)),
+    "gripper": (65.16, (0.0773, 0.2194, -0.0953), (1.1798, 0.6623, 1.2533, 0.0225, -0.0140, 0.0382)),
+}
+
+
+def test_aa300_is_the_published_one(root: Path) -> None:
+    arm = read_model(root / "config/models/aa300.toml")
+    assert [joint.name for joint in arm.joints] == list(AA300)
+    for joint, (mass, com, (xx, yy, zz, xy, xz, yz)) in zip(arm.joints, AA300.values()):
+        assert (joint.mass, joint.com, joint.inertia) == (mass, com, (xx, yy, zz, xy, yz, xz))
+
+
 def test_inverted_pendulum_swings_as_a_pendulum(root: Path) -> None:
     """Hanging, small: w^2 = m g l / (J - (m l)^2 / (M + m)), the cart free."""
     arm = read_model(root / "config/models/cart_pendulum.toml")
