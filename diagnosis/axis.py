@@ -1,0 +1,276 @@
+"""Causes at one axis alone, with an encoder fine enough to judge reversals (``diagnosis.axis_columns``).
+
+Forward selection: shapes and coefficients from the fit rows, acceptance by the held-out ones. Parts of one recording are predicted from each other.
+A drive that repeats one motion would confirm anything that repeats with it. So what is not itself a difference between the directions has to
+hold across them too: each direction is predicted from what the other one shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE
+from diagnosis.axis_columns import DELAY, Rows, Shape, columns, fine, rows_of, shapes
+from diagnosis.parameters import SYSTEMATIC, Estimate
+from diagnosis.significance import benjamini_hochberg, p_value
+
+Array = NDArray[np.float64]
+Samples = tuple[Array, Array, Array]
+
+SIGNIFICANT = 0.05
+"""False-discovery rate at which a candidate may enter."""
+MATTERS = 0.08
+"""Share of what is left that a cause must explain."""
+ALIKE = 0.95
+"""A candidate that explains this share of what the named one does is in its group."""
+BLOCK_SECONDS = 0.3
+MOST = 6
+PRESLIDING = (0.6, 1.6)
+"""Friction that builds up gradually is the model's own: a coefficient outside says that it is not what is seen."""
+ONE_SIDED = {"friction_asymmetry", "coulomb_friction", "viscous_friction", "current_offset", "gravity_spring"}
+"""Effects that are a difference between the directions, or that another effect of this kind makes up for in one of them."""
+
+
+@dataclass(frozen=True)
+class AxisCause:
+    """One cause; before, after: rms of the held-out residual without and with it, A; gains (blocks,): fall of its square."""
+
+    effect: str
+    parameters: list[Estimate]
+    p: float
+    before: float
+    after: float
+    group: tuple[str, ...]
+    gains: Array
+
+
+@dataclass(frozen=True)
+class _Sides:
+    fit: Rows
+    held_out: Rows
+    both_ways: bool
+    cache: dict[tuple[int, Shape], Array]
+
+    def columns(self, shape: Shape, rows: Rows) -> Array:
+        key = (id(rows), shape)
+        if key not in self.cache:
+            self.cache[key] = columns(shape, rows)
+        return self.cache[key]
+
+    def stacked(self, chosen: Sequence[Shape], rows: Rows) -> Array:
+        return np.column_stack([np.empty((len(rows.residual), 0)), *(self.columns(s, rows) for s in chosen)])
+
+    def ways(self) -> list[tuple[Rows, Rows]]:
+        return [(self.fit, self.held_out), *([(self.held_out, self.fit)] if self.both_ways else [])]
+
+
+def axis_causes(
+    arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, parts: bool
+) -> list[AxisCause] | None:
+    """Causes in the order of acceptance; None where the arm is not one axis, or its encoder too coarse to say more than filters leave.
+
+    fit, held_out: recordings (t (k,) s uniform, q (k, 1), i (k, 1)); parts: they are parts of the same recordings.
+    """
+    if len(arm) != 1:
+        return None
+    sides = _Sides(*(rows_of(arm, side, BLOCK_SECONDS) for side in (fit, held_out)), parts, {})
+    if not fine(arm, sides.fit):
+        return None
+    chosen = _select(sides)
+    return [_cause(shape, chosen, sides) for shape in chosen]
+
+
+def _select(sides: _Sides) -> list[Shape]:
+    everything = list(shapes(sides.fit))
+    chosen: list[Shape] = []
+    while len(chosen) < MOST:
+        looks = [(shape, _gains(shape, chosen, sides)) for shape in _best_shapes(everything, chosen, sides)]
+        q = benjamini_hochberg(np.array([p_value(gains) for _, (gains, _) in looks]))
+        able = [
+            (float(gains.sum()), shape)
+            for (shape, (gains, share)), q_one in zip(looks, q)
+            if q_one < SIGNIFICANT
+            and share > MATTERS
+            and _physical(shape, chosen, sides)
+            and _holds(shape, chosen, sides)
+        ]
+        if not able:
+            break
+        chosen.append(max(able, key=lambda one: one[0])[1])
+        chosen = [_sharpened(s, [o for o in chosen if o is not s], sides) for s in chosen]
+        chosen = [s for s in chosen if _gains(s, [o for o in chosen if o is not s], sides)[1] > MATTERS / 2]
+    return chosen
+
+
+def _best_shapes(everything: Sequence[Shape], chosen: Sequence[Shape], sides: _Sides) -> list[Shape]:
+    taken = {s.effect for s in chosen}
+    best: dict[str, tuple[float, Shape]] = {}
+    for shape in everything:
+        if shape.effect not in taken:
+            left = float(np.sum(_left([*chosen, shape], sides.fit, sides.fit, sides) ** 2))
+            if shape.effect not in best or left < best[shape.effect][0]:
+                best[shape.effect] = left, shape
+    return [shape for _, shape in best.values()]
+
+
+def _gains(shape: Shape, chosen: Sequence[Shape], sides: _Sides) -> tuple[Array, float]:
+    """Fall of the squared held-out error by block, and as a share of what was left; 0 where the held-out side itself gains nothing."""
+    falls, left = [], 0.0
+    for learned, judged in sides.ways():
+        before, after = (_left(some, learned, judged, sides) for some in (chosen, [*chosen, shape]))
+        falls.append(np.bincount(judged.block, weights=before**2 - after**2).astype(float))
+        left += float(np.sum(before**2))
+    gains = np.concatenate(falls)
+    share = float(gains.sum()) / max(left, 1e-300)
+    return gains, share if falls[0].sum() > 0 else 0.0
+
+
+def _left(chosen: Sequence[Shape], learned: Rows, judged: Rows, sides: _Sides) -> Array:
+    return np.asarray(judged.residual - sides.stacked(chosen, judged) @ _fitted(chosen, learned, sides), float)
+
+
+def _fitted(chosen: Sequence[Shape], rows: Rows, sides: _Sides, where: NDArray[np.bool_] | None = None) -> Array:
+    x, y = sides.stacked(chosen, rows), rows.residual
+    if where is not None:
+        x, y = x[where], y[where]
+    size = np.linalg.norm(x, axis=0)
+    size[size == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(x / size, y, rcond=1e-9)[0] / size, float)
+
+
+def _physical(shape: Shape, chosen: Sequence[Shape], sides: _Sides) -> bool:
+    """Friction at rest not below nothing; gradual friction the model's own; a share of friction between none and all of it."""
+    c = float(_fitted([*chosen, shape], sides.fit, sides)[-1])
+    level = sides.fit.arm.joints[0].ratio * max(sides.fit.arm.joints[0].coulomb)
+    match shape.effect:
+        case "stribeck_friction":
+            return c > -level
+        case "presliding_friction":
+            return PRESLIDING[0] < c < PRESLIDING[1]
+        case "friction_drift":
+            return 0.0 < c < 1.0
+    return True
+
+
+def _holds(shape: Shape, chosen: Sequence[Shape], sides: _Sides) -> bool:
+    """Whether what one direction shows of it predicts the other, on both."""
+    if shape.effect in ONE_SIDED:
+        return True
+    for rows in (sides.fit, sides.held_out):
+        before = rows.residual - sides.stacked(chosen, rows) @ _fitted(chosen, rows, sides)
+        own = sides.columns(shape, rows)
+        rest = own - sides.stacked(chosen, rows) @ np.linalg.lstsq(sides.stacked(chosen, rows), own, rcond=1e-9)[0]
+        for learned in (rows.v > 0, rows.v < 0):
+            c = np.linalg.lstsq(rest[learned], before[learned], rcond=1e-9)[0]
+            judged = ~learned
+            if np.sum((before[judged] - rest[judged] @ c) ** 2) >= np.sum(before[judged] ** 2):
+                return False
+    return True
+
+
+def _sharpened(shape: Shape, others: Sequence[Shape], sides: _Sides) -> Shape:
+    """Each nonlinear parameter at its best between its neighbours on the grid."""
+    for name, value in shape.values:
+        if value <= 0.0:
+            continue
+
+        def worse(log_value: float, name: str = name, now: Shape = shape) -> float:
+            return float(np.sum(_residual_of(_with(now, name, float(np.exp(log_value))), others, sides) ** 2))
+
+        found = optimize.minimize_scalar(
+            worse, bounds=(np.log(value / 2), np.log(value * 2)), method="bounded", options={"maxiter": 12}
+        )
+        if found.fun < worse(float(np.log(value))):
+            shape = _with(shape, name, float(np.exp(found.x)))
+    return shape
+
+
+def _with(shape: Shape, name: str, value: float) -> Shape:
+    return replace(shape, values=tuple((n, value if n == name else v) for n, v in shape.values))
+
+
+def _residual_of(shape: Shape, others: Sequence[Shape], sides: _Sides) -> Array:
+    x = np.column_stack([sides.stacked(others, sides.fit), columns(shape, sides.fit)])
+    return np.asarray(sides.fit.residual - x @ np.linalg.lstsq(x, sides.fit.residual, rcond=1e-9)[0], float)
+
+
+def _cause(shape: Shape, chosen: list[Shape], sides: _Sides) -> AxisCause:
+    others = [s for s in chosen if s is not shape]
+    gains, _ = _gains(shape, others, sides)
+    before, after = (
+        float(np.sqrt(np.mean(_left(some, sides.fit, sides.held_out, sides) ** 2))) for some in (others, chosen)
+    )
+    group = [shape.effect]
+    named, width = {s.effect for s in chosen}, sides.columns(shape, sides.fit).shape[1]
+    for other in _best_shapes(list(shapes(sides.fit)), others, sides):
+        simpler = other.effect not in named and sides.columns(other, sides.fit).shape[1] <= width
+        if simpler and _physical(other, others, sides) and _gains(other, others, sides)[0].sum() > ALIKE * gains.sum():
+            group.append(other.effect)
+    return AxisCause(
+        shape.effect, _parameters(shape, chosen, sides), p_value(gains), before, after, tuple(group), gains
+    )
+
+
+def _parameters(shape: Shape, chosen: list[Shape], sides: _Sides) -> list[Estimate]:
+    """Values, and standard deviations by the sandwich of block scores, nonlinear parameters among the columns."""
+    rows, x = sides.fit, sides.stacked(chosen, sides.fit)
+    c = _fitted(chosen, rows, sides)
+    at = sum(sides.columns(s, rows).shape[1] for s in chosen[: chosen.index(shape)])
+    own = c[at : at + sides.columns(shape, rows).shape[1]]
+    slopes = [
+        (columns(_with(shape, name, 1.02 * value), rows) - sides.columns(shape, rows)) @ own / (0.02 * value)
+        for name, value in shape.values
+        if value > 0.0
+    ]
+    left = rows.residual - x @ c
+    wide = np.column_stack([x, *slopes])
+    size = np.linalg.norm(wide, axis=0)
+    size[size == 0.0] = 1.0
+    wide = wide / size
+    bread = np.linalg.pinv(wide.T @ wide, rcond=1e-10)
+    scores = np.stack([np.bincount(rows.block, weights=column * left) for column in wide.T], axis=1)
+    meat = scores.T @ scores * len(scores) / max(len(scores) - wide.shape[1], 1)
+    std = np.sqrt(np.maximum(np.diag(bread @ meat @ bread), 0.0)) / size
+    effect = CATALOGUE[shape.effect]
+    unit_of = {p.name: _unit(p.unit, rows.arm) for p in effect.parameters}
+    if effect.delay is not None:
+        return [Estimate("delay", float(own[0]) * DELAY, float(std[at]) * DELAY, "s")]
+    if shape.effect == "gravity_spring":
+        stiffness = float(own.sum())
+        return [
+            Estimate("stiffness", stiffness, float(np.hypot(std[at], std[at + 1])), unit_of["stiffness"]),
+            Estimate(
+                "rest_angle", float(own[1]) / stiffness, float(std[at + 1]) / abs(stiffness), unit_of["rest_angle"]
+            ),
+        ]
+    names = [p.name for p in effect.linear]
+    found = [
+        Estimate(name, float(value), float(np.hypot(s, SYSTEMATIC * value)), unit_of[name])
+        for name, value, s in zip(names, own, std[at:])
+    ]
+    curved = [(name, value) for name, value in shape.values if value > 0.0]
+    return found + [
+        Estimate(name, value, float(np.hypot(s, SYSTEMATIC * value)), unit_of[name])
+        for (name, value), s in zip(curved, std[x.shape[1] :])
+    ]
+
+
+def _unit(unit: str, arm: Arm) -> str:
+    """Of a prismatic axis: N and m where a joint that turns has N m and rad."""
+    if arm.joints[0].revolute:
+        return unit
+    return {
+        "rad": "m",
+        "rad/s": "m/s",
+        "N m": "N",
+        "N m/rad": "N/m",
+        "N m s/rad": "N s/m",
+        "N m s2/rad2": "N s2/m2",
+        "kg m2": "kg",
+    }.get(unit, unit)
