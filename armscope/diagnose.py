@@ -57,6 +57,12 @@ def command(
     arm = read_model(_model(model, rig))
     fitted = [open_recording(path) for path in fit]
     held = [open_recording(path) for path in held_out or []]
+    for one in held:
+        if any(_same(one, other) for other in fitted):
+            raise InputError(
+                one.path,
+                "is both fitted and held out: nothing would be judged; leave --held-out away to split it by time",
+            )
     if not held:
         print("warning: no recording is held out; the last 40 % of each is judged by, a weaker test", file=sys.stderr)
         fitted, held = (list(parts) for parts in zip(*map(split, fitted)))
@@ -127,6 +133,15 @@ def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, s
 
 
 def _print(result: Diagnosis, report: dict[str, Any], out: Path) -> None:
+def _same(one: Recording, other: Recording) -> bool:
+    """Whether two files hold the same rows, or one a part of the other's from its beginning on."""
+    rows = min(len(one), len(other))
+    return one.q.shape[1:] == other.q.shape[1:] and bool(
+        (one.q[:rows] == other.q[:rows]).all() and (one.i[:rows] == other.i[:rows]).all()
+    )
+
+
+def _print(result: Diagnosis, out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 

@@ -79,7 +79,8 @@ def axis_causes(
     """
     if len(arm) != 1:
         return None
-    sides = _Sides(*(rows_of(arm, side, BLOCK_SECONDS) for side in (fit, held_out)), parts, {})
+    fit_rows, held_out_rows = (rows_of(arm, side, BLOCK_SECONDS) for side in (fit, held_out))
+    sides = _Sides(fit_rows, held_out_rows, parts, {})
     if not fine(arm, sides.fit):
         return None
     chosen = _select(sides)

@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm, EffectTerm
+from arm_model.effects import CATALOGUE
 from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from diagnosis import events as event_search
+from diagnosis.axis import AxisCause, axis_causes
 from diagnosis.candidates import Candidate, candidates
 from diagnosis.closed_loop import Compared, compare
 from diagnosis.events import Event
 from diagnosis.evidence import Run, see
-from diagnosis.library import Side, columns_of, free_columns, side_of
+from diagnosis.library import Side, columns_of, free_columns, side_of, side_with
 from diagnosis.link_causes import LinkCause, LinkSide, link_side
 from diagnosis.parameters import Estimate, estimates
 from diagnosis.projection import confusability, span_of
@@ -93,18 +95,23 @@ def diagnose(
     _check(arm, everything)
     progress("looking for events")
     found = [*event_search.hum(everything), *event_search.jumps(everything), *event_search.clipped(everything)]
-    runs = []
+    runs, samples = [], []
     for index, recording in enumerate(everything):
         progress(f"seeing {recording.path.name} through the model")
         q = event_search.without_jumps(recording, index, found)
         setup, i = setup_of(recording), event_search.without_hum(recording, found)
         of_run = loaded(arm, setup.payload)
         runs.append(see(recording.path.name, of_run, recording.t, q, i, powered=not setup.drives_off))
+        samples.append((recording.t, q, i))
     sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
     progress("computing what each effect would look like")
     judged = has_dynamics(arm)
     library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in candidates(arm) if judged}
-    problem = Problem(arm, sides, library, list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm))))
+    parts = bool({r.path for r in fit} & {r.path for r in held_out})
+    axis = axis_causes(arm, samples[: len(fit)], samples[len(fit) :], parts=parts)
+    problem = Problem(
+        arm, sides, library if axis is None else {}, list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
+    )
     search_result = search(problem, progress)
     chosen, sides = search_result.chosen, search_result.sides
     accepted = problem.accepted(chosen, sides)
@@ -114,6 +121,7 @@ def diagnose(
     values = estimates(chosen, own, accepted.fit, free, sides[0], arm) if chosen else []
     causes = [_from_event(event, sides) for event in found]
     causes += [_cause(c, v, one, problem, search_result) for c, v, one in zip(chosen, values, search_result.equals)]
+    causes += [_from_axis(one) for one in axis or []]
     progress("comparing motor and link encoders")
     link = link_side(arm, fit, held_out)
     causes += [_from_link(one, arm) for one in link.causes] if link else []
@@ -124,7 +132,12 @@ def diagnose(
         for side, recordings in (("fit", fit), ("held_out", held_out))
     }
     left = (accepted.fit, accepted.held_out)
-    named = {c.key for c in chosen}
+    if axis:
+        left = (
+            side_with(sides[0], extended.effects[len(arm.effects) :]),
+            side_with(sides[1], extended.effects[len(arm.effects) :]),
+        )
+    named = {c.key for c in chosen} | {(one.effect, None if one.effect == "time_skew" else 1) for one in axis or []}
     return Diagnosis(
         arm, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
         not_visible(library, sides[1], accepted, named, arm),
@@ -219,6 +232,19 @@ def _from_event(event: Event, sides: tuple[Side, Side]) -> Cause:
         event.effect, event.joint, event.parameters, 0.99, before, noise, ((event.effect, event.joint),), None,
         event.evidence, event.joint,
     )  # fmt: skip
+
+
+def _from_axis(one: AxisCause) -> Cause:
+    joint = 1 if CATALOGUE[one.effect].per_joint else None
+    sentence = (
+        f"{CATALOGUE[one.effect].shows}: with it the held-out current error below 60 Hz falls from {one.before:.3g} to {one.after:.3g} rms, "
+        f"in {int(np.sum(one.gains > 0))} of {len(one.gains)} blocks"
+    )
+    confidence = float(np.clip(1.0 - one.p, 0.0, 0.99)) / len(one.group)
+    group = tuple((effect, 1 if CATALOGUE[effect].per_joint else None) for effect in one.group)
+    apart = CATALOGUE[one.effect].confused_with
+    separate = next((apart[effect] for effect in one.group[1:] if effect in apart), None)
+    return Cause(one.effect, joint, one.parameters, confidence, one.before, one.after, group, separate, sentence, 1)
 
 
 def _from_link(one: LinkCause, arm: Arm) -> Cause:

@@ -55,7 +55,8 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
                 if pairs
             }
             if errors:
-                row = {"signal": signal, "joint": j + 1, "unit": unit, "error_rms": errors}
+                of_slide = signal == "position" and not result.arm.joints[j].revolute
+                row = {"signal": signal, "joint": j + 1, "unit": "m" if of_slide else unit, "error_rms": errors}
                 row["noise_rms"] = float(noise[j]) if signal == "current" else float(result.encoder_noise[j])
                 rows.append(row)
     return rows + _link_signals(result)

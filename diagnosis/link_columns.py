@@ -133,7 +133,10 @@ def shapes(seen: Seen) -> Iterator[Shape]:
             Shape("joint_compliance", joint, "drag", drag) for drag in (DRAGS[:1] if seen.known_load else DRAGS)
         )
         yield from (Shape("backlash", joint, "half_gap", gap) for gap in GAPS)
-        yield Shape("backlash", joint, "by_load", 1.0)
+        if min(seen.load[:, column].max(), -seen.load[:, column].min()) > 0.05 * float(
+            np.max(np.abs(seen.load[:, column]))
+        ):
+            yield Shape("backlash", joint, "by_load", 1.0)  # the load changes sides
         yield from (Shape("gear_ripple", joint, "order", float(n)) for n in ORDERS)
         if np.ptp(seen.q[:, column]) > np.pi:  # over less than half a turn a slow wave is any bend
             yield from (Shape("encoder_ripple", joint, "turn_order", float(n)) for n in (1, 2))

@@ -10,13 +10,26 @@ import numpy as np
 from daq.recording import Recording
 
 FITTED = 0.6
-"""Share of a recording that is fitted; the rest is held out."""
+"""Share of a recording that is fitted, to within a fifth; the rest is held out."""
 
 
 def split(recording: Recording) -> tuple[Recording, Recording]:
     """The first and the last part of a recording, each with its own time from 0. A weaker test than another run: say so."""
-    rows = round(FITTED * len(recording))
+    rows = _slowest(recording, round(FITTED * len(recording)))
     return _part(recording, slice(0, rows)), _part(recording, slice(rows, None))
+
+
+def _slowest(recording: Recording, row: int) -> int:
+    """The row near ``row`` at which the arm moves least: a part starts at standstill, as recordings do, where there is one."""
+    near = np.arange(round(0.8 * row), min(round(1.2 * row), len(recording) - 2))
+    if len(near) == 0:
+        return row
+    reach = max(1, round(0.01 / recording.dt))
+    later, earlier = np.minimum(near + reach, len(recording) - 1), np.maximum(near - reach, 0)
+    travel = np.abs(recording.q[later] - recording.q[earlier]) / np.maximum(np.ptp(recording.q, axis=0), 1e-12)
+    slow = np.nan_to_num(travel, nan=np.inf).max(axis=1)
+    still = near[slow <= slow.min() * 1.5 + 1e-9]
+    return int(still[np.argmin(np.abs(still - row))])
 
 
 def _part(recording: Recording, rows: slice) -> Recording:

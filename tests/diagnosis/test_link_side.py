@@ -21,13 +21,15 @@ from diagnosis.link_causes import LinkCause, LinkSide, link_side
 from diagnosis.split import split
 from experiment import Experiment
 from tests.blind.hide import Hidden
+from tests.blind.laboratory import Laboratory
 from tests.blind.motions import FULL_ACCELERATION, FULL_SPEED, HOME, fourier
-from tests.blind.record import nominal_plant, record
+from tests.blind.record import nominal_plant, recorded, truth
 
 pytest.importorskip("numba", reason="the plant of the hidden-effect tests is compiled by numba")
 
 LINK_STEP = 2 * np.pi / 2**20
 """rad: the link encoders of this test."""
+LABORATORY = Laboratory("singles")
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +54,9 @@ def _recorded(
     read = []
     with tempfile.TemporaryDirectory() as folder:
         for number in range(2):
-            taken = record(plant, _over_the_vertical(number, rounds), hidden, 10 + number)
-            link = CubicSpline(taken.t, taken.link)(np.maximum(taken.t - late, taken.t[0]))
+            what = truth(_over_the_vertical(number, rounds), hidden, LABORATORY)
+            rows, t = recorded(what, LABORATORY, 10 + number), what.signals.t
+            link = CubicSpline(t, what.link)(np.maximum(t - late, t[0]))
             for one in hidden:
                 if one.effect == "gear_ripple":  # the plant tells where the motor is
                     j, order = (one.joint or 0) - 1, one.parameters["order"] * plant.gear
@@ -62,7 +65,7 @@ def _recorded(
             ql = np.floor(link / LINK_STEP) * LINK_STEP
             ql[:, 3:] = np.nan
             path = Path(folder) / f"run_{number}.mcap"
-            write_table(path, taken.t, {"q": taken.q, "i": taken.i, "ql": ql}, Attachments())
+            write_table(path, t, {"q": rows.position, "i": rows.current, "ql": ql}, Attachments())
             read.append(open_recording(path))
     return read
 
@@ -132,10 +135,10 @@ def test_one_run_split_by_time_is_judged_both_ways(root: Path, arm: Arm) -> None
 
 
 def test_without_link_encoders_there_is_nothing_to_say(root: Path, arm: Arm) -> None:
-    plant = nominal_plant(root / "config" / "models" / "puma560.toml")
-    taken = record(plant, fourier("short", 3, 0.2, 0.5, 4.0), (), 1)
+    what = truth(fourier("short", 3, 0.2, 0.5, 4.0), (), LABORATORY)
+    rows = recorded(what, LABORATORY, 1)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
-        write_table(path, taken.t, {"q": taken.q, "i": taken.i}, Attachments())
+        write_table(path, what.signals.t, {"q": rows.position, "i": rows.current}, Attachments())
         recording = open_recording(path)
     assert link_side(arm, [recording], [recording]) is None

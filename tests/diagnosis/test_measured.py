@@ -34,3 +34,22 @@ def test_the_loop_between_the_encoders_of_a_kuka_is_time_skew(root: Path, shared
     # what belongs to an instrument of the recording is no part of the arm
     assert "time_skew" not in (tmp_path / "found" / "model.toml").read_text()
     assert (tmp_path / "found" / "report.html").stat().st_size > 20_000
+
+
+def test_what_is_published_of_a_drive_is_named_from_one_run(root: Path, shared: Path, tmp_path: Path) -> None:
+    """EMPS (Janot, Gautier, Brunot, 2019): viscous friction 166.71 forwards, 240.42 backwards against 203.50; force 0.8 ms ahead; less
+    friction than Coulomb's below 2 cm/s."""
+    found = _diagnosed(root, tmp_path, shared / "data" / "emps" / "train.csv", "emps.toml", "emps.toml")
+    causes = {cause["effect"]: cause["parameters"] for cause in found["causes"]}
+    assert set(causes) == {"friction_asymmetry", "time_skew", "stribeck_friction"}
+    asymmetry = causes["friction_asymmetry"]
+    difference = asymmetry["viscous_negative"]["value"] - asymmetry["viscous_positive"]["value"]
+    assert difference == pytest.approx(240.42 - 166.71, abs=8.0)
+    assert asymmetry["viscous_positive"]["unit"] == "N s/m"
+    assert -1.0e-3 < causes["time_skew"]["delay"]["value"] < -0.5e-3
+    assert -20.394 < causes["stribeck_friction"]["breakaway"]["value"] < -5.0
+    assert all(
+        cause["gain"]["held_out_rms_after"] < 0.85 * cause["gain"]["held_out_rms_before"] for cause in found["causes"]
+    )
+    position = next(signal for signal in found["signals"] if signal["signal"] == "position")
+    assert position["unit"] == "m"

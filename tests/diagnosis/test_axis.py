@@ -1,0 +1,131 @@
+"""A carriage simulated by a few lines of its own: what is hidden in its friction and its stamps is named, and nothing else is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model.description import Arm, Joint
+from armscope.cli import run
+from daq.recording_file import Attachments
+from daq.table import write_table
+from diagnosis.axis import AxisCause, axis_causes
+
+MASS, FORCE = 90.0, 35.0  # kg; N per unit of command
+VISCOUS, COULOMB = 200.0, 20.0
+STEP = 5e-8  # m
+
+
+@dataclass(frozen=True)
+class Carriage:
+    """What is true: viscous friction N s/m and Coulomb friction N by direction; share of the latter that is there at rest, and the speed m/s
+    over which it comes; the command leads what the axis feels by ``lead`` s."""
+
+    viscous: tuple[float, float] = (VISCOUS, VISCOUS)
+    coulomb: tuple[float, float] = (COULOMB, COULOMB)
+    at_rest: float = 1.0
+    over: float = 0.01
+    lead: float = 0.0
+
+
+def _strokes(t: np.ndarray, seed: int) -> np.ndarray:
+    """Demanded position: strokes out and back at three speeds, ramped."""
+    rng = np.random.default_rng(seed)
+    speeds = np.repeat([0.12, -0.12, 0.04, -0.04, 0.08, -0.08], 2) * rng.uniform(0.9, 1.1)
+    wanted = speeds[((t / 0.8).astype(int)) % len(speeds)]
+    speed = np.convolve(wanted, np.ones(1500) / 1500)[: len(t)]
+    return np.cumsum(speed) * (t[1] - t[0])
+
+
+def _record(true: Carriage, seed: int, seconds: float = 12.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """t (m,), q (m, 1), command (m, 1) at 1 kHz, from steps of 0.1 ms and a cascade that samples every step."""
+    h = 1e-4
+    t = np.arange(0.0, seconds, h)
+    demand = _strokes(t, seed)
+    late = round(true.lead / h)
+    q = v = 0.0
+    forces, places = np.zeros(len(t)), np.zeros(len(t))
+    for k in range(len(t)):
+        places[k] = q
+        forces[k] = 240.0 * FORCE * (160.0 * (demand[k] - q) - v)
+        acting = forces[max(k - late, 0)]
+        way = 0 if v >= 0 else 1
+        level = true.coulomb[way] * (1.0 - (1.0 - true.at_rest) * np.exp(-((v / true.over) ** 2)))
+        friction = true.viscous[way] * v + level * np.tanh(v / 1e-5)
+        if abs(v) < 2e-4 and abs(acting) < level:
+            v = 0.0  # it sticks
+        else:
+            before = v
+            v += h * (acting - friction) / MASS
+            if before * v < 0.0:
+                v = 0.0
+        q += h * v
+    rng = np.random.default_rng(seed)
+    rows = slice(None, None, 10)
+    command = forces[rows] / FORCE + rng.normal(0.0, 0.01, len(t[rows]))
+    return t[rows], np.round(places[rows] / STEP)[:, None] * STEP, command[:, None]
+
+
+def _model() -> Arm:
+    joint = Joint(
+        type="prismatic",
+        mass=MASS,
+        viscous=VISCOUS,
+        coulomb=(COULOMB, COULOMB),
+        torque_constant=FORCE,
+        sign_velocity=2e-5,
+    )  # type: ignore[arg-type]
+    return Arm(name="carriage", gravity=(0.0, -9.81, 0.0), joints=(joint,))
+
+
+def _causes(true: Carriage) -> dict[str, AxisCause]:
+    found = axis_causes(_model(), [_record(true, 1)], [_record(true, 2)], parts=False)
+    assert found is not None
+    return {cause.effect: cause for cause in found}
+
+
+def _near(cause: AxisCause, name: str, wanted: float) -> None:
+    parameter = next(p for p in cause.parameters if p.name == name)
+    assert abs(parameter.value - wanted) < 4 * parameter.std + 0.05 * abs(wanted), (name, parameter)
+
+
+def test_nothing_is_named_where_the_model_is_right() -> None:
+    assert _causes(Carriage()) == {}
+
+
+def test_friction_that_differs_by_direction() -> None:
+    found = _causes(Carriage(viscous=(165.0, 240.0)))
+    assert set(found) == {"friction_asymmetry"}
+    _near(found["friction_asymmetry"], "viscous_positive", -35.0)
+    _near(found["friction_asymmetry"], "viscous_negative", 40.0)
+
+
+def test_friction_that_differs_by_direction_a_lead_and_less_friction_at_rest_come_apart() -> None:
+    found = _causes(Carriage(viscous=(165.0, 240.0), at_rest=0.5, lead=0.7e-3))
+    assert set(found) == {"friction_asymmetry", "time_skew", "stribeck_friction"}
+    _near(found["time_skew"], "delay", -0.7e-3)
+    _near(found["stribeck_friction"], "breakaway", -10.0)
+    _near(found["stribeck_friction"], "stribeck_velocity", 0.01)
+    assert all(p.unit in ("N", "N s/m", "m/s", "s") for cause in found.values() for p in cause.parameters)
+
+
+def test_a_coarse_encoder_is_left_to_the_filters_of_arms() -> None:
+    t, q, i = _record(Carriage(), 1, 4.0)
+    coarse = np.round(q / 1e-5) * 1e-5
+    assert axis_causes(_model(), [(t, coarse, i)], [(t, coarse, i)], parts=True) is None
+
+
+def test_the_same_rows_on_both_sides_are_refused(
+    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    t, q, i = _record(Carriage(), 1, 4.0)
+    for name in ("a", "b"):
+        write_table(tmp_path / f"{name}.mcap", t, {"q": q, "i": i}, Attachments())
+    model = str(root / "config" / "models" / "emps.toml")
+    sides = ["--fit", str(tmp_path / "a.mcap"), "--held-out", str(tmp_path / "b.mcap")]
+    assert run(["diagnose", "--model", model, *sides, "--out", str(tmp_path / "out")]) == 2
+    assert "both fitted and held out" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
