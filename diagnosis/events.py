@@ -24,8 +24,8 @@ HUM_OVER_FLOOR = 40.0
 """Power of a line over the median of its neighbours; white noise exceeds 40 once in e^28 bins."""
 JUMP_IN_STEPS = 5.0
 """Steps of the encoder that a jump must exceed."""
-JUMP_IN_SCATTER = 15.0
-"""Times the scatter of the steps around it that a jump must exceed."""
+JUMP_OVER_OTHERS = 3.0
+"""Times what one row in a hundred jumps that a jump must exceed."""
 FLAT_ROWS = 20
 """Consecutive rows at one extreme value that make a clipped current, at 1 kHz 20 ms."""
 
@@ -149,8 +149,7 @@ def _jump(recording: Recording, j: int) -> tuple[int, float, float] | None:
     size = float(bend[row] - usual[row])
     if abs(size) < JUMP_IN_STEPS * step or not near < row < len(q) - 2 * near:
         return None
-    around = slice(max(row - 50 * near, 0), row + 50 * near)
-    if abs(size) < JUMP_IN_SCATTER * 1.4826 * float(np.median(np.abs(bend[around] - usual[around]))):
+    if abs(size) < JUMP_OVER_OTHERS * float(np.quantile(np.abs(bend - usual), 0.99)):
         return None  # an angle that is not counted in steps wobbles
     # it stays: lines through the rows before and after are apart by the jump
     before, after = slice(max(row - 5 * near, 0), row + 1), slice(row + 1, row + 1 + 5 * near)
