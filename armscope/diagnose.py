@@ -132,7 +132,6 @@ def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, s
     return table
 
 
-def _print(result: Diagnosis, report: dict[str, Any], out: Path) -> None:
 def _same(one: Recording, other: Recording) -> bool:
     """Whether two files hold the same rows, or one a part of the other's from its beginning on."""
     rows = min(len(one), len(other))
@@ -141,7 +140,7 @@ def _same(one: Recording, other: Recording) -> bool:
     )
 
 
-def _print(result: Diagnosis, out: Path) -> None:
+def _print(result: Diagnosis, report: dict[str, Any], out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
