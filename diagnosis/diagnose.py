@@ -109,6 +109,10 @@ def diagnose(
     library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in candidates(arm) if judged}
     parts = bool({r.path for r in fit} & {r.path for r in held_out})
     axis = axis_causes(arm, samples[: len(fit)], samples[len(fit) :], parts=parts)
+    of_axis = [_from_axis(one) for one in axis or []]
+    if of_axis:  # the search is left with what they leave
+        terms = extend(arm, of_axis).effects[len(arm.effects) :]
+        sides = replace(sides[0], y=side_with(sides[0], terms)), replace(sides[1], y=side_with(sides[1], terms))
     problem = Problem(
         arm, sides, library if axis is None else {}, list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
     )
@@ -121,7 +125,7 @@ def diagnose(
     values = estimates(chosen, own, accepted.fit, free, sides[0], arm) if chosen else []
     causes = [_from_event(event, sides) for event in found]
     causes += [_cause(c, v, one, problem, search_result) for c, v, one in zip(chosen, values, search_result.equals)]
-    causes += [_from_axis(one) for one in axis or []]
+    causes += of_axis
     progress("comparing motor and link encoders")
     link = link_side(arm, fit, held_out)
     causes += [_from_link(one, arm) for one in link.causes] if link else []
@@ -132,18 +136,14 @@ def diagnose(
         for side, recordings in (("fit", fit), ("held_out", held_out))
     }
     left = (accepted.fit, accepted.held_out)
-    if axis:
-        left = (
-            side_with(sides[0], extended.effects[len(arm.effects) :]),
-            side_with(sides[1], extended.effects[len(arm.effects) :]),
-        )
-    named = {c.key for c in chosen} | {(one.effect, None if one.effect == "time_skew" else 1) for one in axis or []}
+    named = {c.key for c in chosen} | {(one.effect, one.joint) for one in of_axis}
     return Diagnosis(
         arm, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
         not_visible(library, sides[1], accepted, named, arm),
         (search_result.remainder.structures if judged else []) + (link.unexplained if link else []), compared,
         np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
+        + ((f"{axis[-1].after:.3g} A rms of the held-out current below 60 Hz is left that no effect was named for",) if axis else ())
         + (link.remarks if link else ()),
     )  # fmt: skip
 
