@@ -63,6 +63,7 @@ class IvtSensors:
         self._boxes: list[Mailbox] = [bus.listen([s.result]) for s in config.sensors]
         self._results: list[ivt.Results] = []
         self._latest: list[tuple[int, ivt.Result | None]] = []
+        self._made_for: tuple[int, ...] = ()  # A, each sensor by its own word; 0: it does not tell
         self._opened = False
         self._reconnect = Reconnect(name, config.patience, ADVICE)
 
@@ -71,27 +72,35 @@ class IvtSensors:
         with or_fault(self.name, f"is it powered, is the bit rate {self.config.bitrate}?", self.close):
             self._bus.open()
             self._opened = True
-            serials = [self._set_up(k) for k in range(len(self.config.sensors))]
+            serials, versions, self._made_for = zip(*map(self._introduced, range(len(self.config.sensors))))
+            for k in range(len(self.config.sensors)):
+                self._set_up(k)
         return Identity(
             maker="Isabellenhuette",
             model="IVT-S",
             serial=", ".join(serials),
+            firmware=", ".join(dict.fromkeys(versions)),
             max_rate=1000.0 / self.config.period,
             latch_delay=0.0,
             bits=self.bits,
             details={"unit": "A", "bus": f"{self.config.interface} {self.config.channel}"},
         )
 
-    def _set_up(self, k: int) -> str:
-        """Stops sensor k, sets its current channel alone to cyclic, starts it; returns its serial number."""
+    def _set_up(self, k: int) -> None:
+        """Stops sensor k, sets its current channel alone to cyclic, starts it."""
         self._command(k, ivt.stop_command())
-        serial = self._command(k, bytes([ivt.GET_SERIAL]), wanted=False)
         for channel in range(len(ivt.CHANNELS)):
             self._command(k, ivt.cyclic_command(channel, self.config.period if channel == 0 else 0))
         self._boxes[k].take()
         self._results[k].restart()
         self._command(k, ivt.run_command())
-        return serial[1:5].hex() if serial else ""
+
+    def _introduced(self, k: int) -> tuple[str, str, int]:
+        """Serial number, version and rated current (A) of sensor k, stopped; '' and 0 for what it does not tell."""
+        self._command(k, ivt.stop_command())
+        asked = ivt.GET_SERIAL, ivt.GET_VERSION, ivt.GET_DEVICE
+        serial, version, device = (self._command(k, bytes([what]), wanted=False) for what in asked)
+        return ivt.serial_number(serial), ivt.version(version), ivt.rated_current(device) if device else 0
 
     def _command(self, k: int, command: bytes, *, wanted: bool = True) -> bytes:
         """Sends, waits for the reply, pauses; tries again twice, for a command may be given any number of times.
@@ -115,7 +124,12 @@ class IvtSensors:
     def check(self) -> list[str]:
         if not self._bus.is_open:
             return [f"the bus {self.config.channel} is off or its adapter is gone: check wiring and both terminators"]
-        problems = []
+        problems = [
+            f"the sensor at {sensor.result:03X}h is made for {amperes} A, not {self.config.rated_current:g}: "
+            "correct 'rated_current'"
+            for sensor, amperes in zip(self.config.sensors, self._made_for)
+            if amperes not in (0, self.config.rated_current)
+        ]
         deadline = time.monotonic() + 10 * self.config.period / 1000 + self.config.timeout
         for k, sensor in enumerate(self.config.sensors):
             frames = self._boxes[k].wait(deadline)
@@ -166,6 +180,7 @@ class IvtSensors:
         now = self._clock.monotonic_ns()
         if not self._reconnect.there(now, self._reopen):
             return missing_row(now, 0, len(self.config.sensors))
+        self._heed_restarts(now)
         values, flags = [], []
         for k, box in enumerate(self._boxes):
             lost = 0
@@ -179,6 +194,17 @@ class IvtSensors:
         if not self._bus.is_open or all(now - at > self.config.timeout * 1e9 for at, _ in self._latest):
             self._reconnect.lose(now)
         return one_row(now, volts=values, quality=flags)
+
+    def _heed_restarts(self, now: int) -> None:
+        """A sensor that has just started measures as delivered, every 20 ms: it is set up again, its value missing meanwhile."""
+        for k, replies in enumerate(self._replies):
+            if not any(data[:1] == bytes([ivt.ALIVE]) for _, _, data in replies.take()):
+                continue
+            self._latest[k] = (now, None)
+            try:
+                self._set_up(k)
+            except OSError:
+                self._reconnect.lose(now)
 
     def _quality(self, age: int, result: ivt.Result | None, lost: int) -> Quality:
         if result is None:

@@ -14,7 +14,8 @@ DATABASE = Path(__file__).with_name("isabellenhuette_ivts.dbc")
 COMMAND_ID, REPLY_ID, RESULT_ID = 0x411, 0x511, 0x521  # as delivered
 
 SET_RESULT, SET_MODE = 0x20, 0x34  # + channel
-GET_VERSION, GET_SERIAL = 0x7A, 0x7B
+GET_DEVICE, GET_VERSION, GET_SERIAL = 0x79, 0x7A, 0x7B
+ALIVE = 0xBF  # first byte of what a sensor sends by itself, from its reply identifier, when it has started
 CYCLIC = 2
 COMMAND_PAUSE = 0.002  # s
 CHANNELS = ("I", "U1", "U2", "U3", "T", "W", "As", "Wh")
@@ -40,6 +41,21 @@ def cyclic_command(channel: int, milliseconds: int) -> bytes:
     """Channel (0 the current) every so many ms; 0: never."""
     mode = CYCLIC if milliseconds else 0
     return bytes([SET_RESULT + channel, mode, *milliseconds.to_bytes(2, "big"), 0, 0, 0, 0])
+
+
+def serial_number(reply: bytes) -> str:
+    """Of the reply to GET_SERIAL: bytes 1 to 4."""
+    return reply[1:5].hex()
+
+
+def version(reply: bytes) -> str:
+    """Of the reply to GET_VERSION: bytes 1 to 3 are hardware (major), minor and revision; its date follows."""
+    return ".".join(map(str, reply[1:4]))
+
+
+def rated_current(reply: bytes) -> int:
+    """A, of the reply to GET_DEVICE: 12 bit from byte 2 on; byte 1 is the kind of device (2: IVT-S)."""
+    return reply[2] << 4 | reply[3] >> 4
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import select
 import time
 from collections.abc import Callable
@@ -30,6 +32,9 @@ class SerialPort:
         # Set before opening: on a pty, which has no such lines, setting them later raises ENOTTY.
         port.dtr, port.rts, port.port = self._dtr, self._rts, self.path
         port.open()
+        # A USB adapter keeps bytes back for 16 ms unless it is told otherwise (FTDI's latency timer); ptys know of no such thing.
+        with contextlib.suppress(ValueError, NotImplementedError):
+            port.set_low_latency_mode(True)
         self._port = port
 
     def close(self) -> None:
@@ -38,31 +43,40 @@ class SerialPort:
             self._port = None
 
     def write(self, data: bytes) -> None:
-        self._alive().write(data)
+        """Hands all of ``data`` to the kernel, which holds more than any command of ours."""
+        if os.write(self._alive().fileno(), data) != len(data):
+            raise OSError(f"{self.path} takes no more")
 
     def read(self) -> bytes:
         """All that has arrived, without waiting."""
         port = self._alive()
         waiting = port.in_waiting
-        return bytes(port.read(waiting)) if waiting else b""
+        return os.read(port.fileno(), waiting) if waiting else b""
 
     def wait_for(self, take: Callable[[bytes], T | None], seconds: float) -> T | None:
         """Feeds what arrives to ``take`` until it returns something; None after ``seconds``. A host that comes back later than
         that looks once more: what came in time is taken."""
+        file = self._alive().fileno()
         deadline = time.monotonic() + seconds
         left = seconds
         while left > 0:
             left = max(deadline - time.monotonic(), 0.0)
-            ready, _, _ = select.select([self._alive().fileno()], [], [], left)
-            if ready:
-                data = bytes(self._alive().read(4096))  # raises where the port is ready but has nothing: it is gone
-                if (found := take(data)) is not None:
-                    return found
+            if not select.select([file], [], [], left)[0]:
+                continue
+            data = os.read(file, 4096)
+            if not data:
+                raise OSError(f"{self.path} is gone")  # ready to be read, and nothing there
+            if (found := take(data)) is not None:
+                return found
         return None
 
     def discard(self) -> int:
-        """Throws away what has arrived; returns how many bytes."""
+        """Throws away what has arrived and can be read; returns how many bytes."""
         return len(self.read())
+
+    def flush(self) -> None:
+        """Throws away all that has come in, what the kernel holds beyond its reading buffer too."""
+        self._alive().reset_input_buffer()
 
     def _alive(self) -> Any:
         if self._port is None:

@@ -24,6 +24,7 @@ from inputs import DeviceFault
 ADVICE = "is the QSB plugged in?"
 WIDTH = 32
 ASK_BYTES = 4 + 12  # on the wire for one question and its answer
+BACKLOG = 2048  # bytes, 90 ms of the stream, read at once: the host was away, and more may lie behind them
 SLOW = 10_000_000  # ns for question and answer, USB and all: beyond it the time of the latch is not known well
 
 
@@ -143,7 +144,12 @@ class Qsb:
 
     def _newest(self, now: int) -> Block:
         assert self._last is not None
-        counts = [r.value for r in self._replies.feed(self._port.read()) if r.kind == "s" and r.register == qsb.COUNT]
+        data = self._port.read()
+        counts = [r.value for r in self._replies.feed(data) if r.kind == "s" and r.register == qsb.COUNT]
+        if len(data) > BACKLOG:  # the newest of these is as old as what has not been read yet: of no known time
+            self._port.flush()
+            self._last = (counts[-1] if counts else self._last[0], now)
+            return self._row(now, self._last[0], Quality.STALE)
         if counts:
             self._last = (counts[-1], now)
             return self._row(now, counts[-1], Quality.GOOD)

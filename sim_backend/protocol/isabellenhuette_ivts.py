@@ -13,6 +13,8 @@ from drivers.isabellenhuette_ivts import Config
 from sim_backend.protocol.serving import Loop
 from sim_backend.protocol.wires import Wires
 
+SERIAL = bytes([0, 0, 0x16, 0x2E])
+
 
 class Sensor:
     """One sensor's settings, as delivered: current and voltages every 20 ms, running from power-up on."""
@@ -53,8 +55,12 @@ class SimulatedIvts:
         self.bus.close()
 
     def restart(self, k: int) -> None:
+        """Power off and on: settings as delivered, and the word that it is alive."""
         with self._lock:
             self.sensors[k] = Sensor()
+            wiring = self.config.sensors[k]
+            alive = bytes([ivt.ALIVE]) + wiring.command.to_bytes(2, "big") + SERIAL + b"\0"
+            self.bus.send(wiring.reply, alive)
 
     def _step(self, now: int) -> None:
         with self._lock, contextlib.suppress(OSError):
@@ -78,7 +84,12 @@ class SimulatedIvts:
             sensor.period[channel] = int.from_bytes(data[2:4], "big") / 1000 if cyclic else 0.0
             return bytes([ivt.reply_to(command)]) + data[1:]
         if command == ivt.GET_SERIAL:
-            return bytes([ivt.reply_to(command), 0, 0, 0x16, 0x2E, 0, 0, 0])
+            return bytes([ivt.reply_to(command)]) + SERIAL + b"\0\0\0"
+        if command == ivt.GET_VERSION:  # hardware 3, version 1.7 of 2020-08-12
+            return bytes([ivt.reply_to(command), 3, 1, 7, 20, 8, 12, 0])
+        if command == ivt.GET_DEVICE:  # an IVT-S without voltage channels on CAN, 24 V
+            rated = round(self.config.rated_current)
+            return bytes([ivt.reply_to(command), 2, rated >> 4, (rated & 0xF) << 4, 3, 1, 1, 0])
         return bytes([0xFF]) + data[:7]  # refused, as every configuration is while it runs
 
     def _measure(self, k: int, sensor: Sensor, now: int) -> None:

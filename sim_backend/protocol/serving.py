@@ -108,12 +108,15 @@ class Terminal:
         except BlockingIOError:
             return b""
 
-    def write(self, data: bytes, now: int) -> None:
-        """Queues ``data`` behind what still waits, at the pace of the wire."""
+    def write(self, data: bytes, at: int) -> None:
+        """Queues ``data``, which begins to go out at ns ``at``, or behind what still waits, at the pace of the wire.
+
+        ``at`` may be over, where the simulator was held up: then all goes out at once that would have gone out by now.
+        """
         if not self._waiting:
-            self._free_at = max(self._free_at, now)
+            self._free_at = max(self._free_at, at)
         self._waiting += data
-        self.flush(now)
+        self.flush(time.monotonic_ns())
 
     def flush(self, now: int) -> None:
         """Puts on the wire what is due by ``now``."""

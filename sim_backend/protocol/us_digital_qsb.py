@@ -85,7 +85,7 @@ class SimulatedQsb:
         at = self._next + (np.arange(due) * interval * 1e9).astype(np.int64)
         self._next += int(due * interval * 1e9)
         counts = self._counts(at)
-        self._send(b"".join(self._reply("s", self._streaming, int(c)) for c in counts), now)
+        self._send(b"".join(self._reply("s", self._streaming, int(c)) for c in counts), int(at[0]))
 
     def _counts(self, at: np.ndarray) -> np.ndarray:
         multiplier = {1: 4, 2: 2, 3: 1}.get(self._registers[qsb.MDR0] & 3)
@@ -125,9 +125,9 @@ class SimulatedQsb:
         end = b"\r" * (options >> 1 & 1) + b"\n" * (options & 1)
         return b"%s%02X%08X!" % (kind.encode(), register, value & 0xFFFFFFFF) + end
 
-    def _send(self, data: bytes, now: int) -> None:
+    def _send(self, data: bytes, at: int) -> None:
         if not self.mute:
-            self._terminal.write(self.corrupt(data), now)
+            self._terminal.write(self.corrupt(data), at)
 
 
 def make(name: str, config: Config, wires: Wires) -> SimulatedQsb:

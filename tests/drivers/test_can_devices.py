@@ -231,6 +231,36 @@ def test_sensors_that_fall_silent_are_stale_then_sought(sensors: tuple[Any, Any]
     assert (block.quality[-20:] == 0).any(axis=0).all()
 
 
+def test_a_sensor_that_restarts_is_set_up_again(sensors: tuple[Any, Any]) -> None:
+    """It says that it is alive; as delivered it would give a result every 20 ms, and voltages too."""
+    device, box = sensors
+    identity = device.open()
+    assert identity.firmware == "3.1.7" and identity.serial == "0000162e, 0000162e"
+    device.arm(POLL)
+    assert not (poll(device, 5, (0, 2)).quality & Quality.MISSING).any()
+    box.restart(1)
+    assert box.sensors[1].period[0] == 0.02
+    end = time.monotonic() + 5
+    while box.sensors[1].period != [0.002] + 7 * [0.0]:
+        assert time.monotonic() < end
+        poll(device, 1, (0, 2))
+    block = poll(device, 40, (0, 2))
+    truth = np.stack([volts(k, block.host) for k in range(2)], axis=1)
+    fresh = block.quality == 0
+    assert fresh[:, 1].any() and np.median(np.abs(block.volts - truth)[fresh]) < 0.03
+
+
+def test_a_sensor_made_for_another_current_is_told() -> None:
+    bus = virtual()
+    box = sim_ivts.make("box", isabellenhuette_ivts.Config(rated_current=100.0, **bus), swing_wires())
+    box.open()
+    device = isabellenhuette_ivts.make("device", isabellenhuette_ivts.Config(rated_current=300.0, **bus), {})
+    device.open()
+    assert device.check()[0] == "the sensor at 521h is made for 100 A, not 300: correct 'rated_current'"
+    device.close()
+    box.close()
+
+
 def test_two_drivers_share_one_bus() -> None:
     bus = virtual()
     here = cia406.Config(nodes=(1,), bits=25, timeout=1.0, **bus)

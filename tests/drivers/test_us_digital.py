@@ -17,6 +17,7 @@ from drivers.shapes import Block, CounterMode, EdgeSource, Plan, Quality
 from inputs import DeviceFault
 from sim_backend.protocol import us_digital_ad4b as sim_ad4b
 from sim_backend.protocol import us_digital_qsb as sim_qsb
+from sim_backend.protocol.serving import Terminal
 from tests.drivers.swing import AMPLITUDE, counts, swing_wires
 
 POLL = Plan(EdgeSource.POLL, 100.0, None)
@@ -167,6 +168,29 @@ def test_a_stream_that_falls_silent_is_stale_then_missing(tmp_path: Path) -> Non
         box.mute = True
         silent = poll_until(device, missing)
         assert (silent.quality[-2] & Quality.STALE).all()
+
+
+def test_a_host_that_was_away_takes_no_old_count_for_a_new_one(tmp_path: Path) -> None:
+    where = us_digital_qsb.Config(port=str(tmp_path / "qsb"), timeout=2.0)
+    for device, _ in pair(us_digital_qsb, sim_qsb, where):
+        device.open()
+        start = preset(device, 0)
+        device.arm(POLL)
+        time.sleep(0.5)  # 11 kB: more than the kernel gives at once
+        assert device.poll().quality[0, 0] == Quality.STALE
+        row = poll_until(device, lambda row: not row.quality[0, 0])
+        assert np.abs(error_of(row, 32, start, 0)).max() < STREAMED
+
+
+def test_a_simulated_line_that_was_held_up_catches_up(tmp_path: Path) -> None:
+    """What would have gone out by now goes out at once: later bytes are not late as well."""
+    terminal = Terminal("line", str(tmp_path / "line"), 10_000.0)
+    terminal.open()
+    terminal.write(bytes(1000), time.monotonic_ns() - 1_000_000_000)
+    assert not terminal._waiting
+    terminal.write(bytes(1000), time.monotonic_ns())
+    assert len(terminal._waiting) > 900 and terminal.until_due() <= 0.1
+    terminal.close()
 
 
 def test_ad4b_counts(ad4b: tuple[Any, Any]) -> None:
