@@ -2,8 +2,10 @@
 
 Each device is simulated in a process of its own, at the pace of its wire. NAME_rate_vs_wire is rows made over the rows that the
 wire could carry in the same time (NAME_median_rate_vs_wire: by the median interval of rows, for devices that are asked one
-row at a time, which a busy machine keeps waiting); NAME_cpu the share of one core that the driver took for it; NAME_edge_to_row_us the median
-time from a row's trigger to the row in the program, and ..._p99_us its 99th percentile. ``*_decode`` are parsers alone, in memory.
+row at a time, which a busy machine keeps waiting); NAME_rate_vs_transport its rows over those of a bare loop of system calls on the same
+line, in turns of a quarter of a second: what of a request-and-reply line's rate the driver leaves; NAME_cpu the share of one core
+that the driver took for it; NAME_edge_to_row_us the median time from a row's trigger to the row in the program, and ..._p99_us its 99th
+percentile. ``*_decode`` are parsers alone, in memory.
 """
 
 from __future__ import annotations
@@ -11,7 +13,9 @@ from __future__ import annotations
 import importlib
 import json
 import multiprocessing
+import os
 import resource
+import select
 import socket
 import sys
 import tempfile
@@ -22,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers import cia406_protocol as cia
 from drivers.can_bus import frame_bits
 from drivers.shapes import Block, EdgeSource, Plan, Quality
 
@@ -160,18 +165,82 @@ def us_digital_ad4b() -> dict[str, float]:
 
     with tempfile.TemporaryDirectory() as folder, device("us_digital_ad4b", port=f"{folder}/ad4b") as counter:
         counter.arm(Plan(EdgeSource.POLL, 100.0, None))
-        return measure("ad4b", counter.poll, ad4b.RATE, 0.0)
+        figures = measure("ad4b", counter.poll, ad4b.RATE, 0.0)
+        port = counter._port._alive().fileno()
+
+        def bare() -> None:
+            os.write(port, ad4b.POSITION)
+            got = b""
+            while len(got) < ad4b.POSITION_BYTES and select.select([port], [], [], 1.0)[0]:
+                got += os.read(port, ad4b.POSITION_BYTES)
+
+        return figures | {"ad4b_rate_vs_transport": in_turns(counter.poll, bare)}
+
+
+def in_turns(driver: Callable[[], object], bare: Callable[[], object], turn: float = 0.25) -> float:
+    """Rows of ``driver`` over those of ``bare`` in the same time, taken in turns, so that a busy machine keeps both waiting."""
+    rows = {driver: 0, bare: 0}
+    for _ in range(round(2 * SECONDS / turn)):
+        for once in (driver, bare):
+            end = time.monotonic() + turn
+            while time.monotonic() < end:
+                once()
+                rows[once] += 1
+    return rows[driver] / rows[bare]
 
 
 def cia406() -> dict[str, float]:
-    """One encoder over a multicast bus, as fast as SYNC and answer go; against a 125 kbit/s bus, a usual rate for encoders."""
-    bus = {"interface": "udp_multicast", "channel": "239.74.163.9", "port": free_port(), "bitrate": 125_000}
-    with device("cia406", nodes=[1], timeout=0.05, **bus) as encoders:
-        limit = encoders.max_rate
-        encoders.arm(Plan(EdgeSource.POLL, 100.0, None))
-        figures = measure("cia406", encoders.poll, limit, 0.0)
-    figures["cia406_bus_limit_1mbit_6_nodes"] = 1e6 / (frame_bits(0) + 6 * frame_bits(4))
+    """One encoder over a multicast bus, as fast as SYNC and answer go, against a 125 kbit/s bus, a usual rate for encoders; and six
+    against a bus of 1 Mbit/s, and against a bare loop on the same bus."""
+    figures = {}
+    for name, nodes, bitrate in (("cia406", [1], 125_000), ("cia406_6_nodes", [1, 2, 3, 4, 5, 6], 1_000_000)):
+        bus = {"interface": "udp_multicast", "channel": "239.74.163.9", "port": free_port(), "bitrate": bitrate}
+        with device("cia406", nodes=nodes, timeout=0.05, **bus) as encoders:
+            encoders.arm(Plan(EdgeSource.POLL, 100.0, None))
+            figures |= measure(name, encoders.poll, encoders.max_rate, 0.0)
+            figures[f"{name}_rate_vs_transport"] = bare_syncs(encoders)
     return figures
+
+
+def bare_syncs(encoders: Any) -> float:
+    """Rounds of the driver over those of a loop that sends SYNC and takes as many frames, each with the bus to itself, in turns."""
+    import can
+
+    bus, rounds = encoders._bus, {"driver": 0, "bare": 0}
+    sync = can.Message(arbitration_id=cia.SYNC, is_extended_id=False)
+    for _ in range(round(2 * SECONDS / 0.5)):
+        bus.reopen()
+        end = time.monotonic() + 0.5
+        while time.monotonic() < end:
+            rounds["driver"] += int(not (encoders.poll().quality & Quality.MISSING).any())
+        bus._notifier.stop()
+        end = time.monotonic() + 0.5
+        while time.monotonic() < end:
+            bus._bus.send(sync)
+            got: set[int] = set()
+            while len(got) < len(encoders.config.nodes) and (frame := bus._bus.recv(0.05)) is not None:
+                if frame.arbitration_id > cia.TPDO1:
+                    got.add(frame.arbitration_id)
+            rounds["bare"] += int(len(got) == len(encoders.config.nodes))
+    bus.reopen()
+    return rounds["driver"] / rounds["bare"]
+
+
+def isabellenhuette_ivts() -> dict[str, float]:
+    """Six sensors with a result every ms over a multicast bus; polled 1000 times a second for the newest. ivts_taken_vs_sent: by the
+    counters in the frames, what came of what the sensors sent."""
+    bus = {"interface": "udp_multicast", "channel": "239.74.163.10", "port": free_port()}
+    sensors = [{"command": 0x411 + k, "reply": 0x451 + k, "result": 0x521 + 16 * k} for k in range(6)]
+    with device("isabellenhuette_ivts", sensors=sensors, period=1, timeout=1.0, **bus) as currents:
+        currents.arm(Plan(EdgeSource.POLL, 1000.0, None))
+        taken, lost = (sum(getattr(box, name) for box in currents._results) for name in ("taken", "lost"))
+        begun = time.monotonic()
+        figures = measure("ivts", currents.poll, 1000.0, 0.001)
+        del figures["ivts_rate_vs_wire"]
+        taken = sum(box.taken for box in currents._results) - taken
+        lost = sum(box.lost for box in currents._results) - lost
+        figures["ivts_results_per_s"] = taken / (time.monotonic() - begun)
+        return figures | {"ivts_taken_vs_sent": taken / (taken + lost)}
 
 
 def isabellenhuette_ivts_decode() -> dict[str, float]:
@@ -210,6 +279,7 @@ BENCHMARKS = [
     us_digital_qsb,
     us_digital_ad4b,
     cia406,
+    isabellenhuette_ivts,
     isabellenhuette_ivts_decode,
     tracker_stream,
     linux_counter,

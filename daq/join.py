@@ -48,6 +48,7 @@ class Join:
         self.notes: list[str] = []
         self.begin = 0  # host ns: rows of triggers before this are not of this run
         self._rebased = False
+        self._empty: set[int] = set()  # triggers whose rows had no value at all
         self._aligned: set[str] = {clock.name}
 
     def take(self, last: int | None = None) -> Joined | None:
@@ -64,6 +65,8 @@ class Join:
             return None
         self.ledger.see(horizon + 1)
         rows = self._rows(horizon)
+        if rows is not None:
+            rows = self._without_empty(rows)
         present = np.empty(0, np.int64) if rows is None else rows.number
         self._account_for_losses(horizon, present)
         self.next = horizon + 1
@@ -186,6 +189,19 @@ class Join:
             quality,
         )
 
+    def _without_empty(self, rows: Joined) -> Joined | None:
+        """A row without a single value is none: every device that is asked was gone (those that latch make no row then)."""
+        empty = ((rows.quality & MISSING) != 0).all(axis=1)
+        if not (self.columns.counters or self.columns.inputs) or not empty.any():
+            return rows
+        self._empty.update(rows.number[empty].tolist())
+        if empty.all():
+            return None
+        kept = ~empty
+        number, host, tick = (column[kept] for column in (rows.number, rows.host, rows.tick))
+        points = None if rows.points is None else rows.points[kept]
+        return Joined(number, host, tick, rows.counts[kept], rows.volts[kept], points, rows.quality[kept])
+
     def _account_for_losses(self, horizon: int, present: NDArray[np.int64]) -> None:
         """Every trigger of next..horizon is a row or a loss with a reason."""
         self.ledger.latch(len(present))
@@ -196,6 +212,8 @@ class Join:
             self.ledger.lose(number, 1, *self._reason(number))
 
     def _reason(self, number: int) -> tuple[LossReason, str]:
+        if number in self._empty:
+            return LossReason.DEVICE_GONE, f"{self.clock.name}: no device had a value"
         for stream in (self.clock, *(s for s in self.others if s.required)):
             if number in stream.indexer.missed:
                 return LossReason.LOST_EDGE, stream.name

@@ -29,7 +29,7 @@ from daq.ledger import Ledger
 from daq.recalled import merge_points
 from daq.rows import Rows
 from daq.streams import Stream
-from drivers.shapes import EdgeSource, Plan, PositionTracker, Reconnecting
+from drivers.shapes import ClockReadings, EdgeSource, Plan, PositionTracker, Reconnecting
 from experiment import Experiment, demand_of
 from inputs import DeviceFault, InputError
 
@@ -128,8 +128,12 @@ class Acquisition:
         return None if self.plan.rows is None else min(self.rows_made / self.plan.rows, 1.0)
 
     def clocks(self) -> list[ClockFit]:
-        """The fit of each device's clock to the host's, of the run so far."""
-        fits = [fit_clock(stream.name, stream.pairs) for stream in self._intake.streams]
+        """The fit of each device's clock to the host's, of the run so far: by readings of it, else by its rows."""
+        fits = []
+        for stream in self._intake.streams:
+            device = self.bench.devices[stream.name]
+            pairs = device.clock_readings() if isinstance(device, ClockReadings) else stream.pairs
+            fits.append(fit_clock(stream.name, pairs))
         return [fit for fit in fits if fit is not None]
 
     # Rows

@@ -6,6 +6,7 @@ up to a millisecond), but each is stamped. Ceiling: the bus; six encoders at 1 M
 
 from __future__ import annotations
 
+import contextlib
 import time
 from typing import Annotated, Any, Self
 
@@ -57,6 +58,7 @@ class Cia406Encoders:
         self._answers = bus.listen([cia.TPDO1 + n for n in config.nodes])
         self._events = bus.listen([base + n for n in config.nodes for base in (cia.HEARTBEAT, cia.EMERGENCY)])
         self._sdo: dict[int, Any] = {}
+        self._serials: dict[int, int] = {}  # by node
         self._rounds = cia.Rounds(config.nodes, config.latest)
         self._restarted: set[int] = set()
         self._emergencies: dict[int, bytes] = {}
@@ -83,7 +85,8 @@ class Cia406Encoders:
                     network.add_node(canopen.RemoteNode(number, canopen.ObjectDictionary()))
                 self._sdo[number] = network[number].sdo
                 self._sdo[number].RESPONSE_TIMEOUT = 0.2
-            serials = [self._set_up(number) for number in self.config.nodes]
+            self._serials.clear()
+            serials = [f"{self._set_up(number):08X}" for number in self.config.nodes]
         return Identity(
             maker="CANopen",
             model=f"CiA 406, {len(serials)} encoders",
@@ -93,14 +96,19 @@ class Cia406Encoders:
             details={"bus": f"{self.config.interface} {self.config.channel}"},
         )
 
-    def _set_up(self, number: int) -> str:
-        """Makes node ``number`` answer every SYNC with its position; returns its serial number."""
+    def _set_up(self, number: int) -> int:
+        """Makes node ``number`` answer every SYNC with its position; returns its serial number, which is to be the one it had."""
         profile = self._upload(number, cia.DEVICE_TYPE) & 0xFFFF
         if profile != cia.PROFILE:
             raise self._fault(f"node {number} is no encoder: its profile is {profile}, not 406")
         total, wanted = self._upload(number, cia.TOTAL_RANGE), 1 << self.config.bits
         if total != wanted & 0xFFFFFFFF and total != wanted - 1:
             raise self._fault(f"node {number} counts to {total} (6002h), not to 2^{self.config.bits}: correct 'bits'")
+        serial = self._upload(number, cia.IDENTITY, 4)
+        if self._serials.setdefault(number, serial) != serial:
+            raise self._fault(
+                f"node {number} is another encoder: serial number {serial:08X}, not {self._serials[number]:08X}"
+            )
         self._bus.send(0x000, bytes([0x80, number]))  # NMT: pre-operational
         cob = cia.TPDO1 + number
         self._download(number, cia.TPDO1_PARAMETERS, 1, cob | cia.OFF, 4)
@@ -111,7 +119,7 @@ class Cia406Encoders:
         self._download(number, cia.CYCLIC_TIMER, 0, 0, 2)
         self._download(number, cia.TPDO1_PARAMETERS, 1, cob, 4)
         self._bus.send(0x000, bytes([0x01, number]))  # NMT: operational
-        return f"{self._upload(number, cia.IDENTITY, 4):08X}"
+        return serial
 
     def check(self) -> list[str]:
         if not self._bus.is_open:
@@ -185,16 +193,15 @@ class Cia406Encoders:
         return one_row(host, values, quality=flags)
 
     def _heed_events(self) -> None:
-        """A node that boots has lost its settings: it is set up again, and its counts are marked from then on."""
+        """A node that boots has lost its settings: it is set up again, and its counts are marked from then on. DeviceFault where
+        another encoder has taken its place."""
         for _, identifier, data in self._events.take():
             number = identifier & 0x7F
             if identifier & ~0x7F == cia.HEARTBEAT and data == cia.BOOT_UP:
                 self._restarted.add(number)
                 self._rounds.forget(number)
-                try:
+                with contextlib.suppress(OSError):
                     self._set_up(number)
-                except (OSError, DeviceFault):
-                    continue
             elif identifier & ~0x7F == cia.EMERGENCY and len(data) == 8 and data[:2] != b"\x00\x00":
                 self._emergencies[number] = data
 

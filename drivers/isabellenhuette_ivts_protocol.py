@@ -78,7 +78,7 @@ class Results:
         self._message = database.get_message_by_name(f"Result_{channel}")
         self._channel = CHANNELS.index(channel)
         self._counter: int | None = None
-        self.lost = 0  # frames, since the beginning
+        self.taken = self.lost = 0  # frames, since the beginning
 
     def take(self, data: bytes) -> Result | None:
         """The result in a frame; None if it is none of this channel's."""
@@ -88,6 +88,7 @@ class Results:
         counter = int(fields["Counter"])
         lost = 0 if self._counter is None else (counter - self._counter - 1) % 16
         self._counter = counter
+        self.taken += 1
         self.lost += lost
         faulty = any(fields[name] for name in ("SystemError", "MeasurementError", "ChannelError"))
         raw = int.from_bytes(data[2:], "big", signed=True)

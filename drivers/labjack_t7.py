@@ -70,7 +70,7 @@ class Config(BaseModel):
 
 
 class LabJackT7:
-    """The device (shapes: Latched, Reconnecting, TriggerInput, QuadratureCounter, AnalogInput, both outputs)."""
+    """The device (shapes: Latched, Reconnecting, ClockReadings, TriggerInput, QuadratureCounter, AnalogInput, both outputs)."""
 
     numbered = True
     bits = 16
@@ -110,10 +110,11 @@ class LabJackT7:
             raise self._fault("its calibration constants make no sense: restore them with LabJack's own program")
         self._calibration = calibration
         self.range_volts = (self._calibration.range_volts,) * len(self.config.inputs)
+        self._serial = self._link.read_uint(t7.SERIAL)
         return Identity(
             maker="LabJack",
             model="T7",
-            serial=str(self._link.read_uint(t7.SERIAL)),
+            serial=str(self._serial),
             firmware=f"{self._link.read_float(t7.FIRMWARE):.4f}",
             max_rate=self.scan.fastest,
             latch_delay=0.0,
@@ -246,6 +247,8 @@ class LabJackT7:
         """Connection and stream once more; numbers go on where the trigger line now is."""
         self._link.connect()
         try:
+            if (serial := self._link.read_uint(t7.SERIAL)) != self._serial:
+                raise OSError(f"another T7 answers: serial number {serial}, not {self._serial}")
             if not all(setup.counter_runs(self._link, line) for line in self.config.counters):
                 self._begin_anew()
             self._start_stream()
@@ -272,6 +275,10 @@ class LabJackT7:
         if self._last[0] > self._first[0]:
             interval = (self._last[1] - self._first[1]) / (self._last[0] - self._first[0])
         return self._last[0] + max(1, round((host - self._last[1]) / interval))
+
+    def clock_readings(self) -> list[tuple[int, int]]:
+        """(CORE_TIMER, host ns) of the readings since arming, four a second; late answers left out."""
+        return self._ticks.readings()
 
     @property
     def seeking(self) -> bool:

@@ -33,6 +33,7 @@ class Reconnect:
     def begin(self) -> None:
         """A new run: the device is there."""
         self._lost_at: int | None = None
+        self._what = ""  # was wrong at the last try
 
     @property
     def lost(self) -> bool:
@@ -48,19 +49,21 @@ class Reconnect:
         """True where the device is there, or where it was lost and ``reopen`` has just brought it back.
 
         ``reopen`` is called only where a try is due; it raises OSError or DeviceFault where the device does not answer yet. Raises
-        DeviceFault, with the advice, once the patience is over.
+        DeviceFault, with what was wrong at the last try and the advice, once the patience is over.
         """
         if self._lost_at is None:
             return True
         if now - self._lost_at > self._patience * 1e9:
-            raise DeviceFault(self._device, f"gone for {self._patience:g} s: {self._advice}")
+            what = f" ({self._what})" if self._what else ""
+            raise DeviceFault(self._device, f"gone for {self._patience:g} s{what}: {self._advice}")
         if now < self._next:
             return False
         self._delay = min(2 * self._delay, self.LONGEST)
         self._next = now + self._delay
         try:
             reopen()
-        except (OSError, DeviceFault):
+        except (OSError, DeviceFault) as error:
+            self._what = error.what if isinstance(error, DeviceFault) else str(error)
             return False
         self._lost_at = None
         return True

@@ -32,6 +32,7 @@ __all__ = [
     "AnalogOutput",
     "ArmController",
     "Block",
+    "ClockReadings",
     "CounterMode",
     "Device",
     "DigitalOutput",
@@ -177,6 +178,17 @@ class Reconnecting(Protocol):
     """
 
     seeking: bool
+
+
+@runtime_checkable
+class ClockReadings(Protocol):
+    """A device whose clock the host can read at any time, not only with a row.
+
+    ``clock_readings`` gives the readings since arming, (tick, host ns) pairs in order: where there are such, the clocks are related
+    by them, for the host times of the rows have been worked out from the same ticks already.
+    """
+
+    def clock_readings(self) -> list[tuple[int, int]]: ...
 
 
 @runtime_checkable

@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from drivers.blocks import empty
 from drivers.clock import SystemClock
+from drivers.reconnect import Reconnect
 from drivers.registry import World
 from drivers.serial_port import SerialPort
 from drivers.shapes import Block, EdgeSource, HostClock, Identity, Plan, Quality
@@ -35,6 +36,7 @@ class Config(BaseModel):
     serial, baud  or a serial port instead
     rate          Hz, as set on the tracker; max_rate and memory are its ceilings (memory: samples)
     file          where its own file lies after the run, if it writes one
+    patience      s for which a lost serial port is sought again before the tracker is given up
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -48,6 +50,7 @@ class Config(BaseModel):
     max_rate: Annotated[float, Field(gt=0)] = 1000.0
     memory: Annotated[int, Field(ge=1)] | None = None
     file: str | None = None
+    patience: Annotated[float, Field(ge=0)] = 5.0
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -62,7 +65,7 @@ class Config(BaseModel):
 
 
 class TrackerStream:
-    """The device (shapes: PositionTracker, Latched)."""
+    """The device (shapes: PositionTracker, Latched, Reconnecting)."""
 
     def __init__(self, name: str, config: Config, clock: HostClock) -> None:
         self.name, self.config, self._clock = name, config, clock
@@ -74,6 +77,7 @@ class TrackerStream:
         self._last = 0  # newest frame
         self._sending: int | None = None  # newest frame of an earlier run that the tracker is still sending
         self._armed = False
+        self._reconnect = Reconnect(name, config.patience, "is the cable in?")
 
     def open(self) -> Identity:
         self._lines, self._last, self._sending = Lines(), 0, None
@@ -126,6 +130,7 @@ class TrackerStream:
         # Its next line may still be of the earlier run, though none was waiting just now; half of one may have come.
         self._sending = self._last or self._sending
         self._lines.refused, self._last, self._armed = 0, 0, True
+        self._reconnect.begin()
 
     def disarm(self) -> None:
         self._armed = False
@@ -140,10 +145,13 @@ class TrackerStream:
     def read(self) -> Block:
         if not self._armed:
             raise self._fault("is not armed")
+        if not self._reconnect.there(self._clock.monotonic_ns(), self._reopen):
+            return empty(points=True)
         try:
             frames = self._lines.feed(self._receive())
-        except OSError as error:
-            raise self._fault(f"{self._place}: {error}; is the cable in?") from None
+        except OSError:
+            self._reconnect.lose(self._clock.monotonic_ns())
+            return empty(points=True)
         frames = self._of_this_run(frames)
         # A datagram that was overtaken, or doubled, is no new sample.
         fresh = frames.number > np.maximum.accumulate(np.concatenate([[self._last], frames.number[:-1]]))
@@ -151,6 +159,16 @@ class TrackerStream:
         if len(frames):
             self._last = int(frames.number[-1])
         return self._block(frames, self._clock.monotonic_ns())
+
+    @property
+    def seeking(self) -> bool:
+        """True while a lost serial port is sought."""
+        return self._armed and self._reconnect.lost
+
+    def _reopen(self) -> None:
+        """The port once more; the frames' own numbers tell how many were lost meanwhile."""
+        self._serial.open()
+        self._lines.resume()
 
     def _of_this_run(self, frames: Frames) -> Frames:
         """Without what still comes of an earlier run: frames that go on from those before arming. A start begins at 1 again."""

@@ -33,11 +33,18 @@ class Lines:
 
     def __init__(self) -> None:
         self._rest = b""
+        self._amid = False
         self.refused = 0
+
+    def resume(self) -> None:
+        """The line was cut and is back, maybe in the middle of a line: what comes before the next line's end is no line."""
+        self._rest, self._amid = b"", True
 
     def feed(self, data: bytes) -> Frames:
         """Frames of the lines completed by ``data``."""
         *lines, self._rest = (self._rest + data).split(b"\n")
+        if self._amid and lines:
+            lines, self._amid = lines[1:], False
         if len(self._rest) > _LONGEST:
             self._rest, self.refused = b"", self.refused + 1
         rows = []

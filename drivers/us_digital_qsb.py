@@ -48,6 +48,9 @@ class Qsb:
         self._port = SerialPort(config.port, qsb.BAUD, dtr=True, rts=False)
         self._mode = CounterMode.X4
         self._added = 0
+        self._count = self._taken = self._heard = (
+            0  # newest of the stream, ns at which it came, ns at which anything did
+        )
         self._armed = self._was_reset = False
         self._reconnect = Reconnect(name, config.patience, ADVICE)
 
@@ -102,7 +105,6 @@ class Qsb:
             raise self._fault(f"{plan.rate:g} rows/s asked, {qsb.STREAM_RATE:.0f} possible at {qsb.BAUD} baud")
         self._was_reset = False
         self._reconnect.begin()
-        self._last: tuple[int, int] | None = None
         with or_fault(self.name, ADVICE):
             self._resume()
         self._armed = True
@@ -112,7 +114,8 @@ class Qsb:
         if self.config.reading == "stream":
             self._ask(qsb.write_command(qsb.INTERVAL, 0, 4), "w", qsb.INTERVAL)
             self._port.write(qsb.stream_command(qsb.COUNT))
-            self._last = (self._value("s"), self._clock.monotonic_ns())
+            self._count = self._value("s")
+            self._taken = self._heard = self._clock.monotonic_ns()
 
     def disarm(self) -> None:
         self._armed = False
@@ -143,21 +146,21 @@ class Qsb:
             return missing_row(now, 1, 0)
 
     def _newest(self, now: int) -> Block:
-        assert self._last is not None
-        data = self._port.read()
-        counts = [r.value for r in self._replies.feed(data) if r.kind == "s" and r.register == qsb.COUNT]
-        if len(data) > BACKLOG:  # the newest of these is as old as what has not been read yet: of no known time
+        """The newest count that has come; STALE where that is older than the stream's own pace makes it, or of no known age."""
+        data, behind = self._port.read(), False
+        while len(data) > BACKLOG:  # the newest of these is as old as what has not been read yet
             self._port.flush()
-            self._last = (counts[-1] if counts else self._last[0], now)
-            return self._row(now, self._last[0], Quality.STALE)
+            data, behind = self._port.read(), True
+        counts = [r.value for r in self._replies.feed(data) if r.kind == "s" and r.register == qsb.COUNT]
+        if counts or behind:
+            self._heard = now
         if counts:
-            self._last = (counts[-1], now)
-            return self._row(now, counts[-1], Quality.GOOD)
-        if now - self._last[1] > self.config.timeout * 1e9:
+            self._count = counts[-1]
+            self._taken = self._taken if behind else now
+        if now - self._heard > self.config.timeout * 1e9:
             raise OSError("the stream has stopped")
-        # Between two counts of the stream the value is as old as the stream's period; older, it is stale.
-        stale = now - self._last[1] > 2e9 / qsb.STREAM_RATE
-        return self._row(now, self._last[0], Quality.STALE if stale else Quality.GOOD)
+        stale = now - self._taken > 2e9 / qsb.STREAM_RATE
+        return self._row(now, self._count, Quality.STALE if stale else Quality.GOOD)
 
     def _row(self, host: int, count: int, quality: Quality) -> Block:
         if self._was_reset:

@@ -84,11 +84,14 @@ class Buffer:
 
 
 class SimulatedT7:
-    """The box. Faults for tests: ``pull_cable``/``plug_cable``, ``reset`` (power cycle), ``clock_ppm`` (its crystal)."""
+    """The box. Faults for tests: ``pull_cable``/``plug_cable``, ``reset`` (power cycle), ``clock_ppm`` (its crystal), ``piece`` (bytes
+    that leave at once), ``cut_after`` (bytes of the stream after which its connection is cut, once)."""
 
-    def __init__(self, name: str, config: Config, wires: Wires, serial: int = 470012345) -> None:
+    def __init__(self, name: str, config: Config, wires: Wires, serial: int) -> None:
         self.name, self.config, self.wires, self._serial = name, config, wires, serial
         self.clock_ppm = 0.0
+        self.piece: int | None = None
+        self.cut_after: int | None = None
         self.outputs: dict[int, int] = {}  # DIO line -> level
         self.dacs = [0.0, 0.0]
         self.tripped = 0  # times the watchdog has acted
@@ -304,12 +307,18 @@ class SimulatedT7:
                     return
                 self._outgoing += t7.encode_packet(self._transaction, packet)
                 self._transaction += 1
-            sent = self._stream.send(bytes(self._outgoing))
+            sent = self._stream.send(bytes(self._outgoing[: self.piece]))
             if not sent:
                 return
             del self._outgoing[:sent]
+            if self.cut_after is not None:
+                self.cut_after -= sent
+                if self.cut_after <= 0:
+                    self.cut_after = None
+                    self._stream.drop()
+                    self._command.drop()
 
 
-def make(name: str, config: Config, wires: Wires) -> SimulatedT7:
+def make(name: str, config: Config, wires: Wires, serial: int = 470012345) -> SimulatedT7:
     """The T7 that this Config's driver will find at its host and ports."""
-    return SimulatedT7(name, config, wires)
+    return SimulatedT7(name, config, wires, serial)

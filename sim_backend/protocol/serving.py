@@ -119,7 +119,7 @@ class Terminal:
         self.flush(time.monotonic_ns())
 
     def flush(self, now: int) -> None:
-        """Puts on the wire what is due by ``now``."""
+        """Puts on the wire what is due by ``now``. A line does not wait for its reader: what finds no room is lost."""
         if self._master < 0 or not self._waiting:
             return
         due = len(self._waiting)
@@ -127,10 +127,10 @@ class Terminal:
             due = min(due, int((now - self._free_at) * self._pace / 1e9))
         if due > 0:
             with contextlib.suppress(BlockingIOError):
-                sent = os.write(self._master, bytes(self._waiting[:due]))
-                del self._waiting[:sent]
-                if self._pace is not None:
-                    self._free_at += int(sent / self._pace * 1e9)
+                os.write(self._master, bytes(self._waiting[:due]))
+            del self._waiting[:due]
+            if self._pace is not None:
+                self._free_at += int(due / self._pace * 1e9)
 
     def until_due(self) -> float:
         """s until all that waits can be on the wire; a millisecond where nothing waits."""

@@ -161,6 +161,48 @@ def test_bus_off_is_a_gap_and_is_recovered_from(one_bus: tuple[Any, Any], monkey
     assert not block.quality[-1].any()
 
 
+def test_another_encoder_with_its_node_number_is_not_taken_for_it(one_bus: tuple[Any, Any]) -> None:
+    device, box = one_bus
+    device.open()
+    device.arm(POLL)
+    poll(device, 3, (2, 0))
+    box.encoders[2].node.data_store[0x1018] = {4: (77).to_bytes(4, "little")}
+    box.bus.send(0x700 + 2, b"\x00")  # it boots
+    with pytest.raises(DeviceFault, match="node 2 is another encoder: serial number 0000004D, not E0000002"):
+        end = time.monotonic() + 6
+        while time.monotonic() < end:
+            poll(device, 1, (2, 0))
+
+
+def test_bus_off_of_a_shared_bus_is_recovered_from_by_both(monkeypatch: pytest.MonkeyPatch) -> None:
+    import can
+
+    bus = virtual()
+    here = cia406.Config(nodes=(1,), bits=25, timeout=0.2, **bus)
+    there = isabellenhuette_ivts.Config(sensors=SENSORS[:1], period=5, **bus)
+    boxes = [sim_cia406.make("e", here, swing_wires()), sim_ivts.make("i", there, swing_wires())]
+    world: dict[str, Any] = {}
+    devices = [cia406.make("e", here, world), isabellenhuette_ivts.make("i", there, world)]
+    for each in boxes + devices:
+        each.open()
+    for device in devices:
+        device.arm(POLL)
+
+    def off(message: can.Message, timeout: float | None = None) -> None:
+        raise can.CanOperationError("bus off")
+
+    monkeypatch.setattr(devices[0]._bus._bus, "send", off)
+    assert (devices[0].poll().quality == Quality.MISSING).all()
+    while not (devices[1].poll().quality & (Quality.STALE | Quality.MISSING)).all():
+        time.sleep(0.005)  # nothing is heard of a bus that is off
+    end = time.monotonic() + 5
+    while any((device.poll().quality != 0).any() for device in devices):
+        assert time.monotonic() < end
+        time.sleep(0.005)
+    for each in devices + boxes:
+        each.close()
+
+
 def test_a_bus_with_nobody_on_it() -> None:
     where = cia406.Config(nodes=(9,), **virtual())
     device = cia406.make("nobody", where, {})

@@ -251,6 +251,54 @@ def test_garbage_on_the_stream_ends_the_connection_not_the_truth(rig) -> None:
     assert np.abs(as_measured(both, zero) - truth).max() < 5 + FASTEST * off
 
 
+def test_a_stream_in_awkward_pieces_is_the_same_stream(rig) -> None:
+    """44 bytes at a time, so that headers and values are torn; nothing is lost, doubled or shifted."""
+    device, box, _ = rig
+    device.open()
+    box.piece = 44
+    device.arm(Plan(TIMER, 500.0, 200))
+    block = all_columns(device, read_rows(device.read, 200))
+    assert block.number.tolist() == list(range(len(block))) and not block.quality.any()
+    off = stamped_within(device)
+    zero = np.array([box._zero[line] for line in (0, 2, 6)])
+    truth = np.stack([counts(c, block.host) for c in range(3)], axis=1)
+    assert np.abs(as_measured(block, zero) - truth).max() < 5 + FASTEST * off
+
+
+def test_half_a_packet_is_no_packet(rig) -> None:
+    """The connection is cut in the middle of a packet: the half is thrown away, and the run goes on behind the gap."""
+    device, box, _ = rig
+    device.open()
+    device.arm(Plan(TIMER, 1000.0, None))
+    before = all_columns(device, read_rows(device.read, 50))
+    box.piece, box.cut_after = 44, 1000
+    after = all_columns(device, read_rows(device.read, 300))
+    off = stamped_within(device)
+    assert box.cut_after is None
+    both = all_columns(device, [before, after])
+    steps = np.diff(both.number)
+    assert np.all(steps >= 1) and np.count_nonzero(steps > 1) == 1 and not both.quality.any()
+    zero = np.array([box._zero[line] for line in (0, 2, 6)])
+    truth = np.stack([counts(c, both.host) for c in range(3)], axis=1)
+    assert np.abs(as_measured(both, zero) - truth).max() < 5 + FASTEST * off
+
+
+def test_another_t7_behind_the_cable_is_not_taken_for_it(rig) -> None:
+    device, box, _ = rig
+    device.open()
+    device.arm(Plan(TIMER, 1000.0, None))
+    read_rows(device.read, 20)
+    box.close()
+    other = simulator.make("other", box.config, swing_wires(), serial=470099999)
+    other.open()
+    with pytest.raises(DeviceFault, match="another T7 answers: serial number 470099999, not 470012345"):
+        deadline = time.monotonic() + 6
+        while time.monotonic() < deadline:
+            assert len(device.read()) == 0
+            time.sleep(0.02)
+    other.close()
+
+
 def test_a_clock_that_drifts_is_followed(rig) -> None:
     device, box, _ = rig
     box.clock_ppm = 100.0

@@ -14,6 +14,7 @@ from drivers import tracker_stream as driver
 from drivers.blocks import join
 from drivers.shapes import Block, EdgeSource, Plan, PositionTracker, Quality
 from drivers.tracker_merge import align
+from drivers.tracker_stream_protocol import Lines
 from inputs import DeviceFault
 from sim_backend.protocol import tracker_stream as simulator
 from sim_backend.protocol.serving import Terminal
@@ -153,6 +154,36 @@ def test_a_tracker_that_stops_early_just_ends(rig) -> None:
     time.sleep(0.1)
     assert len(block) == 50 and len(device.read()) == 0
     assert len(box.wires.trigger.between(0, time.monotonic_ns())) == 50
+
+
+def test_a_cable_pulled_and_put_back_leaves_a_gap_in_the_numbers(rig) -> None:
+    device, box = rig
+    if box._terminal is None:
+        pytest.skip("a lost datagram is a gap already")
+    device.open()
+    device.arm(plan(400))
+    box.start(time.monotonic_ns())
+    before = join(read_rows(device.read, 20), points=True)
+    with box._lock:
+        box._terminal.close()
+    while not device.seeking:
+        device.read()
+    with box._lock:
+        box._terminal.open()
+    after = join(read_rows(device.read, 20), points=True)
+    assert not device.seeking
+    number = np.concatenate([before.number, after.number])
+    assert (np.diff(number) > 0).all() and np.diff(number).max() > 1
+    measured = np.concatenate([before.points, after.points])
+    assert np.abs(measured - points(np.array(box.edges)[number])).max() < 1e-8
+
+
+def test_half_a_line_after_a_cut_is_no_point() -> None:
+    lines = Lines()
+    assert len(lines.feed(b"1,0.1,1,2,3\n20,0.2,1,2")) == 1
+    lines.resume()
+    frames = lines.feed(b"2,9,9,9\n21,0.3,1,2,3\n")
+    assert frames.number.tolist() == [21] and lines.refused == 0
 
 
 def test_a_broken_beam_is_a_missing_point(rig) -> None:

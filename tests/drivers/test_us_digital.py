@@ -159,6 +159,23 @@ def test_qsb_noise_costs_rows_not_truth(tmp_path: Path, reading: str) -> None:
         assert np.abs(error_of(join(blocks, 1), 32, start, 0)).max() < slack
 
 
+def test_qsb_an_answer_that_comes_too_late_is_not_the_next_rows(tmp_path: Path) -> None:
+    """The reply to a question that was given up lies in the line when the next one is asked: it is not its answer."""
+    where = us_digital_qsb.Config(port=str(tmp_path / "qsb"), reading="ask", timeout=0.05)
+    for device, box in pair(us_digital_qsb, sim_qsb, where):
+        device.open()
+        start = preset(device, 0)
+        device.arm(POLL)
+        held: list[bytes] = []
+        box.corrupt = lambda data: held.append(data) or b""  # noqa: B023
+        assert missing(device.poll())
+        box.corrupt = lambda data: data
+        assert held
+        box._terminal.write(held[0], time.monotonic_ns())
+        poll_until(device, lambda row: not missing(row))
+        assert np.abs(error_of(poll_for(device, 0.2), 32, start, 0)).max() < ASKED
+
+
 def test_a_stream_that_falls_silent_is_stale_then_missing(tmp_path: Path) -> None:
     where = us_digital_qsb.Config(port=str(tmp_path / "qsb"), timeout=1.0)
     for device, box in pair(us_digital_qsb, sim_qsb, where):
