@@ -101,6 +101,8 @@ def _text(rig: str, findings: list[dict[str, Any]], problems: list[str]) -> list
         identity = finding["identity"]
         lines.append(f"  {'ok   ' if not finding['problems'] else 'FAULT'} {finding['device']}: {_describe(identity)}")
         lines += [f"        {problem}" for problem in finding["problems"]]
+        if identity is not None and "unconfirmed" in identity["details"]:
+            lines.append(f"        not confirmed on a real device: {identity['details']['unconfirmed']}")
         lines += [f"        there is {place}" for place in finding["found"]]
     lines += [f"  FAULT {problem}" for problem in problems]
     faults = sum(bool(finding["problems"]) for finding in findings) + len(problems)

@@ -120,7 +120,11 @@ class LabJackT7:
             latch_delay=0.0,
             channel_skew=CHANNEL_SKEW,
             bits=self.bits,
-            details={"host": self.config.host, "tick_hz": f"{t7.CORE_TIMER_HZ:.0f}"},
+            details={
+                "host": self.config.host,
+                "tick_hz": f"{t7.CORE_TIMER_HZ:.0f}",
+                "unconfirmed": "that a count of skipped scans includes the scan that marks them (as the U3's guide says)",
+            },
         )
 
     def check(self) -> list[str]:

@@ -56,7 +56,10 @@ class Ad4b:
             bits=ad4b.WIDTH,
             # The command takes one byte's time to arrive; the counter is latched then.
             latch_delay=BYTE_SECONDS,
-            details={"port": self.config.port},
+            details={
+                "port": self.config.port,
+                "unconfirmed": "which checksum it confirms its mode with (its document does not say: sums and exclusive-or are taken)",
+            },
         )
 
     def check(self) -> list[str]:

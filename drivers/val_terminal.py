@@ -93,7 +93,11 @@ class ValTerminal:
         return Identity(
             maker="Unimation",
             model="VAL II" if self.config.dialect == "val2" else "VAL",
-            details={"port": self.config.port, "joints_deg": pose},
+            details={
+                "port": self.config.port,
+                "joints_deg": pose,
+                "unconfirmed": f"the form of WHERE's answer: does the arm stand at {pose} deg?",
+            },
         )
 
     def check(self) -> list[str]:

@@ -33,6 +33,15 @@ def test_a_healthy_device_is_tried_out(tmp_path: Path, capsys: pytest.CaptureFix
     box.close()
 
 
+def test_what_nobody_has_confirmed_yet_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, where = write_rig(tmp_path)
+    box = sim_t7.make("daq", where, swing_wires())
+    box.open()
+    assert doctor.command(path) == 0
+    box.close()
+    assert "not confirmed on a real device: that a count of skipped scans" in capsys.readouterr().out
+
+
 def test_what_is_wrong_with_the_wiring_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, where = write_rig(tmp_path)
     wires = swing_wires()

@@ -47,6 +47,19 @@ def test_the_example_driver_keeps_its_promises(root: Path, tmp_path: Path, monke
     terminal.close()
 
 
+def test_every_fault_of_the_document_has_its_tests(root: Path) -> None:
+    text = (root / "docs" / "hardware.md").read_text()
+    table = text[text.index("| fault | shown by |") : text.index("## A driver of your own")]
+    tests = {
+        name
+        for path in (root / "tests" / "drivers").glob("test_*.py")
+        for name in re.findall(r"^def (test_\w+)", path.read_text(), re.MULTILINE)
+    }
+    named = set(re.findall(r"`(test_\w+)`", table))
+    assert len(named) > 30 and named <= tests, named - tests
+    assert all("`test_" in line for line in table.splitlines()[2:] if line.startswith("|"))
+
+
 @pytest.mark.parametrize("name", ["puma560_lab", "puma560_can"])
 def test_the_rigs_of_the_document_are_right(root: Path, name: str) -> None:
     rig = read_rig(root / "config" / f"{name}.toml")
