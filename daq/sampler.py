@@ -128,12 +128,12 @@ class Acquisition:
         return None if self.plan.rows is None else min(self.rows_made / self.plan.rows, 1.0)
 
     def clocks(self) -> list[ClockFit]:
-        """The fit of each device's clock to the host's, of the run so far: by readings of it, else by its rows."""
+        """The fit of each device's clock to the host's, of the run so far: by readings of it where there are enough, else by its rows."""
         fits = []
         for stream in self._intake.streams:
             device = self.bench.devices[stream.name]
-            pairs = device.clock_readings() if isinstance(device, ClockReadings) else stream.pairs
-            fits.append(fit_clock(stream.name, pairs))
+            readings = device.clock_readings() if isinstance(device, ClockReadings) else []
+            fits.append(fit_clock(stream.name, readings) or fit_clock(stream.name, stream.pairs))
         return [fit for fit in fits if fit is not None]
 
     # Rows

@@ -25,6 +25,7 @@ ADVICE = "is the QSB plugged in?"
 WIDTH = 32
 ASK_BYTES = 4 + 12  # on the wire for one question and its answer
 BACKLOG = 2048  # bytes, 90 ms of the stream, read at once: the host was away, and more may lie behind them
+HELD_UP = 2_000_000  # ns for taking a streamed count, which is there already
 SLOW = 10_000_000  # ns for question and answer, USB and all: beyond it the time of the latch is not known well
 
 
@@ -159,8 +160,12 @@ class Qsb:
             self._taken = self._taken if behind else now
         if now - self._heard > self.config.timeout * 1e9:
             raise OSError("the stream has stopped")
-        stale = now - self._taken > 2e9 / qsb.STREAM_RATE
-        return self._row(now, self._count, Quality.STALE if stale else Quality.GOOD)
+        quality = Quality.STALE if now - self._taken > 2e9 / qsb.STREAM_RATE else Quality.GOOD
+        if (
+            self._clock.monotonic_ns() - now > HELD_UP
+        ):  # this process was held up: what was read is newer than ``now``, or older
+            quality |= Quality.LATE
+        return self._row(now, self._count, quality)
 
     def _row(self, host: int, count: int, quality: Quality) -> Block:
         if self._was_reset:

@@ -70,7 +70,8 @@ def test_a_latched_and_an_asked_device_become_one_row(tmp_path: Path) -> None:
         ):  # counts; 31 a millisecond at most
             measured = rows.counts[:, column] - rows.counts[0, column]
             error = np.abs(measured - (truth - truth[0]))[where]
-            # The simulated QSB shares this process's interpreter: now and then its answer is tens of ms old.
+            # Between the simulated QSB and the driver lie a thread of this process and one of the kernel (it moves what a terminal
+            # sent to its reader); on a busy machine both are late now and then, and no byte tells.
             assert (error.max() if column == turned else np.quantile(error, 0.9)) < slack
         assert np.abs(rows.volts[:, 0] - volts(0, rows.host_ns)).max() < 0.01
         quality = rows.quality[:, asked]
