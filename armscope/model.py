@@ -36,7 +36,9 @@ class Formulation(StrEnum):
 
 
 def command(
-    model: Annotated[Path, typer.Argument(help="the arm: a model file (.toml) or a URDF file (.urdf)")],
+    model: Annotated[
+        Path | None, typer.Argument(help="the arm: a model file (.toml) or a URDF file (.urdf)", show_default=False)
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="write the arm as .toml or .urdf")] = None,
     equations: Annotated[Form | None, typer.Option(help="print the accelerations: text, latex, python or c")] = None,
     by: Annotated[
@@ -45,9 +47,17 @@ def command(
     formulations: Annotated[
         bool, typer.Option(help="compare Newton-Euler, Lagrange and Kane: operations, generation, agreement")
     ] = False,
+    effects: Annotated[
+        bool, typer.Option(help="list the effects that a model may have, with their parameters; wants no model")
+    ] = False,
     tip: Annotated[str | None, typer.Option(help="last link, of a URDF file that branches")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:
+    if effects:
+        _catalogue(as_json)
+        return
+    if model is None:
+        raise InputError("model", "wants a model file, as config/models/puma560.toml")
     arm = _read(model, tip)
     if out is not None:
         _write(out, arm)
@@ -142,6 +152,38 @@ def _text(summary: dict[str, Any]) -> str:
         where = "arm" if term["joint"] is None else f"joint {term['joint']}"
         lines.append(f"effect {term['effect']} ({where}): {values}")
     return "\n".join(lines)
+
+
+def _catalogue(as_json: bool) -> None:
+    """Every effect of the vocabulary, as an [[effect]] table of a model file may have it."""
+    from arm_model.effects import CATALOGUE
+
+    if as_json:
+        print(
+            json.dumps(
+                [
+                    {
+                        "effect": effect.name,
+                        "place": effect.place.value,
+                        "per_joint": effect.per_joint,
+                        "equation": effect.equation,
+                        "parameters": [asdict(parameter) for parameter in effect.parameters],
+                        "shows": effect.shows,
+                        "confused_with": effect.confused_with,
+                    }
+                    for effect in CATALOGUE.values()
+                ]
+            )
+        )
+        return
+    for effect in CATALOGUE.values():
+        print(f"{effect.name} ({effect.place}, {'of a joint' if effect.per_joint else 'of the whole arm'})")
+        print(f"    {effect.equation}")
+        for p in effect.parameters:
+            low, high = p.typical
+            typical = f"{low:g} to {high:g}" + (" of either sign" if p.signed else "")
+            print(f"    {p.name:<20} {p.unit:<12} {typical:<28} {p.meaning}".rstrip())
+        print()
 
 
 def _compare(arm: Arm, as_json: bool) -> None:

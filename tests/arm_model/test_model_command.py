@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from arm_model import rigid_body
+from arm_model.effects import CATALOGUE
 from arm_model.model_file import read_model
 from armscope.cli import run
 from inputs import InputError
@@ -37,6 +38,18 @@ def test_equations(root: Path, form: str, capsys: pytest.CaptureFixture[str]) ->
     assert first in printed
     if form == "python":
         compile(printed, "rates", "exec")
+
+
+def test_every_effect_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["model", "--effects", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert [effect["effect"] for effect in listed] == list(CATALOGUE)
+    assert all(parameter["unit"] for effect in listed for parameter in effect["parameters"])
+    assert run(["model", "--effects"]) == 0
+    printed = capsys.readouterr().out
+    assert "backlash (transmission, of a joint)" in printed and "half_gap             rad" in printed
+    assert run(["model"]) == 2
+    assert capsys.readouterr().err == "error: model: wants a model file, as config/models/puma560.toml\n"
 
 
 def test_water_is_told(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
