@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm
+from arm_model.hydrodynamics import COEFFICIENTS
 from identification.effects import definition, is_effect
 from identification.readiness import RunReadiness
 from identification.spectrum import Band
@@ -155,6 +156,8 @@ def unit_of(name: str, arm: Arm) -> str:
     if is_effect(name):
         return definition(name).unit
     head, _, rest = name.partition(".")
+    if head.startswith("link") and rest in COEFFICIENTS:
+        return "1"
     if head.startswith("link"):
         return "kg" if rest == "mass" else "kg m" if rest in ("mx", "my", "mz") else "kg m2"
     number = head.removeprefix("joint")
@@ -164,4 +167,6 @@ def unit_of(name: str, arm: Arm) -> str:
         return "kg m2" if revolute else "kg"
     if kind == "viscous":
         return "N m s/rad" if revolute else "N s/m"
+    if kind == "drag":
+        return "N m s2/rad2" if revolute else "N s2/m2"
     return "N m" if revolute else "N"
