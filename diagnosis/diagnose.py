@@ -25,6 +25,7 @@ from diagnosis.events import Event
 from diagnosis.evidence import Run, see
 from diagnosis.library import Side, columns_of, free_columns, side_of, side_with
 from diagnosis.link_causes import LinkCause, LinkSide, link_side
+from diagnosis.lost_edges import lost_edges, put_back
 from diagnosis.parameters import Estimate, estimates
 from diagnosis.projection import confusability, span_of
 from diagnosis.remainder import Structure
@@ -103,6 +104,11 @@ def diagnose(
         of_run = loaded(arm, setup.payload)
         runs.append(see(recording.path.name, of_run, recording.t, q, i, powered=not setup.drives_off))
         samples.append((recording.t, q, i))
+    for event in lost_edges(runs, [r.dt for r in everything]):
+        k = event.recordings[0]
+        t, q, i = samples[k] = (*samples[k][:2], put_back(samples[k][2], event))
+        runs[k] = see(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered)
+        found.append(event)
     sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
     progress("computing what each effect would look like")
     judged = has_dynamics(arm)
@@ -228,9 +234,10 @@ def _from_event(event: Event, sides: tuple[Side, Side]) -> Cause:
     amplitude = next((p.value for p in event.parameters if p.unit == "A"), 0.0)
     noise = float(np.mean([run.noise[event.joint - 1] for run in sides[1].runs]))
     before = float(np.hypot(noise, amplitude / np.sqrt(2))) if event.effect == "mains_hum" else noise
+    joint = event.joint or None
     return Cause(
-        event.effect, event.joint, event.parameters, 0.99, before, noise, ((event.effect, event.joint),), None,
-        event.evidence, event.joint,
+        event.effect, joint, event.parameters, 0.99, before, noise, ((event.effect, joint),), None,
+        event.evidence, event.joint or 1, of_arm=event.effect != "dropped_trigger",
     )  # fmt: skip
 
 

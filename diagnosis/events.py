@@ -32,7 +32,7 @@ FLAT_ROWS = 20
 
 @dataclass(frozen=True)
 class Event:
-    """An effect found in raw rows: name, joint, parameters, sentence, and the recordings (by index) that show it."""
+    """An effect found in raw rows: name, joint (0: no joint's own), parameters, sentence, and the recordings (by index) that show it."""
 
     effect: str
     joint: int

@@ -1,0 +1,81 @@
+"""Edges that one group of channels lost, hidden in runs of an independent plant: found where they are, and nowhere else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model.model_file import read_model
+from diagnosis.events import Event
+from diagnosis.evidence import Run, see
+from diagnosis.lost_edges import lost_edges, put_back
+from tests.blind.hide import Hidden
+from tests.blind.laboratory import Laboratory
+from tests.blind.motions import fourier
+from tests.blind.record import recorded, truth
+
+pytest.importorskip("numba", reason="the plant of the hidden-effect tests is compiled by numba")
+
+LABORATORY = Laboratory("singles")
+PERIOD = 1e-3
+
+
+def _seen(root: Path, *hidden: Hidden, seed: int = 3) -> Run:
+    what = truth(fourier("run", seed, 0.12, 0.9, 10.0), hidden, LABORATORY)
+    rows = recorded(what, LABORATORY, seed)
+    return see(
+        "run", read_model(root / "config" / "models" / "puma560.toml"), what.signals.t, rows.position, rows.current
+    )
+
+
+def _found(*runs: Run) -> list[Event]:
+    return lost_edges(runs, [PERIOD] * len(runs))
+
+
+@pytest.mark.parametrize(("row", "count"), [(4200, 2), (7000, 5), (3000, 1)])
+def test_lost_edges_are_found_and_put_back(root: Path, row: int, count: int) -> None:
+    run = _seen(root, Hidden("dropped_trigger", None, {"row": row, "count": count}))
+    (event,) = _found(run)
+    values = {p.name: p for p in event.parameters}
+    assert values["count"].value == count
+    assert abs(values["row"].value - row) < 4 * values["row"].std
+    assert values["row"].std < 200
+    assert event.effect == "dropped_trigger"
+
+
+def test_a_lag_that_is_always_there_is_not_lost_edges(root: Path) -> None:
+    assert _found(_seen(root, Hidden("time_skew", None, {"delay": 3e-3}))) == []
+
+
+def test_lost_edges_beside_a_lag(root: Path) -> None:
+    skew = Hidden("time_skew", None, {"delay": 2e-3})
+    (event,) = _found(_seen(root, skew, Hidden("dropped_trigger", None, {"row": 5000, "count": 3})))
+    assert {p.name: p.value for p in event.parameters}["count"] == 3
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        Hidden("friction_drift", 1, {"fraction": 0.3, "time_constant": 5.0}),
+        Hidden("joint_compliance", 2, {"stiffness": 1e4}),
+        Hidden("backlash", 2, {"half_gap": 2e-3}),
+        Hidden("current_gain", 3, {"error": 0.1}),
+        None,
+    ],
+)
+def test_other_effects_are_not_taken_for_lost_edges(root: Path, hidden: Hidden | None) -> None:
+    assert _found(_seen(root, *([hidden] if hidden else []))) == []
+
+
+def test_currents_are_put_back_where_they_belong() -> None:
+    true = np.arange(100.0)[:, None] ** 2
+    lost = np.concatenate([true[:40], true[43:], np.repeat(true[-1:], 3, axis=0)])
+    found = {"row": 40.0, "count": 3.0, "period": 1e-3}
+    from diagnosis.parameters import Estimate
+
+    event = Event("dropped_trigger", 0, [Estimate(k, v, 0.0, "1") for k, v in found.items()], "", (0,))
+    put = put_back(lost, event)
+    assert np.array_equal(put[43:], true[43:])
+    assert np.array_equal(put[:40], true[:40])
