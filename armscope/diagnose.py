@@ -43,6 +43,12 @@ def command(
     ] = None,
     max_experiments: Annotated[int, typer.Option(min=0, help="at most so many, with --rig")] = 3,
     yes: Annotated[bool, typer.Option("--yes", help="move a real arm without asking, with --rig")] = False,
+    distort: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PARAMETER", help="let this one parameter (joint2.viscous) vary in time instead, and see with what"
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print diagnosis.json and nothing else")] = False,
 ) -> int:
     """Diagnoses recordings against a model."""
@@ -56,6 +62,8 @@ def command(
     check_folder(out)
     arm = read_model(_model(model, rig))
     fitted = [open_recording(path) for path in fit]
+    if distort is not None:
+        return _distorted(arm, distort, fitted, out, as_json)
     held = [open_recording(path) for path in held_out or []]
     for one in held:
         if any(_same(one, other) for other in fitted):
@@ -78,6 +86,18 @@ def command(
     else:
         _print(case.result, table, out)
     return _SAMPLES_LOST if case.lost else _DONE
+
+
+def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Path, as_json: bool) -> int:
+    """One parameter that varies, in place of causes."""
+    from diagnosis.diagnose import seen_through
+    from diagnosis.distort import distort, named_parameter
+    from diagnosis.distort_report import write_distortion
+
+    named_parameter(arm, name)
+    table = write_distortion(out, distort(arm, name, seen_through(arm, recordings)[1], recordings))
+    print(json.dumps(table) if as_json else f"{table['verdict']}\n{out / 'distortion.html'}")
+    return _DONE
 
 
 def _model(model: Path | None, rig: Path | None) -> Path:

@@ -93,22 +93,7 @@ def diagnose(
 ) -> Diagnosis:
     """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm."""
     everything = [*fit, *held_out]
-    _check(arm, everything)
-    progress("looking for events")
-    found = [*event_search.hum(everything), *event_search.jumps(everything), *event_search.clipped(everything)]
-    runs, samples = [], []
-    for index, recording in enumerate(everything):
-        progress(f"seeing {recording.path.name} through the model")
-        q = event_search.without_jumps(recording, index, found)
-        setup, i = setup_of(recording), event_search.without_hum(recording, found)
-        of_run = loaded(arm, setup.payload)
-        runs.append(see(recording.path.name, of_run, recording.t, q, i, powered=not setup.drives_off))
-        samples.append((recording.t, q, i))
-    for event in lost_edges(runs, [r.dt for r in everything]):
-        k = event.recordings[0]
-        t, q, i = samples[k] = (*samples[k][:2], put_back(samples[k][2], event))
-        runs[k] = see(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered)
-        found.append(event)
+    found, runs, samples = seen_through(arm, everything, progress)
     sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
     progress("computing what each effect would look like")
     judged = has_dynamics(arm)
@@ -152,6 +137,32 @@ def diagnose(
         + ((f"{axis[-1].after:.3g} A rms of the held-out current below 60 Hz is left that no effect was named for",) if axis else ())
         + (link.remarks if link else ()),
     )  # fmt: skip
+
+
+def seen_through(
+    arm: Arm, recordings: list[Recording], progress: Callable[[str], None] = lambda sentence: None
+) -> tuple[list[Event], list[Run], list[tuple[Array, Array, Array]]]:
+    """Events in the recordings; every recording without them seen through the arm; and its t (k,) s, q (k, n) rad, i (k, n) A without them.
+
+    InputError where one does not belong to the arm.
+    """
+    _check(arm, recordings)
+    progress("looking for events")
+    found = [*event_search.hum(recordings), *event_search.jumps(recordings), *event_search.clipped(recordings)]
+    runs, samples = [], []
+    for index, recording in enumerate(recordings):
+        progress(f"seeing {recording.path.name} through the model")
+        q = event_search.without_jumps(recording, index, found)
+        setup, i = setup_of(recording), event_search.without_hum(recording, found)
+        of_run = loaded(arm, setup.payload)
+        runs.append(see(recording.path.name, of_run, recording.t, q, i, powered=not setup.drives_off))
+        samples.append((recording.t, q, i))
+    for event in lost_edges(runs, [r.dt for r in recordings]):
+        k = event.recordings[0]
+        t, q, i = samples[k] = (*samples[k][:2], put_back(samples[k][2], event))
+        runs[k] = see(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered)
+        found.append(event)
+    return found, runs, samples
 
 
 def has_dynamics(arm: Arm) -> bool:
