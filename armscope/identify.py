@@ -70,8 +70,6 @@ def command(
 
     from arm_model.model_file import read_model
     from daq.recording import open_recording
-    from identification.files import write_identification
-    from identification.methods import check_runs, identify_by, own_friction
     from inputs import InputError, check_folder
 
     if out is None and not check:
@@ -81,6 +79,10 @@ def command(
     arm = read_model(model)
     fitted = [open_recording(path) for path in run]
     held = [open_recording(path) for path in held_out or []]
+    # Only now: these load a second's worth of libraries, for which a wrong file need not wait.
+    from identification.files import write_identification
+    from identification.methods import check_runs, identify_by, own_friction
+
     rubbing = friction.value if friction else own_friction(arm)
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
         if out is None or check:
