@@ -17,6 +17,7 @@ from inputs import InputError
 Array = NDArray[np.float64]
 
 MISSING = 0.5  # share of a channel's samples: more missing is no recording of that channel
+EXPLAINED = 0.7  # of the variation of a joint's torque: a model of the wrong joint explains less
 MOVED = 20.0  # noise levels: less is no motion
 
 
@@ -106,6 +107,19 @@ def check_signs(where: Sequence[object], dissipated: Array, doubt: Array) -> Non
             f"i{j + 1}: the friction of joint {j + 1} would drive it; the sign of its current is reversed (positive must drive"
             " the joint positive): give the transducer's turns (or the table's column) the other sign",
         )
+
+
+def unexplained_channels(residual: Array, torque: Array, joint: NDArray[np.intp]) -> list[str]:
+    """A sentence for every joint of whose current the fit explains too little: residual, torque and joint (from 0), (rows,) each."""
+    found = []
+    for j in np.unique(joint):
+        mine = joint == j
+        explained = 1 - float(np.var(residual[mine])) / max(float(np.var(torque[mine])), 1e-300)
+        if explained < EXPLAINED:
+            found.append(
+                f"joint {j + 1}: the fit explains {max(explained, 0.0):.0%} of the variation of its current; is i{j + 1} dead, or of another joint?"
+            )
+    return found
 
 
 def too_short(where: Sequence[object], rows: int, parameters: int) -> InputError:

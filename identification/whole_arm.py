@@ -225,6 +225,7 @@ def conclude(
     """The result of a fit: predictions, named parameters, a consistent arm. ``solve`` refits part of the rows for the split."""
     _check_friction(problem, best, spread)
     warnings = list(problem.warnings)
+    warnings += refusals.unexplained_channels(best.residual, problem.rows.torque, problem.rows.joint)
     predictions, held_names = _predictions(problem, best, solve, warnings)
     physical = physical_values(problem, best, spread.information)
     identified = with_values(problem, physical)

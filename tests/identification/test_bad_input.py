@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -116,3 +117,17 @@ def test_whole_recording_of_the_same_motion_is_taken(motion: tuple, root: Path, 
     write_table(path, t, {"q": q, "i": i}, Attachments())
     model = root / "config/models/scara.toml"
     assert run(["identify", str(path), "--model", str(model), "--out", str(tmp_path / "out"), "--json"]) == 0
+
+
+def test_channel_that_only_hums_is_named(
+    motion: tuple, root: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    t, q, i = (array.copy() for array in motion)
+    i[:, 1] = 0.05 * np.random.default_rng(0).standard_normal(len(i))
+    path = tmp_path / "run.mcap"
+    write_table(path, t, {"q": q, "i": i}, Attachments())
+    model = root / "config/models/scara.toml"
+    assert run(["identify", str(path), "--model", str(model), "--out", str(tmp_path / "out"), "--json"]) == 0
+    said = " ".join(json.loads(capsys.readouterr().out)["warnings"])
+    assert "joint 2: the fit explains" in said
+    assert "is i2 dead, or of another joint?" in said
