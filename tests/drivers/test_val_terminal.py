@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from drivers import val_terminal as driver
-from experiment import Experiment
+from experiment import Experiment, demand_of
+from experiment.file import read_experiment
 from inputs import DeviceFault
 from sim_backend.protocol import val_terminal as simulator
 from sim_backend.protocol.wires import Wires
@@ -176,3 +177,25 @@ def test_a_pulled_cable_in_a_motion_is_a_fault(rig) -> None:
             time.sleep(0.01)
     with pytest.raises(DeviceFault, match="emergency stop"):
         device.stop()
+
+
+def test_the_22_tests_of_the_thesis_are_typed_and_driven(rig, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every one of them through the terminal, echo and prompt included, to where its demand ends (pauses left out)."""
+    device, box, arm = rig
+    monkeypatch.setattr(f"{__name__}.SPEED", 400.0)
+    device.open()
+    paths = sorted((root / "config" / "experiments").glob("thesis_*.toml"))
+    assert len(paths) == 22
+    for path in paths:
+        wanted = read_experiment(path)
+        device.load(wanted)
+        assert arm.position(time.monotonic_ns()) == pytest.approx(wanted.start, abs=1e-4), path.name
+        device._steps = [step for step in device._steps if step.commands]
+        assert device._steps, path.name
+        box.entered.clear()
+        device.start()
+        until_finished(device)
+        assert all(line.startswith(("DRIVE ", "DO SPEED ", "DO MOVE #PPOINT(")) for line in box.entered)
+        demand = demand_of(wanted)
+        end = demand(np.array([demand.duration]))[0]
+        assert arm.position(time.monotonic_ns()) == pytest.approx(end, abs=1e-4), path.name
