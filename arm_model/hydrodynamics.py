@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from arm_model import scalar
 from arm_model.description import Arm, Cylinder
-from arm_model.newton_euler import Chain, chain_of, into, jacobians, motions
+from arm_model.newton_euler import Chain, Motion, chain_of, into, jacobians, motions
 from arm_model.triples import Scalar, Triple, add, apply, cross, dot, floats, mul, plus, sub
 
 Array = NDArray[np.float64]
@@ -137,25 +137,31 @@ def torques(
     tau: list[Scalar] = [0.0] * len(chain)
     moving = motions(chain, turn, q, qd, qdd, (0.0, 0.0, 0.0)) if bodies else []
     for j, levers in _levers(chain, turn, q, bodies).items():
-        shape, water = bodies[j]
-        motion = moving[j]
-        pulled = plus(motion.acceleration, apply(motion.gyration, shape.middle))
-        turned = apply(motion.gyration, shape.along)
         weight: Triple = (gravity[0], gravity[1], gravity[2])
         for k in range(j + 1):
             weight = into(chain.rotation[k], turn[k], weight)
-        force: list[Scalar] = [mul(water.displaced, part) for part in apply((*shape.across, shape.along), weight)]
-        moment: list[Scalar] = [0.0, 0.0]
-        dragged = _drag(shape, levers, qd)
-        for axis in range(2):
-            row = shape.across[axis]
-            force[axis] = add(force[axis], mul(mul(water.added, shape.length), dot(row, pulled)))
-            force[axis] = add(force[axis], mul(water.resistance, dragged[0][axis]))
-            moment[axis] = mul(mul(water.added, shape.turning), dot(row, turned))
-            moment[axis] = add(moment[axis], mul(water.resistance, dragged[1][axis]))
+        shape, water = bodies[j]
+        force, moment = _wrench(shape, water, moving[j], weight, _drag(shape, levers, qd))
         for i, lever in enumerate(levers):
             tau[i] = add(tau[i], add(dot(lever.middle, force), _dot2(lever.turn, moment)))
     return tau
+
+
+def _wrench(
+    shape: Shape, water: Water, motion: Motion, weight: Triple, dragged: tuple[list[Scalar], list[Scalar]]
+) -> tuple[list[Scalar], list[Scalar]]:
+    """Force across (2) and along the cylinder, and the moments (2) that turn it, both about its middle; ``weight``: gravity in the joint
+    frame, ``dragged``: the integrals of ``_drag``."""
+    pulled = plus(motion.acceleration, apply(motion.gyration, shape.middle))
+    turned = apply(motion.gyration, shape.along)
+    force: list[Scalar] = [mul(water.displaced, part) for part in apply((*shape.across, shape.along), weight)]
+    moment: list[Scalar] = [0.0, 0.0]
+    for axis, row in enumerate(shape.across):
+        added = mul(mul(water.added, shape.length), dot(row, pulled))
+        force[axis] = add(add(force[axis], added), mul(water.resistance, dragged[0][axis]))
+        added = mul(mul(water.added, shape.turning), dot(row, turned))
+        moment[axis] = add(added, mul(water.resistance, dragged[1][axis]))
+    return force, moment
 
 
 def _drag(shape: Shape, levers: Sequence[_Lever], qd: Sequence[Scalar]) -> tuple[list[Scalar], list[Scalar]]:

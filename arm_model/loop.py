@@ -6,9 +6,10 @@ two-mass transmission; q = f(phi) the joint angles, the same unless the gear or 
     (F^T M F + Jr) phi'' = tau - drag - F^T (h(q, q', F' phi') + tau_link)          rigid transmission
     F^T M F phi'' = tau_s - F^T (...),   Jr theta'' = tau - drag - tau_s            two masses
 
-with tau = drive i the motor's torque at the joint side, and drag and tau_link as in ``arm_model.mechanics``. Friction that grows
-with the transmitted torque depends on the accelerations: they are solved for once with the torque at rest, and again with that
-torque corrected, which leaves an error of the order mu^2.
+with tau = drive i the motor's torque at the joint side, drag and tau_link as in ``arm_model.mechanics``, and in M and h the water
+that the links' cylinders are in (``arm_model.hydrodynamics``). Friction that grows with the transmitted torque depends on the
+accelerations: they are solved for once with the torque at rest, and again with that torque corrected, which leaves an error of
+the order mu^2.
 """
 
 from __future__ import annotations
