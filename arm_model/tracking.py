@@ -21,8 +21,7 @@ def target_at(arm: Arm, q: Array, point: Sequence[float] | Array) -> Array:
 
     With the arm's geometry as its effects make it, and its links hanging (effects with a ``bend``) under their weight.
     """
-    real = described(arm)
-    last = link_frames(real, q + _bends(arm, real, q))[:, -1]
+    last = link_frames(described(arm), q + bends(arm, q))[:, -1]
     return np.asarray(last[:, :3, :3] @ np.asarray(point, float) + last[:, :3, 3], float)
 
 
@@ -58,9 +57,10 @@ def tracked(arm: Arm, t: Array, q: Array, point: Sequence[float] | Array, *, see
     return points
 
 
-def _bends(arm: Arm, real: Arm, q: Array) -> Array:
-    """(R, n) rad by which each link gives way."""
-    bends = np.zeros_like(q)
+def bends(arm: Arm, q: Array) -> Array:
+    """(R, n) rad by which each link gives way at link-side joint angles q (R, n)."""
+    real = described(arm)
+    found = np.zeros_like(q)
     terms = [(CATALOGUE[term.name], term) for term in arm.effects if CATALOGUE[term.name].bend is not None]
     if terms:
         still = np.zeros_like(q)
@@ -68,5 +68,5 @@ def _bends(arm: Arm, real: Arm, q: Array) -> Array:
         for effect, term in terms:
             j = (term.joint or 1) - 1
             assert effect.bend is not None
-            bends[:, j] += effect.bend(values_of(effect, term.parameters), Signals(load=holding[:, j]))
-    return bends
+            found[:, j] += effect.bend(values_of(effect, term.parameters), Signals(load=holding[:, j]))
+    return found
