@@ -32,6 +32,7 @@ from diagnosis.remainder import Structure
 from diagnosis.search import Found, Problem, search
 from diagnosis.selection import Look, look
 from diagnosis.setup import loaded, setup_of
+from diagnosis.tracker import Tracked, TrackerCause, tracked_causes
 from diagnosis.visibility import Invisible, not_visible
 from inputs import InputError
 
@@ -55,9 +56,10 @@ class Cause:
     group: tuple[tuple[str, int | None], ...]
     separate_by: str | None
     evidence: str
-    felt_at: int
+    felt_at: int  # 0: at no joint more than at another
     unit: str = "A"
     of_arm: bool = True
+    by_tracker: bool = False
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,7 @@ class Diagnosis:
     compared: dict[str, list[tuple[Compared, Compared]]] = field(repr=False)
     encoder_noise: Array
     link: LinkSide | None = None
+    tracked: Tracked | None = None
     warnings: tuple[str, ...] = ()
 
     @property
@@ -93,6 +96,11 @@ def diagnose(
 ) -> Diagnosis:
     """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm."""
     everything = [*fit, *held_out]
+    _check(arm, everything)
+    jumped = event_search.jumps(everything)
+    angles = [event_search.without_jumps(recording, index, jumped) for index, recording in enumerate(everything)]
+    tracked = tracked_causes(arm, fit, held_out, angles=angles, progress=progress)
+    model, arm = arm, extend(arm, [_from_tracker(one) for one in tracked.geometry]) if tracked.geometry else arm
     found, runs, samples = seen_through(arm, everything, progress)
     sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
     progress("computing what each effect would look like")
@@ -120,19 +128,20 @@ def diagnose(
     progress("comparing motor and link encoders")
     link = link_side(arm, fit, held_out)
     causes += [_from_link(one, arm) for one in link.causes] if link else []
-    extended = extend(arm, causes) if causes else arm
+    extended = extend(arm, together(causes, tracked.causes, tracked.geometry)) if causes or tracked.causes else arm
+    causes = together(causes, tracked.causes)
     progress("judging in closed loop")
     compared = {
-        side: [pair for r in recordings if (pair := _before_and_after(r, arm, extended)) is not None]
+        side: [pair for r in recordings if (pair := _before_and_after(r, model, extended)) is not None]
         for side, recordings in (("fit", fit), ("held_out", held_out))
     }
     left = (accepted.fit, accepted.held_out)
     named = {c.key for c in chosen} | {(one.effect, one.joint) for one in of_axis}
     return Diagnosis(
-        arm, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
-        not_visible(library, sides[1], accepted, named, arm),
-        (search_result.remainder.structures if judged else []) + (link.unexplained if link else []), compared,
-        np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link,
+        model, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
+        not_visible(library, sides[1], accepted, named, arm) + tracked.not_visible,
+        (search_result.remainder.structures if judged else []) + (link.unexplained if link else []) + tracked.unexplained, compared,
+        np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
         + ((f"{axis[-1].after:.3g} A rms of the held-out current below 60 Hz is left that no effect was named for",) if axis else ())
         + (link.remarks if link else ()),
@@ -271,6 +280,30 @@ def _from_link(one: LinkCause, arm: Arm) -> Cause:
         one.effect, one.joint, one.parameters, confidence, one.before, one.after, one.group, None, one.evidence, one.felt_at,
         unit="rad" if arm.joints[one.felt_at - 1].revolute else "m", of_arm=one.of_arm,
     )  # fmt: skip
+
+
+def _from_tracker(one: TrackerCause) -> Cause:
+    return Cause(
+        one.effect, one.joint, one.parameters, one.confidence, one.before, one.after, one.group, one.separate_by, one.evidence,
+        one.joint or 0, unit="m", of_arm=one.effect != "tracker_outliers", by_tracker=True,
+    )  # fmt: skip
+
+
+def together(causes: Sequence[Cause], seen: Sequence[TrackerCause], known: Sequence[TrackerCause] = ()) -> list[Cause]:
+    """Causes of the currents and those that the tracker saw, less ``known`` ones: what both name is said once, with the tracker's parameters
+    where it names the same, and a group of the tracker's that holds what the currents name is that."""
+    named = {(cause.effect, cause.joint): cause for cause in causes}
+    alone = []
+    for one in (one for one in seen if one not in known):
+        same = next((named[key] for key in one.group if key in named), None)
+        if same is None:
+            alone.append(_from_tracker(one))
+        else:
+            key = same.effect, same.joint
+            parameters = one.parameters if key == (one.effect, one.joint) else same.parameters
+            sentence = f"{same.evidence}; the tracker agrees: {one.evidence}"
+            named[key] = replace(same, parameters=parameters, group=(key,), separate_by=None, evidence=sentence)
+    return [*alone, *named.values()]
 
 
 def extend(arm: Arm, causes: Sequence[Cause]) -> Arm:

@@ -59,7 +59,7 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
                 row = {"signal": signal, "joint": j + 1, "unit": "m" if of_slide else unit, "error_rms": errors}
                 row["noise_rms"] = float(noise[j]) if signal == "current" else float(result.encoder_noise[j])
                 rows.append(row)
-    return rows + _link_signals(result)
+    return rows + _link_signals(result) + _tracker_signal(result)
 
 
 def _link_signals(result: Diagnosis) -> list[dict[str, Any]]:
@@ -81,6 +81,14 @@ def _link_signals(result: Diagnosis) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _tracker_signal(result: Diagnosis) -> list[dict[str, Any]]:
+    """The tracked points against the model at the measured angles, m rms a coordinate."""
+    if result.tracked is None or not result.tracked.rms:
+        return []
+    errors = {side: {"before": before, "after": after} for side, (before, after) in result.tracked.rms.items()}
+    return [{"signal": "position", "joint": None, "unit": "m", "error_rms": errors, "noise_rms": result.tracked.noise}]
 
 
 def _cause(cause: Cause) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from diagnosis.diagnose import Cause, Diagnosis
 from diagnosis.library import side_of
 from diagnosis.link_plots import link_figure
+from diagnosis.tracker_plots import tracker_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,6 +72,8 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
 
     from diagnosis.remainder import variables
 
+    if result.tracked is not None and cause.by_tracker:
+        return tracker_figure(result.tracked)
     if result.link is not None and cause.unit != "A":
         return link_figure(result.link, cause.effect, cause.felt_at)
 
@@ -98,7 +101,7 @@ def loops(result: Diagnosis) -> Iterator[tuple[Figure, str]]:
     from matplotlib.figure import Figure
 
     pairs = result.compared.get("held_out") or []
-    joints = sorted({cause.felt_at for cause in result.causes}) or [1]
+    joints = sorted({cause.felt_at for cause in result.causes} - {0}) or [1]
     for before, after in pairs[:1]:
         figure = Figure(figsize=(10.5, 0.8 + 2.0 * len(joints)), layout="constrained")
         axes = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]

@@ -42,10 +42,10 @@ UNMIXED = ("velocity", "acceleration", "current")
 
 @dataclass(frozen=True)
 class Structure:
-    """``share`` of the variance of a joint's held-out residual current that is predictable from ``against``."""
+    """``share`` of the variance of a joint's held-out residual (or of the tracker's points, joint None) that is predictable from ``against``."""
 
     signal: str
-    joint: int
+    joint: int | None
     against: str
     share: float
 

@@ -53,9 +53,13 @@ def sentence(result: Diagnosis) -> str:
     causes = ", ".join(title(cause) for cause in result.causes)
     if result.verdict == "explained":
         return f"Explained: {causes}." + ("" if result.warnings else " What is left is noise.")
-    places = ", ".join(f"joint {one.joint} against {one.against}" for one in result.unexplained)
+    places = ", ".join(f"{_place(one.signal, one.joint)} against {one.against}" for one in result.unexplained)
     found = f"Found: {causes}. " if causes else ""
-    return f"Unexplained: {found}Structure is left in the current of {places} that no effect of the catalogue explains."
+    return f"Unexplained: {found}Structure is left in {places} that no effect of the catalogue explains."
+
+
+def _place(signal: str, joint: int | None) -> str:
+    return f"the {signal} of joint {joint}" if joint else f"the {signal}'s points"
 
 
 def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
@@ -64,12 +68,13 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
         f"<td>{escape('' if p.unit == '1' else p.unit)}</td></tr>"
         for p in cause.parameters
     )
+    where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
     parts = [
         f"<p><code>{escape(CATALOGUE[cause.effect].equation)}</code></p>",
         f"<p>{escape(cause.evidence)}.</p>",
         image(*plots.cause_figure(result, cause)),
         f"<table><tr><th>parameter</th><th class=n>value</th><th class=n>2 std</th><th>unit</th></tr>{rows}</table>",
-        f"<p>Held-out error of joint {cause.felt_at}: {cause.before:.3g} {cause.unit} without, {cause.after:.3g} {cause.unit} with it. "
+        f"<p>Held-out error of {where}: {cause.before:.3g} {cause.unit} without, {cause.after:.3g} {cause.unit} with it. "
         f"Confidence {cause.confidence:.0%}.</p>",
     ]
     if len(cause.group) > 1:
@@ -95,7 +100,7 @@ def _errors(table: dict[str, Any]) -> str:
     for s in table["signals"]:
         held = s["error_rms"].get("held_out", {})
         rows.append(
-            f"<tr><td>{s['signal']}</td><td class=n>{s['joint']}</td><td class=n>{held.get('before', float('nan')):.4g}</td>"
+            f"<tr><td>{s['signal']}</td><td class=n>{s['joint'] or ''}</td><td class=n>{held.get('before', float('nan')):.4g}</td>"
             f"<td class=n>{held.get('after', float('nan')):.4g}</td><td class=n>{s['noise_rms']:.2g}</td><td>{s['unit']}</td></tr>"
         )
     return (
@@ -119,7 +124,7 @@ def _left(table: dict[str, Any]) -> str:
     if not table["unexplained"]:
         return "<p>Nothing that position, velocity, load, time or the other joints would predict.</p>"
     rows = "".join(
-        f"<tr><td>{one['signal']} of joint {one['joint']}</td><td>{escape(one['against'])}</td><td class=n>{one['share']:.0%}</td></tr>"
+        f"<tr><td>{escape(_place(one['signal'], one['joint']))}</td><td>{escape(one['against'])}</td><td class=n>{one['share']:.0%}</td></tr>"
         for one in table["unexplained"]
     )
     return f"<table><tr><th>signal</th><th>against</th><th class=n>share of what is left</th></tr>{rows}</table>"

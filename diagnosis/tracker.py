@@ -19,6 +19,7 @@ from arm_model.effects import described
 from daq.recording import Recording
 from diagnosis.events import encoder_step
 from diagnosis.parameters import Estimate
+from diagnosis.remainder import Structure
 from diagnosis.tracker_candidates import Candidate, State, candidates, estimates, fitted
 from diagnosis.tracker_points import Outliers, Side, points_of, side_of
 from diagnosis.tracker_selection import Named, Refit, energy, good, left, named, select
@@ -37,6 +38,8 @@ FEWEST_WRONG = 3
 OTHER_POSES = "more varied poses: armscope calibrate --poses 40"
 WORTH = 0.02
 """Of the energy of what the points cannot tell, that each of the five must explain."""
+CERTAIN = 2.0
+"""Deviations that each of the five must be from zero."""
 COUNTS = 2.5
 """Counts of the encoder below which a zero is not off: counters are set to a count."""
 
@@ -59,15 +62,20 @@ class TrackerCause:
 
 @dataclass(frozen=True)
 class Tracked:
-    """What the tracker's points say. noise m, of a coordinate; rms {"fit", "held_out"} -> (before, after) m; points {side: (t, distance before,
-    distance after)} for plots; unexplained: (variable, share of the variance left) or None."""
+    """What the tracker's points say. noise m, of a coordinate; rms (before, after) m and distances (before, after), (N,) m each, of "fit" and
+    "held_out"."""
 
     causes: list[TrackerCause]
     not_visible: list[Invisible]
     noise: float
     rms: dict[str, tuple[float, float]]
-    unexplained: tuple[str, float] | None
-    points: dict[str, tuple[Array, Array, Array]] = field(repr=False, default_factory=dict)
+    unexplained: list[Structure]
+    distances: dict[str, tuple[Array, Array]] = field(repr=False, default_factory=dict)
+
+    @property
+    def geometry(self) -> list[TrackerCause]:
+        """Causes that say where the links are: what the currents are to be seen through as well."""
+        return [one for one in self.causes if one.effect in ("joint_zero_offset", "link_geometry")]
 
 
 def tracked_causes(
@@ -87,7 +95,7 @@ def tracked_causes(
              for part, chosen in ((fit, cleaned[: len(fit)]), (held_out, cleaned[len(fit) :]))]  # fmt: skip
     if not pairs[0] or not pairs[1] or any(joint.convention == "placed" for joint in arm.joints):
         placed = any(joint.convention == "placed" for joint in arm.joints)
-        return Tracked([], no_tracker(placed, bool(pairs[0])), 0.0, {}, None)
+        return Tracked([], no_tracker(placed, bool(pairs[0])), 0.0, {}, [])
     progress("comparing the tracker's points with the model")
     recordings = [[r for r, _ in part] for part in pairs]
     target = _target(recordings[0][0])
@@ -105,9 +113,11 @@ def tracked_causes(
     level = float(np.hypot(noise, _zeros(start, sides[1], steps)))
     refit = partial(_refit, arm, sides[0], target, known, start.values)
     every = list(candidates(arm))
-    state = _sparse(select(every, sides[0], sides[1], level, refit, MOST, progress), sides[0], level, steps, refit)
-    # once more, with the encoders' own zeros beside all else: for values and deviations
-    sure = fitted(arm, state.chosen, sides[0], target, frame_known=known, start=state.values, steps=steps)
+    precise = partial(_precise, arm, sides[0], target, known, steps)
+    state = _sparse(
+        select(every, sides[0], sides[1], level, refit, MOST, progress), sides[0], level, steps, refit, precise
+    )
+    sure = precise(state)
     causes = [
         _cause(one, sure, state, sides)
         for one in (named(every, state, sides[0], sides[1], level, refit) if state.chosen else [])
@@ -123,9 +133,10 @@ def tracked_causes(
         noise=noise,
         rms={name: (_rms(b), _rms(a)) for name, b, a in zip(names, before, after)},
         unexplained=structure(sides, after, level),
-        points={name: (side.t, np.linalg.norm(b, axis=1), np.linalg.norm(a, axis=1))
-                for name, side, b, a in zip(names, sides, before, after)},
-    )  # fmt: skip
+        distances={
+            name: (np.linalg.norm(b, axis=1), np.linalg.norm(a, axis=1)) for name, b, a in zip(names, before, after)
+        },
+    )
 
 
 def _target(recording: Recording) -> tuple[float, float, float]:
@@ -173,7 +184,16 @@ def _refit(
     return fitted(arm, chosen, side, target, frame_known=known, start=start if near is None else near.values)
 
 
-def _sparse(state: State, side: Side, level: float, steps: Array, refit: Refit) -> State:
+def _precise(
+    arm: Arm, side: Side, target: tuple[float, float, float], known: bool, steps: Array, state: State
+) -> State:
+    """The same candidates with the encoders' own zeros beside them, for values and deviations."""
+    return fitted(arm, state.chosen, side, target, frame_known=known, start=state.values, steps=steps)
+
+
+def _sparse(
+    state: State, side: Side, level: float, steps: Array, refit: Refit, precise: Callable[[State], State]
+) -> State:
     """The state without those geometric errors of a link that explain nothing, and without zeros of a count or two.
 
     The least certain is left out first; the others, frame and target take over what they shared with it. A turn of theta alone is a
@@ -182,13 +202,13 @@ def _sparse(state: State, side: Side, level: float, steps: Array, refit: Refit) 
     least = WORTH * 3 * len(side) * level**2
     for candidate in state.chosen:
         while candidate.effect == "link_geometry" and len(candidate.names) > 1:
-            values, covariance = state.coefficients(candidate)
+            values, covariance = precise(state).coefficients(candidate)
             certain = np.abs(values) / np.sqrt(np.diag(covariance))
             if candidate.names[0] == "d_theta" and abs(values[0]) < COUNTS * _step(candidate, steps):
                 certain[0] = 0.0
             fewer = replace(candidate, names=tuple(np.delete(candidate.names, int(np.argmin(certain))).tolist()))
             without = refit([fewer if c is candidate else c for c in state.chosen], state)
-            if certain.min() > 0.0 and energy(left(without, side)) > energy(left(state, side)) + least:
+            if certain.min() > CERTAIN and energy(left(without, side)) > energy(left(state, side)) + least:
                 break
             candidate, state = fewer, without
     chosen = [replace(c, effect="joint_zero_offset") if c.names == ("d_theta",) else c for c in state.chosen]

@@ -1,9 +1,10 @@
 """Which of the tracker's candidates are there: forward on held-out points, with a refit of all after each, then backward.
 
 Screening is linear: about the present fit, what a candidate's columns and all that is already free explain of the fitted points, judged by
-what it does to the held-out ones. A candidate enters if the gain is significant over one-second blocks (``diagnosis.significance``, with
-Benjamini and Hochberg's step over all candidates) and larger than ``SHARE`` of what the points cannot tell. Refits are not linear, so that a strong
-effect leaves no shadow. Equals of a named one are refitted in its place: whatever then does as well on the held-out points is one group with it.
+what it does to the held-out ones. A candidate enters if that is larger than ``SHARE`` of what the points cannot tell. Refits are not linear, so that
+a strong effect leaves no shadow. When nothing enters any more, each has to be significant beside all the others, over one-second blocks
+(``diagnosis.significance``): before, two effects of one size hide each other's significance.
+Equals of a named one are refitted in its place: whatever then does as well on the held-out points is one group with it.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.significance import benjamini_hochberg, p_value
+from diagnosis.significance import p_value
 from diagnosis.tracker_candidates import GEOMETRY, Candidate, State, points_of, possible, turns
 from diagnosis.tracker_points import Side
 from identification.kinematics.chain import position_jacobian
@@ -23,11 +24,13 @@ from identification.kinematics.least_squares import REJECT, residuals
 Array = NDArray[np.float64]
 Refit = Callable[[Sequence[Candidate], State | None], State]
 
-SIGNIFICANT = 0.01
+SIGNIFICANT = 0.05
 SHARE = 0.1
 """Of the energy of what the points cannot tell (noise, encoder zeros), that a cause must be worth."""
 ALIKE = 0.02
 """Of the same energy, within which two explanations are equal."""
+TRIED = 4
+"""Candidates that are refitted in a round, if those before them turn out to be impossible."""
 WORTH_A_REFIT = 0.7
 """Of a cause's linear gain, that makes another its possible equal."""
 
@@ -78,22 +81,36 @@ def select(
     for number in range(1, most + 1):
         tell(f"looking for cause {number} in the tracker's points")
         looks = _looks([c for c in every if _new(c, state.chosen)], state, fit, held_out)
-        q = benjamini_hochberg(np.array([one.p for one in looks]))
-        able = [one for one, q_one in zip(looks, q) if q_one < SIGNIFICANT and one.gain > enough]
-        if not able:
+        able = [one for one in looks if one.gain > enough]
+        after = next(
+            filter(None, (_entered(one, state, held_out, enough, refit) for one in _in_order(able, held_out, level))),
+            None,
+        )
+        if after is None:
             break
-        best = max(one.gain for one in able)
-        alike = [one for one in able if one.gain > best - ALIKE * 3 * len(held_out) * level**2]
-        entering = min(alike, key=lambda one: one.candidate.size).candidate
-        entering = _merged(entering, state.chosen)
-        after = refit([c for c in state.chosen if not _within(c, entering)] + [entering], state)
-        gain = energy(left(state, held_out)) - energy(left(after, held_out))
-        if gain < enough or not possible(entering, after.coefficients(entering)[0]):
+        weeded = _weeded(after, held_out, enough, refit)
+        if set(weeded.chosen) == set(state.chosen):
             break
-        state = _weeded(after, held_out, enough, refit)
-        if entering not in state.chosen:
-            break
-    return state
+        state = weeded
+    return _weeded(state, held_out, enough, refit, tests=len(every))
+
+
+def _in_order(able: Sequence[Look], held_out: Side, level: float) -> list[Candidate]:
+    """The largest gain first; of those that are as good as the best, the one with the fewest coefficients."""
+    largest = max((one.gain for one in able), default=0.0)
+    alike = largest - ALIKE * 3 * len(held_out) * level**2
+    return [
+        one.candidate
+        for one in sorted(able, key=lambda one: (0, one.candidate.size) if one.gain > alike else (1, -one.gain))
+    ][:TRIED]
+
+
+def _entered(candidate: Candidate, state: State, held_out: Side, enough: float, refit: Refit) -> State | None:
+    """All refitted with the candidate beside the chosen ones; None where it then gains too little, or has a sign that cannot be."""
+    entering = _merged(candidate, state.chosen)
+    after = refit([c for c in state.chosen if not _within(c, entering)] + [entering], state)
+    gain = energy(left(state, held_out)) - energy(left(after, held_out))
+    return after if gain > enough and possible(entering, after.coefficients(entering)[0]) else None
 
 
 def named(
@@ -121,16 +138,21 @@ def named(
     return sorted(found, key=lambda one: -one.look.gain)
 
 
-def _weeded(state: State, held_out: Side, enough: float, refit: Refit) -> State:
-    """Without those whose loss the others make good."""
-    while len(state.chosen) > 1:
-        reached = energy(left(state, held_out))
+def _weeded(state: State, held_out: Side, enough: float, refit: Refit, tests: int | None = None) -> State:
+    """Without those whose loss the others make good, the least needed first.
+
+    tests: of so many candidates; those are left out as well whose gain over all the others is not significant (Benjamini and Hochberg).
+    """
+    while state.chosen and (tests is not None or len(state.chosen) > 1):
+        reached = squares(left(state, held_out))
         losses = []
         for candidate in state.chosen:
             without = refit([c for c in state.chosen if c is not candidate], state)
-            losses.append((energy(left(without, held_out)) - reached, without))
-        least, without = min(losses, key=lambda one: one[0])
-        if least > enough:
+            by_block = _by_block(squares(left(without, held_out)) - reached, held_out)
+            chance = 0.0 if tests is None else p_value(by_block) * tests / len(state.chosen)
+            losses.append((chance > SIGNIFICANT or by_block.sum() < enough, chance, -by_block.sum(), without))
+        unneeded, *_, without = max(losses, key=lambda one: one[:3])
+        if not unneeded:
             break
         state = without
     return state
@@ -138,7 +160,6 @@ def _weeded(state: State, held_out: Side, enough: float, refit: Refit) -> State:
 
 def _looks(every: Sequence[Candidate], state: State, fit: Side, held_out: Side) -> list[Look]:
     sides = [linear(state, side) for side in (fit, held_out)]
-    blocks = np.unique(held_out.block, return_inverse=True)[1]
     looks = []
     for candidate in every:
         columns = [columns_of(candidate, state, side, one) for side, one in zip((fit, held_out), sides)]
@@ -150,7 +171,7 @@ def _looks(every: Sequence[Candidate], state: State, fit: Side, held_out: Side) 
         )
         new = sides[1].residual - np.concatenate((sides[1].free, columns[1]), axis=2) @ step
         gains = np.where(keep_held, np.sum(sides[1].residual ** 2 - new**2, axis=1), 0.0)
-        by_block = np.bincount(blocks, weights=gains).astype(float)
+        by_block = _by_block(gains, held_out)
         looks.append(Look(candidate, float(by_block.sum()), p_value(by_block), by_block))
     return looks
 
@@ -187,10 +208,20 @@ def columns_of(candidate: Candidate, state: State, side: Side, about: Linear) ->
     return np.asarray(about.every[:, :, chain.joint_steps()] @ turns(candidate, side), float) * candidate.scales
 
 
-def energy(residual: Array) -> float:
-    """Sum of squares, those of wrong points as far as they could be right."""
+def squares(residual: Array) -> Array:
+    """(N,) squared distances, those of wrong points as far as they could be right."""
     length = np.linalg.norm(residual, axis=1)
-    return float(np.sum(np.minimum(length, _largest(length)) ** 2))
+    return np.asarray(np.minimum(length, _largest(length)) ** 2)
+
+
+def energy(residual: Array) -> float:
+    """Sum of ``squares``."""
+    return float(np.sum(squares(residual)))
+
+
+def _by_block(values: Array, side: Side) -> Array:
+    """Sums of values (N,) over the side's one-second blocks."""
+    return np.bincount(np.unique(side.block, return_inverse=True)[1], weights=values).astype(float)
 
 
 def _largest(length: Array) -> float:

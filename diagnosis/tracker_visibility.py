@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.effects import CATALOGUE
-from diagnosis.remainder import BINS, ROUGH, SHARE
+from diagnosis.remainder import BINS, ROUGH, SHARE, Structure
 from diagnosis.tracker_candidates import Candidate, State
 from diagnosis.tracker_points import Side
 from diagnosis.tracker_selection import Linear, columns_of, good, linear
@@ -83,15 +83,15 @@ def _typical(candidate: Candidate) -> tuple[list[float], str]:
     return values, words
 
 
-def structure(sides: Sequence[Side], left: Sequence[Array], level: float) -> tuple[str, float] | None:
-    """The variable that predicts most of what is left of the held-out points, and its share of the variance; None where what is left is
-    noise, or nothing predicts a tenth of it beyond chance."""
+def structure(sides: Sequence[Side], left: Sequence[Array], level: float) -> list[Structure]:
+    """The variable that predicts most of what is left of the held-out points; nothing where what is left is noise, or where nothing
+    predicts a tenth of it beyond chance."""
     kept = [good(residual) for residual in left]
     fit, held = (residual[keep] for residual, keep in zip(left, kept))
     total = float(np.sum(held**2))
     if np.sqrt(np.mean(held**2)) < ROUGH * level:
-        return None
-    best: tuple[str, float] | None = None
+        return []
+    best: Structure | None = None
     generator = np.random.default_rng(0)
     block = np.unique(sides[1].block[kept[1]], return_inverse=True)[1]
     for (name, x_fit), (_, x) in zip(*(_variables(side, keep) for side, keep in zip(sides, kept))):
@@ -101,12 +101,12 @@ def structure(sides: Sequence[Side], left: Sequence[Array], level: float) -> tup
         means = np.stack([np.bincount(which, weights=c, minlength=len(edges) + 1) / count for c in fit.T], axis=1)
         predicted = means[np.digitize(x, edges)]
         share = 1.0 - float(np.sum((held - predicted) ** 2)) / total
-        if share > SHARE and (best is None or share > best[1]):
+        if share > SHARE and (best is None or share > best.share):
             inner = np.bincount(block, weights=np.sum(held * predicted, axis=1))
             signs = generator.choice([-1.0, 1.0], size=(200, len(inner)))
             if np.mean(signs @ inner >= inner.sum()) < 0.01:
-                best = (name, share)
-    return best
+                best = Structure("tracker", None, name, share)
+    return [best] if best else []
 
 
 def _variables(side: Side, keep: NDArray[np.bool_]) -> list[tuple[str, Array]]:

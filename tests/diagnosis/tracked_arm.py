@@ -103,7 +103,7 @@ class Puma:
 
 
 def record(
-    puma: Puma, folder: Path, name: str, wrong: Wrong, seed: int, *, seconds: float = 14.0, rest: bool = False
+    puma: Puma, folder: Path, name: str, wrong: Wrong, seed: int, *, seconds: float = 12.0, rest: bool = False
 ) -> Recording:
     """One recording of 250 rows/s, of which the tracker gives every second a point."""
     generator = np.random.default_rng(seed)

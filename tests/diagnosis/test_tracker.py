@@ -1,0 +1,171 @@
+"""What is hidden where only a tracker looks is named, with its value, and nothing else; the arm that hides it shares no code with the finder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model.description import Arm, Joint
+from arm_model.model_file import read_model
+from daq.recording import Recording
+from diagnosis.tracker import Tracked, tracked_causes
+from tests.diagnosis.tracked_arm import NOISE, Puma, Wrong, record, recordings
+
+
+@pytest.fixture(scope="module")
+def puma(root: Path) -> Puma:
+    return Puma(root)
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    return read_model(root / "config/models/puma560.toml")
+
+
+def at(joint: int, value: float) -> np.ndarray:
+    values = np.zeros(6)
+    values[joint - 1] = value
+    return values
+
+
+def link(joint: int, **errors: float) -> np.ndarray:
+    rows = np.zeros((6, 5))
+    for name, value in errors.items():
+        rows[joint - 1, ("theta", "d", "a", "alpha", "beta").index(name)] = value
+    return rows
+
+
+def geometry(joint: int, **errors: float) -> tuple[Wrong, dict[tuple[str, int | None], dict[str, float]]]:
+    names = {"theta": "d_theta", "alpha": "d_alpha", "a": "d_a", "d": "d_d", "beta": "beta"}
+    return Wrong(dh=link(joint, **errors)), {("link_geometry", joint): {names[n]: v for n, v in errors.items()}}
+
+
+FAST = {
+    "latency": (Wrong(delay=0.003), {("tracker_latency", None): {"delay": 0.003}}),
+    "strays": (Wrong(stray=0.004, broken=(3.0, 3.4)), {("tracker_outliers", None): {}}),
+    "sag 2": (Wrong(sag=at(2, 3e-5)), {("link_sag", 2): {"compliance": 3e-5}}),
+    "zero 1": (Wrong(zero=at(1, 0.004)), {("joint_zero_offset", 1): {"offset": 0.004}}),
+    "ripple 3": (
+        Wrong(ripple=(3, 4e-4, 2, 0.7)),
+        {("encoder_ripple", 3): {"amplitude": 4e-4, "order": 2.0, "phase": 0.7}},
+    ),
+    "geometry 2": geometry(2, theta=-0.006, a=0.001, alpha=0.003, d=0.0015, beta=0.004),
+    "pair": (
+        Wrong(dh=link(3, a=-0.0015), sag=at(2, 5e-5), delay=-0.002),
+        {
+            ("link_geometry", 3): {"d_a": -0.0015},
+            ("link_sag", 2): {"compliance": 5e-5},
+            ("tracker_latency", None): {"delay": -0.002},
+        },
+    ),
+}
+SLOW = {
+    "sag 3": (Wrong(sag=at(3, 3e-5)), {("link_sag", 3): {"compliance": 3e-5}}),
+    "zero 2": (Wrong(zero=at(2, -0.003)), {("joint_zero_offset", 2): {"offset": -0.003}}),
+    "zero 3": (Wrong(zero=at(3, 0.005)), {("joint_zero_offset", 3): {"offset": 0.005}}),
+    "ripple 1": (
+        Wrong(ripple=(1, 4e-4, 1, -2.0)),
+        {("encoder_ripple", 1): {"amplitude": 4e-4, "order": 1.0, "phase": -2.0}},
+    ),
+    "ripple 2": (
+        Wrong(ripple=(2, 3e-4, 1, 2.5)),
+        {("encoder_ripple", 2): {"amplitude": 3e-4, "order": 1.0, "phase": 2.5}},
+    ),
+    "geometry 1": geometry(1, theta=-0.006, a=0.001, alpha=0.003, d=0.0025),
+    "geometry 3": geometry(3, theta=-0.006, a=0.001, alpha=0.003, d=0.0015),
+    **{
+        f"{name} of {j}": geometry(j, **{name: value})
+        for j in (1, 2, 3)
+        for name, value in (("a", 0.002), ("alpha", -0.004))
+    },
+    "zero and geometry": (
+        Wrong(zero=at(3, 0.005), dh=link(2, a=0.001)),
+        {("joint_zero_offset", 3): {"offset": 0.005}, ("link_geometry", 2): {"d_a": 0.001}},
+    ),
+}
+
+
+def found(puma: Puma, arm: Arm, folder: Path, wrong: Wrong, name: str) -> Tracked:
+    return tracked_causes(arm, *recordings(puma, folder, wrong, sum(map(ord, name)) % 97))
+
+
+@pytest.mark.parametrize("name", [*FAST, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)])
+def test_names_what_is_hidden_with_its_value_and_nothing_else(puma: Puma, arm: Arm, tmp_path: Path, name: str) -> None:
+    wrong, wanted = (FAST | SLOW)[name]
+    result = found(puma, arm, tmp_path, wrong, name)
+    assert {(one.effect, one.joint) for one in result.causes} == set(wanted)
+    for one in result.causes:
+        values = {p.name: p for p in one.parameters}
+        for parameter, value in wanted[one.effect, one.joint].items():
+            assert abs(values[parameter].value - value) < 3.5 * values[parameter].std + 0.01 * abs(value)
+            assert values[parameter].std < 0.25 * abs(value) + 1e-6
+        assert set(values) == set(wanted[one.effect, one.joint]) or not wanted[one.effect, one.joint]
+        assert one.group[0] == (one.effect, one.joint)
+        assert one.evidence
+    before, after = result.rms["held_out"]
+    assert after < 1.35 * NOISE  # the encoders' own steps and zeros are the rest
+    assert after < 0.9 * before or name == "strays"
+    assert result.unexplained == []
+    assert result.noise == pytest.approx(NOISE, rel=0.25)
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow), pytest.param(3, marks=pytest.mark.slow)])
+def test_names_nothing_where_nothing_is_hidden(puma: Puma, arm: Arm, tmp_path: Path, seed: int) -> None:
+    """Also where the tracker's frame and the target are as a survey leaves them."""
+    survey = Wrong(frame=np.array([4, -5, 3, 3, -4, 4]) * 1e-4, target=np.array([3, -2, 4]) * 1e-4)
+    for part, wrong in (("exact", Wrong()), ("surveyed", survey)):
+        (tmp_path / part).mkdir()
+        result = tracked_causes(arm, *recordings(puma, tmp_path / part, wrong, 1000 + seed))
+        assert result.causes == []
+        assert result.unexplained == []
+
+
+def test_what_cannot_be_told_apart_is_a_group(puma: Puma, arm: Arm, tmp_path: Path) -> None:
+    """An offset along parallel axes is either's; a zero is a turn of theta by another name; a ripple the encoder's or the gear's."""
+    offset = found(puma, arm, tmp_path, Wrong(dh=link(2, d=0.002)), "parallel").causes
+    assert len(offset) == 1
+    assert set(offset[0].group) == {("link_geometry", 2), ("link_geometry", 3)}
+    assert offset[0].separate_by
+    zero = found(puma, arm, tmp_path, Wrong(zero=at(2, 0.004)), "zero 2").causes
+    assert set(zero[0].group) == {("joint_zero_offset", 2), ("link_geometry", 2)}
+
+
+def test_something_that_no_effect_explains_is_said(puma: Puma, arm: Arm, tmp_path: Path) -> None:
+    """A target that creeps along as the arm warms up, in the same way in every recording."""
+
+    def creeping(recording: Recording) -> Recording:
+        assert recording.xyz is not None
+        swell = 2e-3 * np.sin(2 * np.pi * recording.t / recording.t[-1])[:, None] * np.array([0.0, 0.0, 1.0])
+        return replace(recording, xyz=recording.xyz + swell)
+
+    fit, held_out = recordings(puma, tmp_path, Wrong(), 5)
+    result = tracked_causes(arm, [creeping(r) for r in fit], [creeping(r) for r in held_out])
+    assert [(one.signal, one.against) for one in result.unexplained] == [("tracker", "time")]
+
+
+def test_an_arm_at_rest_shows_no_latency(puma: Puma, arm: Arm, tmp_path: Path) -> None:
+    still = [record(puma, tmp_path, f"still{k}", Wrong(delay=0.005), k, seconds=5.0, rest=True) for k in range(4)]
+    result = tracked_causes(arm, still[:2], still[2:])
+    assert result.causes == []
+    unseen = {one.effect: one for one in result.not_visible}
+    assert {"tracker_latency", "link_sag"} <= set(unseen)
+    assert "motion" in unseen["tracker_latency"].experiment
+
+
+def test_without_a_tracker_nothing_is_guessed(puma: Puma, arm: Arm, tmp_path: Path) -> None:
+    fit, held_out = recordings(puma, tmp_path, Wrong(delay=0.003), 9)
+    blind = [replace(r, xyz=None) for r in held_out]
+    for result in (tracked_causes(arm, fit, blind), tracked_causes(arm, [replace(r, xyz=None) for r in fit], blind)):
+        assert result.causes == []
+        assert {one.effect for one in result.not_visible} == {
+            "link_geometry",
+            "link_sag",
+            "tracker_latency",
+            "tracker_outliers",
+        }
+    assert "held-out" in tracked_causes(arm, fit, blind).not_visible[0].why
+    placed = replace(arm, joints=tuple(Joint(convention="placed", limits=j.limits) for j in arm.joints))
+    assert "URDF" in tracked_causes(placed, fit, held_out).not_visible[0].why
