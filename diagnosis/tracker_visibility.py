@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.effects import CATALOGUE
-from diagnosis.remainder import BINS, ROUGH, SHARE, Structure
+from diagnosis.remainder import Structure
 from diagnosis.tracker_candidates import Candidate, State
 from diagnosis.tracker_points import Side
 from diagnosis.tracker_selection import Linear, columns_of, good, linear
@@ -16,6 +16,11 @@ from diagnosis.visibility import Invisible
 
 Array = NDArray[np.float64]
 
+BINS = 24
+SHARE = 0.1
+"""Of what is left: less is not worth a sentence."""
+ROUGH = 1.3
+"""Times what the points cannot tell: below it what is left is noise as far as that is known."""
 ONLY_HERE = ("link_geometry", "link_sag", "tracker_latency")
 """What currents say nothing of; of the others they may."""
 EXPERIMENTS = {
