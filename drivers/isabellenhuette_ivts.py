@@ -23,6 +23,7 @@ from inputs import DeviceFault
 ADVICE = "is the bus terminated, are the sensors powered?"
 TRIES = 3  # of a command
 SEARCH = 0.3  # s
+FIRST = 1.0  # s for the first results, on a busy machine too
 Identifier = Annotated[int, Field(ge=0, le=0x7FF)]
 
 
@@ -159,13 +160,15 @@ class IvtSensors:
             self._wait_for_first()
 
     def _wait_for_first(self) -> None:
-        deadline = time.monotonic() + self.config.timeout + 2 * self.config.period / 1000
+        deadline = time.monotonic() + FIRST + 2 * self.config.period / 1000
         for k, box in enumerate(self._boxes):
             box.take()
             self._results[k].restart()
-            for at, _, data in box.wait(deadline):
-                if (result := self._results[k].take(data)) is not None:
-                    self._latest[k] = (at, result)
+            self._latest[k] = (self._clock.monotonic_ns(), None)
+            while self._latest[k][1] is None and time.monotonic() < deadline:
+                for at, _, data in box.wait(deadline):
+                    if (result := self._results[k].take(data)) is not None:
+                        self._latest[k] = (at, result)
             if self._latest[k][1] is None:
                 raise OSError(f"no result from the sensor at {self.config.sensors[k].result:03X}h")
 

@@ -102,7 +102,8 @@ def compare(
 ) -> None:
     """Positions agree within two ``step``s (rad, one a joint, from 1) and what the joint moves in ``slack`` s; currents within
     a share ``current`` of their range, rms."""
-    shift = shift_of(recording.t, recording.q[:, JOINT - 1], direct)
+    moved = np.isfinite(recording.q[:, JOINT - 1])
+    shift = shift_of(recording.t[moved], recording.q[moved, JOINT - 1], direct)
     inside = (recording.t - shift > direct.t[0]) & (recording.t - shift < direct.t[-1])
     at = recording.t[inside] - shift
     assert inside.sum() > 0.7 * len(recording.t)
@@ -110,6 +111,9 @@ def compare(
         own = np.interp(at, direct.t, direct.q[:, joint - 1])
         speed = np.abs(np.gradient(own, at))
         off = np.abs(recording.q[inside, joint - 1] - own)
+        there = np.isfinite(off)  # a lost answer is a missing value, and few are
+        assert there.mean() > 0.9
+        off, speed = off[there], speed[there]
         assert (off <= 2 * step[joint - 1] + slack * speed).all(), f"joint {joint}: {off.max()}"
     moving = np.interp(at, direct.t, direct.i[:, JOINT - 1])
     noise = np.std((recording.i[inside, JOINT - 1] - moving)[np.isfinite(moving)])
@@ -149,6 +153,7 @@ def test_can_encoders_and_sensors_record_what_the_simulated_rig_does(
     root: Path, tmp_path: Path, recorded_directly: Recording
 ) -> None:
     changes = {
+        "rate = 100.0": "rate = 40.0",  # two processes a row, each to be scheduled thrice: time for that on a busy machine
         "50740": str(free_port()),
         "/tmp/armscope": str(tmp_path),
         "239.74.163.40": f"239.74.163.{os.getpid() % 200 + 50}",
