@@ -182,7 +182,7 @@ def fitted(
     for _ in range(3):
         free, nominal = parameters.free, parameters.chain.values
         off = (estimate.values - nominal)[free] / parameters.scale[free]
-        ours = np.array([parameters.chain.names[k].startswith(("base.", "target.")) for k in free])
+        ours = np.array([parameters.chain.names[k].startswith(("base.", "target.")) for k in free], bool)
         beyond = ours & (np.abs(off) > BOUND) & (parameters.scale[free] < 1.0)
         if not beyond.any():
             break

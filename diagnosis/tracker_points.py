@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 MOST = 6000
 """Points of one side that are used; more are evenly thinned."""
 WRONG = 8.0
-"""Robust deviations from the median of its neighbours that make a point wrong: a Gaussian one exceeds them once in 1e14."""
+"""Deviations of the noise from the median of its neighbours that make a point wrong: a Gaussian one exceeds them once in 1e14."""
 NEIGHBOURS = 7
 RATES = 0.1
 """s: length of the local cubics whose slopes are speed and acceleration."""
@@ -138,7 +138,7 @@ def _rows(t: Array, q: Array, xyz: Array, off: Array) -> _Rows:
     noise = float(1.4826 * np.median(np.abs(second))) if len(second) else 0.0
     apart = away - ndimage.median_filter(away, size=(NEIGHBOURS, 1), mode="nearest")
     distance = np.linalg.norm(apart, axis=1)
-    wrong = distance > WRONG * max(float(np.median(distance)) / 1.5382, 1e-9)
+    wrong = distance > WRONG * max(float(np.median(distance)) / 1.5382, noise, 1e-9)
     steps = np.diff(found)
     usual = int(np.median(steps)) if len(steps) else 1
     gaps = steps[steps > 3 * usual]

@@ -63,6 +63,14 @@ FAST = {
     ),
 }
 SLOW = {
+    "large": (
+        Wrong(zero=at(2, 0.03), dh=link(3, a=0.01), delay=0.01),
+        {
+            ("joint_zero_offset", 2): {"offset": 0.03},
+            ("link_geometry", 3): {"d_a": 0.01},
+            ("tracker_latency", None): {"delay": 0.01},
+        },
+    ),
     "sag 3": (Wrong(sag=at(3, 3e-5)), {("link_sag", 3): {"compliance": 3e-5}}),
     "zero 2": (Wrong(zero=at(2, -0.003)), {("joint_zero_offset", 2): {"offset": -0.003}}),
     "zero 3": (Wrong(zero=at(3, 0.005)), {("joint_zero_offset", 3): {"offset": 0.005}}),
