@@ -62,7 +62,12 @@ def tune_friction(
             )
     if arm.controller is None:
         raise InputError("model", "has no [controller]; friction is tuned in the closed loop")
-    moving = [j for j in range(len(arm)) if any(motion.usable[:, j].any() for motion in motions)]
+    moving = [j for j in range(len(arm)) if any(motion.moves(j) for motion in motions)]
+    if not any(parallel_rows(motion)[1].any() for motion in motions):
+        raise InputError(
+            ", ".join(str(recording.path) for recording in recordings),
+            "have no row in which a joint moves for long enough",
+        )
     names = tuple(f"joint{j + 1}.{kind}" for j in moving for kind in ("viscous", *DIRECTIONS))
     values = np.array([parameter(arm, name) for name in names])
     floor = _floors(arm, names, motions)

@@ -11,11 +11,10 @@ from arm_model.description import Arm
 from arm_model.parameters import with_parameters
 from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording
-from identification import refusals
 from identification.motor_link import MotorLink, motor_link_of, motor_link_rows
 from identification.result import Identification, Prediction, Value, unit_of
 from identification.signals import Motion
-from identification.whole_arm import SPLIT, motion_of
+from identification.whole_arm import SPLIT, motions_of
 from inputs import InputError
 
 Array = NDArray[np.float64]
@@ -32,12 +31,8 @@ def identify_joints(
     progress: Progress = lambda _: None,
 ) -> Identification:
     """Each joint from the run in which it moves furthest; state-variable filter, beside it the integrated equation."""
-    for recording in [*fit, *held_out]:
-        refusals.check_recording(recording, arm)
-    progress("smoothing")
-    seen = [motion_of(recording, arm) for recording in [*fit, *held_out]]
-    motions, held_motions = [motion for motion, _ in seen[: len(fit)]], [motion for motion, _ in seen[len(fit) :]]
-    warnings = [warning for _, run in seen[: len(fit)] for warning in run.warnings if "never moves" not in warning]
+    motions, held_motions, seen = motions_of(fit, held_out, arm, progress)
+    warnings = [warning for run in seen[: len(fit)] for warning in run.warnings if "never moves" not in warning]
     parameters, predictions, conditions = [], [], []
     compared: dict[str, tuple[float, float]] = {}
     values: dict[str, float] = {}
@@ -90,7 +85,7 @@ def identify_joints(
         predictions=predictions,
         warnings=warnings,
         bands=[motion.band for motion in motions],
-        runs=[run for _, run in seen],
+        runs=seen,
         extra={
             "integrated_equation": {
                 name.removesuffix(" by the integrated equation"): value for name, (value, _) in compared.items()

@@ -67,23 +67,23 @@ def tuned(
     fit: Sequence[Recording], arm: Arm, *, held_out: Sequence[Recording] = (), progress: Progress = lambda _: None
 ) -> Identification:
     """Friction tuned in the closed loop; errors are those of the simulated against the measured torque."""
-    problem = whole_arm.prepare(fit, arm, held_out=held_out, progress=progress, sparse=True)
-    tuning = tune_friction(fit, problem.motions, arm, progress=progress)
+    motions, held_motions, runs = whole_arm.motions_of(fit, held_out, arm, progress)
+    tuning = tune_friction(fit, motions, arm, progress=progress)
     values = [
         Value(name, float(value), float(std), float(formula), unit_of(name, arm), bool(std < 0.3 * abs(value)))
         for name, value, std, formula in zip(
             tuning.names, tuning.values, tuning.uncertainty.std, tuning.uncertainty.std_formula
         )
     ]
-    warnings = list(problem.warnings)
+    warnings = [warning for run in runs for warning in run.warnings if "never moves" not in warning]
     if not held_out:
         warnings.append(
             "no recording is held out: give --held-out recordings of another motion before calling this friction validated"
         )
     predictions: list[Prediction] = []
-    for held, recordings, motions in ((False, fit, problem.motions), (True, held_out, problem.held_motions)):
-        for recording, motion in zip(recordings, motions):
-            predictions.append(simulated_error(recording, motion, tuning.arm, held))
+    for recording, motion in zip([*fit, *held_out], [*motions, *held_motions]):
+        held = len(predictions) >= len(fit)
+        predictions.append(simulated_error(recording, motion, tuning.arm, held))
     return Identification(
         method="friction",
         friction="per direction",
@@ -96,7 +96,7 @@ def tuned(
         predictions=predictions,
         warnings=warnings,
         notes=[f"{tuning.simulations} simulations of the closed loop, in batches"],
-        bands=[motion.band for motion in problem.motions],
-        runs=problem.runs,
+        bands=[motion.band for motion in motions],
+        runs=runs,
         compared={"the friction that the model came with": (tuning.before, float(np.nan))},
     )

@@ -61,7 +61,7 @@ def spectra(result: Identification) -> Iterator[tuple[Figure, str]]:
 
     figure = Figure(figsize=(10.5, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
-    run = result.predictions[0]
+    run = _worth_showing(result)[-1]
     for n, j in enumerate(np.unique(run.joint)):
         mine = run.joint == j
         f, torque = _density(run.t[mine], run.measured[mine])
@@ -87,7 +87,8 @@ def spectra(result: Identification) -> Iterator[tuple[Figure, str]]:
 
 def _worth_showing(result: Identification) -> list[Prediction]:
     """Held-out runs first, then fitted ones, three of each at most."""
-    return result.rows(True)[:3] + result.rows(False)[:3]
+    shown = [[run for run in result.rows(held) if len(run.t)] for held in (True, False)]
+    return shown[0][:3] + shown[1][:3]
 
 
 def _with_breaks(t: Array, *lines: Array) -> tuple[Array, ...]:

@@ -25,6 +25,7 @@ LAG = 0.5  # s within which current and acceleration are compared
 FURTHEST = 0.1  # s: the largest lag that is looked for
 TOLD = 0.9  # of the torque's square: a motion that explains less of it tells no lag
 ILL_CONDITIONED = 1e4  # of the regressor with its columns scaled alike
+TELLING = 1.5  # times the unexplained at no lag over that at the best: less is chance
 LIMIT = 0.98  # of the torque limit counts as reached
 
 
@@ -115,7 +116,7 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
                 noise=float(motion.band.noise_rms[j]),
                 used=int(motion.usable[:, j].sum()),
                 left_out={reason: int(counts[j]) for reason, counts in motion.excluded.items() if counts[j]},
-                lag=lag_of_torque(motion, j) if motion.usable[:, j].any() else None,
+                lag=lag_of_torque(motion, j) if motion.moves(j) else None,
                 torque=torque / joint.torque_limit if joint.torque_limit else None,
             )
         )
@@ -136,6 +137,7 @@ def _left_out(name: str, motion: Motion) -> list[str]:
     for reason, counts in motion.excluded.items():
         shares = counts / len(motion.t)
         many = np.flatnonzero(shares > (STANDING if reason == "standstill" else HOLES))
+        many = np.array([j for j in many.tolist() if reason != "standstill" or motion.moves(j)], np.intp)
         if reason != "end" and len(many):
             joints = ", ".join(f"joint {k + 1}: {shares[k]:.0%}" for k in many)
             found.append(f"{name}: rows left out ({reason}) of {joints}")
@@ -176,6 +178,8 @@ def lag_of_torque(motion: Motion, j: int) -> float | None:
     explained = np.sum((basis.T @ torques) ** 2, axis=0) / np.maximum(np.sum(torques**2, axis=0), 1e-300)
     best = int(np.argmax(explained))
     if explained[best] < TOLD or best in (0, len(shifts) - 1):
+        return None
+    if abs(best - reach) > 1 and 1 - explained[reach] < TELLING * (1 - explained[best]):
         return None
     left, middle, right = explained[best - 1 : best + 2]
     bend = left - 2 * middle + right

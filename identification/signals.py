@@ -22,6 +22,7 @@ Mask = NDArray[np.bool_]
 
 JITTER = 0.01  # of the period: stamps this close to a grid are on it
 FLAT = 5  # rows at the extreme value of a channel, while the joint moves, that make it saturated
+SHAKEN = 0.02  # of the liveliest joint's travel: less is no motion of a joint's own
 CREEP = 0.005  # of a joint's peak speed: below it the direction of Coulomb friction is not known
 
 REVERSAL = 0.01  # s: a joint slow for longer stands, or sticks; what is quicker is a reversal, and Coulomb's law holds through it
@@ -45,6 +46,11 @@ class Motion:
     usable: Mask
     excluded: Mapping[str, NDArray[np.int64]]
     band: Band
+
+    def moves(self, j: int) -> bool:
+        """Whether joint j (from 0) moves by itself, and is not just shaken by the others."""
+        travel = np.ptp(self.q, axis=0)
+        return bool(self.usable[:, j].any() and travel[j] > SHAKEN * travel.max())
 
 
 def smooth_motion(

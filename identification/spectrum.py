@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 OCCUPIED = 0.95  # share of the acceleration's power that counts as the bandwidth of the dynamics
 STANDING = 0.02  # of a joint's peak speed: below it the sign of the velocity may be noise
+SHAKEN = 0.01  # of the liveliest joint's travel in noise levels
 SEGMENT = 8.0  # s, length of Welch's segments: resolution 0.125 Hz
 
 
@@ -44,7 +45,9 @@ def choose_band(q: Array, dt: float) -> Band:
     segment = int(min(len(acceleration), max(SEGMENT * rate, 16)))
     f, density = signal.welch(acceleration, rate, nperseg=segment, axis=0)
     noise = _white_noise(f, density, dt)
-    moving = np.ptp(q, axis=0) > 20 * noise
+    travel = np.ptp(q, axis=0) / np.maximum(noise, 1e-15)
+    # Joints that the moving ones only shake by a few counts would make the spectrum that of their counts.
+    moving = travel > max(20.0, SHAKEN * travel.max())
     if not moving.any():
         return Band(rate / 4, rate / 8, f, density, noise)
     share = density[:, moving] / np.maximum(density[:, moving].max(axis=0), 1e-300)

@@ -101,6 +101,21 @@ def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
     return motion, readiness_of(recording, found, motion, arm)
 
 
+def motions_of(
+    fit: Sequence[Recording], held_out: Sequence[Recording], arm: Arm, progress: Progress = lambda _: None
+) -> tuple[list[Motion], list[Motion], list[RunReadiness]]:
+    """Smooth motions of the fitted and of the held-out recordings, and how fit each is; InputError for one that cannot be used at all."""
+    for recording in [*fit, *held_out]:
+        refusals.check_recording(recording, arm)
+    progress("smoothing")
+    seen = [motion_of(recording, arm) for recording in [*fit, *held_out]]
+    return (
+        [motion for motion, _ in seen[: len(fit)]],
+        [motion for motion, _ in seen[len(fit) :]],
+        [run for _, run in seen],
+    )
+
+
 def prepare(
     fit: Sequence[Recording],
     arm: Arm,
@@ -114,12 +129,7 @@ def prepare(
 
     ``sparse``: the runs are of one joint each and need not excite the whole arm.
     """
-    for recording in [*fit, *held_out]:
-        refusals.check_recording(recording, arm)
-    progress("smoothing")
-    seen = [motion_of(recording, arm) for recording in [*fit, *held_out]]
-    motions, held_motions = [motion for motion, _ in seen[: len(fit)]], [motion for motion, _ in seen[len(fit) :]]
-    runs = [run for _, run in seen]
+    motions, held_motions, runs = motions_of(fit, held_out, arm, progress)
     warnings = [warning for run in runs for warning in run.warnings]
     warnings += [
         f"{name}: held as the model has it, and counted as rigid or sliding here" for name in left_to_the_model(arm)

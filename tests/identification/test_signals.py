@@ -106,3 +106,19 @@ def test_parallel_filter_keeps_slow_signals_and_their_time() -> None:
     slow = np.sin(0.5 * got.t)
     expected = np.sin(0.5 * stamps)
     assert np.max(np.abs(parallel_filter(got, slow) - expected)) < 2e-3
+
+
+def test_joint_that_is_only_shaken_has_no_say_in_the_band() -> None:
+    """One joint through half a turn in 2 s, its neighbour pushed about by three counts: the thesis's runs of one joint at a time."""
+    t = np.arange(3_700) / 1000
+    s = np.clip((t - 0.8) / 2.0, 0, 1)
+    q = np.pi * s**3 * (10 - 15 * s + 6 * s**2)
+    shaken = 3e-4 * np.exp(-((t - 1.8) ** 2)) * np.sin(9 * t)
+    step = 7e-5
+    both = np.round(np.stack([q, shaken], axis=1) / step) * step
+    both += 1e-6 * np.random.default_rng(0).standard_normal(both.shape)
+    alone, together = smooth_motion(t, both[:, :1], both[:, :1]), smooth_motion(t, both, both)
+    assert together.band.motion == alone.band.motion > 5.0
+    assert together.usable[:, 0].sum() > 1500
+    assert together.moves(0)
+    assert not together.moves(1)
