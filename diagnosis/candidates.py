@@ -20,12 +20,15 @@ from arm_model.dynamics import inverse_dynamics
 from arm_model.effects import CATALOGUE, Effect, Parameter, Signals, Values
 from arm_model.effects.definition import Law
 from diagnosis.evidence import ROWS_PER_SECOND, Run, passed, signals_of
-from diagnosis.reading import integrated
+from diagnosis.reading import integrated, spring_of, wound_up
 
 Array = NDArray[np.float64]
 
 SPANNED = {"phase": (0.0, np.pi / 2), "rest_angle": (0.0, 1.0)}
 """Nonlinear parameters whose whole family is spanned by the law at two values."""
+
+FIXED = {"backlash": ("contact_stiffness", "contact_damping"), "presliding_friction": ("damping",)}
+"""Shape parameters that the currents hardly show."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,31 @@ class Candidate:
     def key(self) -> tuple[str, int | None]:
         """Effect and joint, whatever the shape."""
         return self.effect, self.joint
+
+    @property
+    def at_own_joint(self) -> bool:
+        """Whether only the current of the candidate's own joint changes."""
+        effect = self.definition
+        return (
+            effect.torque is not None
+            or effect.current is not None
+            or effect.name in ("rotor_inertia", "torque_constant")
+        )
+
+    @property
+    def by_shape(self) -> bool:
+        """Whether the effect is told by its shape alone: nothing in its law is linear, and its coefficient is 1 where it is there."""
+        effect = self.definition
+        return not effect.linear and effect.delay is None and effect.change is None
+
+    def searched(self) -> list[str]:
+        """Names of the shape parameters that are continuous and seen in the currents."""
+        continuous = {p.name for p in self.definition.parameters if not p.whole}
+        return [name for name, _ in self.shape if name in continuous and name not in FIXED.get(self.effect, ())]
+
+    def with_shape(self, name: str, value: float) -> Candidate:
+        """The same with another value of one shape parameter."""
+        return replace(self, shape=tuple((n, value if n == name else v) for n, v in self.shape))
 
     def units(self) -> list[Values]:
         """Parameter values, one set a column: each linear parameter at 1, each spanned one at its two values."""
@@ -86,18 +114,22 @@ def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) 
     change = np.zeros_like(run.current)
     if effect.torque is not None:
         if effect.rate is not None:
-            s = replace(s, state=integrated(effect, p, s, 1.0 / ROWS_PER_SECOND))
+            s = replace(s, state=_states(effect, p, s, run))
         change[:, j] = effect.torque(p, s) / arm.joints[j].drive_constant
     elif effect.current is not None:
         change[:, j] = effect.current(p, s)
     elif effect.deflection is not None:
         # the link stands where the motor is, less the deflection
-        change = -_moved(run, j, *_rates(effect.deflection, p, s, arm.joints[j].ratio))
+        spring = spring_of(effect, p)
+        rates = (
+            _rates(effect.deflection, p, s, arm.joints[j].ratio, run) if spring is None else _wound_up(run, j, *spring)
+        )
+        change = -_moved(run, j, *rates)
         # virtual work: where the link turns less than the motor, the motor feels less of its load
         change[:, j] -= _slope(effect.deflection, p, s) * arm.joints[j].ratio * s.load / arm.joints[j].drive_constant
     elif effect.angle is not None:
         # the whole joint stands where it reads, less the error
-        error, speed, acceleration = _rates(effect.angle, p, s, arm.joints[j].ratio)
+        error, speed, acceleration = _rates(effect.angle, p, s, arm.joints[j].ratio, run)
         change = -_moved(run, j, error, speed, acceleration)
         drive = arm.joints[j]
         change[:, j] -= drive.ratio**2 * drive.rotor_inertia * acceleration / drive.drive_constant
@@ -107,7 +139,7 @@ def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) 
     return change
 
 
-def _rates(law: Law, p: Values, s: Signals, ratio: float) -> tuple[Array, Array, Array]:
+def _rates(law: Law, p: Values, s: Signals, ratio: float, run: Run) -> tuple[Array, Array, Array]:
     """Value, rate and second rate (m,) of an angle that a law gives.
 
     One that follows the motor angle may turn faster than there are rows: its rates come by the chain rule, d/dt = ratio v d/d motor.
@@ -117,10 +149,26 @@ def _rates(law: Law, p: Values, s: Signals, ratio: float) -> tuple[Array, Array,
     up = np.asarray(law(p, replace(s, motor=s.motor + step)), float)
     down = np.asarray(law(p, replace(s, motor=s.motor - step)), float)
     if np.array_equal(up, value):
-        speed = np.gradient(value, 1.0 / ROWS_PER_SECOND)
-        return value, speed, np.gradient(speed, 1.0 / ROWS_PER_SECOND)
+        speed = run.rate(value)
+        return value, speed, run.rate(speed)
     slope, bend = (up - down) / (2 * step), (up - 2 * value + down) / step**2
     return value, slope * ratio * s.v, bend * (ratio * s.v) ** 2 + slope * ratio * s.a
+
+
+def _wound_up(run: Run, j: int, stiffness: float, damping: float) -> tuple[Array, Array, Array]:
+    """Twist (m,) of an elastic joint and its rates, at rest at the start of every recording."""
+    step = 1.0 / ROWS_PER_SECOND
+    each = [wound_up(run.brisk_rigid[part, j], run.inertia[part, j], stiffness, damping, step) for part in run.parts]
+    return tuple(np.concatenate(rates) for rates in zip(*each))  # type: ignore[return-value]
+
+
+def _states(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
+    """State (m,) of an effect, from 0 at the start of every recording."""
+    states = []
+    for part in run.parts:
+        within = replace(s, v=s.v[part], sign=s.sign[part], coulomb=s.coulomb[part], q=s.q[part])
+        states.append(integrated(effect, p, within, 1.0 / ROWS_PER_SECOND))
+    return np.concatenate(states)
 
 
 def _slope(law: Law, p: Values, s: Signals) -> Array:
@@ -197,7 +245,8 @@ def candidates(arm: Arm) -> Iterator[Candidate]:
             searched = []
         fixed = {"contact_stiffness": (1e5,), "contact_damping": (100.0,), "damping": (10.0,)}
         if effect.name == "joint_compliance":
-            fixed["stiffness"] = (1e4,)  # enters by its inverse: the coefficient scales it
+            # a resonance is as narrow as its damping: in the band of comparison the grid has to be fine
+            fixed |= {"stiffness": tuple(np.geomspace(1e3, 1e5, 18)), "damping": (20.0,)}
         shapes = [
             tuple(zip((p.name for p in searched), values))
             for values in itertools.product(*(fixed.get(p.name) or _grid(p) for p in searched))

@@ -7,8 +7,10 @@ turn whatever disturbs an angle into what it does to the currents of all joints.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +20,10 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.effects import Signals, described
 from arm_model.regressor import regressor
 from arm_model.rigid_body import mass_matrix, rigid_torque
-from diagnosis.reading import COLUMN_BAND, MOTION_BAND, low_pass, motion_of, reading, true_angle
+from diagnosis.reading import COLUMN_BAND, COMPARE_BAND, MOTION_BAND, low_pass, motion_of, reading, true_angle
 
 Array = NDArray[np.float64]
 
-COMPARE_BAND = 20.0
-"""Hz: pass-band in which measured and expected currents are compared."""
 ROWS_PER_SECOND = 100
 CREEP = 0.02
 """rad/s (m/s): below it, what friction does depends on more than the velocity."""
@@ -35,7 +35,9 @@ class Run:
 
     raw: t (k,) s and q (k, n) rad as recorded, events taken out; t (m,) s from the start of the recording; q, v, a (m, n) rad and per
     second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
-    rigid (m, n) N m: torque to the links; by_angle, by_speed, by_acceleration (m, n, n): d expected_j / d q_k, A/rad ..., of the links alone;
+    rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone;
+    brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
+    by_angle, by_speed, by_acceleration (m, n, n): d expected_j / d q_k, A/rad ..., of the links alone;
     by_link (m, n, 10 n) N m per inertial parameter of each link;
     deviation (m, n) A: standard deviation that the residual has with nothing wrong; block (m,): block of one second, from 0;
     arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes hold the arm, and the
@@ -52,6 +54,9 @@ class Run:
     current_rate: Array
     expected: Array
     rigid: Array
+    brisk_v: Array
+    brisk_rigid: Array
+    inertia: Array
     by_angle: Array
     by_speed: Array
     by_acceleration: Array
@@ -61,6 +66,17 @@ class Run:
     block: NDArray[np.intp]
     arm: Arm
     powered: bool = True
+
+    @property
+    def parts(self) -> tuple[slice, ...]:
+        """Rows that follow one another in time: one part, or one for each recording of a ``merged`` run."""
+        ends = np.flatnonzero(np.diff(self.t) <= 0.0) + 1
+        edges = [0, *ends.tolist(), len(self.t)]
+        return tuple(slice(a, b) for a, b in itertools.pairwise(edges))
+
+    def rate(self, values: Array) -> Array:
+        """Derivative of values (m,) by time, within each recording."""
+        return np.concatenate([np.gradient(values[part], 1.0 / ROWS_PER_SECOND) for part in self.parts])
 
     @property
     def residual(self) -> Array:
@@ -95,15 +111,28 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = Tr
     width = arm.joint_array("sign_velocity")
     unsure = np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
     deviation = np.hypot(noise, coulomb * unsure * powered)
+    brisk = [thin(values) for values in (position, v, a)]
     rows = t[keep]
     return Run(
         name=name, raw=(t, q), t=rows - t[0],
         q=low, v=slow_v, a=slow_a, current=thin(i),
         current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)), expected=thin(reading(arm, t, q, powered=powered)),
-        rigid=rigid_torque(bent, low, slow_v, slow_a), by_angle=partials[0], by_speed=partials[1], by_acceleration=partials[2],
+        rigid=rigid_torque(bent, low, slow_v, slow_a), brisk_v=brisk[1], brisk_rigid=rigid_torque(bent, *brisk),
+        inertia=mass_matrix(bent, low, rotors=False).diagonal(axis1=1, axis2=2),
+        by_angle=partials[0], by_speed=partials[1], by_acceleration=partials[2],
         by_link=regressor(bent, low, slow_v, slow_a)[0][..., : 10 * len(arm)],
         deviation=deviation, noise=noise, block=((rows - rows[0]) // 1.0).astype(np.intp), arm=arm, powered=powered,
     )  # fmt: skip
+
+
+def merged(runs: Sequence[Run]) -> Run:
+    """Recordings of one setup, rows one after the other, as candidates compute their columns from; name, raw and block are the first's."""
+    rows: dict[str, Any] = {
+        field.name: np.concatenate([getattr(run, field.name) for run in runs])
+        for field in fields(Run)
+        if isinstance(getattr(runs[0], field.name), np.ndarray) and field.name not in ("block", "noise")
+    }
+    return replace(runs[0], **rows)
 
 
 def kept(rate: float) -> slice:
@@ -167,7 +196,7 @@ def signals_of(run: Run, arm: Arm, joint: int) -> Signals:
     """What laws of effects may look at, at one joint (1-based) of a run; arrays (m,)."""
     j = joint - 1
     drive = arm.joints[j]
-    v = run.v[:, j]
+    v = run.brisk_v[:, j]
     sign = v / np.sqrt(v**2 + drive.sign_velocity**2)
     up, down = (drive.ratio * c for c in drive.coulomb)
     return Signals(

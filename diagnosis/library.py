@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,16 +11,20 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm, EffectTerm
 from diagnosis.candidates import Candidate
-from diagnosis.evidence import Run, residual_with
+from diagnosis.evidence import Run, merged, residual_with
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Side:
-    """Whitened residuals of all recordings of one side (fit or held out), joint after joint: y (n * rows,); block (n * rows,)."""
+    """Whitened residuals of all recordings of one side (fit or held out), joint after joint: y (n * rows,); block (n * rows,).
+
+    together: the same recordings, those with one setup after the other merged.
+    """
 
     runs: tuple[Run, ...]
+    together: tuple[Run, ...]
     y: Array
     block: NDArray[np.intp]
     rows: int
@@ -57,7 +62,12 @@ def side_of(runs: Sequence[Run]) -> Side:
     block = np.concatenate(numbers)
     joints = runs[0].q.shape[1]
     y = np.concatenate([run.whitened for run in runs]).T.ravel()
-    return Side(tuple(runs), y, np.tile(block, joints), len(block))
+    return Side(tuple(runs), tuple(_together(runs)), y, np.tile(block, joints), len(block))
+
+
+def _together(runs: Sequence[Run]) -> Iterator[Run]:
+    for _, alike in itertools.groupby(runs, key=lambda run: (id(run.arm), run.powered)):
+        yield merged(list(alike))
 
 
 def side_with(side: Side, terms: Sequence[EffectTerm]) -> Array:
@@ -68,11 +78,11 @@ def side_with(side: Side, terms: Sequence[EffectTerm]) -> Array:
 
 def columns_of(candidate: Candidate, side: Side, arm: Arm) -> Columns:
     """The candidate's columns over all recordings of a side, over the deviation of each row."""
-    parts = [candidate.columns(run, arm) / run.deviation[..., None] for run in side.runs]
-    x = np.concatenate(parts)  # (rows, n, k)
-    touched = np.flatnonzero(np.any(x != 0.0, axis=(0, 2)))
-    if len(touched) == 1:
-        return Columns(np.ascontiguousarray(x[:, touched[0]]), side.of(int(touched[0]) + 1))
+    parts = [candidate.columns(run, arm) / run.deviation[..., None] for run in side.together]
+    x = np.concatenate(parts) if len(parts) > 1 else parts[0]  # (rows, n, k)
+    if candidate.at_own_joint:
+        assert candidate.joint is not None
+        return Columns(np.ascontiguousarray(x[:, candidate.joint - 1]), side.of(candidate.joint))
     flat = x.transpose(1, 0, 2).reshape(-1, x.shape[2])
     return Columns(flat, slice(0, len(flat)))
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
 from arm_model.description import Arm
-from diagnosis.candidates import Candidate
+from diagnosis.candidates import FIXED, Candidate
 from diagnosis.library import Columns, Side, columns_of
 from diagnosis.selection import Accepted, fit_gain
 
@@ -38,8 +38,6 @@ def parameters_of(candidate: Candidate, coefficients: Array) -> dict[str, float]
         mass = c[0]
         centre = {axis: (c[k] / mass if mass else 0.0) for k, axis in enumerate("xyz", 1)}
         return {"mass": mass, **centre}
-    if effect.name == "joint_compliance":
-        return {**shape, "stiffness": shape["stiffness"] / c[0] if c[0] else float("inf")}
     if effect.delay is not None:
         return {"delay": c[0]}
     if "phase" in names:
@@ -48,8 +46,6 @@ def parameters_of(candidate: Candidate, coefficients: Array) -> dict[str, float]
     if "rest_angle" in names:
         stiffness = c[0] + c[1]
         return {**shape, "stiffness": stiffness, "rest_angle": c[1] / stiffness if stiffness else 0.0}
-    if effect.name == "presliding_friction":
-        return dict(shape)
     return {**shape, **{p.name: value for p, value in zip(effect.linear, c)}}
 
 
@@ -58,6 +54,8 @@ def physical(candidate: Candidate, coefficients: Array) -> bool:
 
     A spring that is slack a turn and more beyond every place that a joint can reach is a constant torque, not a spring.
     """
+    if candidate.by_shape and not 0.25 < coefficients[0] < 4.0:
+        return False  # such an effect is there as it is or not at all; off the grid's points it is seen in part
     values = parameters_of(candidate, coefficients)
     signed = {p.name for p in candidate.definition.parameters if p.signed}
     farthest = next((3 * p.typical[1] for p in candidate.definition.parameters if p.name == "rest_angle"), np.inf)
@@ -68,33 +66,25 @@ def physical(candidate: Candidate, coefficients: Array) -> bool:
 
 def sharpened(candidate: Candidate, accepted: Accepted, fit: Side, arm: Arm) -> Candidate:
     """The candidate with each continuous shape parameter at its best between the neighbours on its grid, one after the other."""
-    for name, value in candidate.shape:
-        parameter = next(p for p in candidate.definition.parameters if p.name == name)
-        if parameter.whole or name in FIXED.get(candidate.effect, ()):
-            continue
+    searched = candidate.searched()
+    for name in searched * (2 if len(searched) > 1 else 1):
+        value = dict(candidate.shape)[name]
 
         def worse(log_value: float, name: str = name, now: Candidate = candidate) -> float:
-            value = float(np.exp(float(log_value)))
-            trial = replace(now, shape=tuple((n, value if n == name else v) for n, v in now.shape))
-            return -fit_gain(columns_of(trial, fit, arm), accepted)[0]
+            trial = now.with_shape(name, float(np.exp(float(log_value))))
+            gain, c = fit_gain(columns_of(trial, fit, arm), accepted)
+            # by shape alone: what a coefficient of 1 gains, for a gain that is quadratic in the coefficient
+            return -gain * (1.0 - (1.0 / c[0] - 1.0) ** 2) if now.by_shape and c[0] else -gain
 
+        reach = 1.5 if (candidate.effect, name) == ("joint_compliance", "stiffness") else 3.0
         found = optimize.minimize_scalar(
             worse,
-            bounds=(np.log(value / 3), np.log(value * 3)),
+            bounds=(np.log(value / reach), np.log(value * reach)),
             method="bounded",
-            options={"xatol": 0.02, "maxiter": 12},
+            options={"xatol": 0.01, "maxiter": 14},
         )
-        best = float(np.exp(found.x))
-        candidate = replace(candidate, shape=tuple((n, best if n == name else v) for n, v in candidate.shape))
+        candidate = candidate.with_shape(name, float(np.exp(found.x)))
     return candidate
-
-
-FIXED = {
-    "backlash": ("contact_stiffness", "contact_damping"),
-    "joint_compliance": ("stiffness", "damping"),
-    "presliding_friction": ("damping",),
-}
-"""Shape parameters that the currents hardly show, or that the coefficient already scales."""
 
 
 def estimates(
@@ -114,11 +104,10 @@ def estimates(
         for k in range(len(part)):
             wide.append(_spread(column, np.eye(len(part))[k], fit))
             moves.append((index, _by_coefficient(candidate, part, k)))
-        for name, value in candidate.shape:
-            if name in FIXED.get(candidate.effect, ()) or _whole(candidate, name):
-                continue
+        for name in candidate.searched():
+            value = dict(candidate.shape)[name]
             step = 0.02 * value
-            other = replace(candidate, shape=tuple((n, v + step if n == name else v) for n, v in candidate.shape))
+            other = candidate.with_shape(name, value + step)
             slope = _spread(columns_of(other, fit, arm), part, fit) - _spread(column, part, fit)
             wide.append(slope / step)
             moves.append((index, {name: 1.0}))
@@ -130,7 +119,7 @@ def estimates(
         units = {p.name: p.unit for p in candidate.definition.parameters}
         rows = []
         for name, value in values.items():
-            if name in FIXED.get(candidate.effect, ()) and name != "stiffness":
+            if name in FIXED.get(candidate.effect, ()):
                 continue
             slope = np.array([move.get(name, 0.0) if owner == index else 0.0 for owner, move in moves])
             std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))

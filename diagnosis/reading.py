@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from arm_model.description import Arm
 from arm_model.dynamics import inverse_dynamics
 from arm_model.effects import CATALOGUE, Effect, Signals, Values, described, values_of
-from arm_model.rigid_body import rigid_torque
+from arm_model.rigid_body import mass_matrix, rigid_torque
 
 Array = NDArray[np.float64]
 Term = tuple[Effect, int | None, Values]
@@ -25,6 +25,8 @@ MOTION_BAND = 60.0
 """Hz: pass-band of the motion from which the model's currents are computed."""
 COLUMN_BAND = 10.0
 """Hz: pass-band of the motion from which the columns of effects, and the wind-up of elastic joints, are computed."""
+COMPARE_BAND = 20.0
+"""Hz: pass-band in which measured and expected currents are compared."""
 TAKEN_OUT = {"mains_hum", "missed_counts", "dropped_trigger", "current_limit"}
 """Events and lines are taken out of the data (``diagnosis.events``), not put into the expectation."""
 
@@ -94,27 +96,63 @@ def _with_states(
 ) -> Array:
     """(m, n) N m that elastic transmissions, wound up as their load demands at every instant, and bristles add."""
     added = np.zeros_like(angle)
-    slow = motion_of(angle, COLUMN_BAND, rate)
-    load = rigid_torque(bent, *slow)
-    link = slow[0].copy()
     for effect, joint, values in terms:
-        if joint is None:
-            continue
-        j = joint - 1
-        if effect.spring is not None and effect.deflection is not None:
-            link[:, j] -= effect.deflection(values, Signals(load=load[:, j]))
-        elif effect.rate is not None and effect.torque is not None:
-            drive = arm.joints[j]
+        if effect.rate is not None and effect.torque is not None and joint is not None:
+            j, drive = joint - 1, arm.joints[joint - 1]
             speed = motion[1][:, j]
             sign = speed / np.hypot(speed, drive.sign_velocity)
             up, down = (drive.ratio * c for c in drive.coulomb)
             s = Signals(q=motion[0][:, j], v=speed, sign=sign, coulomb=(up + down) / 2 + (up - down) / 2 * sign)
-            s = replace(s, state=integrated(effect, values, s, 1.0 / rate))
-            added[:, j] += effect.torque(values, s)
-    if not np.array_equal(link, slow[0]):
-        speed = np.gradient(link, 1.0 / rate, axis=0)
-        added += rigid_torque(bent, link, speed, np.gradient(speed, 1.0 / rate, axis=0)) - load
-    return added
+            added[:, j] += effect.torque(values, replace(s, state=integrated(effect, values, s, 1.0 / rate)))
+    stiff = motion_of(angle, COMPARE_BAND, rate)
+    link = tuple(part.copy() for part in stiff)
+    load = rigid_torque(bent, *stiff)
+    for effect, joint, values in terms:
+        if effect.spring is not None and effect.deflection is not None and joint is not None:
+            for part, twist in zip(link, _twist(bent, effect, joint - 1, values, stiff[0], load[:, joint - 1], rate)):
+                part[:, joint - 1] -= twist
+    return added + rigid_torque(bent, *link) - load
+
+
+def _twist(
+    arm: Arm, effect: Effect, j: int, values: Values, q: Array, load: Array, rate: float
+) -> tuple[Array, Array, Array]:
+    spring = spring_of(effect, values)
+    if spring is not None:
+        return wound_up(load, mass_matrix(arm, q, rotors=False)[:, j, j], *spring, 1.0 / rate)
+    assert effect.deflection is not None
+    twist: Array = np.asarray(effect.deflection(values, Signals(load=low_pass(load, COLUMN_BAND, rate))), float)
+    speed: Array = np.gradient(twist, 1.0 / rate)
+    return twist, speed, np.asarray(np.gradient(speed, 1.0 / rate), float)
+
+
+def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step: float) -> tuple[Array, Array, Array]:
+    """Twist of an elastic joint, its rate and second rate (m,), for rows ``step`` s apart.
+
+    The motor goes its way; the link, of ``inertia`` (m,) kg m2, would need ``load`` (m,) N m to follow it stiffly, and swings behind the spring
+    instead: inertia d'' + damping d' + stiffness d = load, by exact steps with the load as it is in the middle of each; at rest at the start.
+    """
+    decay = damping / inertia / 2
+    swing = np.sqrt(np.maximum(stiffness / inertia - decay**2, 1e-9))
+    shrink, cos, sin = np.exp(-decay * step), np.cos(swing * step), np.sin(swing * step)
+    stay, go = shrink * (cos + decay / swing * sin), shrink * sin / swing
+    back, keep = -stiffness / inertia * shrink * sin / swing, shrink * (cos - decay / swing * sin)
+    rest = np.append(load[1:] + load[:-1], 2 * load[-1]) / (2 * stiffness)
+    twist, rate = np.empty_like(load), np.empty_like(load)
+    d, v = float(load[0]) / stiffness, 0.0
+    rows = zip(stay.tolist(), go.tolist(), back.tolist(), keep.tolist(), rest.tolist())
+    for k, (a, b, c, e, x) in enumerate(rows):
+        twist[k], rate[k] = d, v
+        away = d - x
+        d, v = x + a * away + b * v, c * away + e * v
+    return twist, rate, (load - stiffness * twist - damping * rate) / inertia
+
+
+def spring_of(effect: Effect, values: Values) -> tuple[float, float] | None:
+    """Stiffness and damping of a transmission that is a spring; None for one with play, or a stiff one."""
+    if effect.spring is None or "half_gap" in values:
+        return None
+    return float(effect.spring(values, Signals(twist=1.0))), float(effect.spring(values, Signals(twist_rate=1.0)))
 
 
 def integrated(effect: Effect, p: Values, s: Signals, step: float) -> Array:

@@ -32,8 +32,9 @@ CERTAIN = 1e-3
 """Probability at which structure may be called by chance: there is no second look at it, as there is at a cause."""
 MOST = 3
 """Structures looked for at one joint."""
-CYCLES = np.arange(0.5, 40.0, 0.02)
-"""Cycles a motor revolution that are tried, beside those of a range of the joint."""
+CYCLES = (0.5, 40.0)
+"""Cycles a motor revolution between which a ripple is looked for."""
+BINS_PER_TURN = 256
 
 
 UNMIXED = ("velocity", "acceleration", "current")
@@ -212,7 +213,11 @@ def _harmonic(side: Side, arm: Arm, joint: int, over: Array) -> float | None:
     q = np.concatenate([run.q[:, joint - 1] for run in side.runs])
     if np.ptp(q) * arm.joints[joint - 1].ratio < 4 * np.pi:
         return None
-    y = side.y[side.of(joint)] * over
-    angle = q * arm.joints[joint - 1].ratio
-    power = [np.hypot(y @ np.sin(c * angle), y @ np.cos(c * angle)) for c in CYCLES]
-    return float(CYCLES[int(np.argmax(power))])
+    # the residual summed in fine bins of the motor's turns has the ripple as a line of its spectrum
+    turns = (q - q.min()) * arm.joints[joint - 1].ratio / (2 * np.pi)
+    bins = BINS_PER_TURN * int(2 ** np.ceil(np.log2(2 * turns.max() + 2)))
+    total = np.bincount((turns * BINS_PER_TURN).astype(int), weights=side.y[side.of(joint)] * over, minlength=bins)
+    cycles = np.fft.rfftfreq(bins, 1.0 / BINS_PER_TURN)
+    power = np.abs(np.fft.rfft(total))
+    wanted = (cycles >= CYCLES[0]) & (cycles <= CYCLES[1])
+    return float(cycles[wanted][int(np.argmax(power[wanted]))])

@@ -77,6 +77,9 @@ def search(problem: Problem, progress: Callable[[str], None]) -> Found:
         equals[sharp.key] = alike
         chosen = weeded([*chosen, sharp], problem, sides)
         sides = corrected(chosen, problem, sides)
+    better = polished(chosen, problem, sides)
+    if better is not chosen:
+        chosen, sides = better, corrected(better, problem, problem.sides)
     progress("looking at what is left")
     remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
     while dissolved := _superfluous(chosen, problem, sides, remainder) or _outdone(chosen, problem, sides):
@@ -124,7 +127,7 @@ def corrected(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, 
     for _ in range(CORRECTIONS):
         accepted = problem.accepted(chosen, sides)
         parts = problem.parts(chosen, accepted)
-        terms = [EffectTerm(c.effect, c.joint, parameters_of(c, part)) for c, part in zip(chosen, parts)]
+        terms = _terms(chosen, parts)
         exact = [side_with(side, terms) for side in problem.sides]
         linear = [_spread(chosen, parts, problem, which) for which in (0, 1)]
         trial = replace(sides[0], y=exact[0] + linear[0]), replace(sides[1], y=exact[1] + linear[1])
@@ -132,6 +135,42 @@ def corrected(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, 
             return sides
         sides = trial
     return sides
+
+
+def _terms(chosen: Sequence[Candidate], parts: Sequence[Array]) -> list[EffectTerm]:
+    return [EffectTerm(c.effect, c.joint, parameters_of(c, part)) for c, part in zip(chosen, parts)]
+
+
+def polished(chosen: list[Candidate], problem: Problem, sides: tuple[Side, Side]) -> list[Candidate]:
+    """The chosen with their continuous shape parameters where the exact model fits best: one step of Gauss and Newton, kept if it is one down."""
+    searched = [(k, name) for k, c in enumerate(chosen) for name in c.searched()]
+    if not searched:
+        return chosen
+    fit, accepted = problem.sides[0], problem.accepted(chosen, sides)
+    parts = problem.parts(chosen, accepted)
+    here = side_with(fit, _terms(chosen, parts))
+    slopes, steps = [], []
+    for k, name in searched:
+        steps.append(0.02 * dict(chosen[k].shape)[name])
+        moved = [c.with_shape(name, dict(c.shape)[name] + steps[-1]) if n == k else c for n, c in enumerate(chosen)]
+        slopes.append((side_with(fit, _terms(moved, parts)) - here) / steps[-1])
+    slope = np.stack(slopes, axis=1)
+    slope -= accepted.basis @ (accepted.basis.T @ slope)
+    change = -np.linalg.lstsq(slope, here - accepted.basis @ (accepted.basis.T @ here), rcond=1e-3)[0]
+    better = list(chosen)
+    for (k, name), by in zip(searched, change):
+        value = dict(better[k].shape)[name]
+        better[k] = better[k].with_shape(name, float(np.clip(value + by, value / 2, 2 * value)))
+    for c in better:
+        if c not in problem.library:
+            problem.library[c] = (
+                columns_of(c, problem.sides[0], problem.arm),
+                columns_of(c, problem.sides[1], problem.arm),
+            )
+    left = [
+        np.sum(problem.accepted(these, corrected(these, problem, problem.sides)).fit ** 2) for these in (chosen, better)
+    ]
+    return better if left[1] < left[0] else chosen
 
 
 def _spread(chosen: Sequence[Candidate], parts: Sequence[Array], problem: Problem, which: int) -> Array:

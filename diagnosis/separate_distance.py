@@ -17,8 +17,9 @@ from arm_model.description import Arm
 from arm_model.dynamics import inverse_dynamics
 from arm_model.simulation import simulate
 from diagnosis.candidates import Candidate
-from diagnosis.evidence import COMPARE_BAND, ROWS_PER_SECOND, Run, see
+from diagnosis.evidence import ROWS_PER_SECOND, Run, see
 from diagnosis.library import Columns, Side, columns_of, free_columns, side_of
+from diagnosis.reading import COMPARE_BAND
 from diagnosis.separate_motions import Stage, Trial
 from diagnosis.setup import loaded
 from experiment import demand_of
