@@ -26,6 +26,7 @@ from diagnosis.evidence import Run, see
 from diagnosis.library import Side, columns_of, free_columns, side_of, side_with
 from diagnosis.link_causes import LinkCause, LinkSide, link_side
 from diagnosis.lost_edges import lost_edges, put_back
+from diagnosis.noise import still_noise
 from diagnosis.parameters import Estimate, estimates
 from diagnosis.projection import confusability, span_of
 from diagnosis.remainder import Structure
@@ -159,17 +160,18 @@ def seen_through(
     progress("looking for events")
     found = [*event_search.hum(recordings), *event_search.jumps(recordings), *event_search.clipped(recordings)]
     runs, samples = [], []
+    still = still_noise([r for r in recordings if not setup_of(r).drives_off])
     for index, recording in enumerate(recordings):
         progress(f"seeing {recording.path.name} through the model")
         q = event_search.without_jumps(recording, index, found)
         setup, i = setup_of(recording), event_search.without_hum(recording, found)
         of_run = loaded(arm, setup.payload)
-        runs.append(see(recording.path.name, of_run, recording.t, q, i, powered=not setup.drives_off))
+        runs.append(see(recording.path.name, of_run, recording.t, q, i, powered=not setup.drives_off, still=still))
         samples.append((recording.t, q, i))
     for event in lost_edges(runs, [r.dt for r in recordings]):
         k = event.recordings[0]
         t, q, i = samples[k] = (*samples[k][:2], put_back(samples[k][2], event))
-        runs[k] = see(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered)
+        runs[k] = see(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=still)
         found.append(event)
     return found, runs, samples
 

@@ -14,12 +14,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, signal
+from scipy import ndimage
 
 from arm_model.description import Arm, EffectTerm
 from arm_model.effects import Signals, described
 from arm_model.regressor import regressor
 from arm_model.rigid_body import mass_matrix, rigid_torque
+from diagnosis.noise import angle_noise, scatter
 from diagnosis.reading import COLUMN_BAND, COMPARE_BAND, MOTION_BAND, low_pass, motion_of, reading, true_angle
 
 Array = NDArray[np.float64]
@@ -89,8 +90,11 @@ class Run:
         return self.residual / self.deviation
 
 
-def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True) -> Run:
-    """A recording t (m,) s, q (m, n) rad, i (m, n) A, uniformly sampled and without gaps, seen through ``arm``."""
+def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True, still: Array | float = 0.0) -> Run:
+    """A recording t (m,) s, q (m, n) rad, i (m, n) A, uniformly sampled and without gaps, seen through ``arm``.
+
+    still (n,) A: what the currents do while the arm stands, where that is known (``noise.still_noise``).
+    """
     rate = 1.0 / float(np.median(np.diff(t)))
     angle = true_angle(arm, q)
     position, v, a = motion_of(angle, MOTION_BAND, rate)
@@ -101,7 +105,7 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = Tr
     def thin(values: Array) -> Array:
         return low_pass(values, COMPARE_BAND, rate)[keep]
 
-    noise = channel_noise(q, i, bent, rate)
+    noise = channel_noise(q, i, bent, rate, still)
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
     partials = [_partial(bent, low, slow_v, slow_a, which) / constant[:, None] for which in range(3)]
@@ -159,29 +163,21 @@ def _partial(arm: Arm, q: Array, v: Array, a: Array, which: int) -> Array:
     return np.stack(columns, axis=-1)
 
 
-def channel_noise(q: Array, i: Array, arm: Arm, rate: float) -> Array:
+def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | float = 0.0) -> Array:
     """(n,) A: standard deviation of the residual from the instruments alone, in the band of comparison.
 
-    Current: the scatter above 3/4 of half the sampling rate, taken for white. Angle: its step (quantisation, variance step^2 / 12), through two
-    differentiations and the joint's own inertia.
+    Current: its scatter, taken for white, or ``still`` (n,) A, what it does while the arm stands, if that is more. Angle: its step or
+    scatter, through two differentiations and the joint's own inertia. See ``noise``.
     """
-    sos = signal.butter(4, 0.7, "highpass", output="sos")
-    high = signal.sosfiltfilt(sos, i, axis=0)
-    white = 1.4826 * np.median(np.abs(high), axis=0) / np.sqrt(0.3)
+    white = scatter(i)
     frequency = np.linspace(0.0, rate / 2, 2000)
     through = passed(frequency)
     share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
     wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
-    step = np.array([_smallest_step(column) for column in q.T])
     inertia = mass_matrix(arm, q[:: max(1, len(q) // 50)]).diagonal(axis1=1, axis2=2).mean(axis=0)
-    from_angle = inertia / arm.joint_array("drive_constant") * step / np.sqrt(12) * np.sqrt(wobble)
-    return np.sqrt(white**2 * share + from_angle**2) + 1e-9
-
-
-def _smallest_step(values: Array) -> float:
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 1e-9]
-    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
+    from_angle = inertia / arm.joint_array("drive_constant") * angle_noise(q) * np.sqrt(wobble)
+    from_current = np.maximum(white * np.sqrt(share), still)
+    return np.hypot(from_current, from_angle) + 1e-9
 
 
 def residual_with(run: Run, terms: Sequence[EffectTerm]) -> Array:

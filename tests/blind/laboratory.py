@@ -39,7 +39,7 @@ def laboratory(seed: int) -> Laboratory:
     return Laboratory(
         motions=str(rng.choice(["singles", "moves", "mixed"])),
         route="table" if table else "rig",
-        rate=float(rng.choice([1000.0, 500.0])) if table else 1000.0,
+        rate=float(rng.choice([1000.0, 500.0, 500.0])) if table else 1000.0,
         rest_velocity=float(np.exp(rng.uniform(np.log(0.002), np.log(0.02)))),
         colour=float(rng.choice([0.0, 0.0, 0.5, 1.0])) * WHITE,
         correlation=float(rng.uniform(0.03, 0.15)),

@@ -1,0 +1,62 @@
+"""The noise of a recording's channels, from the recording alone: quantisation, scatter, and what currents do while the arm stands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, signal
+
+from daq.recording import Recording
+from diagnosis.reading import COMPARE_BAND, low_pass
+
+Array = NDArray[np.float64]
+
+STILL_SECONDS = 0.2
+"""Shortest stand of the whole arm that tells of noise."""
+
+
+def scatter(values: Array) -> Array:
+    """(n,) standard deviation of white noise on (m, n) samples: their scatter above 0.7 of half the sampling rate, outliers aside."""
+    sos = signal.butter(4, 0.7, "highpass", output="sos")
+    high = signal.sosfiltfilt(sos, values, axis=0)
+    _, response = signal.sosfreqz(sos, 1000)
+    passed = float(np.mean(np.abs(response) ** 4))  # of white noise's power, forwards and back
+    deviation: Array = 1.4826 * np.median(np.abs(high), axis=0) / np.sqrt(passed)
+    return deviation
+
+
+def smallest_step(values: Array) -> float:
+    """Smallest step that occurs often in (m,) samples: that of an encoder or converter; no more than their noise where there is no such."""
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 1e-9]
+    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
+
+
+def angle_noise(q: Array) -> Array:
+    """(n,) rad: standard deviation of recorded angles (m, n), from their step (variance step^2 / 12) or, where it is more, their scatter."""
+    quantised = np.array([smallest_step(column) for column in q.T]) / np.sqrt(12)
+    white = scatter(q)
+    # quantised angles scatter as much as their steps say, give or take a third: only more than that is noise beside the steps
+    noise: Array = np.where(white > 2.0 * quantised, white, quantised)
+    return noise
+
+
+def still_noise(recordings: Sequence[Recording]) -> Array:
+    """(n,) A: standard deviation, in the band of comparison, of currents in the stand that recordings begin with; 0 where none does.
+
+    What is correlated over tenths of a second is noise as well, and no scatter between neighbours shows it. The middle one of all recordings
+    is taken: where an arm still settles, its currents change for a reason.
+    """
+    found = []
+    for recording in recordings:
+        rate = 1.0 / recording.dt
+        span = max(3, int(0.05 * rate))
+        q, i = recording.q, recording.i
+        near = ndimage.maximum_filter1d(q, span, axis=0) - ndimage.minimum_filter1d(q, span, axis=0)
+        moving = np.any(near > 8.0 * angle_noise(q), axis=1)
+        rows = (int(np.argmax(moving)) if moving.any() else len(q)) - span
+        if rows > STILL_SECONDS * rate:
+            found.append(low_pass(i, COMPARE_BAND, rate)[:rows].std(axis=0))
+    return np.median(found, axis=0) if found else np.zeros(recordings[0].joints if recordings else 1)

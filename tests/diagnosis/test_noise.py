@@ -1,0 +1,70 @@
+"""Noise estimates against noise that was added: white or correlated, on counted and on uncounted angles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from diagnosis.noise import angle_noise, scatter, still_noise
+from diagnosis.reading import COMPARE_BAND, low_pass
+
+RATE, ROWS = 1000.0, 15000
+
+
+@dataclass
+class Rows:
+    """What ``still_noise`` looks at of a recording."""
+
+    q: np.ndarray
+    i: np.ndarray
+    dt: float = 1.0 / RATE
+    joints: int = 2
+
+
+def _angle() -> np.ndarray:
+    """(m, 2) rad: half a second of standing, then two sines."""
+    t = np.maximum(np.arange(ROWS) / RATE - 0.5, 0.0)
+    return np.column_stack([np.sin(2 * t) ** 2, 0.5 * np.sin(3 * t) ** 2])
+
+
+def test_white_noise_is_told_from_what_moves() -> None:
+    rng = np.random.default_rng(1)
+    assert scatter(_angle() + rng.normal(0, [1e-3, 2e-2], (ROWS, 2))) == pytest.approx([1e-3, 2e-2], rel=0.05)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.5])
+def test_an_angle_is_as_noisy_as_its_steps_or_its_scatter(noise: float) -> None:
+    """``noise`` in steps: none, and so much that the steps do not show."""
+    rng = np.random.default_rng(2)
+    step = 1e-4
+    noisy = step * np.floor(_angle() / step)
+    if noise:
+        noisy += rng.normal(0, noise * step, noisy.shape)
+    expected = step * np.hypot(noise, 1 / np.sqrt(12)) if noise else step / np.sqrt(12)
+    assert angle_noise(noisy) == pytest.approx([expected] * 2, rel=0.2)
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.05, 0.1])
+def test_correlated_currents_are_noisy_by_what_they_do_at_rest(correlation: float) -> None:
+    """In units of the truth in the band of comparison; half a second of standing does not see all of 0.1 s, neighbours see nearly none."""
+    rng = np.random.default_rng(3)
+    recordings, truth = [], []
+    for _ in range(20):
+        noise = rng.normal(0, 6e-3, (ROWS, 2))
+        if correlation:
+            keep = np.exp(-1.0 / (correlation * RATE))
+            noise = signal.lfilter([np.sqrt(1 - keep**2)], [1, -keep], noise, axis=0)
+        recordings.append(Rows(_angle(), noise + 3.0 * _angle()))
+        truth.append(low_pass(noise, COMPARE_BAND, RATE).std(axis=0))
+    share = still_noise(recordings) / np.mean(truth, axis=0)  # type: ignore[arg-type]
+    assert np.all((share > 0.5) & (share < 1.3))
+    if correlation:
+        assert np.all(scatter(recordings[0].i) * np.sqrt(COMPARE_BAND / 500) < 0.3 * np.mean(truth, axis=0))
+
+
+def test_no_stand_tells_nothing() -> None:
+    moving = _angle()[600:]
+    assert np.all(still_noise([Rows(moving, moving)]) == 0.0)  # type: ignore[list-item]
