@@ -9,15 +9,14 @@ from arm_model.effects import CATALOGUE, values_of
 from arm_model.servo import fixed_gains
 from inputs import InputError
 
-CARRIED = frozenset({"link_geometry"})
 
-
-def relinked(arm: Arm) -> Arm:
-    """The arm with its ``link_geometry`` carried into its joints; its servos stay those of the arm as it was described.
+def relinked(arm: Arm, *, zeros: bool = False) -> Arm:
+    """The arm with its ``link_geometry`` carried into its joints (``zeros``: its ``joint_zero_offset`` too); its servos stay those of the arm
+    as it was described.
 
     InputError where a link is placed (URDF) and so has no D-H parameters to be wrong.
     """
-    terms = [term for term in arm.effects if term.name in CARRIED]
+    terms = [t for t in arm.effects if t.name == "link_geometry" or (zeros and t.name == "joint_zero_offset")]
     if not terms:
         return arm
     bent = replace(fixed_gains(replace(arm, effects=())), effects=tuple(t for t in arm.effects if t not in terms))

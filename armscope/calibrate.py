@@ -63,7 +63,7 @@ def command(
     from arm_model.model_file import read_model
 
     check_folder(out)
-    arm = read_model(model)
+    arm = _as_described(read_model(model))
     if not run and poses is None and not cube:
         raise InputError("RUN.mcap", "is missing; recordings with tracker points are wanted, or --poses N, or --cube")
     if not 0 < target_std < 10:
@@ -83,7 +83,7 @@ def command(
         if poses is not None:
             _write_poses(out, arm, point or _target_of(tracked), poses, memory, written)
         if cube:
-            _write_cube(out, arm, calibration)
+            _write_cube(out, arm, calibration, written)
     if as_json:
         print(json.dumps(written, indent=1, default=float))
     elif calibration is not None:
@@ -96,6 +96,16 @@ def command(
         names = ("kinematics.json", "report.html", "model.toml") if calibration is not None else ()
         more = [n for n, there in (("poses.toml", poses is not None), ("iso_cube.toml", cube)) if there]
         print("\n".join(str(out / name) for name in [*names, *more]))
+
+
+def _as_described(arm: Arm) -> Arm:
+    """The arm with geometric effects of its model carried into its joints; sag and delay are left out, to be estimated anew."""
+    from dataclasses import replace
+
+    from arm_model.geometry import relinked
+
+    known = ("link_sag", "tracker_latency", "tracker_outliers")
+    return relinked(replace(arm, effects=tuple(e for e in arm.effects if e.name not in known)), zeros=True)
 
 
 def _point(text: str) -> tuple[float, float, float]:
@@ -191,7 +201,7 @@ def _write(out: Path, arm: Arm, tracked: list[Tracked], calibration: Calibration
 def _write_poses(
     out: Path, arm: Arm, target: tuple[float, float, float], count: int, memory: int | None, written: dict[str, Any]
 ) -> None:
-    from experiment import write_experiment
+    from experiment import demand_of, write_experiment
     from identification.kinematics.poses import experiment_of, select_poses
 
     noise = float(written.get("noise", 1e-4))
@@ -202,15 +212,27 @@ def _write_poses(
         f"Expected model error {1e3 * plan.error[-1]:.4f} mm rms a coordinate, {1e3 * plan.random:.4f} mm with random poses, "
         f"for points good to {1e3 * noise:.4f} mm.\nWatch the first run: only the floor and the arm's column were kept clear."
     )
-    write_experiment(out / "poses.toml", experiment_of(arm, plan, rows=memory), heading=heading)
-    written["poses"] = {"error": plan.error.tolist(), "enough": plan.enough, "random": plan.random}
+    experiment = experiment_of(arm, plan, rows=memory)
+    write_experiment(out / "poses.toml", experiment, heading=heading)
+    written["poses"] = {
+        "file": str(out / "poses.toml"),
+        "q": plan.q.tolist(),
+        "duration": demand_of(experiment).duration,
+        "rate": experiment.rate,
+        "noise": noise,
+        "identifiable": plan.identifiable,
+        "observability": vars(plan.observability),
+        "error": plan.error.tolist(),
+        "enough": plan.enough,
+        "random": plan.random,
+    }
 
 
-def _write_cube(out: Path, arm: Arm, calibration: Calibration | None) -> None:
+def _write_cube(out: Path, arm: Arm, calibration: Calibration | None, written: dict[str, Any]) -> None:
     from arm_model.kinematics import forward
     from experiment import write_experiment
     from identification.kinematics.correction import Corrected
-    from identification.kinematics.iso_cube import cube_experiment, cube_targets, posture_of
+    from identification.kinematics.iso_cube import cube_experiment, cube_points, cube_targets, posture_of
     from identification.kinematics.parameters import calibrated_arm
     from identification.kinematics.recordings import gravity_of
 
@@ -220,6 +242,13 @@ def _write_cube(out: Path, arm: Arm, calibration: Calibration | None) -> None:
     write_experiment(
         out / "iso_cube.toml", cube_experiment(targets, 0.5), heading="ISO 9283 cube, planned with the nominal model"
     )
+    cube: dict[str, Any] = {
+        "file": str(out / "iso_cube.toml"),
+        "side": 0.5,
+        "points": cube_points(centre, 0.5).tolist(),
+        "targets": targets.tolist(),
+    }
+    written["cube"] = cube
     if calibration is None:
         return
     model = Corrected(
@@ -231,3 +260,4 @@ def _write_cube(out: Path, arm: Arm, calibration: Calibration | None) -> None:
     targets = cube_targets(arm, centre, 0.5, posture, model)
     heading = "ISO 9283 cube, targets corrected so that the calibrated arm goes where the nominal one was planned to"
     write_experiment(out / "iso_cube_corrected.toml", cube_experiment(targets, 0.5), heading=heading)
+    cube |= {"corrected_file": str(out / "iso_cube_corrected.toml"), "corrected_targets": targets.tolist()}

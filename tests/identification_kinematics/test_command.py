@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from arm_model.model_file import read_model
+from arm_model.description import EffectTerm
+from arm_model.kinematics import forward
+from arm_model.model_file import read_model, write_model
 from armscope.cli import run
 from daq.recording_file import Attachments
 from daq.table import write_table
@@ -73,6 +76,45 @@ def test_plans_poses_and_the_cube_without_a_recording(root: Path, tmp_path: Path
     assert len(read_experiment(tmp_path / "poses.toml").segment) == 24
     assert read_experiment(tmp_path / "iso_cube.toml").name == "iso_cube"
     assert "poses.toml" in capsys.readouterr().out
+
+
+def test_what_a_script_needs_of_poses_and_cube_is_in_the_json(root: Path, tmp_path: Path, capsys) -> None:
+    assert (
+        calibrate(
+            root, "--out", tmp_path, "--poses", "9", "--target", "0.05,0,0.1", "--cube", "--json", "--memory", "900"
+        )
+        == 0
+    )
+    printed = json.loads(capsys.readouterr().out)
+    plan, cube = printed["poses"], printed["cube"]
+    experiment = read_experiment(Path(plan["file"]))
+    moves = [s.to for s in experiment.segment if s.type == "move"]
+    np.testing.assert_allclose(plan["q"], moves, atol=1e-6)
+    assert plan["rate"] * plan["duration"] <= 900
+    assert len(plan["error"]) == 9
+    assert set(plan["observability"]) == {"o1", "o2", "o3", "o4", "o5"}
+    nominal = puma(root)
+    reached = forward(nominal, np.array(cube["targets"]))[:, :3, 3]
+    np.testing.assert_allclose(reached, cube["points"], atol=1e-6)
+    assert "corrected_file" not in cube
+
+
+def test_a_model_with_effects_of_geometry_is_calibrated_from_where_they_put_it(
+    root: Path, recordings, tmp_path: Path
+) -> None:
+    """Sag that the model claims and the points do not show goes; a geometric effect becomes the joint's own number."""
+    fitted, held = recordings
+    terms = (
+        EffectTerm("link_geometry", 2, {"d_a": 0.004}),
+        EffectTerm("joint_zero_offset", 3, {"offset": 0.01}),
+        EffectTerm("link_sag", 2, {"compliance": 1e-4}),
+    )
+    write_model(tmp_path / "bent.toml", replace(puma(root), effects=terms))
+    out = tmp_path / "out"
+    model = str(tmp_path / "bent.toml")
+    assert run(["calibrate", str(fitted), "--held-out", str(held), "--model", model, "--out", str(out)]) == 0
+    assert json.loads((out / "kinematics.json").read_text())["position_rms"]["held_out"]["after"] < 1.05 * NOISE
+    assert read_model(out / "model.toml").effects == ()
 
 
 @pytest.mark.parametrize(
