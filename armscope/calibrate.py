@@ -14,6 +14,7 @@ from inputs import InputError, check_folder, make_folder, write_text
 if TYPE_CHECKING:
     from arm_model.description import Arm
     from identification.kinematics.calibration import Calibration, Progress
+    from identification.kinematics.chain import Array
     from identification.kinematics.recordings import Tracked
 
 
@@ -22,7 +23,10 @@ MANY = ("--held-out", "--tracker")
 
 
 def command(
-    model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="the nominal arm, in D-H parameters")],
+    model: Annotated[
+        Path,
+        typer.Option(metavar="MODEL.toml", help="the nominal arm; joints placed as in URDF are given D-H parameters"),
+    ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder for kinematics.json, report.html and model.toml")],
     run: Annotated[
         list[Path] | None, typer.Argument(metavar="RUN.mcap...", help="recordings with tracker points")
@@ -61,9 +65,10 @@ def command(
     from rich.console import Console
 
     from arm_model.model_file import read_model
+    from identification.kinematics.denavit_hartenberg import in_denavit_hartenberg
 
     check_folder(out)
-    arm = _as_described(read_model(model))
+    arm, last_link = in_denavit_hartenberg(_as_described(read_model(model)))
     if not run and poses is None and not cube:
         raise InputError("RUN.mcap", "is missing; recordings with tracker points are wanted, or --poses N, or --cube")
     if not 0 < target_std < 10:
@@ -75,13 +80,14 @@ def command(
         calibration = None
         if run:
             known, place = _ground(tracked, point, unknown_frame)
+            place = None if place is None else _in_link(last_link, place)
             calibration = _calibrate(arm, tracked, len(run), place, target_std, known, geometry_only, status.update)
             status.update("report")
         make_folder(out)
         if calibration is not None:
             written = _write(out, arm, tracked, calibration)
         if poses is not None:
-            _write_poses(out, arm, point or _target_of(tracked), poses, memory, written)
+            _write_poses(out, arm, _in_link(last_link, point or _target_of(tracked)), poses, memory, written)
         if cube:
             _write_cube(out, arm, calibration, written)
     if as_json:
@@ -96,6 +102,12 @@ def command(
         names = ("kinematics.json", "report.html", "model.toml") if calibration is not None else ()
         more = [n for n, there in (("poses.toml", poses is not None), ("iso_cube.toml", cube)) if there]
         print("\n".join(str(out / name) for name in [*names, *more]))
+
+
+def _in_link(pose: Array, target: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The target in the frame of the last link as D-H puts it; ``pose`` (4, 4): of the model file's last link in that."""
+    x, y, z = (float(v) for v in pose[:3, :3] @ list(target) + pose[:3, 3])
+    return x, y, z
 
 
 def _as_described(arm: Arm) -> Arm:

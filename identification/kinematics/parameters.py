@@ -98,7 +98,8 @@ def chain_of(arm: Arm, target: Sequence[float], where: str = "model") -> Chain:
     for j, joint in enumerate(arm.joints):
         if joint.convention == "placed":
             raise InputError(
-                where, f"joint[{j + 1}]: convention 'placed' cannot be calibrated; D-H parameters are wanted"
+                where,
+                f"joint[{j + 1}]: convention 'placed' has no D-H parameters to estimate; in_denavit_hartenberg(arm) gives it some",
             )
         row = (joint.theta, joint.d, joint.a, joint.alpha, joint.beta)
         steps += link_steps(j, row, not joint.revolute, joint.convention == "modified")

@@ -13,6 +13,7 @@ import pytest
 from arm_model.description import EffectTerm
 from arm_model.kinematics import forward
 from arm_model.model_file import read_model, write_model
+from arm_model.urdf import read_urdf, write_urdf
 from armscope.cli import run
 from daq.recording_file import Attachments
 from daq.table import write_table
@@ -97,6 +98,19 @@ def test_what_a_script_needs_of_poses_and_cube_is_in_the_json(root: Path, tmp_pa
     reached = forward(nominal, np.array(cube["targets"]))[:, :3, 3]
     np.testing.assert_allclose(reached, cube["points"], atol=1e-6)
     assert "corrected_file" not in cube
+
+
+def test_a_model_from_urdf_is_given_d_h_parameters(root: Path, recordings, tmp_path: Path) -> None:
+    """The target stays where it is on the arm, though the last link's frame is another; the result is a model like any other."""
+    fitted, held = recordings
+    write_urdf(tmp_path / "puma.urdf", puma(root))
+    write_model(tmp_path / "placed.toml", read_urdf(tmp_path / "puma.urdf"))
+    out, model = tmp_path / "out", str(tmp_path / "placed.toml")
+    assert run(["calibrate", str(fitted), "--held-out", str(held), "--model", model, "--out", str(out)]) == 0
+    table = json.loads((out / "kinematics.json").read_text())
+    assert table["position_rms"]["held_out"]["after"] < 1.05 * NOISE
+    assert table["identifiable"] == 27
+    assert {joint.convention for joint in read_model(out / "model.toml").joints} == {"standard"}
 
 
 def test_a_model_with_effects_of_geometry_is_calibrated_from_where_they_put_it(
