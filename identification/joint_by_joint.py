@@ -11,7 +11,8 @@ from arm_model.description import Arm
 from arm_model.parameters import with_parameters
 from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording
-from identification.motor_link import MotorLink, motor_link_of, motor_link_rows
+from identification import refusals
+from identification.motor_link import PASSING, MotorLink, Way, fitted, joined, motor_link_rows
 from identification.result import Identification, Prediction, Value, unit_of
 from identification.signals import Motion
 from identification.whole_arm import SPLIT, motions_of
@@ -20,6 +21,7 @@ from inputs import InputError
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
+WAYS: tuple[Way, Way] = ("filter", "integral")
 ACTIVE = 0.2  # of the liveliest joint's travel: a joint that moves less in a run is not the one that run is about
 
 
@@ -30,34 +32,44 @@ def identify_joints(
     held_out: Sequence[Recording] = (),
     progress: Progress = lambda _: None,
 ) -> Identification:
-    """Each joint from the run in which it moves furthest; state-variable filter, beside it the integrated equation."""
+    """Each joint from the runs in which it moves as far as others; state-variable filter, beside it the integrated equation."""
     motions, held_motions, seen = motions_of(fit, held_out, arm, progress)
     warnings = [warning for run in seen[: len(fit)] for warning in run.warnings if "never moves" not in warning]
     parameters, predictions, conditions = [], [], []
     compared: dict[str, tuple[float, float]] = {}
     values: dict[str, float] = {}
     for j in range(len(arm)):
-        run = own_run(motions, j)
-        if run is None:
+        runs = [run for run, motion in enumerate(motions) if own_run([motion], j) is not None]
+        if not runs:
             warnings.append(f"joint {j + 1} does not move in any run; nothing is said about it")
             continue
         progress(f"joint {j + 1}")
         gravity = _feels_gravity(arm, j)
-        found = motor_link_of(motions[run], j, gravity=gravity)
-        other = motor_link_of(motions[run], j, gravity=gravity, way="integral")
+        bandwidth = min(motions[run].band.parallel for run in runs)
+        found, other = (_pair([motions[run] for run in runs], j, gravity, bandwidth, way) for way in WAYS)
+        if len(found.rows) < 4 * len(found.names):
+            raise refusals.too_short([fit[run].path for run in runs], len(found.rows), len(found.names))
         compared |= {
             f"joint{j + 1}.{name} by the integrated equation": (other.value(name), float("nan")) for name in other.names
         }
-        _warn_of_others(fit[run], motions[run], j, warnings)
+        for run in runs:
+            _warn_of_others(fit[run], motions[run], j, warnings)
+        for direction in {"coulomb_positive", "coulomb_negative"} - {*found.names}:
+            warnings.append(f"joint {j + 1} moves in one direction only; nothing is said about its {direction}")
         parameters += _named(found, j, arm)
         conditions.append(found.fit.condition)
-        predictions.append(
-            _prediction(fit[run], found.rows.t, found.rows.torque, found.rows.columns @ found.fit.values, j)
-        )
+        for number, run in enumerate(runs):
+            rows = found.rows.of(found.rows.run == number)
+            predictions.append(_prediction(fit[run], rows.t, rows.torque, rows.columns @ found.fit.values, j))
         values |= {
-            f"joint{j + 1}.{name}": found.value(name) for name in ("viscous", "coulomb_positive", "coulomb_negative")
+            f"joint{j + 1}.{name}": found.value(name)
+            for name in ("viscous", "coulomb_positive", "coulomb_negative")
+            if name in found.names
         }
-        predictions += _held(found, motions[run], fit[run], held_motions, held_out, j, gravity)
+        if held_out:
+            predictions += _held(found, held_motions, held_out, j, gravity, bandwidth)
+        else:
+            predictions += _split(found, [fit[run] for run in runs], [motions[run] for run in runs], j)
     if not parameters:
         raise InputError(
             ", ".join(str(recording.path) for recording in fit), "no joint moves on its own; nothing to identify"
@@ -140,29 +152,47 @@ def _named(found: MotorLink, j: int, arm: Arm) -> list[Value]:
     return values
 
 
+def _pair(motions: Sequence[Motion], j: int, gravity: bool, bandwidth: float, way: Way) -> MotorLink:
+    rows = [motor_link_rows(motion, j, gravity=gravity, way=way, bandwidth=bandwidth) for motion in motions]
+    return fitted(joined(rows), way)
+
+
 def _held(
     found: MotorLink,
-    motion: Motion,
-    recording: Recording,
-    held_motions: Sequence[Motion],
+    motions: Sequence[Motion],
     held: Sequence[Recording],
     j: int,
     gravity: bool,
+    bandwidth: float,
 ) -> list[Prediction]:
-    """Predictions of the held-out runs in which joint j moves, or of the end of its own from its beginning."""
-    if held:
-        found_rows = []
-        for other, name in zip(held_motions, held):
-            if own_run([other], j) is not None:
-                rows = motor_link_rows(other, j, gravity=gravity, bandwidth=motion.band.parallel)
-                found_rows.append(_prediction(name, rows.t, rows.torque, rows.columns @ found.fit.values, j, True))
-        return found_rows
+    """Predictions of the held-out runs in which joint j moves, as far as they move in directions that were fitted."""
+    predictions = []
+    for motion, recording in zip(motions, held):
+        if own_run([motion], j) is None:
+            continue
+        rows = motor_link_rows(motion, j, gravity=gravity, bandwidth=bandwidth)
+        known = [rows.names.index(name) for name in found.names]
+        unknown = np.setdiff1d(np.arange(len(rows.names)), known)
+        rows = rows.of(np.all(np.abs(rows.columns[:, unknown]) < PASSING, axis=1))
+        predictions.append(
+            _prediction(recording, rows.t, rows.torque, rows.columns[:, known] @ found.fit.values, j, True)
+        )
+    return predictions
+
+
+def _split(found: MotorLink, fit: Sequence[Recording], motions: Sequence[Motion], j: int) -> list[Prediction]:
+    """The end of each run, predicted from the beginnings of all."""
     rows = found.rows
-    early, late = rows.t < SPLIT * motion.t[-1], rows.t >= SPLIT * motion.t[-1]
+    ends = np.array([motion.t[-1] for motion in motions])[rows.run]
+    early, late = rows.t < SPLIT * ends, rows.t >= SPLIT * ends
     if early.sum() < 4 * len(found.names) or not late.any():
         return []
     values = np.linalg.lstsq(rows.columns[early], rows.torque[early], rcond=1e-9)[0]
-    return [_prediction(recording, rows.t[late], rows.torque[late], rows.columns[late] @ values, j, True)]
+    predictions = []
+    for number, recording in enumerate(fit):
+        mine = rows.of(late & (rows.run == number))
+        predictions.append(_prediction(recording, mine.t, mine.torque, mine.columns @ values, j, True))
+    return predictions
 
 
 def _prediction(

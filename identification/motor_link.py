@@ -14,6 +14,7 @@ values are not the joint's (the thesis's table 5.2). ``identification.whole_arm`
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -31,6 +32,7 @@ Array = NDArray[np.float64]
 Way = Literal["filter", "integral"]
 
 MEMORY = 8.0  # time constants of the state-variable filter, (1 + s / lambda)^-3, until 99 % is forgotten
+PASSING = 0.02  # of the rows in the other direction: less is how a filter ends, not a motion
 RANK = 1e-6  # of the largest singular value: directions below it are not in the data
 
 
@@ -68,7 +70,23 @@ def motor_link_of(
     motion: Motion, joint: int, *, gravity: bool = True, way: Way = "filter", bandwidth: float | None = None
 ) -> MotorLink:
     """The same from a motion that is smooth already, of ``joint`` (from 0)."""
-    rows = motor_link_rows(motion, joint, gravity=gravity, way=way, bandwidth=bandwidth)
+    return fitted(joined([motor_link_rows(motion, joint, gravity=gravity, way=way, bandwidth=bandwidth)]), way)
+
+
+def joined(runs: Sequence[Equations]) -> Equations:
+    """The rows of several runs of one joint, without the Coulomb friction of a direction in which none of them moves."""
+    columns = np.concatenate([rows.columns for rows in runs])
+    amount = np.abs(columns).sum(axis=0)
+    coulomb = np.array([name.startswith("coulomb") for name in runs[0].names])
+    seen = ~coulomb | (amount > PASSING * amount[coulomb].max())
+    number = np.concatenate([np.full(len(rows), k, np.intp) for k, rows in enumerate(runs)])
+    names = tuple(name for name, there in zip(runs[0].names, seen) if there)
+    torque, t = (np.concatenate([getattr(rows, name) for rows in runs]) for name in ("torque", "t"))
+    return Equations(columns[:, seen], torque, np.zeros(len(torque), np.intp), number, t, names)
+
+
+def fitted(rows: Equations, way: Way) -> MotorLink:
+    """The pair that explains the rows best."""
     if way == "filter":
         fit = least_squares(rows.columns, rows.torque, rows.joint, "ols")
     else:

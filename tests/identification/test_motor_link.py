@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from arm_model.description import Arm, Joint
+from daq.recording import open_recording
+from daq.recording_file import Attachments
+from daq.table import write_table
+from identification.joint_by_joint import identify_joints
 from identification.motor_link import motor_link
 
 INERTIA, VISCOUS, WEIGHT, FRICTION = 2.0950, 1.0, 9.3163, 2.0  # kg m2 about the axis, N m s/rad, N m, N m
@@ -69,3 +76,24 @@ def test_without_gravity() -> None:
     assert found.names == ("inertia", "viscous", "coulomb_positive", "coulomb_negative")
     for name, value in given(gravity=False).items():
         assert abs(found.value(name) - value) < 0.01 * value, name
+
+
+def test_run_in_one_direction_says_nothing_of_the_other(tmp_path: Path, root: Path) -> None:
+    arm = Arm(name="wheel", joints=(Joint(mass=1.0, inertia=(1.0, 1.0, 1.0, 0, 0, 0)),))
+    recordings = []
+    for name, way in (("there", 1.0), ("back", -1.0)):
+        t = np.arange(4_000) / 1000
+        s = np.clip((t - 0.8) / 2.4, 0, 1)
+        q = way * np.pi * s**3 * (10 - 15 * s + 6 * s**2)
+        v = np.gradient(q, t)
+        friction = np.where(v > 0, 3.0, 5.0) * np.sign(v) * (np.abs(v) > 1e-6)
+        tau = 2.0 * np.gradient(v, t) + 1.5 * v + friction
+        write_table(tmp_path / f"{name}.mcap", t, {"q": q[:, None], "i": tau[:, None]}, Attachments())
+        recordings.append(open_recording(tmp_path / f"{name}.mcap"))
+    one = {value.name: value for value in identify_joints(recordings[:1], arm).parameters}
+    assert not one.get("joint1.coulomb_negative") or not one["joint1.coulomb_negative"].identifiable
+    assert np.isclose(one["joint1.coulomb_positive"].value, 3.0, atol=0.05)
+    both = {value.name: value.value for value in identify_joints(recordings, arm).parameters}
+    assert np.isclose(both["joint1.coulomb_positive"], 3.0, atol=0.05)
+    assert np.isclose(both["joint1.coulomb_negative"], 5.0, atol=0.05)
+    assert np.isclose(both["joint1.viscous"], 1.5, atol=0.05)
