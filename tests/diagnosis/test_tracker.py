@@ -47,7 +47,6 @@ FAST = {
     "latency": (Wrong(delay=0.003), {("tracker_latency", None): {"delay": 0.003}}),
     "strays": (Wrong(stray=0.004, broken=(3.0, 3.4)), {("tracker_outliers", None): {}}),
     "sag 2": (Wrong(sag=at(2, 3e-5)), {("link_sag", 2): {"compliance": 3e-5}}),
-    "zero 1": (Wrong(zero=at(1, 0.004)), {("joint_zero_offset", 1): {"offset": 0.004}}),
     "ripple 3": (
         Wrong(ripple=(3, 4e-4, 2, 0.7)),
         {("encoder_ripple", 3): {"amplitude": 4e-4, "order": 2.0, "phase": 0.7}},
@@ -63,6 +62,7 @@ FAST = {
     ),
 }
 SLOW = {
+    "zero 1": (Wrong(zero=at(1, 0.004)), {("joint_zero_offset", 1): {"offset": 0.004}}),
     "large": (
         Wrong(zero=at(2, 0.03), dh=link(3, a=0.01), delay=0.01),
         {
@@ -131,6 +131,7 @@ def test_names_nothing_where_nothing_is_hidden(puma: Puma, arm: Arm, tmp_path: P
         assert result.unexplained == []
 
 
+@pytest.mark.slow
 def test_what_cannot_be_told_apart_is_a_group(puma: Puma, arm: Arm, tmp_path: Path) -> None:
     """An offset along parallel axes is either's; a zero is a turn of theta by another name; a ripple the encoder's or the gear's."""
     offset = found(puma, arm, tmp_path, Wrong(dh=link(2, d=0.002)), "parallel").causes

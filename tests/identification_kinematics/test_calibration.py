@@ -69,6 +69,35 @@ def test_sag_and_delay_are_found_by_name(arms) -> None:
     assert result.after["held_out"].rms < 1.03 * NOISE
 
 
+@pytest.mark.parametrize(
+    ("name", "joint", "by", "wanted"),
+    [
+        ("encoder_scale", 3, None, [2e-3]),
+        ("encoder_ripple", 2, None, [6e-4, -8e-4]),
+        ("transmission_coupling", 3, 2, [3e-3]),
+    ],
+)
+def test_errors_between_encoder_and_joint_are_found_by_name(arms, name, joint, by, wanted) -> None:
+    """A wrong number of lines, an eccentric encoder, and an axis driven through another (a3 with a2): links stand where it puts them."""
+    nominal, true = arms
+
+    def bent(name_: str, seed: int) -> Run:
+        generator = np.random.default_rng(seed)
+        t, q = motion(nominal, 12.0, generator)
+        link, own = q.copy(), q[:, joint - 1]
+        link[:, joint - 1] += {
+            "encoder_scale": wanted[0] * own,
+            "encoder_ripple": wanted[0] * np.sin(own) + wanted[-1] * np.cos(own),
+            "transmission_coupling": wanted[0] * q[:, (by or 1) - 1],
+        }[name]
+        return run_of(name_, t, q, seen(true, link), generator)
+
+    result = calibrate(nominal, [bent("a", 40)], [bent("b", 41)], TARGET, frame_known=True, gravity=gravity_of(nominal))
+    assert [(e.name, e.joint, e.by) for e in result.extensions] == [(name, joint, by)]
+    np.testing.assert_array_less(np.abs(result.fit.extension - wanted), 5 * result.extension_std + 1e-6)
+    assert result.after["held_out"].rms < 1.03 * NOISE
+
+
 @pytest.mark.parametrize("first", [0, 680])
 def test_points_of_another_trigger_are_put_back(arms, first: int) -> None:
     nominal, true = arms
