@@ -1,27 +1,42 @@
-"""Measured against simulated: the model's own closed loop on the demands of a recording.
+"""Measured against simulated: the model's own closed loop on the demands of a recording, and its currents along the measured motion.
 
-Current and position errors of the simulation, per joint, as a user of the simulation sees them: no filter, the noise included.
+The closed loop is what a user calls the simulation. Where the controller of the model is that of the arm, it hears neither the steps of the
+encoder nor their derivatives, and is the sharper judge; where it is not, its errors are the controller's, and the currents that the model wants
+for the measured motion are compared instead (Leboutet et al., Applied Sciences 11, 2021: output-error methods stand and fall with the controller).
+
+Errors are compared in the band of ``evidence`` and where friction is known: at standstill the current is whatever the servo came to rest with.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm
 from arm_model.sensing import recorded
-from arm_model.simulation import simulate
+from arm_model.simulation import simulate, simulate_batch
 from daq.recording import Recording
+from diagnosis.evidence import Run, kept, residual_with
+from diagnosis.reading import COMPARE_BAND, low_pass
 from diagnosis.setup import loaded, setup_of
 
 Array = NDArray[np.float64]
 
+CERTAIN = 3.0
+"""Times the instruments' noise: rows where the residual could deviate more with nothing wrong are not compared."""
+FAITHFUL = 1.5
+"""Times the error along the measured motion: a closed loop that errs more at some joint is not that of the arm's controller."""
+WIDTHS = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
+"""Of the model's own width, over which friction turns from one direction to the other: what is tried, a lane each."""
+
 
 @dataclass(frozen=True)
 class Compared:
-    """One recording beside its simulation: t (m,) s; measured and simulated current (m, n) A and angle (m, n) rad."""
+    """One recording beside its simulation: t (m,) s; measured and simulated current (m, n) A and angle (m, n) rad; known (r, n): rows that count,
+    of those that the run has."""
 
     name: str
     t: Array
@@ -29,26 +44,93 @@ class Compared:
     simulated_current: Array
     angle: Array
     simulated_angle: Array
+    known: NDArray[np.bool_]
 
     def error_rms(self, signal: str) -> Array:
         """(n,) root mean square of measured less simulated ``current`` (A) or ``angle`` (rad)."""
+        rate = 1.0 / float(np.median(np.diff(self.t)))
         difference = getattr(self, signal) - getattr(self, f"simulated_{signal}")
-        rms: Array = np.sqrt(np.nanmean(difference**2, axis=0))
-        return rms
+        return rms_where(low_pass(difference, COMPARE_BAND, rate)[kept(rate)], self.known)
 
 
-def compare(recording: Recording, arm: Arm) -> Compared | None:
+def rms_where(values: Array, known: NDArray[np.bool_]) -> Array:
+    """(n,) root mean square of values (m, n) where they are known; of a column that never is, of all its rows."""
+    weight = np.where(known.any(axis=0), known, True).astype(float)
+    rms: Array = np.sqrt(np.sum(values**2 * weight, axis=0) / weight.sum(axis=0))
+    return rms
+
+
+def known_rows(run: Run) -> NDArray[np.bool_]:
+    """(m, n): rows of a run where its residual has no reason but the instruments to be other than zero."""
+    known: NDArray[np.bool_] = run.deviation < CERTAIN * run.noise
+    return known
+
+
+def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     """The recording's demands run through the model's closed loop; None where there is no demand or no controller to run."""
     setup = setup_of(recording)
     if recording.qref is None or arm.controller is None or np.isnan(recording.qref).any() or setup.drives_off:
         return None
     arm = loaded(arm, setup.payload)
-    knots, demanded = recording.t, recording.qref
+    knots, demand = recording.t, _demand(recording)
+    motion = simulate(
+        arm, demand, duration=float(knots[-1]), rate=1.0 / recording.dt, times=knots - knots[0], sampled=True
+    )
+    shown = recorded(arm, motion)
+    return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q, known_rows(run))
+
+
+def _demand(recording: Recording) -> Callable[[Array], Array]:
+    demanded = recording.qref
+    assert demanded is not None
 
     def demand(times: Array) -> Array:
-        return np.column_stack([np.interp(times, knots, column) for column in demanded.T])
+        return np.column_stack([np.interp(times, recording.t, column) for column in demanded.T])
 
-    duration = float(knots[-1])
-    motion = simulate(arm, demand, duration=duration, rate=1.0 / recording.dt, times=knots - knots[0], sampled=True)
-    shown = recorded(arm, motion)
-    return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q)
+    return demand
+
+
+def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
+    """(n,) A each: rms of the run's residual current under its model and under the extended one, without a closed loop."""
+    known = known_rows(run)
+    more = after.effects[len(before.effects) :]
+    return rms_where(run.residual, known), rms_where(residual_with(run, more) if more else run.residual, known)
+
+
+def faithful(pairs: Sequence[tuple[Compared, Compared]], along: Sequence[tuple[Array, Array]]) -> bool:
+    """Whether the closed loop of the extended model follows the recordings as well as the model follows their motion."""
+    if not pairs or len(pairs) != len(along):
+        return False
+    loop = np.sqrt(np.mean([after.error_rms("current") ** 2 for _, after in pairs], axis=0))
+    motion = np.sqrt(np.mean([after**2 for _, after in along], axis=0))
+    return bool(np.all(loop < FAITHFUL * motion))
+
+
+def with_widths(arm: Arm, recordings: Sequence[Recording]) -> Arm:
+    """The arm with the widths over which its friction turns (``sign_velocity``) that these recordings show in closed loop.
+
+    No data sheet has them, and every simulation has its own; a joint keeps its own where no other takes a tenth off its squared error.
+    """
+    able = [r for r in recordings if r.qref is not None and not np.isnan(r.qref).any() and not setup_of(r).drives_off]
+    moving = [j for j, joint in enumerate(arm.joints) if max(joint.coulomb) > 0.0]
+    if arm.controller is None or not able or not moving:
+        return arm
+    errors = np.zeros((len(WIDTHS), len(arm)))
+    for recording in able:
+        carrying = loaded(arm, setup_of(recording).payload)
+        lanes = {f"joint{j + 1}.sign_velocity": arm.joints[j].sign_velocity * WIDTHS for j in moving}
+        motion = simulate_batch(
+            carrying, _demand(recording), duration=float(recording.t[-1]), rate=1.0 / recording.dt,
+            times=recording.t - recording.t[0], sampled=True, parameters=lanes,
+        )  # fmt: skip
+        shown = recorded(carrying, motion).current
+        rate = 1.0 / recording.dt
+        for lane in range(len(WIDTHS)):
+            errors[lane] += np.sum(low_pass(recording.i - shown[lane], COMPARE_BAND, rate)[kept(rate)] ** 2, axis=0)
+    joints = list(arm.joints)
+    own = int(np.flatnonzero(WIDTHS == 1.0)[0])
+    for j in moving:
+        best = int(np.nanargmin(errors[:, j]))
+        if errors[best, j] < 0.9 * errors[own, j]:
+            joints[j] = replace(joints[j], sign_velocity=float(joints[j].sign_velocity * WIDTHS[best]))
+    return replace(arm, joints=tuple(joints))

@@ -20,7 +20,7 @@ from daq.recording import Recording
 from diagnosis import events as event_search
 from diagnosis.axis import AxisCause, axis_causes
 from diagnosis.candidates import Candidate, candidates
-from diagnosis.closed_loop import Compared, compare
+from diagnosis.closed_loop import Compared, along_motion, compare, faithful, with_widths
 from diagnosis.events import Event
 from diagnosis.evidence import Run, see
 from diagnosis.library import Side, columns_of, free_columns, side_of, side_with
@@ -76,10 +76,16 @@ class Diagnosis:
     not_visible: list[Invisible]
     unexplained: list[Structure]
     compared: dict[str, list[tuple[Compared, Compared]]] = field(repr=False)
+    along: dict[str, list[tuple[Array, Array]]]
     encoder_noise: Array
     link: LinkSide | None = None
     tracked: Tracked | None = None
     warnings: tuple[str, ...] = ()
+
+    @property
+    def in_closed_loop(self) -> bool:
+        """Whether current errors are told of the closed loop on the same demands; else along the measured motion."""
+        return faithful(self.compared["held_out"], self.along["held_out"])
 
     @property
     def verdict(self) -> str:
@@ -132,16 +138,19 @@ def diagnose(
     extended = extend(arm, together(causes, tracked.causes, tracked.geometry)) if causes or tracked.causes else arm
     causes = together(causes, tracked.causes)
     progress("judging in closed loop")
+    extended = with_widths(extended, fit) if extended is not model else extended
+    halves = {"fit": (fit, runs[: len(fit)]), "held_out": (held_out, runs[len(fit) :])}
     compared = {
-        side: [pair for r in recordings if (pair := _before_and_after(r, model, extended)) is not None]
-        for side, recordings in (("fit", fit), ("held_out", held_out))
+        half: [pair for r, run in zip(*both) if (pair := _before_and_after(r, run, model, extended)) is not None]
+        for half, both in halves.items()
     }
+    along = {half: [along_motion(run, model, extended) for run in seen] for half, (_, seen) in halves.items()}
     left = (accepted.fit, accepted.held_out)
     named = {c.key for c in chosen} | {(one.effect, one.joint) for one in of_axis}
     return Diagnosis(
         model, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
         not_visible(library, sides[1], accepted, named, arm) + tracked.not_visible,
-        (search_result.remainder.structures if judged else []) + (link.unexplained if link else []) + tracked.unexplained, compared,
+        (search_result.remainder.structures if judged else []) + (link.unexplained if link else []) + tracked.unexplained, compared, along,
         np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
         + ((f"{axis[-1].after:.3g} A rms of the held-out current below 60 Hz is left that no effect was named for",) if axis else ())
@@ -316,9 +325,9 @@ def extend(arm: Arm, causes: Sequence[Cause]) -> Arm:
     return replace(fixed_gains(arm), effects=tuple(terms))
 
 
-def _before_and_after(recording: Recording, arm: Arm, extended: Arm) -> tuple[Compared, Compared] | None:
-    before = compare(recording, arm)
+def _before_and_after(recording: Recording, run: Run, arm: Arm, extended: Arm) -> tuple[Compared, Compared] | None:
+    before = compare(recording, arm, run)
     if before is None:
         return None
-    after = compare(recording, extended) if extended.effects != arm.effects else before
+    after = compare(recording, extended, run) if extended is not arm else before
     return (before, after) if after is not None else None

@@ -42,23 +42,34 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
 
 
 def _signals(result: Diagnosis) -> list[dict[str, Any]]:
-    rows = []
+    """Errors of simulated current and position, in the band and at the rows of ``closed_loop``, beside the instruments' noise."""
+    rows, in_loop = [], result.in_closed_loop
     noise = np.mean([run.noise for run in result.held_out], axis=0)
-    for signal, attribute, unit in (("current", "current", "A"), ("position", "angle", "rad")):
+    of_loop = {
+        signal: {
+            half: [(b.error_rms(signal), a.error_rms(signal)) for b, a in pairs]
+            for half, pairs in result.compared.items()
+        }
+        for signal in ("current", "angle")
+    }
+    for name, errors, own, unit in (
+        ("current", of_loop["current"] if in_loop else result.along, noise, "A"),
+        ("position", of_loop["angle"], result.encoder_noise, "rad"),
+    ):
         for j in range(len(result.arm)):
-            errors = {
-                side: {
-                    when: float(np.sqrt(np.mean([pair[k].error_rms(attribute)[j] ** 2 for pair in pairs])))
+            told = {
+                half: {
+                    when: float(np.sqrt(np.mean([pair[k][j] ** 2 for pair in pairs])))
                     for k, when in enumerate(("before", "after"))
                 }
-                for side, pairs in result.compared.items()
+                for half, pairs in errors.items()
                 if pairs
             }
-            if errors:
-                of_slide = signal == "position" and not result.arm.joints[j].revolute
-                row = {"signal": signal, "joint": j + 1, "unit": "m" if of_slide else unit, "error_rms": errors}
-                row["noise_rms"] = float(noise[j]) if signal == "current" else float(result.encoder_noise[j])
-                rows.append(row)
+            if told:
+                of_slide = name == "position" and not result.arm.joints[j].revolute
+                row = {"signal": name, "joint": j + 1, "unit": "m" if of_slide else unit, "error_rms": told}
+                along = "demands" if in_loop or name == "position" else "measured motion"
+                rows.append(row | {"noise_rms": float(own[j]), "along": along})
     return rows + _link_signals(result) + _tracker_signal(result)
 
 
