@@ -134,3 +134,28 @@ def with_widths(arm: Arm, recordings: Sequence[Recording]) -> Arm:
         if errors[best, j] < 0.9 * errors[own, j]:
             joints[j] = replace(joints[j], sign_velocity=float(joints[j].sign_velocity * WIDTHS[best]))
     return replace(arm, joints=tuple(joints))
+
+
+def refuted(
+    full: Arm, less: Sequence[Arm], felt_at: Sequence[int], recordings: Sequence[Recording], runs: Sequence[Run]
+) -> int | None:
+    """The cause (by index) that makes the closed loop err most more than it does without; None where none does, or the loop cannot judge.
+
+    full: the model with all causes; less: without each of them; felt_at: the joint (from 1) where each is felt most. A cause has to survive
+    both views: the residual along the measured motion, by which it was found, and the closed loop on recordings held out.
+    """
+    seen = [(r, run, pair) for r, run in zip(recordings, runs) if (pair := compare(r, full, run)) is not None]
+    with_all = [pair for _, _, pair in seen]
+    motion = [(run_rms, run_rms) for _, run, _ in seen for run_rms in [along_motion(run, run.arm, full)[1]]]
+    if not faithful([(pair, pair) for pair in with_all], motion):
+        return None
+    worst: tuple[float, int] | None = None
+    for index, (arm, joint) in enumerate(zip(less, felt_at)):
+        pairs = [compare(r, arm, run) for r, run, _ in seen]
+        without, having = (
+            sum(float(pair.error_rms("current")[joint - 1] ** 2) for pair in several if pair is not None)
+            for several in (pairs, with_all)
+        )
+        if without < having and (worst is None or without / having < worst[0]):
+            worst = without / having, index
+    return worst[1] if worst else None

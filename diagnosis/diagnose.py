@@ -20,7 +20,7 @@ from daq.recording import Recording
 from diagnosis import events as event_search
 from diagnosis.axis import AxisCause, axis_causes
 from diagnosis.candidates import Candidate, candidates
-from diagnosis.closed_loop import Compared, along_motion, compare, faithful, with_widths
+from diagnosis.closed_loop import Compared, along_motion, compare, faithful, refuted, with_widths
 from diagnosis.events import Event
 from diagnosis.evidence import Run, see
 from diagnosis.library import Side, columns_of, free_columns, side_of, side_with
@@ -30,7 +30,7 @@ from diagnosis.noise import still_noise
 from diagnosis.parameters import Estimate, estimates
 from diagnosis.projection import confusability, span_of
 from diagnosis.remainder import Structure
-from diagnosis.search import Found, Problem, search
+from diagnosis.search import Found, Problem, search, without
 from diagnosis.selection import Look, look
 from diagnosis.setup import loaded, setup_of
 from diagnosis.tracker import Tracked, TrackerCause, tracked_causes
@@ -123,21 +123,21 @@ def diagnose(
         arm, sides, library if axis is None else {}, list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
     )
     search_result = search(problem, progress)
+    progress("estimating parameters")
+    named_by_search = _of_search(problem, search_result)
+    progress("judging in closed loop")
+    while (gone := _refuted(arm, named_by_search, held_out, runs[len(fit) :])) is not None:
+        search_result = without(search_result, search_result.chosen[gone], problem)
+        named_by_search = _of_search(problem, search_result)
     chosen, sides = search_result.chosen, search_result.sides
     accepted = problem.accepted(chosen, sides)
-    progress("estimating parameters")
-    own = accepted.coefficients[len(problem.free) :]
-    free = [pair[0] for pair in problem.free]
-    values = estimates(chosen, own, accepted.fit, free, sides[0], arm) if chosen else []
     causes = [_from_event(event, sides) for event in found]
-    causes += [_cause(c, v, one, problem, search_result) for c, v, one in zip(chosen, values, search_result.equals)]
-    causes += of_axis
+    causes += named_by_search + of_axis
     progress("comparing motor and link encoders")
     link = link_side(arm, fit, held_out)
     causes += [_from_link(one, arm) for one in link.causes] if link else []
     extended = extend(arm, together(causes, tracked.causes, tracked.geometry)) if causes or tracked.causes else arm
     causes = together(causes, tracked.causes)
-    progress("judging in closed loop")
     extended = with_widths(extended, fit) if extended is not model else extended
     halves = {"fit": (fit, runs[: len(fit)]), "held_out": (held_out, runs[len(fit) :])}
     compared = {
@@ -203,6 +203,28 @@ def _check(arm: Arm, recordings: list[Recording]) -> None:
         constant = np.ptp(r.i, axis=0) == 0.0
         if constant.any() and not setup_of(r).drives_off:
             raise InputError(r.path, f"current of joint {int(np.argmax(constant)) + 1} never changes; is it connected?")
+
+
+def _of_search(problem: Problem, found: Found) -> list[Cause]:
+    """The causes that a search found, in its order, with parameters."""
+    accepted, sides = problem.accepted(found.chosen, found.sides), found.sides
+    own = accepted.coefficients[len(problem.free) :]
+    free = [pair[0] for pair in problem.free]
+    values = estimates(found.chosen, own, accepted.fit, free, sides[0], problem.arm) if found.chosen else []
+    return [_cause(c, v, one, problem, found) for c, v, one in zip(found.chosen, values, found.equals)]
+
+
+def _refuted(arm: Arm, causes: list[Cause], recordings: Sequence[Recording], runs: Sequence[Run]) -> int | None:
+    if not causes:
+        return None
+    full = with_widths(extend(arm, causes), recordings)
+    widths = [joint.sign_velocity for joint in full.joints]
+    less = [extend(arm, [one for one in causes if one is not cause]) for cause in causes]
+    turned = [
+        replace(one, joints=tuple(replace(joint, sign_velocity=w) for joint, w in zip(one.joints, widths)))
+        for one in less
+    ]
+    return refuted(full, turned, [cause.felt_at for cause in causes], recordings, runs)
 
 
 def _cause(

@@ -89,6 +89,15 @@ def search(problem: Problem, progress: Callable[[str], None]) -> Found:
     return Found(chosen, [equals[c.key] for c in chosen], sides, remainder)
 
 
+def without(found: Found, gone: Candidate, problem: Problem) -> Found:
+    """What was found, less one candidate; the others fitted anew."""
+    kept = [(c, alike) for c, alike in zip(found.chosen, found.equals) if c is not gone]
+    chosen = [c for c, _ in kept]
+    sides = corrected(chosen, problem, problem.sides) if chosen else problem.sides
+    remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
+    return Found(chosen, [alike for _, alike in kept], sides, remainder)
+
+
 def _superfluous(
     chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, Side], remainder: Remainder
 ) -> list[Candidate]:
