@@ -35,6 +35,13 @@ MOST = 8
 """Causes."""
 FEWEST_WRONG = 3
 """Points that are wrong, or missing in a row, before it is worth a sentence."""
+SHOWS = {
+    "joint_zero_offset": "the tracked point is turned by one angle about the axis",
+    "encoder_ripple": "the tracked point is ahead and behind by orders of the motor's angle",
+    "backlash": "the tracked point gives way where the load changes sign, about the axis",
+    "joint_compliance": "the tracked point gives way with the torque, about the axis",
+}
+"""What a person sees in the points, where the catalogue says what shows in the currents."""
 OTHER_POSES = "more varied poses: armscope calibrate --poses 40"
 WORTH = 0.02
 """Of the energy of what the points cannot tell, that each of the five must explain."""
@@ -241,8 +248,8 @@ def _cause(one: Named, sure: State, state: State, sides: Sequence[Side]) -> Trac
     better, blocks = int(np.sum(one.look.blocks > 0)), int(np.sum(one.look.blocks != 0))
     where = "" if candidate.joint is None else f" of joint {candidate.joint}"
     sentence = (
-        f"{definition.shows}{where}: with it the held-out points are off by {1e3 * now:.3g} instead of {1e3 * before:.3g} mm rms a "
-        f"coordinate, better in {better} of {blocks} one-second blocks"
+        f"{SHOWS.get(candidate.effect, definition.shows)}{where}: with it the held-out points are off by {1e3 * now:.3g} instead of "
+        f"{1e3 * before:.3g} mm rms a coordinate, better in {better} of {blocks} one-second blocks"
     )
     separate = None
     if len(group) > 1:

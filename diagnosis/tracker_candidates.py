@@ -31,6 +31,7 @@ ANYWHERE = 10.0
 """The same, of a tracker whose place no rig file gives."""
 BOUND = 2.5
 """Prior deviations beyond which frame and target are not taken to be off: something else is."""
+WIDEST_GAP = 1.5 * CATALOGUE["backlash"].linear[0].typical[1]
 SCALES = {
     "link_sag": 1e-3,
     "joint_compliance": 1e-3,
@@ -268,5 +269,7 @@ def estimates(candidate: Candidate, coefficients: Array, covariance: Array) -> l
 
 
 def possible(candidate: Candidate, coefficients: Array) -> bool:
-    """Whether its sign can be: nothing hangs upwards, no gap is negative."""
+    """Whether it can be: nothing hangs upwards, no gap is negative, nor wider than gears are let get."""
+    if candidate.effect == "backlash" and coefficients[0] > WIDEST_GAP:
+        return False
     return candidate.effect not in ("link_sag", "joint_compliance", "backlash") or bool(coefficients[0] > 0.0)
