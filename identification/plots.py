@@ -31,27 +31,33 @@ def image(figure: Figure, alt: str) -> str:
 
 
 def predictions(result: Identification) -> Iterator[tuple[Figure, str]]:
-    """Per run: measured and predicted torque of each joint, with the residual below zero of its own."""
+    """Per run: measured and predicted torque of each joint, and beside them their difference at its own scale."""
     from matplotlib.figure import Figure
 
     for run in _worth_showing(result):
         joints = np.unique(run.joint)
         figure = Figure(figsize=(10.5, 0.6 + 1.75 * len(joints)), layout="constrained")
-        axes = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
-        for axis, j in zip(axes, joints):
+        axes = figure.subplots(len(joints), 2, sharex=True, squeeze=False, width_ratios=(2, 1))
+        for (axis, beside), j in zip(axes, joints):
             mine = run.joint == j
             t, measured, predicted, residual = _with_breaks(
                 run.t[mine], run.measured[mine], run.predicted[mine], run.residual[mine]
             )
-            axis.plot(t, measured, color=MEASURED, lw=2.4, label="measured")
-            axis.plot(t, predicted, color=PREDICTED, lw=1.0, label="predicted")
-            axis.plot(t, residual, color=RESIDUAL, lw=0.9, label="difference")
+            axis.plot(t, measured, color=MEASURED, lw=1.8, label="measured")
+            axis.plot(t, predicted, color=PREDICTED, lw=0.7, label="predicted")
+            beside.plot(t, residual, color=RESIDUAL, lw=0.7)
+            rms = float(np.sqrt(np.mean(run.residual[mine] ** 2)))
+            beside.set_title(f"rms {rms:.3g}", loc="right", fontsize="small", color=RESIDUAL, pad=2)
             axis.set_ylabel(f"joint {j + 1}, {'N m' if result.arm.joints[j].revolute else 'N'}")
-            axis.grid(color="#e6eaef")
+            for each in (axis, beside):
+                each.axhline(0.0, color="#9aa7b5", lw=0.6)
+                each.grid(color="#e6eaef")
         kind = "held out" if run.held_out else "fitted"
-        axes[0].set_title(f"{run.run} ({kind})", loc="left")
-        axes[0].legend(loc="upper right", ncols=3, frameon=True, fontsize="small")
-        axes[-1].set_xlabel("time, s")
+        axes[0, 0].set_title(f"{run.run} ({kind})", loc="left")
+        axes[0, 0].legend(loc="upper right", ncols=2, frameon=True, fontsize="small")
+        axes[0, 1].set_title("difference, its own scale", loc="left", fontsize="small")
+        for axis in axes[-1]:
+            axis.set_xlabel("time, s")
         yield figure, f"measured and predicted torque of {run.run}"
 
 

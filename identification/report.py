@@ -13,7 +13,7 @@ body { font: 15px/1.5 system-ui, sans-serif; color: #1d2733; max-width: 66rem; m
 h1 { font-size: 1.5rem; margin-bottom: .2rem } h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #d8dee6 }
 table { border-collapse: collapse; margin: .6rem 0 } th { text-align: left; font-weight: 600; color: #51606f }
 th, td { padding: .18rem .9rem .18rem 0; border-bottom: 1px solid #edf0f4; vertical-align: top }
-td.n, th.n { text-align: right; font-variant-numeric: tabular-nums } tr.weak td { color: #8b97a5 }
+td.n, th.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums } tr.weak td { color: #8b97a5 }
 .verdict { font-size: 1.1rem; padding: .7rem 1rem; background: #eef4fb; border-left: 4px solid #2f6fb0 }
 .warning { background: #fdf3e3; border-left: 4px solid #d08a1c; padding: .35rem 1rem; margin: .35rem 0 }
 img { max-width: 100% } small, .note { color: #6b7886 }
@@ -32,6 +32,10 @@ def report(result: Identification) -> str:
         _errors(result),
         "<h2>Predicted and measured</h2>",
         *(plots.image(figure, alt) for figure, alt in plots.predictions(result)),
+        "<h2>Recordings</h2>",
+        "<p class=note>Rows of each joint that count, and why others do not; how late the torque is against the motion; the largest torque as a"
+        " share of the drive's limit.</p>",
+        _recordings(result),
         "<h2>Parameters</h2>",
         "<p class=note>± is two standard deviations. They come from whole blocks of time, so that residuals may be coloured; beside them"
         " those of the textbook formula, which takes every row for news.</p>",
@@ -92,6 +96,28 @@ def _errors(result: Identification) -> str:
         "<table><tr><th>joint</th><th class=n>fitted, rms</th><th class=n>relative</th><th class=n>held out, rms</th>"
         f"<th class=n>relative</th></tr>{''.join(rows[: len(result.arm)])}<tr><td>all</td>{total}</tr>"
         f"{''.join(rows[len(result.arm) :])}</table>"
+    )
+
+
+def _recordings(result: Identification) -> str:
+    rows = []
+    for run in result.runs:
+        rows.append(
+            f"<tr><td colspan=7><b>{escape(run.run)}</b>, {run.rows} rows of {run.period * 1e3:.4g} ms</td></tr>"
+        )
+        for joint in run.joints:
+            unit = "rad" if result.arm.joints[joint.joint - 1].revolute else "m"
+            left_out = ", ".join(f"{reason} {count / run.rows:.0%}" for reason, count in joint.left_out.items())
+            lag = "" if joint.lag is None else f"{joint.lag * 1e3:.1f} ms"
+            numbers = (f"{joint.travel:.3g} {unit}", f"{joint.top_speed:.3g} {unit}/s", f"{joint.used / run.rows:.0%}")
+            cells = "".join(f"<td class=n>{text}</td>" for text in numbers)
+            rows.append(
+                f"<tr><td>joint {joint.joint}</td>{cells}<td>{escape(left_out)}</td><td class=n>{lag}</td>"
+                f"<td class=n>{'' if joint.torque is None else f'{joint.torque:.0%}'}</td></tr>"
+            )
+    return (
+        "<table><tr><th></th><th class=n>travel</th><th class=n>top speed</th><th class=n>rows</th><th>left out</th>"
+        f"<th class=n>torque late by</th><th class=n>of the limit</th></tr>{''.join(rows)}</table>"
     )
 
 
