@@ -141,7 +141,7 @@ def write_diagnosis(
     if experiments:
         table["experiments"] = [dict(one) for one in experiments]
     write_model(out / "model.toml", result.extended)
-    write_text(out / "report.html", report(result, table))
+    write_text(out / "report.html", report(result, table, held_out))
     write_text(out / "diagnosis.json", json.dumps(table, indent=2) + "\n")
     return table
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -94,24 +93,3 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
         axis.grid(color="#e6eaef")
     axes[0].set_ylabel(f"measured less expected\ncurrent of joint {joint}, A")
     return figure, f"residual current of joint {joint} against {name}"
-
-
-def loops(result: Diagnosis) -> Iterator[tuple[Figure, str]]:
-    """Measured current, and simulated in closed loop before and after, of the joints that a cause is felt at; one held-out recording."""
-    from matplotlib.figure import Figure
-
-    pairs = result.compared.get("held_out") or []
-    joints = sorted({cause.felt_at for cause in result.causes} - {0}) or [1]
-    for before, after in pairs[:1]:
-        figure = Figure(figsize=(10.5, 0.8 + 2.0 * len(joints)), layout="constrained")
-        axes = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
-        for axis, joint in zip(axes, joints):
-            axis.plot(before.t, before.current[:, joint - 1], color=MEASURED, lw=2.0, label="measured")
-            axis.plot(before.t, before.simulated_current[:, joint - 1], color=BEFORE, lw=0.8, label="simulated, before")
-            axis.plot(after.t, after.simulated_current[:, joint - 1], color=AFTER, lw=0.8, label="simulated, after")
-            axis.set_ylabel(f"joint {joint}, A")
-            axis.grid(color="#e6eaef")
-        axes[0].legend(loc="upper right", ncols=3, fontsize="small")
-        axes[0].set_title(f"{before.name} (held out), closed loop on the same demands", loc="left", fontsize="medium")
-        axes[-1].set_xlabel("time, s")
-        yield figure, f"measured and simulated currents of {before.name}"

@@ -2,42 +2,137 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from arm_model.effects import CATALOGUE
+from daq.recording import Recording
 from diagnosis import plots
 from diagnosis.diagnose import Cause, Diagnosis
+from diagnosis.library import side_of
+from diagnosis.residual_plots import SURE, against_all, left_against, side_by_side
+from diagnosis.separate import named
 from identification.plots import image
 from identification.report import STYLE
 
 
-def report(result: Diagnosis, table: dict[str, Any]) -> str:
-    """The whole page; ``table`` is what diagnosis.json holds."""
+def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recording] = ()) -> str:
+    """The whole page; ``table`` is what diagnosis.json holds; ``held_out``: for the temperatures that they may carry."""
     names = f"{len(result.fit)} recordings fitted, {len(result.held_out)} held out"
     body = [
         f"<h1>{escape(result.arm.name)}: what the simulation gets wrong</h1>",
         f"<p class=note>{names}. The model's own numbers were trusted, and what they leave was asked for its causes.</p>",
         f"<p class=verdict>{escape(sentence(result))}</p>",
         *(f"<p class=warning>{escape(warning)}</p>" for warning in result.warnings),
+        _summary(result),
+        _HOW,
         image(*plots.overview(result)),
     ]
     for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
-        body += [f"<h2>{number}. {escape(title(cause))}</h2>", *_section(result, cause, row)]
-    body += [
-        "<h2>The simulation before and after</h2>",
-        *(image(figure, alt) for figure, alt in plots.loops(result)),
-        _errors(table),
-    ]
-    body += ["<h2>What this data could not show</h2>", _not_visible(table), "<h2>What is left</h2>", _left(table)]
+        body += [f"<h2 id=cause{number}>{number}. {escape(title(cause))}</h2>", *_section(result, cause, row)]
+    body += ["<h2>What this data could not show</h2>", _not_visible(table)]
+    body += ["<h2>What is left</h2>", _left(table), *_left_pictures(result)]
+    body += ["<h2>The simulation before and after</h2>", *_simulated(result), _errors(table)]
+    body += ["<h2>Joint by joint</h2>", _rough(result), *_joints(result, held_out)]
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(result.arm.name)}: diagnosis</title><style>{STYLE}</style></head><body>"
+        f"<title>{escape(result.arm.name)}: diagnosis</title><style>{STYLE}{_STYLE}</style></head><body>"
         + "\n".join(body)
         + "</body></html>\n"
     )
+
+
+_STYLE = (
+    "summary { cursor: pointer; margin: .5rem 0; color: #2f6fb0 } code { background: #f3f5f8; padding: .1rem .35rem }"
+)
+_HOW = (
+    "<p class=note>How to read this. From the measured motion the model tells which current every motor should draw; what the transducers show"
+    " besides is the residual. It is given in units of the noise: 1 is what the instruments alone make of it. Everything is judged on recordings"
+    " that were held out: the causes were found, and their parameters fitted, on others. ± is two standard deviations.</p>"
+)
+MOST_PICTURES = 2
+"""Recordings of a side that are drawn; the tables have all."""
+
+
+def _summary(result: Diagnosis) -> str:
+    """One line a cause, to be seen before any picture."""
+    rows = []
+    for number, cause in enumerate(result.causes, 1):
+        values = ", ".join(
+            f"{p.name.replace('_', ' ')} {p.value:.4g} ± {2 * p.std:.2g}{'' if p.unit == '1' else ' ' + p.unit}"
+            for p in cause.parameters
+        )
+        alike = f"or {', '.join(map(named, cause.group[1:]))}" if len(cause.group) > 1 else ""
+        rows.append(
+            f"<tr><td><a href=#cause{number}>{escape(title(cause))}</a> {escape(alike)}</td><td>{escape(values)}</td>"
+            f"<td class=n>{cause.before:.3g} &rarr; {cause.after:.3g} {escape(cause.unit)}</td><td class=n>{cause.confidence:.0%}</td></tr>"
+        )
+    if not rows:
+        return ""
+    return (
+        "<table><tr><th>cause</th><th>parameters</th><th class=n>held-out error without &rarr; with it</th><th class=n>confidence</th></tr>"
+        f"{''.join(rows)}</table>"
+    )
+
+
+def _simulated(result: Diagnosis) -> list[str]:
+    """Closed loop beside what was measured, for some recordings of both sides."""
+    parts = []
+    for side, words in (("held_out", "held out"), ("fit", "fitted")):
+        pairs = result.compared.get(side) or []
+        for number, (before, after) in enumerate(pairs[:MOST_PICTURES]):
+            picture = image(*side_by_side(before, after, bool(result.causes)))
+            opened = " open" if side == "held_out" and number == 0 else ""
+            parts.append(f"<details{opened}><summary>{escape(before.name)} ({words})</summary>{picture}</details>")
+    return parts
+
+
+def _rough(result: Diagnosis) -> str:
+    """Residual of every joint in every recording, in units of the noise, without and with the causes."""
+    head = "".join(f"<th class=n>joint {j}</th>" for j in range(1, len(result.arm) + 1))
+    rows = []
+    for runs, left, words in ((result.fit, result.left[0], "fitted"), (result.held_out, result.left[1], "held out")):
+        side = side_of(runs)
+        edges = np.cumsum([0, *(len(run.t) for run in runs)])
+        for run, first, last in zip(runs, edges, edges[1:]):
+            cells = []
+            for j in range(1, len(result.arm) + 1):
+                ratio = run.deviation[:, j - 1] / run.noise[j - 1]
+                sure = ratio < SURE
+                before, after = (
+                    float(np.sqrt(np.mean((y[side.of(j)][first:last] * ratio)[sure] ** 2)))
+                    if sure.any()
+                    else float("nan")
+                    for y in (side.y, left)
+                )
+                text = (
+                    "rests" if before != before else f"{before:.1f}" + (f" &rarr; {after:.1f}" if result.causes else "")
+                )
+                cells.append(f"<td class=n>{text}</td>")
+            rows.append(f"<tr><td>{escape(run.name)} ({words})</td>{''.join(cells)}</tr>")
+    note = "Root mean square of the residual over the noise, where friction near standstill leaves it sure"
+    note += ", without and with the causes" if result.causes else ""
+    return f"<p class=note>{note}.</p><table><tr><th>recording</th>{head}</tr>{''.join(rows)}</table>"
+
+
+def _joints(result: Diagnosis, held_out: Sequence[Recording]) -> list[str]:
+    concerned = {cause.felt_at for cause in result.causes} | {one.joint for one in result.unexplained}
+    parts = []
+    for joint in range(1, len(result.arm) + 1):
+        picture = image(*against_all(result, joint, held_out))
+        opened = " open" if joint in concerned else ""
+        parts.append(f"<details{opened}><summary>joint {joint}</summary>{picture}</details>")
+    return parts
+
+
+def _left_pictures(result: Diagnosis) -> list[str]:
+    drawn = (left_against(result, one.joint, one.against) for one in result.unexplained if one.signal == "current")
+    return [image(*one) for one in drawn if one is not None]
 
 
 def title(cause: Cause) -> str:
@@ -112,12 +207,18 @@ def _errors(table: dict[str, Any]) -> str:
 def _not_visible(table: dict[str, Any]) -> str:
     if not table["not_visible"]:
         return "<p>Every effect of the catalogue, at its largest typical size, would have shown.</p>"
+    together: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for one in table["not_visible"]:
+        together.setdefault((one["effect"], one["experiment"]), []).append(one)
     rows = "".join(
-        f"<tr><td>{escape(one['effect'].replace('_', ' '))}</td><td>{one['joint'] or ''}</td><td>{escape(one['why'])}</td>"
-        f"<td>{escape(one['experiment'])}</td></tr>"
-        for one in table["not_visible"]
+        f"<tr><td>{escape(effect.replace('_', ' '))}</td><td>{', '.join(str(one['joint']) for one in several if one['joint'])}</td>"
+        f"<td>{'<br>'.join(dict.fromkeys(escape(one['why']) for one in several))}</td><td>{escape(experiment)}</td></tr>"
+        for (effect, experiment), several in together.items()
     )
-    return f"<table><tr><th>effect</th><th>joint</th><th>why</th><th>what would show it</th></tr>{rows}</table>"
+    return (
+        "<p>These were neither found nor ruled out.</p>"
+        f"<table><tr><th>effect</th><th>joints</th><th>why</th><th>what would show it</th></tr>{rows}</table>"
+    )
 
 
 def _left(table: dict[str, Any]) -> str:
