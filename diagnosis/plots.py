@@ -32,7 +32,8 @@ def overview(result: Diagnosis) -> tuple[Figure, str]:
     for j, axis in enumerate(axes, 1):
         noise = np.concatenate([run.noise[j - 1] / run.deviation[:, j - 1] for run in result.held_out])
         shown = noise > 1 / 3  # elsewhere, near standstill, the current is not determined
-        for values, colour, label in ((side.y, BEFORE, "before"), (result.left[1], AFTER, "after")):
+        lines = [(side.y, BEFORE, "before"), (result.left[1], AFTER, "after")]
+        for values, colour, label in lines if result.causes else [(result.left[1], AFTER, "residual")]:
             axis.plot(t, np.where(shown, values[side.of(j)] / noise, np.nan), color=colour, lw=0.7, label=label)
         top = max(4.0, float(np.quantile(np.abs(side.y[side.of(j)][shown]), 0.99)) * 1.2) if shown.any() else 4.0
         axis.set_ylim(-top, top)

@@ -121,7 +121,9 @@ def _rough(result: Diagnosis) -> str:
 
 
 def _joints(result: Diagnosis, held_out: Sequence[Recording]) -> list[str]:
-    concerned = {cause.felt_at for cause in result.causes} | {one.joint for one in result.unexplained}
+    concerned = {cause.felt_at for cause in result.causes if not cause.by_tracker} | {
+        one.joint for one in result.unexplained
+    }
     parts = []
     for joint in range(1, len(result.arm) + 1):
         picture = image(*against_all(result, joint, held_out))
@@ -131,7 +133,11 @@ def _joints(result: Diagnosis, held_out: Sequence[Recording]) -> list[str]:
 
 
 def _left_pictures(result: Diagnosis) -> list[str]:
-    drawn = (left_against(result, one.joint, one.against) for one in result.unexplained if one.signal == "current")
+    drawn = (
+        left_against(result, one.joint, one.against)
+        for one in result.unexplained
+        if one.joint and one.signal == "current"
+    )
     return [image(*one) for one in drawn if one is not None]
 
 

@@ -52,15 +52,14 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
     figure.subplots_adjust(left=0.06, right=0.99, bottom=0.24 / rows, top=1.0 - 0.16 / rows, wspace=0.06, hspace=0.42)
     axes = figure.subplots(rows, 3, squeeze=False, sharey=True).ravel()
     for axis, (name, x) in zip(axes, panels):
-        for values, pale, colour, label in ((before, PALE[0], BEFORE, "before"), (after, PALE[1], AFTER, "after")):
-            if label == "after" and not result.causes:
-                continue
+        clouds = [(before, PALE[0], BEFORE, "before"), (after, PALE[1], AFTER, "after")]
+        for values, pale, colour, label in clouds if result.causes else [(after, PALE[1], AFTER, "mean in bins")]:
             _cloud(axis, x[sure], values[sure], pale, colour, label)
         axis.set_xlabel(f"{name}, {UNITS[name]}" if name in UNITS else name)
         axis.grid(color="#e6eaef")
     for axis in axes[len(panels) :]:
         axis.set_axis_off()
-    _limit(axes[0], before[sure])
+    _limit(axes[0], (before if result.causes else after)[sure])
     axes[0].legend(loc="upper right", ncols=2, fontsize="small")
     figure.suptitle(
         f"joint {joint}: measured less expected current, times the noise", x=0.01, ha="left", fontsize="medium"
