@@ -61,4 +61,5 @@ def _size(effect: str) -> str:
     definition = CATALOGUE[effect]
     parameter = (definition.linear or definition.parameters)[0]
     value = parameter.typical[0] if effect == "joint_compliance" else parameter.typical[1]
-    return f"{parameter.name.replace('_', ' ')} of {value:g} {parameter.unit}".replace(" 1", "").rstrip()
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    return f"{parameter.name.replace('_', ' ')} of {value:g}{unit}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -68,6 +69,24 @@ def _given(root: Path, rig: Path, folder: Path) -> None:
         record(rig, [experiment], folder / side, model=str(folder / "hidden.toml"), seed=seed)
 
 
+def _is_a_report(path: Path, cause: str) -> None:
+    """One file that needs no network: the verdict, then the cause, what was not visible, what is left, and the simulation beside the arm."""
+    page = path.read_text()
+    assert len(page) < 5e6 and "<script" not in page and "<link" not in page
+    assert re.findall(r'src="(?!data:)|href="?(?!#)', page) == []
+    headings = [
+        "class=verdict",
+        "<h2 id=cause1",
+        "could not show",
+        "What is left",
+        "before and after",
+        "Joint by joint",
+    ]
+    places = [page.index(heading) for heading in headings]
+    assert places == sorted(places)
+    assert cause in page[places[0] : places[1]]
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_an_experiment_decides_what_the_recordings_could_not(root: Path, tmp_path: Path) -> None:
@@ -86,6 +105,7 @@ def test_an_experiment_decides_what_the_recordings_could_not(root: Path, tmp_pat
     assert table["causes"][0]["group"] == [{"effect": "friction_asymmetry", "joint": 1}]
     assert table["causes"][0]["parameters"]["positive"]["value"] == pytest.approx(4.0, rel=0.1)
     assert len(table["experiments"]) == 1 and len(table["fit"]) == len(table["held_out"]) == 2
+    _is_a_report(tmp_path / "out/report.html", "friction asymmetry of joint 1")
     taken = open_recording(table["experiments"][0]["files"][0])
     assert taken.experiment is not None and taken.experiment["setup"]["drives_off"]
 
