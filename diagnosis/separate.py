@@ -61,7 +61,7 @@ def separation(
     keys = [key for key in cause.group if _shapes(result, key)]
     others = _nuisances(result, set(cause.group))
     nothing = Separation(None, 0.0, in_words(cause.group), 0)
-    if len(keys) < 2:
+    if len(keys) < 2 or cause.unit != "A":  # what encoders or a tracker show: predictions of currents do not decide it
         return nothing
     rivals = [rival_of(_shapes(result, key), others, result.fit, result.arm) for key in keys]
     joints = sorted({joint or cause.felt_at for _, joint in keys})
