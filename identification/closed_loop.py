@@ -24,7 +24,7 @@ from daq.recording import Recording
 from identification.equations import Equations, filtered_columns, with_effects
 from identification.least_squares import Fit, joint_noise, least_squares, weighted
 from identification.result import Identification
-from identification.signals import Motion, parallel_rows, smooth_motion
+from identification.signals import Motion, equation_rows, smooth_motion
 from identification.uncertainty import uncertainty
 from identification.whole_arm import Problem, conclude, physical_values, with_values
 from inputs import InputError
@@ -125,7 +125,7 @@ def simulated_rows(problem: Problem, arm: Arm) -> Equations:
     moved, parts = [], []
     for recording, motion in zip(problem.fit, problem.motions):
         moved.append(simulated_motion(arm, recording, motion))
-        joint, row = np.nonzero(parallel_rows(motion)[1].T)
+        joint, row = np.nonzero(equation_rows(motion)[1].T)
         parts.append(filtered_columns(arm, motion, moved[-1], problem.friction)[row, joint])
     rows = replace(problem.rows, columns=np.concatenate(parts))
     return with_effects(rows, arm, problem.arm, problem.motions, problem.friction, problem.base, moved)

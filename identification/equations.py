@@ -1,7 +1,7 @@
 """The equations of motion as rows of a linear regression: Y(q, q', q'') delta + rest = torque, for all runs of an identification.
 
 ``rest`` is what an arm with effects shows beyond its columns times its parameters (``identification.effects``); without effects it is nothing.
-Row by row through the same parallel filter on both sides; rows that rest on samples which cannot be trusted are left out and counted.
+Through the same parallel filter on both sides; samples for which they do not hold (``signals.equation_weight``) are zero on both sides before it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from arm_model.parameters import parameter
 from arm_model.regressor import parameter_names, parameter_vector, regressor
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.effects import effect_columns, effect_parameters, shown_torque
-from identification.signals import Motion, parallel_filter, parallel_rows, parallel_window
+from identification.signals import Motion, equation_rows, equation_weight, parallel_filter, parallel_window
 
 Array = NDArray[np.float64]
 Friction = Literal["symmetric", "asymmetric"]
@@ -127,7 +127,7 @@ def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int =
 def equations(
     arm: Arm, motions: Sequence[Motion], friction: Friction = "symmetric", base: BaseParameters | None = None
 ) -> Equations:
-    """All usable rows of all runs; ``rest`` is what the arm shows beyond the columns of its ``base`` parameters (default: of all)."""
+    """The rows of all runs; ``rest`` is what the arm shows beyond the columns of its ``base`` parameters (default: of all)."""
     parts = [_run_equations(arm, motion, run, friction) for run, motion in enumerate(motions)]
     columns, torque, joint, run, t = (np.concatenate(part) for part in zip(*parts))
     rows = Equations(columns, torque, joint, run, t, tuple(column_names(arm, friction)))
@@ -138,9 +138,9 @@ def _run_equations(
     arm: Arm, motion: Motion, number: int, friction: Friction
 ) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.intp], Array]:
     """columns of links and drives, torque, joint, run and t of one run's rows."""
-    t, trusted = parallel_rows(motion)
+    t, trusted = equation_rows(motion)
     columns = filtered_columns(arm, motion, motion, friction)
-    torque = parallel_filter(motion, motion.torque)
+    torque = parallel_filter(motion, motion.torque * equation_weight(motion))
     joint, row = np.nonzero(trusted.T)
     return columns[row, joint], torque[row, joint], joint, np.full(len(row), number, np.intp), t[row]
 
@@ -151,6 +151,7 @@ def filtered_columns(arm: Arm, motion: Motion, moved: Motion, friction: Friction
     A stretch at a time, to save memory.
     """
     window, step = parallel_window(motion)
+    weight = equation_weight(motion)[..., None]
     kept = (len(motion.t) - window) // step + 1
     stretch = max(1, 4 * window // step)
     parts = []
@@ -158,7 +159,7 @@ def filtered_columns(arm: Arm, motion: Motion, moved: Motion, friction: Friction
         last = min(first + stretch, kept)
         rows = slice(first * step, (last - 1) * step + window)
         unfiltered = described_columns(arm, moved.q[rows], moved.qd[rows], moved.qdd[rows], friction)
-        parts.append(parallel_filter(motion, unfiltered))
+        parts.append(parallel_filter(motion, unfiltered * weight[rows]))
     return np.concatenate(parts)
 
 
@@ -190,15 +191,16 @@ def _effect_rows(arm: Arm, model: Arm, motion: Motion, moved: Motion) -> Array:
     q, qd, qdd = moved.q, moved.qd, moved.qdd
     shown = shown_torque(arm, model, q, qd, qdd, motion.t)
     columns = effect_columns(arm, model, q, qd, qdd, motion.t, shown)
-    joint, row = np.nonzero(parallel_rows(motion)[1].T)
-    return np.asarray(parallel_filter(motion, np.concatenate([shown[..., None], columns], axis=2))[row, joint])
+    joint, row = np.nonzero(equation_rows(motion)[1].T)
+    both = np.concatenate([shown[..., None], columns], axis=2) * equation_weight(motion)[..., None]
+    return np.asarray(parallel_filter(motion, both)[row, joint])
 
 
 def shown_rows(arm: Arm, model: Arm, motions: Sequence[Motion]) -> Array:
     """(rows,) the torque that a recording of ``arm`` shows on these motions, as the rows of ``equations``."""
     parts = []
     for motion in motions:
-        joint, row = np.nonzero(parallel_rows(motion)[1].T)
+        joint, row = np.nonzero(equation_rows(motion)[1].T)
         shown = shown_torque(arm, model, motion.q, motion.qd, motion.qdd, motion.t)
-        parts.append(parallel_filter(motion, shown)[row, joint])
+        parts.append(parallel_filter(motion, shown * equation_weight(motion))[row, joint])
     return np.concatenate(parts)

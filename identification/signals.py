@@ -8,7 +8,7 @@ samples, gaps, saturation, standstill, the ends) is marked per joint, and every 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ SHAKEN = 0.02  # of the liveliest joint's travel: less is no motion of a joint's
 CREEP = 0.005  # of a joint's peak speed: below it the direction of Coulomb friction is not known
 
 REVERSAL = 0.01  # s: a joint slow for longer stands, or sticks; what is quicker is a reversal, and Coulomb's law holds through it
+ROWS = 16  # rows of the parallel filter at a time
+SMEARED = 0.6  # periods of the low-pass's cut-off until a step that went through it is within 5 % of itself
 SPLINE_END = 25  # rows in which a quintic spline forgets its end or a hole (by 0.43 a row; Unser, 1999)
 
 
@@ -34,7 +36,9 @@ class Motion:
     """Smooth motion on a uniform grid of dt s.
 
     t (m,) s; q, qd, qdd (m, J) rad, rad/s, rad/s2 (m for prismatic joints); torque (m, J) N m or N at the joint, after the same low-pass;
-    usable (m, J); excluded: reason -> rows per joint (J,).
+    usable (m, J); excluded: reason -> rows per joint (J,). certain (m, J): usable, and the sign of the velocity is known for as long as the
+    low-pass smears a step. Around a reversal the torque's step of Coulomb friction is smeared and the column's is not, and what friction does
+    there is not Coulomb's law in the first place: for a fit, such samples are made zero on both sides. None: a motion to judge fits on.
     """
 
     dt: float
@@ -44,6 +48,7 @@ class Motion:
     qdd: Array
     torque: Array
     usable: Mask
+    certain: Mask | None
     excluded: Mapping[str, NDArray[np.int64]]
     band: Band
 
@@ -76,18 +81,20 @@ def smooth_motion(
     memory = int(np.ceil(1 / (band.motion * dt)))
     reach = memory + SPLINE_END
     clipped = flat_tops(torque, q) if saturated is None else saturated | flat_tops(torque, q)
+    slow = np.abs(qd) <= slowest_certain_speed(q, qd, band, dt)
     reasons = {
         "gap": _dilate(np.any(far_q > bridge, axis=1, keepdims=True) | (far_torque > bridge), reach),
         "end": np.repeat(_ends(len(grid), reach)[:, None], q.shape[1], axis=1),
         "saturated": _dilate(_nearest(t, clipped, grid), reach),
-        "standstill": _lasting(np.abs(qd) <= slowest_certain_speed(q, qd, band, dt), int(np.ceil(REVERSAL / dt))),
+        "standstill": _lasting(slow, int(np.ceil(REVERSAL / dt))),
     }
     usable = np.ones(q_grid.shape, bool)
     excluded = {}
     for reason, marked in reasons.items():
         excluded[reason] = np.sum(usable & marked, axis=0)
         usable &= ~marked
-    return Motion(dt, grid - t[0], q_smooth, qd, qdd, torque_smooth, usable, excluded, band)
+    certain = usable & ~_dilate(slow, int(np.ceil(SMEARED / (band.motion * dt))))
+    return Motion(dt, grid - t[0], q_smooth, qd, qdd, torque_smooth, usable, certain, excluded, band)
 
 
 def parallel_filter(motion: Motion, columns: Array) -> Array:
@@ -98,11 +105,16 @@ def parallel_filter(motion: Motion, columns: Array) -> Array:
     taps, step = _parallel(motion)
     flat = columns.reshape(len(columns), -1)
     rows = (len(flat) - len(taps)) // step + 1
-    # Zeros ahead of the taps delay the convolution until its first whole window falls on a kept row.
-    delay = -(len(taps) - 1) % step
-    first = (len(taps) - 1 + delay) // step
-    kept = signal.upfirdn(np.concatenate([np.zeros(delay), taps]), flat, up=1, down=step, axis=0)[first : first + rows]
-    return np.asarray(kept.reshape(-1, *columns.shape[1:]))
+    # A product with a band of shifted taps, some rows at a time: most of it is zeros, and still the quickest way for many columns.
+    band = np.zeros((min(ROWS, rows), (min(ROWS, rows) - 1) * step + len(taps)))
+    for row in range(len(band)):
+        band[row, row * step : row * step + len(taps)] = taps
+    kept = np.empty((rows, flat.shape[1]))
+    for first in range(0, rows, ROWS):
+        count = min(ROWS, rows - first)
+        width = (count - 1) * step + len(taps)
+        kept[first : first + count] = band[:count, :width] @ flat[first * step : first * step + width]
+    return kept.reshape(-1, *columns.shape[1:])
 
 
 def parallel_window(motion: Motion) -> tuple[int, int]:
@@ -121,6 +133,23 @@ def parallel_rows(motion: Motion) -> tuple[Array, Mask]:
     bad = signal.upfirdn(weight, (~motion.usable).astype(float), axis=0)[len(taps) - 1 : len(motion.t) : step]
     first = (len(taps) - 1) // 2
     return motion.t[first : first + step * len(bad) : step], np.asarray(bad < 0.02)
+
+
+def equation_rows(motion: Motion) -> tuple[Array, Mask]:
+    """Stamps (k,) s of the rows of ``parallel_filter`` and which of them may be used (k, J): those of ``parallel_rows``; of a motion for
+    fitting, those in which samples that are certain have half of the weight."""
+    t, trusted = parallel_rows(motion)
+    return t, trusted if motion.certain is None else parallel_filter(motion, equation_weight(motion)) > 0.5
+
+
+def equation_weight(motion: Motion) -> Array:
+    """(m, J) by which both sides of the equations are multiplied before the parallel filter: 0 where they do not hold."""
+    return np.ones(motion.usable.shape) if motion.certain is None else motion.certain.astype(float)
+
+
+def with_reversals(motion: Motion) -> Motion:
+    """The motion for judging a fit rather than for fitting."""
+    return replace(motion, certain=None)
 
 
 def _parallel(motion: Motion) -> tuple[Array, int]:

@@ -32,7 +32,7 @@ from identification.equations import (
 from identification.least_squares import Fit, Method, least_squares, relative_error, weighted
 from identification.readiness import Excitation, RunReadiness, readiness_of
 from identification.result import Identification, Prediction, Value, unit_of
-from identification.signals import Motion, smooth_motion
+from identification.signals import Motion, smooth_motion, with_reversals
 from identification.uncertainty import Uncertainty, uncertainty
 
 Array = NDArray[np.float64]
@@ -54,7 +54,8 @@ class Problem:
     """What is regressed: the arm, the runs, their rows and the columns that this data excites.
 
     base    what the arm could show; excited: indices into it that this data shows
-    held    rows of the held-out recordings (None: split by time)
+    rows    those that are fitted; judged, held: those of the fitted and of the held-out recordings (None: split by time) on which a fit is
+            judged, reversals and all
     runs    how fit each recording is, fitted ones first
     """
 
@@ -65,6 +66,7 @@ class Problem:
     motions: list[Motion]
     held_motions: list[Motion]
     rows: Equations
+    judged: Equations
     held: Equations | None
     base: BaseParameters
     excited: NDArray[np.intp]
@@ -87,8 +89,9 @@ class Problem:
         """The same equations with effects taken at the values of ``arm``."""
         common = self.friction, self.base
         rows = with_effects(self.rows, arm, self.arm, self.motions, *common)
+        judged = with_effects(self.judged, arm, self.arm, list(map(with_reversals, self.motions)), *common)
         held = None if self.held is None else with_effects(self.held, arm, self.arm, self.held_motions, *common)
-        return replace(self, rows=rows, held=held)
+        return replace(self, rows=rows, judged=judged, held=held)
 
 
 def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
@@ -130,6 +133,9 @@ def prepare(
     ``sparse``: the runs are of one joint each and need not excite the whole arm.
     """
     motions, held_motions, runs = motions_of(fit, held_out, arm, progress)
+    # Ripples reach to the low-pass's edge, where both sides differ; leaving samples out would fold that onto the motion.
+    motions = list(map(with_reversals, motions)) if arm.effects else motions
+    held_motions = list(map(with_reversals, held_motions))
     warnings = [warning for run in runs for warning in run.warnings]
     warnings += [
         f"{name}: held as the model has it, and counted as rigid or sliding here" for name in left_to_the_model(arm)
@@ -137,6 +143,7 @@ def prepare(
     progress("equations of motion")
     base = structural_base(arm, friction)
     rows = equations(arm, motions, friction, base)
+    judged = equations(arm, list(map(with_reversals, motions)), friction, base)
     held = equations(arm, held_motions, friction, base) if held_motions else None
     shown = rows.columns[:, base.kept] / _spread(rows, arm)[:, None]
     if len(shown) < (1 if sparse else 2) * len(base):
@@ -146,7 +153,9 @@ def prepare(
     excited = np.sort(excited)
     for k in [] if sparse else np.setdiff1d(np.arange(len(base)), excited):
         warnings.append(f"{base.expression(int(k))}: not excited by these runs; taken from the model")
-    return Problem(arm, friction, fit, held_out, motions, held_motions, rows, held, base, excited, warnings, runs)
+    return Problem(
+        arm, friction, fit, held_out, motions, held_motions, rows, judged, held, base, excited, warnings, runs
+    )
 
 
 def _spread(rows: Equations, arm: Arm) -> Array:
@@ -297,14 +306,15 @@ def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:
 def _predictions(
     problem: Problem, best: Fit, solve: Callable[[Equations], Fit], warnings: list[str]
 ) -> tuple[list[Prediction], list[str] | str]:
-    found = _predicted(problem, problem.rows, best.values, problem.fit, False)
+    found = _predicted(problem, problem.judged, best.values, problem.fit, False)
     if problem.held is not None:
         return found + _predicted(problem, problem.held, best.values, problem.held_out, True), [
             str(recording.path) for recording in problem.held_out
         ]
-    ends = np.array([motion.t[-1] for motion in problem.motions])[problem.rows.run]
-    window = np.array([4 / motion.band.parallel for motion in problem.motions])[problem.rows.run]
-    early, late = problem.rows.t < SPLIT * ends - window, problem.rows.t > SPLIT * ends
+    ends = np.array([motion.t[-1] for motion in problem.motions])
+    window = np.array([4 / motion.band.parallel for motion in problem.motions])
+    early = problem.rows.t < (SPLIT * ends - window)[problem.rows.run]
+    late = problem.judged.t > SPLIT * ends[problem.judged.run]
     warnings.append(
         f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, predicted from the first {SPLIT:.0%};"
         " give --held-out recordings of another motion before calling this model validated"
@@ -313,7 +323,7 @@ def _predictions(
         return found, "split"
     # Trained on part of the time, a direction may be unexcited that all of it excites: then least norm.
     first = solve(problem.rows.of(early))
-    return found + _predicted(problem, problem.rows.of(late), first.values, problem.fit, True), "split"
+    return found + _predicted(problem, problem.judged.of(late), first.values, problem.fit, True), "split"
 
 
 def _predicted(
@@ -330,7 +340,7 @@ def _predicted(
 def _errors(problem: Problem, values: Array) -> tuple[float, float]:
     """Relative error on the fitted and the held-out recordings."""
     found = []
-    for rows in (problem.rows, problem.held):
+    for rows in (problem.judged, problem.held):
         if rows is None:
             found.append(float("nan"))
             continue

@@ -10,8 +10,8 @@ from benchmarks.identification import coverage, puma
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_two_deviations_hold_the_truth_in_nine_runs_of_ten() -> None:
-    arm, runs = puma()
-    figures = coverage(arm, runs[0], 100)
+    arm, experiments = puma()
+    figures = coverage(arm, experiments[0], 100)
     assert figures["coverage_parameters"] >= 50
     assert figures["coverage_two_deviations"] >= 0.9
     # The textbook formula is the reason for all of this.
