@@ -40,10 +40,8 @@ Progress = Callable[[str], None]
 
 SPLIT = 0.7  # share of the time that is fitted where no recording is held out
 EXCITED = 1e-4  # share of a column that no other explains; below it, this experiment says nothing about the parameter
-STEPS, SETTLED = (
-    8,
-    0.1,
-)  # Gauss-Newton steps of an arm with effects, at most; a step of fewer standard deviations is the last
+# Gauss-Newton steps of an arm with effects, at most; a step of fewer standard deviations is the last.
+STEPS, SETTLED = 8, 0.1
 SHORTEST = 1 / 16  # of a step
 CERTAIN = 0.3  # of the value: a parameter with a larger standard deviation counts as not identifiable
 FELT = 0.02  # of the torque: unless the uncertainty is no more than this share of what the joints do
@@ -54,8 +52,7 @@ class Problem:
     """What is regressed: the arm, the runs, their rows and the columns that this data excites.
 
     base    what the arm could show; excited: indices into it that this data shows
-    rows    those that are fitted; judged, held: those of the fitted and of the held-out recordings (None: split by time) on which a fit is
-            judged, reversals and all
+    rows    those that are fitted; judged, held: those, reversals and all, of the fitted and the held-out runs (None: split) to judge on
     runs    how fit each recording is, fitted ones first
     """
 
@@ -107,14 +104,14 @@ def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
 def motions_of(
     fit: Sequence[Recording], held_out: Sequence[Recording], arm: Arm, progress: Progress = lambda _: None
 ) -> tuple[list[Motion], list[Motion], list[RunReadiness]]:
-    """Smooth motions of the fitted and of the held-out recordings, and how fit each is; InputError for one that cannot be used at all."""
+    """Smooth motions of the fitted and of the held-out recordings (to judge on), and how fit each is; InputError for one that cannot be used at all."""
     for recording in [*fit, *held_out]:
         refusals.check_recording(recording, arm)
     progress("smoothing")
     seen = [motion_of(recording, arm) for recording in [*fit, *held_out]]
     return (
         [motion for motion, _ in seen[: len(fit)]],
-        [motion for motion, _ in seen[len(fit) :]],
+        [with_reversals(motion) for motion, _ in seen[len(fit) :]],
         [run for _, run in seen],
     )
 
@@ -134,8 +131,7 @@ def prepare(
     """
     motions, held_motions, runs = motions_of(fit, held_out, arm, progress)
     # Ripples reach to the low-pass's edge, where both sides differ; leaving samples out would fold that onto the motion.
-    motions = list(map(with_reversals, motions)) if arm.effects else motions
-    held_motions = list(map(with_reversals, held_motions))
+    motions = [*map(with_reversals, motions)] if arm.effects else motions
     warnings = [warning for run in runs for warning in run.warnings]
     warnings += [
         f"{name}: held as the model has it, and counted as rigid or sliding here" for name in left_to_the_model(arm)

@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.signals import flat_tops, parallel_filter, parallel_rows, smooth_motion
+from identification.signals import (
+    equation_rows,
+    equation_weight,
+    flat_tops,
+    parallel_filter,
+    parallel_rows,
+    parallel_window,
+    smooth_motion,
+    with_reversals,
+)
 
 
 def motion(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -122,3 +131,28 @@ def test_joint_that_is_only_shaken_has_no_say_in_the_band() -> None:
     assert together.usable[:, 0].sum() > 1500
     assert together.moves(0)
     assert not together.moves(1)
+
+
+def test_fits_do_without_reversals_judgements_do_not() -> None:
+    t = np.arange(20_000) / 1000
+    q, v, a = motion(t)
+    got = smooth_motion(t, q, a)
+    moving = got.usable & (equation_weight(got) == 0)
+    turn = np.diff(np.sign(v), axis=0) != 0
+    inside = got.usable[1:] & got.usable[:-1]
+    assert np.all(moving[1:][turn & inside])  # each reversal
+    assert np.all(np.abs(v[moving]) < 0.2 * np.max(np.abs(v)))  # and little else
+    whole = with_reversals(got)
+    assert np.all(equation_weight(whole) == 1)
+    assert np.array_equal(equation_rows(whole)[1], parallel_rows(got)[1])
+    assert equation_rows(got)[1].mean() > 0.9
+
+
+def test_parallel_filter_is_the_same_for_every_row() -> None:
+    t = np.arange(7777) / 1000
+    got = smooth_motion(t, np.sin(3 * t)[:, None], np.sin(3 * t)[:, None])
+    columns = np.random.default_rng(0).standard_normal((len(t), 3, 2))
+    step = parallel_window(got)[1]
+    found = parallel_filter(got, columns)
+    shifted = parallel_filter(got, np.roll(columns, step, axis=0))
+    assert np.allclose(shifted[1:], found[:-1], atol=1e-12)
