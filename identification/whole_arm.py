@@ -104,7 +104,7 @@ def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
 def motions_of(
     fit: Sequence[Recording], held_out: Sequence[Recording], arm: Arm, progress: Progress = lambda _: None
 ) -> tuple[list[Motion], list[Motion], list[RunReadiness]]:
-    """Smooth motions of the fitted and of the held-out recordings (to judge on), and how fit each is; InputError for one that cannot be used at all."""
+    """Smooth motions of the fitted and of the held-out recordings, and how fit each is; InputError for one that cannot be used at all."""
     for recording in [*fit, *held_out]:
         refusals.check_recording(recording, arm)
     progress("smoothing")
