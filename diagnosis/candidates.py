@@ -64,6 +64,11 @@ class Candidate:
         effect = self.definition
         return not effect.linear and effect.delay is None and effect.change is None
 
+    def largest(self, k: int) -> float:
+        """Largest typical magnitude of coefficient k: what is believed of one that the data does not show."""
+        linear = self.definition.linear
+        return linear[k].typical[1] if k < len(linear) else linear[0].typical[1] if linear else 1.0
+
     def searched(self) -> list[str]:
         """Names of the shape parameters that are continuous and seen in the currents."""
         continuous = {p.name for p in self.definition.parameters if not p.whole}

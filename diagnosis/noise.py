@@ -47,7 +47,7 @@ def still_noise(recordings: Sequence[Recording]) -> Array:
     """(n,) A: standard deviation, in the band of comparison, of currents in the stand that recordings begin with; 0 where none does.
 
     What is correlated over tenths of a second is noise as well, and no scatter between neighbours shows it. The middle one of all recordings
-    is taken: where an arm still settles, its currents change for a reason.
+    is taken, about its trend: where an arm still settles, its currents change for a reason.
     """
     found = []
     for recording in recordings:
@@ -58,5 +58,13 @@ def still_noise(recordings: Sequence[Recording]) -> Array:
         moving = np.any(near > 8.0 * angle_noise(q), axis=1)
         rows = (int(np.argmax(moving)) if moving.any() else len(q)) - span
         if rows > STILL_SECONDS * rate:
-            found.append(low_pass(i, COMPARE_BAND, rate)[:rows].std(axis=0))
+            found.append(_about_trend(low_pass(i, COMPARE_BAND, rate)[:rows]))
     return np.median(found, axis=0) if found else np.zeros(recordings[0].joints if recordings else 1)
+
+
+def _about_trend(values: Array) -> Array:
+    """(n,) standard deviation of (m, n) values about parabolas through them: what a servo that settles does is no noise."""
+    x = np.linspace(-1.0, 1.0, len(values))
+    left = values - np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x, values, 2)).T
+    deviation: Array = left.std(axis=0)
+    return deviation

@@ -12,7 +12,7 @@ from scipy import optimize
 from arm_model.description import Arm
 from diagnosis.candidates import FIXED, Candidate
 from diagnosis.library import Columns, Side, columns_of
-from diagnosis.selection import Accepted, fit_gain
+from diagnosis.selection import INDEPENDENT, Accepted, fit_gain
 
 Array = NDArray[np.float64]
 
@@ -99,11 +99,16 @@ def estimates(
     """
     columns = [columns_of(candidate, fit, arm) for candidate in chosen]
     parts = np.split(coefficients, np.cumsum([c.x.shape[1] for c in columns])[:-1])
-    wide, moves = [], []  # whitened columns; for each, how parameters follow
+    wide, moves, sizes = (
+        [],
+        [],
+        [],
+    )  # whitened columns; for each, how parameters follow, and how large its coefficient may be
     for index, (candidate, column, part) in enumerate(zip(chosen, columns, parts)):
         for k in range(len(part)):
             wide.append(_spread(column, np.eye(len(part))[k], fit))
             moves.append((index, _by_coefficient(candidate, part, k)))
+            sizes.append(candidate.largest(k))
         for name in candidate.searched():
             value = dict(candidate.shape)[name]
             step = 0.02 * value
@@ -111,7 +116,11 @@ def estimates(
             slope = _spread(columns_of(other, fit, arm), part, fit) - _spread(column, part, fit)
             wide.append(slope / step)
             moves.append((index, {name: 1.0}))
-    covariance = _sandwich(np.column_stack(wide + [_spread(c, np.ones(1), fit) for c in free]), left, fit)
+            sizes.append(value)
+    sizes += [0.0] * len(free)
+    covariance = _sandwich(
+        np.column_stack(wide + [_spread(c, np.ones(1), fit) for c in free]), left, fit, np.array(sizes)
+    )
     covariance = covariance[: len(moves), : len(moves)]
     result = []
     for index, (candidate, part) in enumerate(zip(chosen, parts)):
@@ -147,15 +156,19 @@ def _by_coefficient(candidate: Candidate, part: Array, k: int) -> dict[str, floa
     return {name: (after[name] - before[name]) / (2 * step) for name in after}
 
 
-def _sandwich(wide: Array, left: Array, fit: Side) -> Array:
+def _sandwich(wide: Array, left: Array, fit: Side, sizes: Array) -> Array:
+    """Covariance of the coefficients of columns ``wide`` (N, k); in directions that the data does not show, it is that of ``sizes`` (k,)."""
     scale = np.linalg.norm(wide, axis=0)
     scale[scale == 0.0] = 1.0
     x = wide / scale
-    bread = np.linalg.pinv(x.T @ x, rcond=1e-8)
+    values, vectors = np.linalg.eigh(x.T @ x)
+    seen = values > INDEPENDENT**2
+    bread = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
     scores = np.stack([np.bincount(fit.block, weights=column * left) for column in x.T], axis=1)
     blocks = len(scores)
     meat = scores.T @ scores * blocks / max(blocks - len(scale), 1)
-    covariance: Array = bread @ meat @ bread / np.outer(scale, scale)
+    unseen = vectors[:, ~seen] @ vectors[:, ~seen].T
+    covariance: Array = (bread @ meat @ bread + unseen * (sizes * scale) ** 2 @ unseen) / np.outer(scale, scale)
     return covariance
 
 

@@ -30,6 +30,11 @@ SHADOW = 1e-3
 ALIKE = 0.005
 """Candidates whose gains differ by less than this share of the best are the same to this data."""
 
+INDEPENDENT = 1e-3
+"""Relative singular value below which columns of unit length are one: what the data says there is rounding and the columns' own errors."""
+NEAR, SURE = 0.8, 0.01
+"""A candidate with this share of the best gain is told from it where chance would do so with less than this probability."""
+
 
 @dataclass(frozen=True)
 class Look:
@@ -65,7 +70,7 @@ def accept(fit: Side, held_out: Side, chosen: Iterable[Pair]) -> Accepted:
     scale = np.linalg.norm(a, axis=0)
     scale[scale == 0.0] = 1.0
     u, s, vt = np.linalg.svd(a / scale, full_matrices=False)
-    keep = s > 1e-7 * s[0]
+    keep = s > INDEPENDENT * s[0]
     back = (vt[keep].T / s[keep]) / scale[:, None]  # basis coordinates -> coefficients
     basis = u[:, keep]
     seen = basis.T @ fit.y
@@ -88,7 +93,7 @@ def fit_gain(columns: Columns, accepted: Accepted) -> tuple[float, Array]:
     gram = (gram - inside @ inside.T) / np.outer(scale, scale)
     toward = columns.dot(accepted.fit) / scale
     values, vectors = np.linalg.eigh(gram)
-    keep = values > 1e-6
+    keep = values > INDEPENDENT**2
     along = vectors[:, keep].T @ toward
     coefficients = vectors[:, keep] @ (along / values[keep])
     return float(along @ (along / values[keep])), coefficients / scale
@@ -161,23 +166,20 @@ def round_of(
 
 
 def simplest(able: list[Look], held_out: Side) -> tuple[Look, list[Look]]:
-    """Of the candidates that explain as much as the best one, the one with the fewest coefficients; and all that are its equals.
+    """Of the candidates that explain as much as the best one, the one with the fewest coefficients; and all that may be its equals.
 
-    A candidate with more coefficients than another that explains the same is not an alternative but an excess; unless the catalogue knows
-    the two to be confused (an offset of the current and friction that differs by direction, where the arm always moves).
+    A candidate with more coefficients than another that explains the same is not an alternative but an excess. Equals are also those
+    whose blocks do not tell them from the one that was taken: whether they look alike has still to be asked.
     """
     best = able[0].held_out_gain
     level = best - max(ALIKE * best, 0.02 * held_out.rows)
     alike = [one for one in able if one.held_out_gain >= level]
     fewest = min(len(one.coefficients) for one in alike)
-    named = next(one for one in alike if len(one.coefficients) == fewest)
+    taken = next(one for one in alike if len(one.coefficients) == fewest)
     equals = [
-        one for one in alike if len(one.coefficients) == fewest or _known_confused(one.candidate, named.candidate)
+        one
+        for one in able
+        if (one in alike and len(one.coefficients) == fewest)
+        or (one.held_out_gain > NEAR * best and p_value(taken.blocks - one.blocks) > SURE)
     ]
-    return named, equals
-
-
-def _known_confused(one: Candidate, other: Candidate) -> bool:
-    """Whether the catalogue says that two effects at one joint may look alike."""
-    alike = other.effect in one.definition.confused_with or one.effect in other.definition.confused_with
-    return alike and one.joint == other.joint
+    return taken, equals
