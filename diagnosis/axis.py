@@ -18,6 +18,7 @@ from arm_model.description import Arm
 from arm_model.effects import CATALOGUE
 from diagnosis.axis_columns import DELAY, Rows, Shape, columns, fine, rows_of, shapes
 from diagnosis.parameters import SYSTEMATIC, Estimate
+from diagnosis.reading import low_pass
 from diagnosis.significance import benjamini_hochberg, p_value
 
 Array = NDArray[np.float64]
@@ -33,6 +34,8 @@ BLOCK_SECONDS = 0.3
 MOST = 6
 PRESLIDING = (0.6, 1.6)
 """Friction that builds up gradually is the model's own: a coefficient outside says that it is not what is seen."""
+TURN = 2e-3
+"""Of an axis's speed: the velocity over which friction turns round, at most."""
 ONE_SIDED = {"friction_asymmetry", "coulomb_friction", "viscous_friction", "current_offset", "gravity_spring"}
 """Effects that are a difference between the directions, or that another effect of this kind makes up for in one of them."""
 
@@ -70,6 +73,23 @@ class _Sides:
         return [(self.fit, self.held_out), *([(self.held_out, self.fit)] if self.both_ways else [])]
 
 
+def sharply(arm: Arm, recordings: Sequence[Samples]) -> Arm:
+    """The arm of one axis with friction that turns round within TURN of its speed, where the model's turns more slowly than that.
+
+    Over which velocity the sign of friction is smoothed is chosen for simulation, seldom measured; as wide as a stroke's start it would hide
+    what friction does there.
+    """
+    speed = max(
+        float(np.max(np.abs(np.diff(low_pass(q, 20.0, _rate(t)), axis=0)))) * _rate(t) for t, q, _ in recordings
+    )
+    joint = arm.joints[0]
+    return replace(arm, joints=(replace(joint, sign_velocity=min(joint.sign_velocity, max(TURN * speed, 1e-9))),))
+
+
+def _rate(t: Array) -> float:
+    return 1.0 / float(np.median(np.diff(t)))
+
+
 def axis_causes(
     arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, parts: bool
 ) -> list[AxisCause] | None:
@@ -79,6 +99,7 @@ def axis_causes(
     """
     if len(arm) != 1:
         return None
+    arm = sharply(arm, [*fit, *held_out])
     fit_rows, held_out_rows = (rows_of(arm, side, BLOCK_SECONDS) for side in (fit, held_out))
     sides = _Sides(fit_rows, held_out_rows, parts, {})
     if not fine(arm, sides.fit):

@@ -18,7 +18,7 @@ from arm_model.effects import CATALOGUE
 from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from diagnosis import events as event_search
-from diagnosis.axis import AxisCause, axis_causes
+from diagnosis.axis import AxisCause, axis_causes, sharply
 from diagnosis.candidates import Candidate, candidates
 from diagnosis.closed_loop import Compared, along_motion, compare, faithful, refuted, with_widths
 from diagnosis.events import Event
@@ -115,9 +115,12 @@ def diagnose(
     library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in candidates(arm) if judged}
     parts = bool({r.path for r in fit} & {r.path for r in held_out})
     axis = axis_causes(arm, samples[: len(fit)], samples[len(fit) :], parts=parts)
-    of_axis = [_from_axis(one) for one in axis or []]
+    of_axis, base = [_from_axis(one) for one in axis or []], arm
     if of_axis:  # the search is left with what they leave
-        terms = extend(arm, of_axis).effects[len(arm.effects) :]
+        base = sharply(arm, samples)
+        runs = [replace(run, arm=base) for run in runs]
+        sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
+        terms = extend(base, of_axis).effects[len(arm.effects) :]
         sides = replace(sides[0], y=side_with(sides[0], terms)), replace(sides[1], y=side_with(sides[1], terms))
     problem = Problem(
         arm, sides, library if axis is None else {}, list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
@@ -136,7 +139,7 @@ def diagnose(
     progress("comparing motor and link encoders")
     link = link_side(arm, fit, held_out)
     causes += [_from_link(one, arm) for one in link.causes] if link else []
-    extended = extend(arm, together(causes, tracked.causes, tracked.geometry)) if causes or tracked.causes else arm
+    extended = extend(base, together(causes, tracked.causes, tracked.geometry)) if causes or tracked.causes else arm
     causes = together(causes, tracked.causes)
     extended = with_widths(extended, fit) if extended is not model else extended
     halves = {"fit": (fit, runs[: len(fit)]), "held_out": (held_out, runs[len(fit) :])}
@@ -153,6 +156,7 @@ def diagnose(
         (search_result.remainder.structures if judged else []) + (link.unexplained if link else []) + tracked.unexplained, compared, along,
         np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
+        + (_of_width(arm, base))
         + ((f"{axis[-1].after:.3g} A rms of the held-out current below 60 Hz is left that no effect was named for",) if axis else ())
         + (link.remarks if link else ()),
     )  # fmt: skip
@@ -183,6 +187,14 @@ def seen_through(
         runs[k] = see(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=still)
         found.append(event)
     return found, runs, samples
+
+
+def _of_width(arm: Arm, base: Arm) -> tuple[str, ...]:
+    """Says where friction was taken to turn round faster than the model has it."""
+    wide, narrow = (one.joints[0].sign_velocity for one in (arm, base))
+    return (
+        () if narrow == wide else (f"friction was taken to turn round within {narrow:.2g}, not {wide:.2g} m/s (rad/s)",)
+    )
 
 
 def has_dynamics(arm: Arm) -> bool:

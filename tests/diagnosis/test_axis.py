@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +110,14 @@ def test_friction_that_differs_by_direction_a_lead_and_less_friction_at_rest_com
     _near(found["stribeck_friction"], "breakaway", -10.0)
     _near(found["stribeck_friction"], "stribeck_velocity", 0.01)
     assert all(p.unit in ("N", "N s/m", "m/s", "s") for cause in found.values() for p in cause.parameters)
+
+
+def test_how_slowly_the_model_lets_friction_turn_round_decides_nothing() -> None:
+    joint = replace(_model().joints[0], sign_velocity=0.01)
+    true = Carriage(viscous=(165.0, 240.0), at_rest=0.5, lead=0.7e-3)
+    found = axis_causes(replace(_model(), joints=(joint,)), [_record(true, 1)], [_record(true, 2)], parts=False)
+    assert found is not None
+    assert {cause.effect for cause in found} == {"friction_asymmetry", "time_skew", "stribeck_friction"}
 
 
 def test_a_coarse_encoder_is_left_to_the_filters_of_arms() -> None:
