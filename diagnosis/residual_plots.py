@@ -78,7 +78,7 @@ def left_against(result: Diagnosis, joint: int, name: str) -> tuple[Figure, str]
     _, after, sure = in_noise(result, joint)
     figure = Figure(figsize=(10.5, 3.2), layout="constrained")
     axis = figure.subplots()
-    _cloud(axis, found[name][sure], after[sure], PALE[1], AFTER, "mean in bins, ± 2 std")
+    _cloud(axis, found[name][sure], after[sure], PALE[1], AFTER, "mean in bins")
     _limit(axis, after[sure])
     axis.set_xlabel(f"{name}, {UNITS[name]}" if name in UNITS else name)
     axis.set_ylabel(f"left of joint {joint}, times the noise")
@@ -139,7 +139,8 @@ def side_by_side(before: Compared, after: Compared, extended: bool) -> tuple[Fig
     t = before.t[thin]
     for j, (left, right) in enumerate(axes):
         left.plot(t, before.current[thin, j], color=MEASURED, lw=1.8, label="measured")
-        lines = [(before, BEFORE, "simulated, before")] + ([(after, AFTER, "simulated, after")] if extended else [])
+        lines = [(before, BEFORE, "simulated, before" if extended else "simulated")]
+        lines += [(after, AFTER, "simulated, after")] if extended else []
         for one, colour, label in lines:
             left.plot(t, one.simulated_current[thin, j], color=colour, lw=0.8, label=label)
             right.plot(t, 1e3 * (one.angle - one.simulated_angle)[thin, j], color=colour, lw=0.8)
