@@ -24,6 +24,7 @@ class Outcome:
 
     left    weighed held-out rms at the joint of each hidden effect (1: noise); closed: current error of the simulation there over noise
     told    for a stranger, whether ``unexplained`` has its joint and a right variable
+    declared  for each hidden effect, whether ``not_visible`` says that these recordings cannot show it
     """
 
     name: str
@@ -45,6 +46,7 @@ class Outcome:
     seconds: float
     generated: float = 0.0
     groups: list[list[list[Any]]] = field(default_factory=list)
+    declared: list[bool] = field(default_factory=list)
 
     @property
     def good(self) -> bool:
@@ -79,6 +81,7 @@ def outcome(case: Case, hidden: Sequence[Mapping[str, Any]], result: Diagnosis, 
             confidence.append((match.confidence, True))
             parameters += compared(match, one)
     confidence += [(cause.confidence, False) for cause in rest]
+    unseen = {(one["effect"], one["joint"]) for one in table["not_visible"]}
     left = [[s["signal"], s["joint"], s["against"], s["share"]] for s in table["unexplained"]]
     return Outcome(
         name=case.name, kind=case.kind, laboratory=asdict(case.laboratory),
@@ -87,7 +90,8 @@ def outcome(case: Case, hidden: Sequence[Mapping[str, Any]], result: Diagnosis, 
         named=[[c.effect, c.joint] for c in result.causes], found=found, superfluous=len(rest), confidence=confidence,
         parameters=parameters, verdict=result.verdict, unexplained=left, told=stranger and told(hidden[0], left),
         left=[_left(result, one["joint"]) for one in hidden], closed=[_closed(table, one["joint"]) for one in hidden],
-        seconds=0.0, groups=[[list(member) for member in c.group] for c in result.causes],
+        declared=[(one["effect"], one["joint"]) in unseen for one in hidden], seconds=0.0,
+        groups=[[list(member) for member in c.group] for c in result.causes],
     )  # fmt: skip
 
 
@@ -150,6 +154,8 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
         if kind in by_kind:
             table[f"{kind}_cases"] = len(by_kind[kind])
             table[f"{kind}_all_named"] = _mean(all(o.found) for o in by_kind[kind])
+            missed = [declared for o in by_kind[kind] for found, declared in zip(o.found, o.declared) if not found]
+            table[f"{kind}_missed_and_declared_not_visible"] = sum(missed)
     hiding = [o for o in outcomes if o.kind not in ("empties", "strangers")]
     if hiding:
         table["superfluous_names_a_case"] = _mean(o.superfluous for o in hiding)
