@@ -23,6 +23,7 @@ from tests.ports import free_endpoint
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_a_rig_with_a_wrong_model_is_calibrated_and_corrected(root: Path, tmp_path: Path) -> None:
     """The arm that moves has errors of its own; encoders count, the tracker streams every third point and its noise is 0.06 mm."""
     nominal = puma(root)
