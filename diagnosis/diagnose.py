@@ -34,6 +34,7 @@ from diagnosis.search import Found, Problem, search, without
 from diagnosis.selection import Look, look
 from diagnosis.setup import loaded, setup_of
 from diagnosis.tracker import Tracked, TrackerCause, tracked_causes
+from diagnosis.turned import turned_wrist
 from diagnosis.visibility import Invisible, not_visible
 from inputs import InputError
 
@@ -171,7 +172,12 @@ def seen_through(
     """
     _check(arm, recordings)
     progress("looking for events")
-    found = [*event_search.hum(recordings), *event_search.jumps(recordings), *event_search.clipped(recordings)]
+    found = [
+        *event_search.hum(recordings),
+        *event_search.jumps(recordings),
+        *event_search.clipped(recordings),
+        *turned_wrist(recordings),
+    ]
     runs, samples = [], []
     still = still_noise([r for r in recordings if not setup_of(r).drives_off])
     for index, recording in enumerate(recordings):

@@ -1,0 +1,53 @@
+"""The coupling of the wrist, seen in motors that turn although their axes rest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daq.recording import Recording, open_recording
+from daq.recording_file import Attachments
+from daq.table import write_table
+from diagnosis.turned import turned_wrist
+
+STEP = 2 * np.pi / 1000 / 76.0
+
+
+def _recorded(folder: Path, seed: int, coupling: dict[tuple[int, int], float]) -> Recording:
+    """Axis 4 swings, axis 5 swings later, axis 6 rests; motors follow their demands with a lag of 2 ms and what couples them."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 8.0, 0.002)
+    axes = np.zeros((len(t), 6))
+    axes[:, 3] = rng.uniform(0.3, 0.8) * np.sin(2 * np.pi * 0.4 * t) * (t < 5)
+    axes[:, 4] = 0.5 * (1 - np.cos(2 * np.pi * 0.5 * (t - 4))) * (t > 4)
+    motors = axes - 0.002 * np.gradient(axes, 0.002, axis=0)
+    for (axis, motor), c in sorted(coupling.items()):  # motor 5 has turned before it turns axis 6
+        motors[:, axis - 1] -= c * motors[:, motor - 1]
+    q = np.floor(motors / STEP + rng.uniform(size=6)) * STEP
+    path = folder / f"{seed}.mcap"
+    write_table(path, t, {"q": q, "i": rng.normal(0.0, 0.01, q.shape), "qref": axes}, Attachments())
+    return open_recording(path)
+
+
+def test_the_coupling_is_told_with_its_coefficients(tmp_path: Path) -> None:
+    hidden = {(5, 4): 0.03, (6, 4): -0.02, (6, 5): 0.1}
+    (event,) = turned_wrist([_recorded(tmp_path, seed, hidden) for seed in range(3)])
+    assert event.effect == "wrist_coupling"
+    for parameter in event.parameters:
+        true = hidden[int(parameter.name[1]), int(parameter.name[2])]
+        assert abs(parameter.value - true) < 2 * parameter.std
+        assert parameter.std < 0.1 * abs(true) + 1e-3
+
+
+def test_a_servo_that_lags_turns_no_other_motor(tmp_path: Path) -> None:
+    assert turned_wrist([_recorded(tmp_path, seed, {}) for seed in range(2)]) == []
+
+
+@pytest.mark.parametrize("only", [(5, 4), (6, 5)])
+def test_one_coupling_leaves_the_others_at_zero(tmp_path: Path, only: tuple[int, int]) -> None:
+    (event,) = turned_wrist([_recorded(tmp_path, seed, {only: 0.05}) for seed in range(3)])
+    told = {p.name: p.value for p in event.parameters}
+    assert told[f"c{only[0]}{only[1]}"] == pytest.approx(0.05, rel=0.05)
+    assert sum(abs(value) for value in told.values()) < 0.06
