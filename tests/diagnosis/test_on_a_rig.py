@@ -77,10 +77,10 @@ def _is_a_report(path: Path, cause: str) -> None:
     headings = [
         "class=verdict",
         "<h2 id=cause1",
-        "could not show",
-        "What is left",
-        "before and after",
-        "Joint by joint",
+        "<h2>What this data could not show",
+        "<h2>What is left",
+        "<h2>The simulation before and after",
+        "<h2>Joint by joint",
     ]
     places = [page.index(heading) for heading in headings]
     assert places == sorted(places)
