@@ -23,6 +23,8 @@ PIECE = 0.25
 """s: within a piece the lag is one number."""
 SURE = 7.0
 """Standard deviations of the change: it is the largest among all instants, of data with other things wrong in it."""
+OTHERS = 4.0
+"""Standard deviations by which the joints other than the best one must show the change, and within which they must agree with it."""
 WHOLE = 0.3
 """Rows by which a change of lag may miss a whole number."""
 MOST_ROWS = 12
@@ -89,11 +91,25 @@ def change_of_lag(run: Run) -> Change | None:
     scatter = np.sum(weight * left**2, axis=0) / max(len(lag) - 2, 1)
     per_joint = _steps_by_joint(lag, weight, at)
     known = 1.0 / np.maximum(scatter * _leverage(weight, at), 1e-300)
+    if not _agreed(per_joint, known):
+        return None
     step = float(np.sum(known * per_joint) / np.sum(known))
     std = float(1.0 / np.sqrt(np.sum(known)))
     disagree = float(np.sum(known * (per_joint - step) ** 2)) / max(len(per_joint) - 1, 1)
     time, time_std = _instant(run, pieces, at, step)
     return Change(time, time_std, step, std * float(np.sqrt(max(disagree, 1.0))))
+
+
+def _agreed(per_joint: Array, known: Array) -> bool:
+    """Whether the joints other than the one that knows best show the same step (inverse variances ``known``): trigger edges are lost for all,
+    and what is wrong with one joint alone is something else."""
+    best = int(np.argmax(known))
+    others = np.delete(known, best)
+    step, std = float(np.sum(np.delete(known * per_joint, best)) / np.sum(others)), float(1.0 / np.sqrt(np.sum(others)))
+    apart = abs(step - per_joint[best])
+    return abs(step) > OTHERS * std and apart < OTHERS * float(np.hypot(std, 1.0 / np.sqrt(known[best]))) + 0.2 * abs(
+        step
+    )
 
 
 def _lags(run: Run) -> tuple[Array, Array, Array]:
