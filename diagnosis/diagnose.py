@@ -24,6 +24,7 @@ from diagnosis.closed_loop import Compared, along_motion, compare, faithful, ref
 from diagnosis.events import Event
 from diagnosis.evidence import Run, see
 from diagnosis.library import Side, columns_of, free_columns, side_of, side_with
+from diagnosis.lines import order_of
 from diagnosis.link_causes import LinkCause, LinkSide, link_side
 from diagnosis.lost_edges import lost_edges, put_back
 from diagnosis.noise import still_noise
@@ -113,7 +114,9 @@ def diagnose(
     sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
     progress("computing what each effect would look like")
     judged = has_dynamics(arm)
-    library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in candidates(arm) if judged}
+    every = tuple(candidates(arm)) if judged else ()
+    lines = tuple(c for c in every if order_of(c) is not None)
+    library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in every if order_of(c) is None}
     parts = bool({r.path for r in fit} & {r.path for r in held_out})
     axis = axis_causes(arm, samples[: len(fit)], samples[len(fit) :], parts=parts)
     of_axis, base = [_from_axis(one) for one in axis or []], arm
@@ -123,9 +126,8 @@ def diagnose(
         sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
         terms = extend(base, of_axis).effects[len(arm.effects) :]
         sides = replace(sides[0], y=side_with(sides[0], terms)), replace(sides[1], y=side_with(sides[1], terms))
-    problem = Problem(
-        arm, sides, library if axis is None else {}, list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
-    )
+    free = list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
+    problem = Problem(arm, sides, library, free, lines) if axis is None else Problem(arm, sides, {}, free)
     search_result = search(problem, progress)
     progress("estimating parameters")
     named_by_search = _of_search(problem, search_result)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from arm_model.description import Arm, EffectTerm
 from diagnosis.candidates import Candidate
 from diagnosis.library import Columns, Side, columns_of, side_with
+from diagnosis.lines import audible, order_of
 from diagnosis.parameters import parameters_of, physical, sharpened
 from diagnosis.remainder import Remainder, beside, better_than_causes, structure_left
 from diagnosis.selection import Accepted, Look, Pair, accept, look, matters, round_of, simplest
@@ -40,6 +41,16 @@ class Problem:
     sides: tuple[Side, Side]
     library: dict[Candidate, Pair]
     free: list[Pair]
+    lines: tuple[Candidate, ...] = ()  # ripples, whose columns are computed where they can be heard
+
+    def listen(self, residual: Array) -> None:
+        """Puts the ripples that can be heard in the fitted side's whitened residual into the library."""
+        highest = max((order_of(c) or 0 for c in self.lines), default=0)
+        for joint in sorted({c.joint for c in self.lines if c.joint}):
+            orders = audible(self.sides[0], residual, self.arm, joint, highest)
+            for c in self.lines:
+                if c.joint == joint and order_of(c) in orders and c not in self.library:
+                    self.library[c] = columns_of(c, self.sides[0], self.arm), columns_of(c, self.sides[1], self.arm)
 
     def accepted(self, chosen: Sequence[Candidate], sides: tuple[Side, Side]) -> Accepted:
         """The chosen candidates fitted together to ``sides``; the free columns' coefficients come first."""
@@ -68,6 +79,7 @@ def search(problem: Problem, progress: Callable[[str], None]) -> Found:
     for number in range(1, MOST_CAUSES + 1):
         progress(f"looking for cause {number}")
         accepted = problem.accepted(chosen, sides)
+        problem.listen(accepted.fit)
         able = round_of(problem.library, accepted, *sides, {c.key for c in chosen}, physical)
         if not able:
             break
