@@ -3,7 +3,7 @@
 python -m benchmarks.identification [--json] [--runs N]
 
 EMPS and Panda need the measured data (``ARMSCOPE_SHARED``, else ../shared); FIGAROH 1.0.2 (PyPI) its own environment, whose Python is
-named by ``FIGAROH_PYTHON``. What is not there is left out of the figures.
+named by ``FIGAROH_PYTHON``; ``mujoco.sysid`` the extra ``mujoco[sysid]``. What is not there is left out of the figures, and named on standard error.
 
 coverage_*   a simulated six-joint Puma (one excitation, its motion from the compiled closed loop), N times through encoders and the
              current chain with fresh noise and the rig's own clock: share of (run, identifiable base parameter) pairs within two stated
@@ -13,6 +13,8 @@ fit_vs_figaroh  time of one fit of that regressor (base parameters and their exp
              condition number): FIGAROH's over ours, more is better
 solve_vs_plain_least_squares  the base parameters known (they are the arm's, not the run's): numpy's lstsq on all columns over ours
 *_held_out   relative error on another noise of another motion
+emps_split_*  the first 70 % of the EMPS recording fitted, the rest held out, by us and by ``mujoco.sysid`` (benchmarks/sysid_peer.py): the four
+             parameters, the relative error of the force that they give to the held-out rows, and the whole time from samples to parameters
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.motion import Motion as Simulated
 from arm_model.simulation import simulate
+from benchmarks import sysid_peer
 from benchmarks.report import report
 from experiment import Experiment, demand_of
 from identification.base_parameters import base_parameters
@@ -99,6 +102,49 @@ def published() -> dict[str, float]:
             if label == "emps" and friction == "symmetric":
                 figures |= {f"emps_{base.expression(k)}": float(fit.values[k]) for k in range(len(base))}
     return figures
+
+
+def split_drive() -> dict[str, float]:
+    """Parameters, held-out error and time on one half-known drive: ours and ``mujoco.sysid``'s."""
+    if not (SHARED / "data/emps/train.csv").exists():
+        return {}
+    arm = read_model(ROOT / "config/models/emps.toml")
+    data = np.genfromtxt(SHARED / "data/emps/train.csv", delimiter=",", names=True)
+    t, q, demand = (data[name] for name in ("t", "q1", "qref1"))
+    force = data["i1"] * arm.joints[0].drive_constant
+    early = t < t[0] + 0.7 * (t[-1] - t[0])
+
+    def rows_of(part: Array, *, judged: bool = False) -> Equations:
+        motion = smooth_motion(t[part], q[part, None], force[part, None])
+        return equations(arm, [with_reversals(motion) if judged else motion])
+
+    def ours() -> Array:
+        rows = rows_of(early)
+        return least_squares(rows.columns[:, order], rows.torque, rows.joint, "ols").values
+
+    late = rows_of(~early, judged=True)
+    order = [late.names.index(name) for name in sysid_peer.NAMES]
+    figures: dict[str, float] = {}
+    found = {"ours": (ours(), best_of(ours))}
+    if sysid_peer.installed():
+        values, half, seconds = sysid_peer.fit_drive(arm, t[early], q[early], force[early], demand[early])
+        found["mujoco_sysid"] = (np.array([values[name] for name in sysid_peer.NAMES]), seconds)
+        figures["emps_split_mujoco_sysid_link1.mass_interval"] = half["link1.mass"]
+    else:
+        absent("mujoco.sysid: pip install 'mujoco[sysid]>=4'")
+    for who, (parameters, seconds) in found.items():
+        residual = late.torque - late.columns[:, order] @ parameters
+        figures |= {f"emps_split_{who}_{name}": float(v) for name, v in zip(sysid_peer.NAMES, parameters)}
+        figures[f"emps_split_{who}_held_out"] = relative_error(late.torque, residual)
+        figures[f"emps_split_{who}_seconds"] = seconds
+    if "mujoco_sysid" in found:
+        figures["emps_split_vs_mujoco_sysid"] = found["mujoco_sysid"][1] / found["ours"][1]
+    return figures
+
+
+def absent(what: str) -> None:
+    """Says on standard error which peer is not measured, and how it would be."""
+    print(f"not measured: {what}", file=sys.stderr)
 
 
 def sampled(arm: Arm, experiment: Experiment, seed: int, rate: float) -> Simulated:
@@ -205,6 +251,8 @@ def peers(arm: Arm, experiments: list[Experiment]) -> dict[str, float]:
             seconds, rank, error = map(float, done.stdout.split()[-3:])
             figures |= {"figaroh_seconds": seconds, "figaroh_base_parameters": rank, "figaroh_held_out": error}
             figures["fit_vs_figaroh"] = seconds / figures["fit_seconds"]
+    else:
+        absent("FIGAROH: FIGAROH_PYTHON names no Python that has it")
     return figures
 
 
@@ -227,7 +275,7 @@ def best_of(work: Callable[[], object], times: int = 5) -> float:
 def main() -> None:
     count = int(sys.argv[sys.argv.index("--runs") + 1]) if "--runs" in sys.argv else 100
     arm, experiments = puma()
-    report(published() | peers(arm, experiments) | coverage(arm, experiments[0], count))
+    report(published() | split_drive() | peers(arm, experiments) | coverage(arm, experiments[0], count))
 
 
 if __name__ == "__main__":
