@@ -168,24 +168,28 @@ def us_digital_ad4b() -> dict[str, float]:
         figures = measure("ad4b", counter.poll, ad4b.RATE, 0.0)
         port = counter._port._alive().fileno()
 
-        def bare() -> None:
+        def bare() -> bool:
             os.write(port, ad4b.POSITION)
             got = b""
             while len(got) < ad4b.POSITION_BYTES and select.select([port], [], [], 1.0)[0]:
                 got += os.read(port, ad4b.POSITION_BYTES)
+            return len(got) == ad4b.POSITION_BYTES
 
-        return figures | {"ad4b_rate_vs_transport": in_turns(counter.poll, bare)}
+        def driver() -> bool:
+            return not (counter.poll().quality & Quality.MISSING).any()
+
+        return figures | {"ad4b_rate_vs_transport": in_turns(driver, bare)}
 
 
-def in_turns(driver: Callable[[], object], bare: Callable[[], object], turn: float = 0.25) -> float:
-    """Rows of ``driver`` over those of ``bare`` in the same time, taken in turns, so that a busy machine keeps both waiting."""
+def in_turns(driver: Callable[[], bool], bare: Callable[[], bool], turn: float = 0.25) -> float:
+    """Rows of ``driver`` over those of ``bare`` in the same time, taken in turns, so that a busy machine keeps both waiting. Each
+    says whether it made one."""
     rows = {driver: 0, bare: 0}
     for _ in range(round(2 * SECONDS / turn)):
         for once in (driver, bare):
             end = time.monotonic() + turn
             while time.monotonic() < end:
-                once()
-                rows[once] += 1
+                rows[once] += once()
     return rows[driver] / rows[bare]
 
 
@@ -203,27 +207,22 @@ def cia406() -> dict[str, float]:
 
 
 def bare_syncs(encoders: Any) -> float:
-    """Rounds of the driver over those of a loop that sends SYNC and takes as many frames, each with the bus to itself, in turns."""
+    """Rounds of the driver over those of a loop that sends SYNC and takes as many frames, in turns."""
     import can
 
-    bus, rounds = encoders._bus, {"driver": 0, "bare": 0}
+    bus, nodes = encoders._bus, {cia.TPDO1 + n for n in encoders.config.nodes}
     sync = can.Message(arbitration_id=cia.SYNC, is_extended_id=False)
-    for _ in range(round(2 * SECONDS / 0.5)):
-        bus.reopen()
-        end = time.monotonic() + 0.5
-        while time.monotonic() < end:
-            rounds["driver"] += int(not (encoders.poll().quality & Quality.MISSING).any())
-        bus._notifier.stop()
-        end = time.monotonic() + 0.5
-        while time.monotonic() < end:
+
+    def bare() -> bool:
+        with bus._reading:
             bus._bus.send(sync)
             got: set[int] = set()
-            while len(got) < len(encoders.config.nodes) and (frame := bus._bus.recv(0.05)) is not None:
-                if frame.arbitration_id > cia.TPDO1:
+            while len(got) < len(nodes) and (frame := bus._bus.recv(0.05)) is not None:
+                if frame.arbitration_id in nodes:
                     got.add(frame.arbitration_id)
-            rounds["bare"] += int(len(got) == len(encoders.config.nodes))
-    bus.reopen()
-    return rounds["driver"] / rounds["bare"]
+            return got == nodes
+
+    return in_turns(lambda: not (encoders.poll().quality & Quality.MISSING).any(), bare)
 
 
 def isabellenhuette_ivts() -> dict[str, float]:

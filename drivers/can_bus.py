@@ -1,16 +1,31 @@
-"""A CAN bus that several drivers of one rig share: one python-can bus and one receiving thread, a mailbox a listener."""
+"""A CAN bus that several drivers of one rig share: one python-can bus, a mailbox a listener.
+
+Whoever waits for a frame reads the bus himself, and puts into their mailboxes what comes for others: an answer that a thread of
+the bus received would have to wait for one more thread to be scheduled. The bus's own thread receives while nobody else does.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Iterable
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from drivers.registry import World
+
+MOST = 4096  # frames that a mailbox holds: what nobody takes is not kept for ever
+ATTENDED = (
+    0.1  # s since a driver last read: until then it will read again, and the bus's thread only empties what is left
+)
+LEFT = 0.01  # s between such looks
+TURN = 0.001  # s after which somebody who waits for another thread's reading looks into his mailbox again
+OLDEST = 2.0  # s: a frame's stamp that is older was not given by this computer's clock
+Frame = tuple[int, int, bytes]
 
 
 class CanConfig(BaseModel):
@@ -33,28 +48,31 @@ def frame_bits(data_bytes: int) -> int:
 
 
 class Mailbox:
-    """Frames with some identifiers, in the order of arrival: (host ns, identifier, data)."""
+    """Frames with some identifiers, in the order of arrival: (host ns, identifier, data). The last ``MOST`` are kept."""
 
-    def __init__(self) -> None:
-        self._frames: list[tuple[int, int, bytes]] = []
-        self._arrived = threading.Condition()
+    def __init__(self, bus: CanBus) -> None:
+        self._bus = bus
+        self._frames: deque[Frame] = deque(maxlen=MOST)
 
     def put(self, at: int, identifier: int, data: bytes) -> None:
-        with self._arrived:
-            self._frames.append((at, identifier, data))
-            self._arrived.notify_all()
+        self._frames.append((at, identifier, data))
 
-    def take(self) -> list[tuple[int, int, bytes]]:
+    def take(self) -> list[Frame]:
         """All that have come, without waiting."""
-        with self._arrived:
-            frames, self._frames = self._frames, []
-        return frames
+        self._bus.read(0.0)
+        return self._taken()
 
-    def wait(self, deadline: float) -> list[tuple[int, int, bytes]]:
+    def wait(self, deadline: float) -> list[Frame]:
         """All that have come; where none has, waits for the first until ``deadline`` (s, time.monotonic)."""
-        with self._arrived:
-            self._arrived.wait_for(lambda: bool(self._frames), max(0.0, deadline - time.monotonic()))
-            frames, self._frames = self._frames, []
+        while not self._frames and (left := deadline - time.monotonic()) > 0:
+            self._bus.read(left)
+        return self._taken()
+
+    def _taken(self) -> list[Frame]:
+        frames = []
+        with contextlib.suppress(IndexError):
+            while True:
+                frames.append(self._frames.popleft())
         return frames
 
 
@@ -65,7 +83,10 @@ class CanBus:
         self.config = config
         self._users = 0
         self._bus: Any = None
-        self._notifier: Any = None
+        self._thread: threading.Thread | None = None
+        self._stopping = threading.Event()
+        self._reading = threading.Lock()
+        self._attended = -ATTENDED  # s, when a driver last read
         self._boxes: dict[int, list[Mailbox]] = {}
         self._networks: list[Any] = []
         self._error: str | None = None
@@ -96,7 +117,7 @@ class CanBus:
 
     def listen(self, identifiers: Iterable[int]) -> Mailbox:
         """A mailbox for frames with these identifiers."""
-        box = Mailbox()
+        box = Mailbox(self)
         for identifier in identifiers:
             self._boxes.setdefault(identifier, []).append(box)
         return box
@@ -139,44 +160,68 @@ class CanBus:
         self._error = None
         for network in self._networks:
             network.bus = self._bus
-        self._notifier = can.Notifier(self._bus, [_Receiver(self)], timeout=0.1)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, args=(self._stopping,), name="can", daemon=True)
+        self._thread.start()
 
     def _stop(self) -> None:
-        if self._notifier is not None:
-            self._notifier.stop(1.0)
-        if self._bus is not None:
-            self._bus.shutdown()
-        self._bus = self._notifier = None
+        if self._thread is not None:
+            self._stopping.set()
+            self._thread.join()
+        with self._reading:
+            if self._bus is not None:
+                self._bus.shutdown()
+            self._bus = self._thread = None
 
-    def received(self, message: Any) -> None:
-        """From the receiving thread."""
-        at = time.monotonic_ns()
+    def _run(self, stopping: threading.Event) -> None:
+        while not stopping.is_set():
+            if self._error is not None or time.monotonic() - self._attended < ATTENDED:
+                stopping.wait(LEFT)
+                self._receive(0.0, 0.0)
+            else:
+                self._receive(ATTENDED, ATTENDED)
+
+    def read(self, seconds: float) -> None:
+        """Puts into the mailboxes what has come; ``seconds`` above 0: waits as long for a frame, or until another thread that reads
+        may have brought one."""
+        self._attended = time.monotonic()
+        if not self.is_open:
+            time.sleep(min(seconds, TURN))
+        self._receive(seconds, min(seconds, TURN))
+
+    def _receive(self, seconds: float, turn: float) -> None:
+        """The next frame within ``seconds`` s; for 0, all that have come. Waits ``turn`` s at most for another thread that reads."""
+        from can import CanError
+
+        if not self._reading.acquire(timeout=turn):
+            return
+        try:
+            while self.is_open and (message := self._bus.recv(seconds)) is not None:
+                self._deliver(message)
+                if seconds:
+                    break
+        except (CanError, OSError) as error:
+            self._error = f"cannot receive: {error}"
+        finally:
+            self._reading.release()
+
+    def _deliver(self, message: Any) -> None:
         if message.is_error_frame:
             return
+        identifier = message.arbitration_id
         if not message.is_extended_id and not message.is_remote_frame:
-            for box in self._boxes.get(message.arbitration_id, ()):
-                box.put(at, message.arbitration_id, bytes(message.data))
+            at = _arrival(message.timestamp)
+            for box in self._boxes.get(identifier, ()):
+                box.put(at, identifier, bytes(message.data))
         for network in self._networks:
-            network.notify(message.arbitration_id, message.data, message.timestamp)
-
-    def failed(self, error: BaseException) -> None:
-        """From the receiving thread, which ends."""
-        self._error = f"cannot receive: {error}"
+            network.notify(identifier, message.data, message.timestamp)
 
 
-class _Receiver:
-    """What python-can wants of a listener."""
-
-    def __init__(self, bus: CanBus) -> None:
-        self._bus = bus
-
-    def __call__(self, message: Any) -> None:
-        self._bus.received(message)
-
-    def on_error(self, error: BaseException) -> None:
-        self._bus.failed(error)
-
-    def stop(self) -> None: ...
+def _arrival(stamp: float) -> int:
+    """Host ns (monotonic) of a frame stamped with so many s of Unix time, as the kernel does; now, for a stamp of another kind."""
+    age = time.time_ns() - int(stamp * 1e9)
+    now = time.monotonic_ns()  # read later, so that what holds this thread up here makes no frame older than it is
+    return now - age if 0 <= age < OLDEST * 1e9 else now
 
 
 def shared_bus(world: World, config: CanConfig) -> CanBus:
