@@ -27,7 +27,8 @@ from daq.recording_file import Attachments
 from daq.table import write_table
 from diagnosis.coupling import Coupling, coupling_at
 from experiment import Experiment, write_experiment
-from identification.whole_arm import identify, motion_of
+from identification.problem import motion_of
+from identification.whole_arm import identify
 
 MODEL = Path(__file__).resolve().parent.parent / "config/models/puma560.toml"
 START = [0.0, -0.4, -0.9, 0.0, 0.5, 0.0]

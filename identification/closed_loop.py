@@ -21,12 +21,13 @@ from scipy import linalg
 from arm_model.description import Arm
 from arm_model.simulation import simulate
 from daq.recording import Recording
+from identification.conclusion import conclude, physical_values, with_values
 from identification.equations import Equations, filtered_columns, with_effects
 from identification.least_squares import Fit, joint_noise, least_squares, weighted
+from identification.problem import Problem
 from identification.result import Identification
 from identification.signals import Motion, equation_rows, smooth_motion
 from identification.uncertainty import uncertainty
-from identification.whole_arm import Problem, conclude, physical_values, with_values
 from inputs import InputError
 
 Array = NDArray[np.float64]

@@ -12,10 +12,11 @@ from arm_model.parameters import with_parameters
 from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording
 from identification import refusals
+from identification.conclusion import SPLIT
 from identification.motor_link import PASSING, MotorLink, Way, fitted, joined, motor_link_rows
+from identification.problem import motions_of
 from identification.result import Identification, Prediction, Value, unit_of
 from identification.signals import Motion
-from identification.whole_arm import SPLIT, motions_of
 from inputs import InputError
 
 Array = NDArray[np.float64]

@@ -9,12 +9,13 @@ import numpy as np
 
 from arm_model.description import Arm
 from daq.recording import Recording
-from identification import closed_loop, joint_by_joint, sequence, whole_arm
+from identification import closed_loop, joint_by_joint, sequence
 from identification.equations import Friction
 from identification.friction_tuning import simulated_error, tune_friction
+from identification.problem import Progress, excitation_of, motions_of, prepare
 from identification.readiness import Readiness
 from identification.result import Identification, Prediction, Value, unit_of
-from identification.whole_arm import Progress
+from identification.whole_arm import identify
 
 Method = Literal["ols", "wls", "irls", "iv", "didim", "motor-link", "sequence", "friction"]
 
@@ -31,9 +32,9 @@ def identify_by(
     """Identifies ``arm`` from recordings by one of the methods; InputError where they cannot be used for it."""
     match method:
         case "ols" | "wls" | "irls":
-            return whole_arm.identify(fit, arm, held_out=held_out, method=method, friction=friction, progress=progress)
+            return identify(fit, arm, held_out=held_out, method=method, friction=friction, progress=progress)
         case "iv" | "didim":
-            problem = whole_arm.prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
+            problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
             return closed_loop.identify_closed_loop(problem, method, progress=progress)
         case "motor-link":
             return joint_by_joint.identify_joints(fit, arm, held_out=held_out, progress=progress)
@@ -59,15 +60,15 @@ def check_runs(
     progress: Progress = lambda _: None,
 ) -> Readiness:
     """How fit recordings are to identify ``arm``, before anything is fitted; ``sparse``: runs of one joint each. InputError: not at all."""
-    problem = whole_arm.prepare(fit, arm, held_out=held_out, friction=friction, progress=progress, sparse=sparse)
-    return Readiness(problem.runs, whole_arm.excitation_of(problem), problem.warnings)
+    problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress, sparse=sparse)
+    return Readiness(problem.runs, excitation_of(problem), problem.warnings)
 
 
 def tuned(
     fit: Sequence[Recording], arm: Arm, *, held_out: Sequence[Recording] = (), progress: Progress = lambda _: None
 ) -> Identification:
     """Friction tuned in the closed loop; errors are those of the simulated against the measured torque."""
-    motions, held_motions, runs = whole_arm.motions_of(fit, held_out, arm, progress)
+    motions, held_motions, runs = motions_of(fit, held_out, arm, progress)
     tuning = tune_friction(fit, motions, arm, progress=progress)
     values = [
         Value(name, float(value), float(std), float(formula), unit_of(name, arm), bool(std < 0.3 * abs(value)))

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm
 from daq.recording import Recording
+from identification.conclusion import conclude
 from identification.equations import Friction, model_values
 from identification.joint_by_joint import own_run
 from identification.least_squares import Fit, least_squares
+from identification.problem import Problem, Progress, prepare
 from identification.result import Identification
 from identification.uncertainty import uncertainty
-from identification.whole_arm import Problem, Progress, conclude, prepare
 from inputs import InputError
 
 Array = NDArray[np.float64]

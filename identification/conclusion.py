@@ -1,0 +1,201 @@
+"""From a fit to what a person reads: checks, predictions, named parameters with their uncertainty, an arm that could exist."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_model.description import Arm
+from arm_model.parameters import with_parameters
+from arm_model.servo import fixed_gains
+from daq.recording import Recording
+from identification import refusals
+from identification.consistency import consistent_parameters
+from identification.effects import is_effect
+from identification.equations import Equations, model_values
+from identification.least_squares import Fit, relative_error
+from identification.problem import Problem
+from identification.result import Identification, Prediction, Value, unit_of
+from identification.uncertainty import Uncertainty
+
+Array = NDArray[np.float64]
+
+SPLIT = 0.7  # share of the time that is fitted where no recording is held out
+CERTAIN = 0.3  # of the value: a parameter with a larger standard deviation counts as not identifiable
+FELT = 0.02  # of the torque: unless the uncertainty is no more than this share of what the joints do
+
+
+def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:
+    """(p,) standard parameters of the physically consistent arm nearest to a fit."""
+    return consistent_parameters(
+        problem.base.grouping[problem.excited],
+        fit.values,
+        information,
+        model_values(problem.arm, problem.friction),
+        problem.base.names,
+    )
+
+
+def with_values(problem: Problem, physical: Array) -> Arm:
+    """The arm with standard parameters ``physical`` (p,)."""
+    values = dict(zip(problem.base.names, map(float, physical)))
+    if problem.friction == "asymmetric":  # what was constant is in the two magnitudes now
+        values |= {f"joint{j}.offset": 0.0 for j in range(1, len(problem.arm) + 1)}
+    return with_parameters(fixed_gains(problem.arm), values)  # the real servo does not follow our estimates
+
+
+def conclude(
+    problem: Problem, method: str, best: Fit, spread: Uncertainty, solve: Callable[[Equations], Fit]
+) -> Identification:
+    """The result of a fit: predictions, named parameters, a consistent arm. ``solve`` refits part of the rows for the split."""
+    _check_friction(problem, best, spread)
+    warnings = list(problem.warnings)
+    warnings += refusals.unexplained_channels(best.residual, problem.rows.torque, problem.rows.joint)
+    predictions, held_names = _predictions(problem, best, solve, warnings)
+    physical = physical_values(problem, best, spread.information)
+    identified = with_values(problem, physical)
+    reduced = problem.base.grouping[problem.excited] @ physical
+    compared = {"physically consistent model": _errors(problem, reduced)}
+    base, parameters = _named(problem, best, spread, physical)
+    weak = [value.name for value in base if not value.identifiable]
+    if weak:
+        warnings.append(
+            f"{len(weak)} of {len(base)} base parameters cannot be identified from these runs: {', '.join(weak[:6])}"
+            + (" ..." if len(weak) > 6 else "")
+        )
+    notes = [
+        f"cut-off {motion.band.motion:.3g} Hz for differentiation, {motion.band.parallel:.3g} Hz for the regression, from the"
+        f" spectrum of {recording.path.name}"
+        for recording, motion in zip(problem.fit, problem.motions)
+    ]
+    notes.append(
+        f"standard deviations from {spread.blocks} blocks of {spread.block:.3g} s; those of the formula take residuals for white"
+    )
+    return Identification(
+        method=method,
+        friction=problem.friction,
+        arm=identified,
+        fit=[str(recording.path) for recording in problem.fit],
+        held_out=held_names,
+        parameters=parameters,
+        base=base,
+        condition=best.condition,
+        predictions=predictions,
+        warnings=warnings,
+        notes=notes,
+        bands=[motion.band for motion in problem.motions],
+        covariance=spread.covariance,
+        compared=compared,
+        runs=problem.runs,
+    )
+
+
+def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:
+    """Friction that drives its joint is a current of the wrong sign."""
+    joints = len(problem.arm)
+    power, doubt = np.zeros(joints), np.ones(joints)
+    for j in range(joints):
+        speed = np.concatenate([motion.qd[motion.usable[:, j], j] for motion in problem.motions])
+        if not len(speed):
+            continue
+        mean = {"viscous": np.mean(speed**2), "coulomb": np.mean(np.abs(speed))}
+        weight = np.zeros(len(problem.columns))
+        for k, column in enumerate(problem.columns):
+            head, _, rest = problem.base.names[column].partition(".")
+            if head == f"joint{j + 1}" and not is_effect(problem.base.names[column]):
+                weight[k] = mean.get(rest.partition("_")[0], 0.0) * (0.5 if rest.endswith("tive") else 1.0)
+        power[j] = weight @ best.values
+        doubt[j] = float(weight @ spread.covariance @ weight) ** 0.5
+    refusals.check_signs([recording.path for recording in problem.fit], power, doubt)
+
+
+def _predictions(
+    problem: Problem, best: Fit, solve: Callable[[Equations], Fit], warnings: list[str]
+) -> tuple[list[Prediction], list[str] | str]:
+    found = _predicted(problem, problem.judged, best.values, problem.fit, False)
+    if problem.held is not None:
+        return found + _predicted(problem, problem.held, best.values, problem.held_out, True), [
+            str(recording.path) for recording in problem.held_out
+        ]
+    ends = np.array([motion.t[-1] for motion in problem.motions])
+    window = np.array([4 / motion.band.parallel for motion in problem.motions])
+    early = problem.rows.t < (SPLIT * ends - window)[problem.rows.run]
+    late = problem.judged.t > SPLIT * ends[problem.judged.run]
+    warnings.append(
+        f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, predicted from the first {SPLIT:.0%};"
+        " give --held-out recordings of another motion before calling this model validated"
+    )
+    if early.sum() < 2 * len(problem.columns) or not late.any():
+        return found, "split"
+    # Trained on part of the time, a direction may be unexcited that all of it excites: then least norm.
+    first = solve(problem.rows.of(early))
+    return found + _predicted(problem, problem.judged.of(late), first.values, problem.fit, True), "split"
+
+
+def _predicted(
+    problem: Problem, rows: Equations, values: Array, recordings: Sequence[Recording], held_out: bool
+) -> list[Prediction]:
+    predicted = rows.columns[:, problem.columns] @ values + problem.given(rows)
+    return [
+        Prediction(recording.path.name, held_out, rows.t[here], rows.joint[here], rows.torque[here], predicted[here])
+        for run, recording in enumerate(recordings)
+        for here in [rows.run == run]
+    ]
+
+
+def _errors(problem: Problem, values: Array) -> tuple[float, float]:
+    """Relative error on the fitted and the held-out recordings."""
+    found = []
+    for rows in (problem.judged, problem.held):
+        if rows is None:
+            found.append(float("nan"))
+            continue
+        residual = rows.torque - problem.given(rows) - rows.columns[:, problem.columns] @ values
+        found.append(relative_error(rows.torque, residual))
+    return found[0], found[1]
+
+
+def _named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) -> tuple[list[Value], list[Value]]:
+    """Base parameters, and standard ones: those that stand alone with their uncertainty, the others from the consistent arm."""
+    base = problem.base
+    estimated: dict[int, Value] = {}
+    for k, row in enumerate(problem.excited):
+        column = int(base.kept[row])
+        mine = problem.rows.columns[:, column]
+        touched = mine != 0
+        felt = spread.std[k] * float(np.sqrt(np.mean(mine[touched] ** 2))) if touched.any() else np.inf
+        torque = float(np.sqrt(np.mean(problem.rows.torque[touched] ** 2))) if touched.any() else 1.0
+        certain = spread.std[k] <= CERTAIN * abs(best.values[k]) or felt <= FELT * torque
+        why = "" if certain else f"known to {spread.std[k]:.2g} only: these runs excite it too little"
+        estimated[int(row)] = Value(
+            base.expression(int(row)),
+            float(best.values[k]),
+            float(spread.std[k]),
+            float(spread.std_formula[k]),
+            unit_of(base.names[column], problem.arm),
+            bool(certain),
+            why,
+        )
+    parameters = []
+    standing = {int(base.kept[row]): int(row) for row in range(len(base))}
+    silent = set(range(len(base))) - set(estimated)
+    grouped = np.flatnonzero(np.any(base.grouping != 0, axis=0))
+    for column, name in enumerate(base.names):
+        row = standing.get(column)
+        unit = unit_of(name, problem.arm)
+        if row is not None and row in estimated and base.alone(row):
+            found = estimated[row]
+            parameters.append(
+                Value(name, found.value, found.std, found.std_formula, unit, found.identifiable, found.why)
+            )
+            continue
+        if row in silent:
+            why = "not excited by these runs; from the model"
+        elif column in grouped:
+            why = "only in sums with others (base_parameters); this share of them is the physically consistent one nearest the model"
+        else:
+            why = "moves no torque of this arm; from the model"
+        parameters.append(Value(name, float(physical[column]), None, None, unit, False, why))
+    return [estimated[int(row)] for row in problem.excited], parameters
