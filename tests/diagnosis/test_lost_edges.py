@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,16 @@ def test_lost_edges_beside_a_lag(root: Path) -> None:
 )
 def test_other_effects_are_not_taken_for_lost_edges(root: Path, hidden: Hidden | None) -> None:
     assert _found(_seen(root, *([hidden] if hidden else []))) == []
+
+
+def test_one_joint_alone_proves_no_lost_edges(root: Path) -> None:
+    """The same change of lag at one joint only: something is wrong there, but no trigger lost its edges."""
+    whole = _seen(root, Hidden("dropped_trigger", None, {"row": 4200, "count": 3}))
+    plain = _seen(root)
+    current, rate = plain.current.copy(), plain.current_rate.copy()
+    current[:, 3], rate[:, 3] = whole.current[:, 3], whole.current_rate[:, 3]
+    assert len(_found(whole)) == 1
+    assert _found(replace(plain, current=current, current_rate=rate)) == []
 
 
 def test_currents_are_put_back_where_they_belong() -> None:
