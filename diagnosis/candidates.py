@@ -20,14 +20,14 @@ from arm_model.dynamics import inverse_dynamics
 from arm_model.effects import CATALOGUE, Effect, Parameter, Signals, Values
 from arm_model.effects.definition import Law
 from diagnosis.evidence import ROWS_PER_SECOND, Run, passed, signals_of
-from diagnosis.reading import integrated, spring_of, wound_up
+from diagnosis.reading import COMPARE_BAND, integrated, low_pass, spring_of, through_gap, wound_up
 
 Array = NDArray[np.float64]
 
 SPANNED = {"phase": (0.0, np.pi / 2), "rest_angle": (0.0, 1.0)}
 """Nonlinear parameters whose whole family is spanned by the law at two values."""
 
-FIXED = {"backlash": ("contact_stiffness", "contact_damping"), "presliding_friction": ("damping",)}
+FIXED = {"presliding_friction": ("damping",)}
 """Shape parameters that the currents hardly show."""
 
 
@@ -60,9 +60,9 @@ class Candidate:
 
     @property
     def by_shape(self) -> bool:
-        """Whether the effect is told by its shape alone: nothing in its law is linear, and its coefficient is 1 where it is there."""
+        """Whether the effect is told by its shape alone: nothing that it does is linear, and its coefficient is 1 where it is there."""
         effect = self.definition
-        return not effect.linear and effect.delay is None and effect.change is None
+        return effect.spring is not None or (not effect.linear and effect.delay is None and effect.change is None)
 
     def largest(self, k: int) -> float:
         """Largest typical magnitude of coefficient k: what is believed of one that the data does not show."""
@@ -81,6 +81,8 @@ class Candidate:
     def units(self) -> list[Values]:
         """Parameter values, one set a column: each linear parameter at 1, each spanned one at its two values."""
         effect = self.definition
+        if self.by_shape:
+            return [Values(self.shape)]
         spanned = [p.name for p in effect.nonlinear if p.name in SPANNED]
         sets = []
         for values in itertools.product(*(SPANNED[name] for name in spanned)):
@@ -125,10 +127,8 @@ def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) 
         change[:, j] = effect.current(p, s)
     elif effect.deflection is not None:
         # the link stands where the motor is, less the deflection
-        spring = spring_of(effect, p)
-        rates = (
-            _rates(effect.deflection, p, s, arm.joints[j].ratio, run) if spring is None else _wound_up(run, j, *spring)
-        )
+        elastic = effect.spring is not None
+        rates = _wound_up(run, j, effect, p) if elastic else _rates(effect.deflection, p, s, arm.joints[j].ratio, run)
         change = -_moved(run, j, *rates)
         # virtual work: where the link turns less than the motor, the motor feels less of its load
         change[:, j] -= _slope(effect.deflection, p, s) * arm.joints[j].ratio * s.load / arm.joints[j].drive_constant
@@ -160,11 +160,17 @@ def _rates(law: Law, p: Values, s: Signals, ratio: float, run: Run) -> tuple[Arr
     return value, slope * ratio * s.v, bend * (ratio * s.v) ** 2 + slope * ratio * s.a
 
 
-def _wound_up(run: Run, j: int, stiffness: float, damping: float) -> tuple[Array, Array, Array]:
-    """Twist (m,) of an elastic joint and its rates, at rest at the start of every recording."""
-    step = 1.0 / ROWS_PER_SECOND
-    each = [wound_up(run.brisk_rigid[part, j], run.inertia[part, j], stiffness, damping, step) for part in run.parts]
-    return tuple(np.concatenate(rates) for rates in zip(*each))  # type: ignore[return-value]
+def _wound_up(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array, Array]:
+    """Twist (m,) of a joint with a spring or with play, and its rates; at rest at the start of every recording."""
+    step, spring = 1.0 / ROWS_PER_SECOND, spring_of(effect, p)
+    load, inertia = run.brisk_rigid[:, j], run.inertia[:, j]
+    if spring is not None:
+        each = [wound_up(load[part], inertia[part], *spring, step) for part in run.parts]
+        return tuple(np.concatenate(rates) for rates in zip(*each))  # type: ignore[return-value]
+    gaps = [through_gap(load[part], inertia[part], p.half_gap, step) for part in run.parts]
+    twist = np.concatenate([low_pass(gap, COMPARE_BAND, ROWS_PER_SECOND) for gap in gaps])
+    speed = run.rate(twist)
+    return twist, speed, run.rate(speed)
 
 
 def _states(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
@@ -248,7 +254,11 @@ def candidates(arm: Arm) -> Iterator[Candidate]:
         searched = [p for p in effect.nonlinear if p.name not in SPANNED]
         if effect.delay is not None or effect.name == "payload":
             searched = []
-        fixed = {"contact_stiffness": (1e5,), "contact_damping": (100.0,), "damping": (10.0,)}
+        if effect.name == "backlash":
+            searched = list(
+                effect.linear
+            )  # how long the link flies hangs on the gap; how hard the teeth are, on nothing that is seen
+        fixed: dict[str, tuple[float, ...]] = {"half_gap": tuple(np.geomspace(2e-4, 5e-3, 10)), "damping": (10.0,)}
         if effect.name == "joint_compliance":
             # a resonance is as narrow as its damping: in the band of comparison the grid has to be fine
             fixed |= {"stiffness": tuple(np.geomspace(1e3, 1e5, 18)), "damping": (20.0,)}

@@ -34,6 +34,8 @@ def parameters_of(candidate: Candidate, coefficients: Array) -> dict[str, float]
     """Parameter values (SI) that a candidate's coefficients (k,) stand for; see ``Candidate.units`` for their order."""
     effect, shape, c = candidate.definition, dict(candidate.shape), [float(value) for value in coefficients]
     names = {p.name for p in effect.parameters}
+    if candidate.by_shape:
+        return shape
     if effect.name == "payload":
         mass = c[0]
         centre = {axis: (c[k] / mass if mass else 0.0) for k, axis in enumerate("xyz", 1)}
@@ -76,7 +78,7 @@ def sharpened(candidate: Candidate, accepted: Accepted, fit: Side, arm: Arm) -> 
             # by shape alone: what a coefficient of 1 gains, for a gain that is quadratic in the coefficient
             return -gain * (1.0 - (1.0 / c[0] - 1.0) ** 2) if now.by_shape and c[0] else -gain
 
-        reach = 1.5 if (candidate.effect, name) == ("joint_compliance", "stiffness") else 3.0
+        reach = 1.5 if candidate.definition.spring is not None else 3.0  # their grids are finer
         found = optimize.minimize_scalar(
             worse,
             bounds=(np.log(value / reach), np.log(value * reach)),

@@ -120,10 +120,32 @@ def _twist(
     spring = spring_of(effect, values)
     if spring is not None:
         return wound_up(load, mass_matrix(arm, q, rotors=False)[:, j, j], *spring, 1.0 / rate)
-    assert effect.deflection is not None
-    twist: Array = np.asarray(effect.deflection(values, Signals(load=low_pass(load, COLUMN_BAND, rate))), float)
+    twist = low_pass(
+        through_gap(load, mass_matrix(arm, q, rotors=False)[:, j, j], float(values.half_gap), 1.0 / rate),
+        MOTION_BAND,
+        rate,
+    )
     speed: Array = np.gradient(twist, 1.0 / rate)
     return twist, speed, np.asarray(np.gradient(speed, 1.0 / rate), float)
+
+
+def through_gap(load: Array, inertia: Array, half_gap: float, step: float) -> Array:
+    """Twist (m,) of a joint with play, for rows ``step`` s apart: +half_gap where the motor pushes the link, -half_gap where it holds it back.
+
+    Where the ``load`` (m,) N m that the link of ``inertia`` (m,) kg m2 wants changes its sign, the teeth part: the link flies, inertia d'' = load,
+    until it meets the other flank, and stays there. That takes a tenth of a second where gravity turns it over, and ends with a jump of the current.
+    """
+    twist = np.empty_like(load)
+    d, v, flying = (half_gap if load[0] >= 0.0 else -half_gap), 0.0, False
+    for k, (torque, mass) in enumerate(zip(load.tolist(), inertia.tolist())):
+        twist[k] = d
+        if not flying and torque * d >= 0.0:
+            continue
+        flying = True
+        d, v = d + step * (v + step * torque / mass / 2), v + step * torque / mass
+        if abs(d) >= half_gap:
+            d, v, flying = (half_gap if d > 0.0 else -half_gap), 0.0, False
+    return twist
 
 
 def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step: float) -> tuple[Array, Array, Array]:

@@ -1,0 +1,76 @@
+"""Play and springs between motor and link: their motions against closed forms, and the backlash of the thesis from currents alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from arm_model import read_model
+from daq.recording import Recording, open_recording
+from diagnosis.diagnose import diagnose
+from diagnosis.reading import through_gap, wound_up
+from experiment import Experiment
+
+
+def test_a_link_flies_through_the_gap_as_its_load_throws_it() -> None:
+    """The load reverses at once: d = b - (1/2)(tau/J) t^2 until -b, that is after sqrt(4 b J / tau)."""
+    half_gap, inertia, load, step = 2e-3, 3.0, -4.0, 1e-4
+    t = np.arange(0.0, 0.2, step)
+    twist = through_gap(np.where(t < 0.01, 5.0, load), np.full(len(t), inertia), half_gap, step)
+    landed = t[int(np.argmax(twist <= -half_gap))]
+    assert landed - 0.01 == pytest.approx(np.sqrt(4 * half_gap * inertia / -load), abs=2 * step)
+    flying = (t > 0.011) & (t < landed)
+    assert np.allclose(twist[flying], half_gap + 0.5 * load / inertia * (t[flying] - 0.01) ** 2, atol=2e-6)
+    assert np.all(twist[t > landed + step] == -half_gap)
+
+
+def test_a_spring_swings_as_its_differential_equation_says() -> None:
+    rng = np.random.default_rng(3)
+    t = np.arange(0.0, 2.0, 0.01)
+    wave = rng.normal(size=4)
+    load = lambda x: 5.0 + sum(a * np.sin(2 * np.pi * f * x) for a, f in zip(wave, (0.7, 1.9, 3.1, 5.3)))  # noqa: E731
+    inertia, stiffness, damping = 2.5, 4000.0, 12.0
+    rhs = lambda x, y: [y[1], (load(x) - stiffness * y[0] - damping * y[1]) / inertia]  # noqa: E731
+    exact = solve_ivp(rhs, (0.0, 2.0), [load(0.0) / stiffness, 0.0], t_eval=t, rtol=1e-9, atol=1e-12).y
+    twist, rate, _ = wound_up(load(t), np.full(len(t), inertia), stiffness, damping, 0.01)
+    assert np.max(np.abs(twist - exact[0])) < 0.02 * np.ptp(exact[0])
+    assert np.max(np.abs(rate - exact[1])) < 0.02 * np.ptp(exact[1])
+
+
+def _through_the_vertical(path: Path, speed: float, half_gap: float, seed: int) -> Recording:
+    """Joint 2 carries the forearm over the vertical and back while all others rest, through the instruments of the rig."""
+    hide, record, recordings = (pytest.importorskip(f"tests.blind.{name}") for name in ("hide", "record", "recordings"))
+    laboratory = pytest.importorskip("tests.blind.laboratory").Laboratory("moves")
+    leg = {"type": "drive", "joint": 2, "speed": speed}
+    hold = {"type": "hold", "duration": 0.3}
+    experiment = Experiment.model_validate(
+        {
+            "name": "over the vertical",
+            "start": [0.0, 0.8, 1.2, 0.0, 0.4, 0.0],
+            "full_speed": [1.43, 1.29, 2.13, 3.98, 4.21, 3.98],
+            "full_acceleration": [6.0, 5.0, 8.0, 15.0, 15.0, 15.0],
+            "segment": [{"type": "hold", "duration": 0.5}, *[leg | {"by": 1.6}, hold, leg | {"by": -1.6}, hold] * 3],
+        }
+    )
+    hidden = (hide.Hidden("backlash", 2, {"half_gap": half_gap}),) if half_gap else ()
+    recordings.write_recording(
+        path, record.recorded(record.truth(experiment, hidden, laboratory), laboratory, seed), laboratory
+    )
+    return open_recording(path)
+
+
+def test_backlash_of_joint_2_at_the_vertical_is_found_from_currents_and_motor_angles(
+    root: Path, tmp_path: Path
+) -> None:
+    """What the thesis saw (section 5.3) as a jump of the current: two masses and a gap in the plant, nothing but q and i in the files."""
+    pytest.importorskip("numba", reason="the plant of the hidden-effect tests is compiled by numba")
+    runs = [_through_the_vertical(tmp_path / f"{k}.mcap", s, 0.002, k) for k, s in enumerate((1.0, 0.7))]
+    result = diagnose(read_model(root / "config" / "models" / "puma560.toml"), runs[:1], runs[1:])
+    (cause,) = result.causes
+    assert (cause.effect, cause.joint) == ("backlash", 2)
+    (gap,) = [p for p in cause.parameters if p.name == "half_gap"]
+    assert abs(gap.value - 0.002) < 3 * gap.std and gap.std < 2e-4
+    assert cause.after < 0.4 * cause.before
