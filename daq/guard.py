@@ -81,7 +81,7 @@ class Guard:
         """Starts the arm, if it has a ``motion``, and raises the start line; from now on the watchdog wants ``feed``."""
         with self._lock:
             self._refuse_if_tripped("the arm")
-            self.feed()
+            self._fed = self.clock.monotonic_ns()
             self._watch()
             if motion and self.controller is not None:
                 self.controller.start()
@@ -91,8 +91,11 @@ class Guard:
     # Supervision
 
     def feed(self) -> None:
-        """A sign of life."""
-        self._fed = self.clock.monotonic_ns()
+        """A sign of life; one that comes too late is none, though the thread that watches may have stood still as long."""
+        now = self.clock.monotonic_ns()
+        if now - self._fed > self.rig.watchdog * 1e9:
+            self._starved()
+        self._fed = now
 
     def breach(
         self, position: NDArray[np.float64], current: NDArray[np.float64], host_ns: NDArray[np.int64]
@@ -168,8 +171,11 @@ class Guard:
     def _watchdog(self, end: threading.Event) -> None:
         while not end.wait(self.rig.watchdog / 4):
             if self.clock.monotonic_ns() - self._fed > self.rig.watchdog * 1e9:
-                self.trip(f"no sign of life of the sampler for {self.rig.watchdog:g} s")
+                self._starved()
                 return
+
+    def _starved(self) -> None:
+        self.trip(f"no sign of life of the sampler for {self.rig.watchdog:g} s")
 
 
 def _controller(devices: Mapping[str, Device]) -> ArmController | None:

@@ -137,6 +137,18 @@ def test_a_consumer_that_hangs_trips_the_watchdog_on_the_real_clock() -> None:
         bench.guard.set_volts("drive", 1.0)
 
 
+def test_a_process_that_stood_still_does_not_go_on() -> None:
+    """Sampler and watching thread wake up together, and the sampler gives its sign of life first."""
+    with open_bench(make_rig(outputs=OUTPUTS, watchdog=60.0)) as bench:
+        bench.guard.start(motion=False)
+        bench.clock.sleep(59.0)
+        bench.guard.feed()
+        assert bench.guard.tripped is None and not _is_safe(bench)
+        bench.clock.sleep(61.0)
+        bench.guard.feed()
+        assert bench.guard.tripped == "no sign of life of the sampler for 60 s" and _is_safe(bench)
+
+
 @pytest.mark.parametrize("fault", [{"gone_at": 100}, {"silent_at": 100}])
 def test_a_lost_device_brings_the_outputs_to_their_safe_state(fault: dict[str, Any]) -> None:
     with open_bench(make_rig(analog=fault, outputs=OUTPUTS)) as bench:

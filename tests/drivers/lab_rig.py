@@ -1,4 +1,4 @@
-"""A rig file of one simulated T7, and a program that runs on it, as a process of its own."""
+"""A rig file of one simulated T7."""
 
 from __future__ import annotations
 
@@ -34,17 +34,6 @@ encoder = {{ device = "daq", channel = 0, lines = 1000, preset = 0 }}
 current = {{ device = "daq", channel = 0, rated_current = 10.0, rated_voltage = 10.0 }}
 [[joint]]
 encoder = {{ device = "daq", channel = 1, lines = 1000, preset = 0 }}
-"""
-
-PROGRAM = """
-import signal, sys
-signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in what a shell started in the background
-from daq.bench import open_bench
-from daq.rig import read_rig
-from daq.sampler import Acquisition
-with open_bench(read_rig(sys.argv[1])) as bench:
-    for rows in Acquisition(bench).rows():
-        print(int(rows.number[-1]), flush=True)
 """
 
 

@@ -1,22 +1,48 @@
-"""Outputs go to their safe state when the program dies, hangs, or loses the device: by the T7's own watchdog, seen at the T7."""
+"""Outputs go to their safe state when the daemon dies, hangs, or loses the device: by the T7's own watchdog, seen at the T7."""
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
+from daq.client import call
+from daq.rig import read_rig
+from daq.session import keys_of, open_session
 from sim_backend.protocol import labjack_t7 as simulator
-from tests.drivers.lab_rig import PROGRAM, write_rig
-from tests.drivers.swing import swing_wires
+from sim_backend.protocol.wires import Wires
+from tests.drivers.lab_rig import write_rig
+from tests.ports import free_endpoint
+
+EXPERIMENT = """
+name = "stand"
+start = [0.0, 0.0]
+full_speed = [1.0, 1.0]
+full_acceleration = [3.0, 3.0]
+[[segment]]
+type = "hold"
+duration = 60.0
+"""
+START = 4  # the T7's line
+FED = 2.3  # s: longer than the T7's watchdog waits
+SAFE = 6.0  # s for the watchdog of 2 s to act, on a busy machine
 
 
-def wait_for(state: Callable[[], bool], seconds: float) -> bool:
+def still_wires() -> Wires:
+    """An arm that stands where the experiment wants it, without current."""
+    return Wires(counts=lambda channel, at: np.zeros_like(at), volts=lambda channel, at: np.zeros(len(at)))
+
+
+def becomes(state: Callable[[], Any], seconds: float) -> bool:
     end = time.monotonic() + seconds
     while not state():
         if time.monotonic() > end:
@@ -25,30 +51,58 @@ def wait_for(state: Callable[[], bool], seconds: float) -> bool:
     return True
 
 
-@pytest.mark.parametrize("end", ["killed", "stopped", "device lost", "asked to end"])
-def test_the_start_line_falls(tmp_path: Path, root: Path, end: str) -> None:
-    path, where = write_rig(tmp_path)
-    box = simulator.make("daq", where, swing_wires())
-    box.open()
-    program = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path)], cwd=root, stdout=subprocess.PIPE, text=True)
-    assert program.stdout is not None
+@contextmanager
+def daemon(root: Path, rig: Path) -> Iterator[subprocess.Popen[str]]:
+    """``armscope daemon``, open."""
+    command = [sys.executable, "-m", "armscope", "daemon", "--rig", str(rig)]
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    process = subprocess.Popen(command, env=environment, cwd=rig.parent, text=True, stderr=subprocess.PIPE)
     try:
-        assert wait_for(lambda: box.outputs.get(4) == 1, 20.0), "the start line never rose"
-        program.stdout.readline()
+        assert process.stderr is not None
+        line = process.stderr.readline()
+        assert "is open on" in line, line + process.stderr.read()
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize("end", ["killed", "stopped", "device lost", "asked to end"])
+def test_the_outputs_are_made_safe(tmp_path: Path, root: Path, end: str) -> None:
+    path, where = write_rig(tmp_path)
+    text = path.read_text().replace("watchdog = 4.0", "watchdog = 1.5")  # the daemon's own: shorter than the T7's
+    path.write_text(text + f'[zenoh]\nendpoint = "{free_endpoint()}"\n')
+    rig = read_rig(path)
+    box = simulator.make("daq", where, still_wires())
+    box.open()
+    with daemon(root, path) as process, open_session(rig, listen=False) as session:
+        order = {"experiment": EXPERIMENT, "out": str(tmp_path / "run.mcap")}
+        call(session, keys_of(rig.name), "arm", order, timeout=30.0)
+        call(session, keys_of(rig.name), "start", timeout=30.0)
+        assert becomes(lambda: box.outputs.get(START) == 1, 20.0), "the start line never rose"
         box.dacs[1] = 1.5  # as if a control voltage stood there
-        time.sleep(2.3)
-        assert box.outputs[4] == 1 and box.tripped == 0  # a running program feeds the watchdog
+        time.sleep(FED)
+        assert box.outputs[START] == 1 and box.tripped == 0  # a running daemon feeds the watchdog
         if end == "killed":
-            program.kill()
+            process.kill()
         elif end == "stopped":
-            program.send_signal(signal.SIGSTOP)
+            process.send_signal(signal.SIGSTOP)
         elif end == "device lost":
             box.pull_cable()
         else:
-            program.send_signal(signal.SIGINT)
-        assert wait_for(lambda: box.outputs[4] == 0 and box.dacs == [0.0, 0.0], 5.0)
+            process.terminate()
+        assert becomes(lambda: box.outputs[START] == 0 and box.dacs == [0.0, 0.0], SAFE)
         assert (box.tripped > 0) == (end != "asked to end")
-    finally:
-        program.kill()
-        program.wait()
-        box.close()
+        if end == "stopped":
+            stays_safe_when_it_goes_on(process, box, lambda: call(session, keys_of(rig.name), "status", timeout=30.0))
+        if end == "asked to end":
+            assert process.wait(30.0) == 0
+    box.close()
+
+
+def stays_safe_when_it_goes_on(process: subprocess.Popen[str], box: Any, status: Callable[[], dict[str, Any]]) -> None:
+    """A daemon that wakes up again does not undo what the watchdog did: the run is over, and it says why."""
+    process.send_signal(signal.SIGCONT)
+    assert becomes(lambda: status()["state"] == "idle", 30.0)
+    assert box.outputs[START] == 0 and box.dacs == [0.0, 0.0]
+    assert "sign of life" in status()["tripped"]
