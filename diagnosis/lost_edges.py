@@ -30,24 +30,16 @@ WHOLE = 0.3
 MOST_ROWS = 12
 FEWEST = 6
 """Pieces wanted on either side of the change."""
-TELLS = 3.0
-"""A joint tells of the change by itself where it shows it at so many of its standard deviations."""
-WITNESSES = 2
-"""Joints that must: what else is wrong at one joint alone may change its lag, an edge is lost for all."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """The lag of the currents, s, changes by ``step`` (standard deviation ``std``) at ``time`` s of a run, known to ``time_std``.
-
-    witnesses: joints that show it each by itself, and alike.
-    """
+    """The lag of the currents, s, changes by ``step`` (standard deviation ``std``) at ``time`` s of a run, known to ``time_std``."""
 
     time: float
     time_std: float
     step: float
     std: float
-    witnesses: int
 
 
 def lost_edges(runs: Sequence[Run], periods: Sequence[float]) -> list[Event]:
@@ -56,8 +48,6 @@ def lost_edges(runs: Sequence[Run], periods: Sequence[float]) -> list[Event]:
     for index, (run, period) in enumerate(zip(runs, periods)):
         change = change_of_lag(run)
         if change is None or abs(change.step) < SURE * change.std or change.std > WHOLE * period:
-            continue
-        if change.witnesses < WITNESSES:
             continue
         rows = -change.step / period
         count = round(rows)
@@ -106,10 +96,8 @@ def change_of_lag(run: Run) -> Change | None:
     step = float(np.sum(known * per_joint) / np.sum(known))
     std = float(1.0 / np.sqrt(np.sum(known)))
     disagree = float(np.sum(known * (per_joint - step) ** 2)) / max(len(per_joint) - 1, 1)
-    apart = np.abs(per_joint - step) * np.sqrt(known)
-    witnesses = int(np.sum((np.abs(per_joint) * np.sqrt(known) > TELLS) & (apart < TELLS)))
     time, time_std = _instant(run, pieces, at, step)
-    return Change(time, time_std, step, std * float(np.sqrt(max(disagree, 1.0))), witnesses)
+    return Change(time, time_std, step, std * float(np.sqrt(max(disagree, 1.0))))
 
 
 def _agreed(per_joint: Array, known: Array) -> bool:
