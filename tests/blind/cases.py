@@ -36,7 +36,11 @@ def _phase(rng: np.random.Generator) -> float:
 
 def _asymmetry(rng: np.random.Generator, j: int, m: float) -> dict[str, float]:
     part = _signed(rng, 0.05, 0.15) * m * COULOMB[j]
-    return {"positive": part, "negative": -part * float(rng.uniform(0.5, 1.0))}
+    values = {"positive": part, "negative": -part * float(rng.uniform(0.5, 1.0))}
+    if rng.uniform() < 0.5:  # as measured drives have it: slopes differ as well
+        slope = _signed(rng, 0.1, 0.3) * m * VISCOUS[j]
+        values |= {"viscous_positive": slope, "viscous_negative": -slope * float(rng.uniform(0.3, 1.0))}
+    return values
 
 
 def _link(rng: np.random.Generator, j: int, m: float) -> dict[str, float]:

@@ -74,6 +74,17 @@ def _payload(p: Plant, joint: int, v: Values) -> Plant:
     return _with_body(p, len(p.mass), v["mass"], v["mass"] * point, v["mass"] * _steiner(point))
 
 
+def _asymmetry(p: Plant, joint: int, v: Values) -> Plant:
+    """Coulomb friction, and where it is said viscous friction, more or less of it by the direction of motion."""
+    j, up, down = joint - 1, v.get("viscous_positive", 0.0), v.get("viscous_negative", 0.0)
+    return p._replace(
+        coulomb_up=_set(p.coulomb_up, joint, p.coulomb_up[j] + v["positive"]),
+        coulomb_down=_set(p.coulomb_down, joint, p.coulomb_down[j] + v["negative"]),
+        viscous=_set(p.viscous, joint, p.viscous[j] + (up + down) / 2),
+        one_way_viscous=_set(p.one_way_viscous, joint, (up - down) / 2),
+    )
+
+
 def _tilt(p: Plant, joint: int, v: Values) -> Plant:
     cr, sr, cp, sp = np.cos(v["roll"]), np.sin(v["roll"]), np.cos(v["pitch"]), np.sin(v["pitch"])
     turned = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]]) @ np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
@@ -111,10 +122,7 @@ MECHANICAL: dict[str, Callable[[Plant, int, Values], Plant]] = {
         coulomb_up=_set(p.coulomb_up, j, p.coulomb_up[j - 1] + v["coulomb"]),
         coulomb_down=_set(p.coulomb_down, j, p.coulomb_down[j - 1] + v["coulomb"]),
     ),
-    "friction_asymmetry": lambda p, j, v: p._replace(
-        coulomb_up=_set(p.coulomb_up, j, p.coulomb_up[j - 1] + v["positive"]),
-        coulomb_down=_set(p.coulomb_down, j, p.coulomb_down[j - 1] + v["negative"]),
-    ),
+    "friction_asymmetry": _asymmetry,
     "stribeck_friction": lambda p, j, v: p._replace(
         breakaway=_set(p.breakaway, j, v["breakaway"]),
         stribeck_velocity=_set(p.stribeck_velocity, j, v["stribeck_velocity"]),

@@ -20,7 +20,9 @@ BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.001)
 
 @dataclass
 class Outcome:
-    """One case. hidden and named: [effect, joint]; found: whether each hidden one was named; parameters: one dict each that was compared.
+    """One case. hidden and named: [effect, joint]; found: whether each hidden one was named, stands_for: by which name;
+
+    parameters: one dict each that was compared.
 
     left    weighed held-out rms at the joint of each hidden effect (1: noise); closed: current error of the simulation there over noise
     told    for a stranger, whether ``unexplained`` has its joint and a right variable
@@ -34,6 +36,7 @@ class Outcome:
     strength: list[float]
     values: list[dict[str, float]]
     named: list[list[Any]]
+    stands_for: list[str | None]
     found: list[bool]
     superfluous: int
     confidence: list[tuple[float, bool]]
@@ -72,10 +75,11 @@ def outcome(case: Case, hidden: Sequence[Mapping[str, Any]], result: Diagnosis, 
     """``table``: the content of diagnosis.json; seconds are the caller's to fill in."""
     rest = list(result.causes)
     stranger = case.kind == "strangers"
-    found, parameters, confidence = [], [], []
+    found, parameters, confidence, names = [], [], [], list[str | None]()
     for one in () if stranger else hidden:
         match = next((c for c in rest if right(c, one["effect"], one["joint"])), None)
         found.append(match is not None)
+        names.append(match.effect if match else None)
         if match is not None:
             rest.remove(match)
             confidence.append((match.confidence, True))
@@ -87,7 +91,7 @@ def outcome(case: Case, hidden: Sequence[Mapping[str, Any]], result: Diagnosis, 
         name=case.name, kind=case.kind, laboratory=asdict(case.laboratory),
         hidden=[[one["effect"], one["joint"]] for one in hidden], strength=[one["strength"] for one in hidden],
         values=[dict(one["parameters"]) for one in hidden],
-        named=[[c.effect, c.joint] for c in result.causes], found=found, superfluous=len(rest), confidence=confidence,
+        named=[[c.effect, c.joint] for c in result.causes], stands_for=names, found=found, superfluous=len(rest), confidence=confidence,
         parameters=parameters, verdict=result.verdict, unexplained=left, told=stranger and told(hidden[0], left),
         left=[_left(result, one["joint"]) for one in hidden], closed=[_closed(table, one["joint"]) for one in hidden],
         declared=[(one["effect"], one["joint"]) in unseen for one in hidden], seconds=0.0,
@@ -191,14 +195,12 @@ def confusion(outcomes: Sequence[Outcome]) -> Counter[tuple[str, str]]:
     """(hidden, named) -> how often; '-' for none. What was found counts for itself, every other name for what was missed."""
     pairs: Counter[tuple[str, str]] = Counter()
     for o in outcomes:
-        missed = [h[0] for h, found in zip(o.hidden, o.found)] if o.kind != "strangers" else []
-        rest = [n[0] for n in o.named]
-        for effect, found in zip(missed, o.found):
-            if found:
-                pairs[effect, effect] += 1
-                if effect in rest:
-                    rest.remove(effect)
-        lost = [h[0] for h, found in zip(o.hidden, o.found) if not found] if missed else [h[0] for h in o.hidden]
+        rest = [name for name, _ in o.named]
+        right = [(hidden[0], name) for hidden, name in zip(o.hidden, o.stands_for) if name]
+        for hidden, name in right:
+            pairs[hidden, name] += 1
+            rest.remove(name)
+        lost = [h[0] for h, found in zip(o.hidden, o.found) if not found] if o.found else [h[0] for h in o.hidden]
         for effect in lost or (["-"] if rest else []):
             for name in rest or ["-"]:
                 pairs[effect, name] += 1

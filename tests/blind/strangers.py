@@ -50,7 +50,6 @@ MECHANICAL: dict[str, Callable[[Plant, int, Values], Plant]] = {
     "warming_grease": lambda p, j, v: p._replace(
         warm_share=_set(p.warm_share, j, v["share"]), warm_time=_set(p.warm_time, j, v["time_constant"])
     ),
-    "one_way_viscous": lambda p, j, v: p._replace(one_way_viscous=_set(p.one_way_viscous, j, v["viscous"])),
     "rub": lambda p, j, v: p._replace(
         rub=_set(p.rub, j, v["torque"]), rub_from=_set(p.rub_from, j, v["from"]), rub_to=_set(p.rub_to, j, v["to"])
     ),
@@ -100,7 +99,6 @@ DRAWN: dict[str, Callable[[np.random.Generator, int, float], dict[str, float]]] 
         "other_cycles": float(rng.integers(2, 5)),
     },
     "warming_grease": lambda rng, j, m: {"share": min(0.15 * m, 0.8), "time_constant": float(rng.uniform(4, 8))},
-    "one_way_viscous": lambda rng, j, m: {"viscous": 0.5 * m * float(rng.choice([-1, 1]))},
     "rub": lambda rng, j, m: (lambda a: {"torque": 2.0 * m, "from": a, "to": a + float(rng.uniform(0.15, 0.35))})(
         (0.0, -0.4, -0.9)[j - 1] + float(rng.uniform(-0.3, 0.2))
     ),
@@ -119,7 +117,6 @@ TOLD: dict[str, tuple[str, ...]] = {
     "uneven_torque": ("position",),
     "two_joint_ripple": ("position", "position of joint {other}"),
     "warming_grease": ("time", "velocity"),
-    "one_way_viscous": ("velocity",),
     "rub": ("position",),
     "loose_harness": ("velocity of joint {other}",),
     "limit_cycle": ("time",),
