@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm
-from arm_model.parameters import with_parameters
+from arm_model.parameters import parameter, with_parameters
 from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from identification import refusals
@@ -39,10 +39,23 @@ def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:
 
 
 def with_values(problem: Problem, physical: Array) -> Arm:
-    """The arm with standard parameters ``physical`` (p,)."""
+    """The arm with standard parameters ``physical`` (p,).
+
+    Where the model's Coulomb friction differs by direction, what symmetric friction calls an offset stays such a difference: while a joint
+    moves the two are one, but at rest an offset is a torque and a difference is none.
+    """
     values = dict(zip(problem.base.names, map(float, physical)))
     if problem.friction == "asymmetric":  # what was constant is in the two magnitudes now
         values |= {f"joint{j}.offset": 0.0 for j in range(1, len(problem.arm) + 1)}
+    else:
+        now = dict(zip(problem.base.names, model_values(problem.arm, problem.friction)))
+        for j, joint in enumerate(problem.arm.joints, 1):
+            uneven = joint.ratio * (joint.coulomb[0] - joint.coulomb[1]) / 2
+            uneven += values[f"joint{j}.offset"] - now[f"joint{j}.offset"]
+            if joint.coulomb[0] != joint.coulomb[1] and abs(uneven) <= values[f"joint{j}.coulomb"]:
+                values[f"joint{j}.coulomb_positive"] = values[f"joint{j}.coulomb"] + uneven
+                values[f"joint{j}.coulomb_negative"] = values.pop(f"joint{j}.coulomb") - uneven
+                values[f"joint{j}.offset"] = joint.ratio * joint.offset
     return with_parameters(fixed_gains(problem.arm), values)  # the real servo does not follow our estimates
 
 
@@ -181,6 +194,7 @@ def _named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) ->
     parameters = []
     standing = {int(base.kept[row]): int(row) for row in range(len(base))}
     silent = set(range(len(base))) - set(estimated)
+    resting = {f"joint{j + 1}" for j in range(len(problem.arm))} - {f"joint{j + 1}" for j in problem.rows.joint}
     grouped = np.flatnonzero(np.any(base.grouping != 0, axis=0))
     for column, name in enumerate(base.names):
         row = standing.get(column)
@@ -191,11 +205,15 @@ def _named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) ->
                 Value(name, found.value, found.std, found.std_formula, unit, found.identifiable, found.why)
             )
             continue
-        if row in silent:
+        value = float(physical[column])
+        if row in silent and not is_effect(name) and (joint := name.partition(".")[0]) in resting:
+            why = f"{joint} rests: friction holds it, bears any torque up to its own, and hides offset and rotor; from the model"
+            value = parameter(problem.arm, name)
+        elif row in silent:
             why = "not excited by these runs; from the model"
         elif column in grouped:
             why = "only in sums with others (base_parameters); this share of them is the physically consistent one nearest the model"
         else:
             why = "moves no torque of this arm; from the model"
-        parameters.append(Value(name, float(physical[column]), None, None, unit, False, why))
+        parameters.append(Value(name, value, None, None, unit, False, why))
     return [estimated[int(row)] for row in problem.excited], parameters

@@ -4,9 +4,10 @@ A rigid body exists if its 4x4 pseudo-inertia  P = [[tr(I)/2 1 - I, h], [h^T, m]
 3(1), 2018). Base parameters leave many arms; the one nearest to a prior in Bregman's log-det divergence is taken (Lee, Wensing, Park, IEEE T-RO
 36(3), 2020), which needs no units to be balanced:
 
-    min  1/2 |K delta - beta|^2_S  +  regularisation * sum_links [ tr(P0^-1 P) - logdet(P) ]  -  barrier * sum log(friction)
+    min  1/2 |K delta - beta|^2_S  +  regularisation * sum_links [ tr(P0^-1 P) - logdet(P) ]  +  barrier * sum [ f / f0 - log(f) ]
 
-with S the inverse covariance of beta. Convex and self-concordant: damped Newton steps reach it from the prior.
+over links and frictions f (the same divergence of one number: where no data speaks, the prior's own value is the nearest), with S the inverse
+covariance of beta. Convex and self-concordant: damped Newton steps reach it from the prior.
 """
 
 from __future__ import annotations
@@ -79,6 +80,9 @@ def consistent_parameters(
     # From a path well inside the cone of bodies towards its wall, where the data may lie beyond it.
     for factor in 10.0 ** np.arange(6, -1, -1):
         delta = _newton(problem, delta, regularisation * factor, BARRIER * factor)
+    # What acts in none of these sums is the prior's, to the last digit, though it were no friction at all.
+    untold = np.setdiff1d(np.flatnonzero(~np.any(grouping != 0, axis=0)), problem.inertial)
+    delta[untold] = np.asarray(prior, float)[untold]
     return delta
 
 
@@ -97,8 +101,8 @@ class _Problem:
         self.quadratic = grouping.T @ information @ grouping
         self.linear = grouping.T @ information @ base
         self.constant = float(base @ information @ base)
-        inertial = np.concatenate([np.arange(k, k + 10) for k in self.links]) if self.links else np.empty(0, np.intp)
-        free = np.setdiff1d(np.arange(len(names)), np.concatenate([inertial, self.friction]))
+        self.inertial = np.array([k + i for k in self.links for i in range(10)], np.intp)
+        free = np.setdiff1d(np.arange(len(names)), np.concatenate([self.inertial, self.friction]))
         self.ridge = np.zeros(len(names))
         self.ridge[free] = 1e-6 / np.maximum(np.abs(centre[free]), 1.0) ** 2
         for k in np.flatnonzero(of_effects).tolist():  # what repeats a drive's own friction must not run off against it
@@ -117,7 +121,8 @@ class _Problem:
             except np.linalg.LinAlgError:
                 return np.inf
             total += regularisation * float(np.sum(inverse * p) - 2 * np.sum(np.log(diagonal)))
-        return total - barrier * float(np.sum(np.log(delta[self.friction])))
+        friction = delta[self.friction]
+        return total + barrier * float(np.sum(friction / self.centre[self.friction] - np.log(friction)))
 
     def derivatives(self, delta: Array, regularisation: float, barrier: float) -> tuple[Array, Array]:
         """Gradient (p,) and Hessian (p, p)."""
@@ -128,7 +133,7 @@ class _Problem:
             turned = np.linalg.solve(pseudo_inertia(delta[here]), _UNITS)  # P^-1 E_i
             gradient[here] += regularisation * (np.tensordot(_UNITS, inverse, 2) - np.trace(turned, axis1=1, axis2=2))
             hessian[here, here] += regularisation * np.einsum("iab,jba->ij", turned, turned)
-        gradient[self.friction] -= barrier / delta[self.friction]
+        gradient[self.friction] += barrier * (1 / self.centre[self.friction] - 1 / delta[self.friction])
         hessian[self.friction, self.friction] += barrier / delta[self.friction] ** 2
         return gradient, hessian
 

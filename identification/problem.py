@@ -22,6 +22,8 @@ from identification.signals import Motion, smooth_motion, with_reversals
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
+TREMBLE = 20.0  # rms of its angle's noise: a joint whose whole travel is less has not left its place;
+SHAKEN = 0.01  # of the travel of the liveliest joint of its kind: nor has one that the others shake
 EXCITED = 1e-4  # share of a column that no other explains; below it, this experiment says nothing about the parameter
 
 
@@ -76,7 +78,19 @@ def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
     q, current = true_readings(arm, recording.t, found.q, found.i)
     motion = smooth_motion(recording.t, q, current * arm.joint_array("drive_constant"), saturated=found.saturated)
     refusals.check_motion(recording.path, motion)
+    motion = motion.without(resting(motion, arm), "at rest")
     return motion, readiness_of(recording, found, motion, arm)
+
+
+def resting(motion: Motion, arm: Arm) -> NDArray[np.bool_]:
+    """(J,) joints that rest for the whole run, or tremble within a few encoder steps.
+
+    Friction holds them: their drives may bear any torque within it, so that nothing can be learnt from a row of theirs.
+    """
+    travel = np.ptp(motion.q, axis=0)
+    revolute = np.array([joint.revolute for joint in arm.joints])
+    liveliest = np.array([travel[revolute == kind].max() for kind in revolute])
+    return np.asarray(travel <= np.maximum(TREMBLE * motion.band.noise_rms, SHAKEN * liveliest))
 
 
 def motions_of(
@@ -125,8 +139,11 @@ def prepare(
     labels = [base.names[k] for k in base.kept]
     excited = base_parameters(shown, labels, order=range(len(base)), negligible=EXCITED).kept
     excited = np.sort(excited)
-    for k in [] if sparse else np.setdiff1d(np.arange(len(base)), excited):
-        warnings.append(f"{base.expression(int(k))}: not excited by these runs; taken from the model")
+    silent = [base.expression(int(k)) for k in np.setdiff1d(np.arange(len(base)), excited)]
+    if silent and not sparse:
+        warnings.append(
+            f"{len(silent)} of {len(base)} base parameters are not excited by these runs, and taken from the model: {', '.join(silent)}"
+        )
     return Problem(
         arm, friction, fit, held_out, motions, held_motions, rows, judged, held, base, excited, warnings, runs
     )

@@ -57,6 +57,12 @@ class Motion:
         travel = np.ptp(self.q, axis=0)
         return bool(self.usable[:, j].any() and travel[j] > SHAKEN * travel.max())
 
+    def without(self, joints: Mask, reason: str) -> Motion:
+        """Not a row of these ``joints`` (J,) usable; those that were are counted under ``reason``."""
+        excluded = {**self.excluded, reason: np.where(joints, self.usable.sum(axis=0), 0)}
+        certain = None if self.certain is None else self.certain & ~joints
+        return replace(self, usable=self.usable & ~joints, certain=certain, excluded=excluded)
+
 
 def smooth_motion(
     t: Array, q: Array, torque: Array, *, saturated: Mask | None = None, band: Band | None = None
