@@ -14,6 +14,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
 from daq.recording import Recording
@@ -32,18 +33,23 @@ _PAUSE = 1.5
 def between_counts(t: Array, q: Array) -> Array:
     """Angles q (N, joints) rad at t (N,) s as local cubics over ``SMOOTHED`` s (Savitzky and Golay, Anal. Chem. 36, 1964).
 
-    Columns with missing samples, stretches shorter than that, and rows too far apart for it stay as they are.
+    Rows nearer to a missing sample than that, stretches shorter than that, and rows too far apart for it stay as they are.
     """
     smooth = q.copy()
     period = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     rows = 2 * int(SMOOTHED / 2 / period) + 1 if period > 0 else 0
     if rows < 5:
         return smooth
-    whole = np.isfinite(q).all(axis=0)
+    there = np.isfinite(q)
+    whole = uniform_filter1d(there.astype(float), rows, axis=0, mode="nearest") > 1 - 0.5 / rows
+    bridged = np.column_stack(
+        [np.interp(t, t[ok], column[ok]) if ok.any() else column for ok, column in zip(there.T, q.T)]
+    )
     edges = [0, *(np.flatnonzero(np.diff(t) > _PAUSE * period) + 1), len(t)]
     for first, last in pairwise(edges):
         if last - first >= rows:
-            smooth[first:last, whole] = savgol_filter(q[first:last][:, whole], rows, 3, axis=0)
+            local = savgol_filter(bridged[first:last], rows, 3, axis=0)
+            smooth[first:last] = np.where(whole[first:last], local, q[first:last])
     return smooth
 
 

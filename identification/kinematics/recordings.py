@@ -11,6 +11,7 @@ import numpy as np
 from arm_model.description import Arm
 from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording, open_recording
+from identification.doubts import NO_VALUE, as_trusted
 from identification.kinematics.chain import Array
 from identification.kinematics.encoder_steps import between_counts, counts_of
 from identification.kinematics.extensions import Gravity
@@ -37,11 +38,15 @@ class Tracked:
 
 
 def read_tracked(path: Path, tracker: Path | None = None) -> Tracked:
+    """``tracked`` of the recording at ``path``."""
+    return tracked(open_recording(path), tracker)
+
+
+def tracked(recording: Recording, tracker: Path | None = None) -> Tracked:
     """A recording with its tracked points, matched by trigger number; or with those of a separately recorded file.
 
-    InputError where there are no points.
+    Angles and points that the instruments themselves call stale, late, missing or saturated are none. InputError where there are no points.
     """
-    recording = open_recording(path)
     table = recording.rig.get("tracker", {})
     target = tuple(float(v) for v in table["target"]) if "target" in table else None
     merged = None
@@ -56,15 +61,22 @@ def read_tracked(path: Path, tracker: Path | None = None) -> Tracked:
     else:
         xyz, known = _points(recording)
     experiment = (recording.experiment or {}).get("name", "")
-    run = Run(path.name, recording.t, between_counts(recording.t, recording.q), xyz, counts_of(recording))
+    run = Run(
+        recording.path.name,
+        recording.t,
+        between_counts(recording.t, as_trusted(recording).q),
+        xyz,
+        counts_of(recording),
+    )
     return Tracked(run, known, target, experiment, merged)  # type: ignore[arg-type]
 
 
 def _points(recording: Recording) -> tuple[Array, bool]:
-    if recording.xyz is not None:
-        return recording.xyz, True
-    if recording.points is not None:
-        return recording.points, False
+    """(n, 3) m, NaN where the tracker doubts, and whether they are in the base frame."""
+    doubted = [rows[:, 0] for doubt, rows in recording.doubted("points").items() if doubt in (*NO_VALUE, "saturated")]
+    for points, known in ((recording.xyz, True), (recording.points, False)):
+        if points is not None:
+            return np.where(np.any(doubted, axis=0)[:, None] if doubted else False, np.nan, points), known
     raise InputError(
         recording.path,
         "has no tracker points; columns x, y, z are wanted, or the tracker's own file with --tracker FILE.csv",

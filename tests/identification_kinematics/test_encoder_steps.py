@@ -39,7 +39,9 @@ def test_gaps_and_slow_rows_are_left_alone(root: Path) -> None:
     holed = counted.copy()
     holed[100, 2] = np.nan
     smooth = between_counts(t, holed)
-    np.testing.assert_array_equal(smooth[:, 2], holed[:, 2])
+    near = np.abs(np.arange(len(t)) - 100) <= 12  # rows: half of the local cubics' length
+    np.testing.assert_array_equal(smooth[near, 2], holed[near, 2])
+    np.testing.assert_allclose(smooth[~near], between_counts(t, counted)[~near], atol=1e-12)
     jumped = np.r_[t[:2000], t[2000:] + 1.0]
     parts = [between_counts(t[part], counted[part]) for part in (slice(2000), slice(2000, None))]
     np.testing.assert_allclose(between_counts(jumped, counted), np.concatenate(parts), atol=1e-15)
