@@ -2,7 +2,7 @@
 
 It cannot be triggered. ``reading`` "ask": each row is a question and an answer (the latch lies halfway, within half the round
 trip); "stream": it sends its count as fast as 230400 baud takes it (1920 a second), and a row takes the newest one, at most
-0.5 ms old.
+0.5 ms old; one that was held up on its way by more than 2 ms is found by what else should have come by then, and marked STALE.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from drivers import stream_age
 from drivers import us_digital_qsb_protocol as qsb
 from drivers.blocks import missing_row, one_row
 from drivers.clock import SystemClock
@@ -25,7 +26,8 @@ ADVICE = "is the QSB plugged in?"
 WIDTH = 32
 ASK_BYTES = 4 + 12  # on the wire for one question and its answer
 BACKLOG = 2048  # bytes, 90 ms of the stream, read at once: the host was away, and more may lie behind them
-HELD_UP = 2_000_000  # ns for taking a streamed count, which is there already
+HELD_UP = 2_000_000  # ns for a streamed count on its way, and for taking it, which is there already
+BEHIND = 5_000_000_000  # ns for which a stream may be held up: then it is begun anew
 SLOW = 10_000_000  # ns for question and answer, USB and all: beyond it the time of the latch is not known well
 
 
@@ -52,6 +54,7 @@ class Qsb:
         self._count = self._taken = self._heard = (
             0  # newest of the stream, ns at which it came, ns at which anything did
         )
+        self._age = stream_age.StreamAge(qsb.BAUD / 10)
         self._armed = self._was_reset = False
         self._reconnect = Reconnect(name, config.patience, ADVICE)
 
@@ -115,8 +118,20 @@ class Qsb:
         if self.config.reading == "stream":
             self._ask(qsb.write_command(qsb.INTERVAL, 0, 4), "w", qsb.INTERVAL)
             self._port.write(qsb.stream_command(qsb.COUNT))
-            self._count = self._value("s")
-            self._taken = self._heard = self._clock.monotonic_ns()
+            self._value("s")
+            self._age.restart()
+            self._port.wait_for(self._learn, stream_age.LEARNING * 1e-9)
+            self._heard = self._kept_up = self._clock.monotonic_ns()
+
+    def _learn(self, data: bytes) -> None:
+        """The stream's first bytes: its pace, and a count for the first row."""
+        now = self._clock.monotonic_ns()
+        self._age.read(now, len(data))
+        if counts := self._counted(data):
+            self._count, self._taken = counts[-1], now
+
+    def _counted(self, data: bytes) -> list[int]:
+        return [r.value for r in self._replies.feed(data) if r.kind == "s" and r.register == qsb.COUNT]
 
     def disarm(self) -> None:
         self._armed = False
@@ -149,10 +164,12 @@ class Qsb:
     def _newest(self, now: int) -> Block:
         """The newest count that has come; STALE where that is older than the stream's own pace makes it, or of no known age."""
         data, behind = self._port.read(), False
+        delay = self._age.read(now, len(data))
         while len(data) > BACKLOG:  # the newest of these is as old as what has not been read yet
             self._port.flush()
             data, behind = self._port.read(), True
-        counts = [r.value for r in self._replies.feed(data) if r.kind == "s" and r.register == qsb.COUNT]
+            self._age.restart()
+        counts = self._counted(data)
         if counts or behind:
             self._heard = now
         if counts:
@@ -160,10 +177,15 @@ class Qsb:
             self._taken = self._taken if behind else now
         if now - self._heard > self.config.timeout * 1e9:
             raise OSError("the stream has stopped")
-        quality = Quality.STALE if now - self._taken > 2e9 / qsb.STREAM_RATE else Quality.GOOD
+        if delay <= HELD_UP:
+            self._kept_up = now
+        elif now - self._kept_up > BEHIND:
+            raise OSError("the stream stays behind, or its pace has changed")
+        old = now - self._taken > 2e9 / qsb.STREAM_RATE or delay > HELD_UP
+        quality = Quality.STALE if old else Quality.GOOD
         if (
             self._clock.monotonic_ns() - now > HELD_UP
-        ):  # this process was held up: what was read is newer than ``now``, or older
+        ):  # this process was: what was read is newer than ``now``, or older
             quality |= Quality.LATE
         return self._row(now, self._count, quality)
 

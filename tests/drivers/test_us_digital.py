@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -10,21 +11,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers import us_digital_ad4b, us_digital_ad4b_protocol, us_digital_qsb
+from drivers import us_digital_ad4b, us_digital_ad4b_protocol, us_digital_qsb, us_digital_qsb_protocol
 from drivers.blocks import join
 from drivers.counting import extend
+from drivers.serial_port import SerialPort
 from drivers.shapes import Block, CounterMode, EdgeSource, Plan, Quality
 from inputs import DeviceFault
 from sim_backend.protocol import us_digital_ad4b as sim_ad4b
 from sim_backend.protocol import us_digital_qsb as sim_qsb
-from sim_backend.protocol.serving import Terminal
+from sim_backend.protocol.serving import Loop, Terminal
 from tests.drivers.swing import AMPLITUDE, counts, swing_wires
 
 POLL = Plan(EdgeSource.POLL, 100.0, None)
 FASTEST = 2 * np.pi / 4 * AMPLITUDE  # counts/s
 PROMPT = 0.012  # s: a question and its answer, where the row is not marked LATE
 ASKED = 2 * PROMPT * FASTEST  # counts: one question at the preset, one at the row
-STREAMED = 0.05 * FASTEST  # a simulator that shares a busy machine may stand still as long as that
+STREAMED = 0.008 * FASTEST + ASKED / 2  # held up by 2 ms, counted from the quickest byte; one question at the preset
 NOT_NOW = Quality.MISSING | Quality.STALE | Quality.LATE  # a row so marked does not show the count at its time
 
 
@@ -197,6 +199,76 @@ def test_a_host_that_was_away_takes_no_old_count_for_a_new_one(tmp_path: Path) -
         assert device.poll().quality[0, 0] == Quality.STALE
         row = poll_until(device, lambda row: not row.quality[0, 0])
         assert np.abs(error_of(row, 32, start, 0)).max() < STREAMED
+
+
+class SlowWire:
+    """A pty that passes on what another one sends ``delay`` s later, in order; when the delay ends, all at once."""
+
+    def __init__(self, behind: Path, path: Path) -> None:
+        self.delay = 0.0
+        self._far, self._near = SerialPort(str(behind), us_digital_qsb_protocol.BAUD), Terminal("wire", str(path))
+        self._on_the_way: deque[tuple[int, bytes]] = deque()
+        self._loop = Loop(self._step, lambda: [self._near.fileno(), self._far._alive().fileno()], 0.001)
+
+    def __enter__(self) -> SlowWire:
+        self._far.open()
+        self._near.open()
+        self._loop.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._loop.stop()
+        self._near.close()
+        self._far.close()
+
+    def _step(self, now: int) -> None:
+        if asked := self._near.read():
+            self._far.write(asked)
+        if came := self._far.read():
+            self._on_the_way.append((now, came))
+        while self._on_the_way and self._on_the_way[0][0] <= now - self.delay * 1e9:
+            self._near.write(self._on_the_way.popleft()[1], now)
+
+
+@pytest.mark.parametrize("delay", [0.01, 0.03, 0.073])
+def test_a_streamed_count_that_was_held_up_on_its_way_is_marked(tmp_path: Path, delay: float) -> None:
+    """Every poll finds new bytes, and nothing in them tells that they are old."""
+    box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
+    device = us_digital_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), {})
+    box.open()
+    with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
+        device.open()
+        start = preset(device, 0)
+        device.arm(POLL)
+        for _ in range(3):
+            first = poll_until(device, lambda row: not row.quality[0, 0])
+            wire.delay = delay
+            begun = time.monotonic()
+            held = poll_for(device, 0.3)
+            late = held.host > (begun + delay) * 1e9
+            assert late.sum() > 5 and (held.quality[late] & Quality.STALE).all()
+            wire.delay = 0.0
+            shown = join([first, held, poll_until(device, lambda row: not row.quality[0, 0])], 1)
+            assert np.abs(error_of(shown, 32, start, 0)).max() < STREAMED
+        device.close()
+    box.close()
+
+
+def test_a_stream_that_stays_behind_is_begun_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(us_digital_qsb, "BEHIND", 300_000_000)
+    box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
+    device = us_digital_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), {})
+    box.open()
+    with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
+        device.open()
+        device.arm(POLL)
+        poll_until(device, lambda row: not row.quality[0, 0])
+        wire.delay = 0.03
+        poll_until(device, missing)
+        wire.delay = 0.0
+        poll_until(device, lambda row: not row.quality[0, 0])
+        device.close()
+    box.close()
 
 
 def test_a_simulated_line_that_was_held_up_catches_up(tmp_path: Path) -> None:
