@@ -126,7 +126,7 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
         warnings.append(
             f"{name}: {recording.ledger.lost} of {recording.ledger.triggers} rows were lost as it was recorded"
         )
-    warnings += [*found.doubts, *_left_out(name, motion)]
+    warnings += [*found.doubts, *_left_out(name, motion), *_folded(name, motion, arm)]
     for entry, joint in zip(joints, arm.joints):
         warnings += _weaknesses(name, entry, motion, joint.torque_limit)
     return RunReadiness(name, len(motion.t), motion.dt, found.counted, joints, warnings)
@@ -142,6 +142,20 @@ def _left_out(name: str, motion: Motion) -> list[str]:
             joints = ", ".join(f"joint {k + 1}: {shares[k]:.0%}" for k in many)
             found.append(f"{name}: rows left out ({reason}) of {joints}")
     return found
+
+
+def _folded(name: str, motion: Motion, arm: Arm) -> list[str]:
+    """Where setpoints kick the currents in step with the samples: the harmonic of the setpoints' rate at the sampling rate is folded onto 0 Hz,
+    and with it, beside it, what the motion makes of the kicks."""
+    period = 0.0 if arm.controller is None else arm.controller.setpoint_period
+    rows = round(period / motion.dt)
+    if rows < 2 or abs(rows / period - 1 / motion.dt) > motion.band.parallel:
+        return []
+    return [
+        f"{name}: {1 / motion.dt:.5g} Hz is {rows} times the rate of the controller's setpoints (every {period * 1e3:.3g} ms): unless"
+        " its currents were averaged over each row, the servos' ripple is folded onto the acceleration, and rotor inertias may be off;"
+        f" record at {(rows + 0.4) / period:.5g} Hz or so"
+    ]
 
 
 def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float | None) -> list[str]:

@@ -17,6 +17,7 @@ from daq.recording_file import Attachments
 from daq.table import write_table
 from drivers.shapes import Quality
 from identification.methods import check_runs
+from tests.arm_model.pumas import three_links
 from tests.identification.test_effects import currents, motor_motion
 
 RATE = 250.0
@@ -24,8 +25,6 @@ RATE = 250.0
 
 @pytest.fixture(scope="module")
 def arm(root: Path) -> Arm:
-    from tests.arm_model.pumas import three_links
-
     return replace(three_links(read_model(root / "config/models/puma560.toml")), controller=None)
 
 
@@ -81,6 +80,21 @@ def test_condition_and_lag_are_told(
     assert any("20." in warning for warning in said)
     still = replace(recording, q=recording.q * [1, 0, 0] + [0, 0.3, -0.2])
     assert "never moves" in " ".join(check_runs([still], arm, sparse=True).warnings)
+
+
+def test_rate_in_step_with_the_setpoints_is_told(path: Path, arm: Arm, root: Path) -> None:
+    recording = open_recording(path)
+    controller = three_links(read_model(root / "config/models/puma560.toml")).controller
+    assert controller is not None
+
+    def said(setpoints: float) -> list[str]:
+        driven = replace(arm, controller=replace(controller, setpoint_period=setpoints))
+        return [warning for warning in check_runs([recording], driven).warnings if "setpoints" in warning]
+
+    (told,) = said(7 / RATE)
+    assert "7 times the rate" in told and "28 ms" in told
+    assert not said(7.4 / RATE)
+    assert not said(1 / RATE)  # the controller and the recorder run as one
 
 
 def test_check_command_prints_json_and_writes_nothing(
