@@ -108,7 +108,8 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = Tr
     noise = channel_noise(q, i, bent, rate, still)
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
-    partials = [_partial(bent, low, slow_v, slow_a, which) / constant[:, None] for which in range(3)]
+    links = mass_matrix(bent, low, rotors=False)
+    by_angle, by_speed = (values / constant[:, None] for values in _partials(bent, low, slow_v, slow_a))
     # the wobble of friction near standstill, as far as the filters smear it
     coulomb = np.array([joint.ratio * max(joint.coulomb) for joint in arm.joints]) / constant
     slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
@@ -122,8 +123,8 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = Tr
         q=low, v=slow_v, a=slow_a, current=thin(i),
         current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)), expected=thin(reading(arm, t, q, powered=powered)),
         rigid=rigid_torque(bent, low, slow_v, slow_a), brisk_v=brisk[1], brisk_rigid=rigid_torque(bent, *brisk),
-        inertia=mass_matrix(bent, low, rotors=False).diagonal(axis1=1, axis2=2),
-        by_angle=partials[0], by_speed=partials[1], by_acceleration=partials[2],
+        inertia=links.diagonal(axis1=1, axis2=2),
+        by_angle=by_angle, by_speed=by_speed, by_acceleration=links / constant[:, None],
         by_link=regressor(bent, low, slow_v, slow_a)[0][..., : 10 * len(arm)],
         deviation=deviation, noise=noise, block=((rows - rows[0]) // 1.0).astype(np.intp), arm=arm, powered=powered,
     )  # fmt: skip
@@ -150,17 +151,24 @@ def passed(frequency: Array) -> Array:
     return share
 
 
-def _partial(arm: Arm, q: Array, v: Array, a: Array, which: int) -> Array:
-    """(m, n, n): derivative of the rigid torque of joint j by q_k, v_k or a_k, by central differences."""
-    state = [q, v, a]
-    columns = []
-    for k in range(q.shape[1]):
-        step = np.zeros(q.shape[1])
-        step[k] = 1e-5 if which == 0 else 0.5
-        up, down = list(state), list(state)
-        up[which], down[which] = state[which] + step, state[which] - step
-        columns.append((rigid_torque(arm, *up) - rigid_torque(arm, *down)) / (2 * step[k]))
-    return np.stack(columns, axis=-1)
+def _partials(arm: Arm, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    """(m, n, n) each: derivatives of the rigid torque of joint j by q_k and by v_k, by central differences, all rows of all of them at once."""
+    m, n = q.shape
+    steps = np.repeat([1e-5, 0.5], n)
+    shifts = np.concatenate([np.eye(n), np.eye(n)]) * steps[:, None]
+    of_q, of_v = (np.arange(2 * n) < n)[:, None] * shifts, (np.arange(2 * n) >= n)[:, None] * shifts
+    torques = [
+        rigid_torque(
+            arm,
+            (q + sign * of_q[:, None]).reshape(-1, n),
+            (v + sign * of_v[:, None]).reshape(-1, n),
+            np.broadcast_to(a, (2 * n, m, n)).reshape(-1, n),
+        )
+        for sign in (1.0, -1.0)
+    ]
+    slopes = (torques[0] - torques[1]).reshape(2 * n, m, n) / (2 * steps[:, None, None])
+    by: Array = slopes.transpose(1, 2, 0)
+    return by[..., :n], by[..., n:]
 
 
 def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | float = 0.0) -> Array:
