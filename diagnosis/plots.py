@@ -70,7 +70,7 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
     """The residual current of the joint that feels it, against the telling variable, before and after all causes."""
     from matplotlib.figure import Figure
 
-    from diagnosis.remainder import variables
+    from diagnosis.shapes import variables
 
     if result.tracked is not None and cause.by_tracker:
         return tracker_figure(result.tracked)

@@ -8,37 +8,30 @@ loses it: a spring that is part of a wavy torque over position is no spring.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from arm_model.description import Arm
 from diagnosis.library import Columns, Side
 from diagnosis.selection import Accepted, Pair, gain_of
+from diagnosis.shapes import Shape, shapes_of
 from diagnosis.significance import benjamini_hochberg, p_value
 
 Array = NDArray[np.float64]
 
-KNOTS = 12
-"""Of a function of one variable: enough for three cycles over the range of a joint."""
 MATTERS = 0.15
 """A structure must explain this share of a joint's noise energy ..."""
 OF_EXPLAINED = 0.02
 """... and this share of what the causes explain there: a law that is right to a seventh of its amplitude is the right law."""
-CERTAIN = 1e-3
+CERTAIN = 5e-3
 """Probability at which structure may be called by chance: there is no second look at it, as there is at a cause."""
+LOUD = 1.8
+"""Times the deviation: what is left above it is no noise, whatever it hangs on."""
 MOST = 3
 """Structures looked for at one joint."""
-CYCLES = (0.5, 40.0)
-"""Cycles a motor revolution between which a ripple is looked for."""
-BINS_PER_TURN = 256
-
-
-UNMIXED = ("velocity", "acceleration", "current")
-"""Variables whose functions are not multiplied by the direction or the velocity: they contain it, or it means nothing."""
 
 
 @dataclass(frozen=True)
@@ -59,31 +52,11 @@ class Remainder:
     pairs: list[Pair]
 
 
-def variables(side: Side, arm: Arm, joint: int) -> Iterator[tuple[str, Array]]:
-    """Name and values (rows,) of everything that a residual of this joint is held against."""
-
-    def gathered(name: str, of: int = joint) -> Array:
-        return np.concatenate([getattr(run, name)[:, of - 1] for run in side.runs])
-
-    yield "time", np.concatenate([run.t for run in side.runs])
-    yield "position", gathered("q")
-    yield "motor angle", np.mod(gathered("q") * arm.joints[joint - 1].ratio, 2 * np.pi)
-    yield "velocity", gathered("v")
-    yield "acceleration", gathered("a")
-    yield "load torque", gathered("rigid")
-    yield "current", gathered("current")
-    for other in range(1, len(arm) + 1):
-        if other != joint:
-            yield f"position of joint {other}", gathered("q", other)
-            yield f"velocity of joint {other}", gathered("v", other)
-            yield f"current of joint {other}", gathered("current", other)
-
-
 def structure_left(fit: Side, held_out: Side, accepted: Accepted, arm: Arm) -> Remainder:
     """Structures beside what is ``accepted``, joint by joint, the strongest first."""
     found, pairs = [], []
     for joint in range(1, len(arm) + 1):
-        shapes = list(_shapes(fit, held_out, arm, joint))
+        shapes = list(shapes_of(fit, held_out, accepted.fit, arm, joint))
         here: list[Pair] = []
         for _ in range(MOST):
             best = _strongest(shapes, beside(accepted, here), fit, held_out, joint)
@@ -94,7 +67,16 @@ def structure_left(fit: Side, held_out: Side, accepted: Accepted, arm: Arm) -> R
             here.append(pair)
             shapes = [one for one in shapes if one.name != name]
         pairs += here
+        if not here and (loud := _loudness(accepted, held_out, joint)) > LOUD:
+            found.append(Structure("current", joint, f"no single variable ({loud:.1f} times the noise)", 0.0))
     return Remainder(found, pairs)
+
+
+def _loudness(accepted: Accepted, held_out: Side, joint: int) -> float:
+    """Rms of what is left of a joint over its deviation, where that is the instruments' and the joint moves."""
+    rows = [(run.deviation[:, joint - 1] < 3.0 * run.noise[joint - 1]) for run in held_out.runs]
+    known = np.concatenate(rows)
+    return float(np.sqrt(np.mean(accepted.held_out[held_out.of(joint)][known] ** 2))) if known.any() else 0.0
 
 
 def better_than_causes(fit: Side, held_out: Side, without: Accepted, having: Accepted, arm: Arm, joint: int) -> bool:
@@ -103,7 +85,7 @@ def better_than_causes(fit: Side, held_out: Side, without: Accepted, having: Acc
     A complete cause is never beaten: a function of one variable can only come near it. One that is not the cause at all is.
     """
     rows = held_out.of(joint)
-    for shape in _shapes(fit, held_out, arm, joint):
+    for shape in shapes_of(fit, held_out, without.fit, arm, joint):
         _, c, _ = gain_of(shape.pair, without, held_out)
         inside = shape.pair[0].dot(without.basis).T @ c
         by_function = without.held_out - shape.pair[1].spread(c, len(held_out.y)) + without.to_held_out @ inside
@@ -115,7 +97,7 @@ def better_than_causes(fit: Side, held_out: Side, without: Accepted, having: Acc
 
 
 def _strongest(
-    shapes: Sequence[_Shape], accepted: Accepted, fit: Side, held_out: Side, joint: int
+    shapes: Sequence[Shape], accepted: Accepted, fit: Side, held_out: Side, joint: int
 ) -> tuple[str, Pair, float] | None:
     """The variable whose function explains most of a joint's held-out residual: name, columns, share of the residual's variance."""
     gains = [gain_of(shape.pair, accepted, held_out)[2] for shape in shapes]
@@ -155,71 +137,3 @@ def _full(columns: Columns, length: int) -> Array:
     whole = np.zeros((length, columns.x.shape[1]))
     whole[columns.where] = columns.x
     return whole
-
-
-@dataclass(frozen=True)
-class _Shape:
-    """A function of one variable at one joint; ``known`` (rows,): held-out rows where the variable is in the range that was fitted."""
-
-    name: str
-    pair: Pair
-    known: NDArray[np.bool_]
-
-
-def _shapes(fit: Side, held_out: Side, arm: Arm, joint: int) -> Iterator[_Shape]:
-    """Functions of every variable at one joint, alone and times direction and velocity, over the deviation of each row."""
-    width = arm.joints[joint - 1].sign_velocity
-    factors = []
-    for side in (fit, held_out):
-        v = np.concatenate([run.v[:, joint - 1] for run in side.runs])
-        over = 1.0 / np.concatenate([run.deviation[:, joint - 1] for run in side.runs])
-        factors.append((over, over * v / np.hypot(v, width), over * v))
-    for (name, x), (_, x_held_out) in zip(variables(fit, arm, joint), variables(held_out, arm, joint)):
-        if name == "motor angle":
-            continue  # by its harmonics, below
-        if np.ptp(x) == 0.0:
-            continue
-        # half where the rows are, half evenly: the ends of a range are passed rarely, and matter
-        knots = (np.quantile(x, np.linspace(0.0, 1.0, KNOTS)) + np.linspace(x.min(), x.max(), KNOTS)) / 2
-        if np.any(np.diff(knots) <= 0.0):
-            continue  # as good as constant
-        known = (x_held_out >= knots[0]) & (x_held_out <= knots[-1])
-        splines = _splines(x, knots), _splines(x_held_out, knots) * known[:, None]
-        for kind in range(3):
-            if (kind and name in UNMIXED) or (kind == 2 and " of joint" in name):
-                continue
-            one, other = (
-                Columns(values * factor[kind][:, None], side.of(joint))
-                for values, factor, side in zip(splines, factors, (fit, held_out))
-            )
-            yield _Shape(name, (one, other), known)
-    harmonic = _harmonic(fit, arm, joint, factors[0][0])
-    if harmonic is not None:
-        columns = []
-        for side, factor in ((fit, factors[0]), (held_out, factors[1])):
-            angle = harmonic * arm.joints[joint - 1].ratio * np.concatenate([run.q[:, joint - 1] for run in side.runs])
-            columns.append(
-                Columns(np.stack([np.sin(angle), np.cos(angle)], axis=1) * factor[0][:, None], side.of(joint))
-            )
-        yield _Shape("motor angle", (columns[0], columns[1]), np.ones(held_out.rows, bool))
-
-
-def _splines(x: Array, knots: Array) -> Array:
-    """(rows, knots) natural cubic splines, each 1 at its knot and 0 at all others; constant beyond the ends."""
-    values: Array = CubicSpline(knots, np.eye(len(knots)), bc_type="natural")(np.clip(x, knots[0], knots[-1]))
-    return values
-
-
-def _harmonic(side: Side, arm: Arm, joint: int, over: Array) -> float | None:
-    """Cycles a motor revolution of the strongest ripple in a joint's residual over position; None for a joint that hardly moved."""
-    q = np.concatenate([run.q[:, joint - 1] for run in side.runs])
-    if np.ptp(q) * arm.joints[joint - 1].ratio < 4 * np.pi:
-        return None
-    # the residual summed in fine bins of the motor's turns has the ripple as a line of its spectrum
-    turns = (q - q.min()) * arm.joints[joint - 1].ratio / (2 * np.pi)
-    bins = BINS_PER_TURN * int(2 ** np.ceil(np.log2(2 * turns.max() + 2)))
-    total = np.bincount((turns * BINS_PER_TURN).astype(int), weights=side.y[side.of(joint)] * over, minlength=bins)
-    cycles = np.fft.rfftfreq(bins, 1.0 / BINS_PER_TURN)
-    power = np.abs(np.fft.rfft(total))
-    wanted = (cycles >= CYCLES[0]) & (cycles <= CYCLES[1])
-    return float(cycles[wanted][int(np.argmax(power[wanted]))])

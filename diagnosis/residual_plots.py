@@ -12,7 +12,7 @@ from daq.recording import Recording
 from diagnosis.closed_loop import Compared
 from diagnosis.diagnose import Diagnosis
 from diagnosis.library import Side, side_of
-from diagnosis.remainder import variables
+from diagnosis.shapes import variables
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,6 +24,8 @@ from diagnosis.selection import Accepted, Look, Pair, accept, look, matters, rou
 Array = NDArray[np.float64]
 
 MOST_CAUSES = 8
+TWINS = (("torque_constant", "current_gain"),)
+"""Effects that are the same to currents and motor angles, whatever the motion: one scales the measured current, one the expected."""
 CORRECTIONS = 2
 """Evaluations of the exact model a round: the second-order part of a strong effect is a tenth of it, that of the rest a hundredth."""
 
@@ -80,7 +82,7 @@ def search(problem: Problem, progress: Callable[[str], None]) -> Found:
         progress(f"looking for cause {number}")
         accepted = problem.accepted(chosen, sides)
         problem.listen(accepted.fit)
-        able = round_of(problem.library, accepted, *sides, {c.key for c in chosen}, physical)
+        able = round_of(problem.library, accepted, *sides, _taken(chosen), physical)
         if not able:
             break
         best, alike = simplest(able, sides[1])
@@ -99,6 +101,12 @@ def search(problem: Problem, progress: Callable[[str], None]) -> Found:
         sides = corrected(chosen, problem, sides)
         remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
     return Found(chosen, [equals[c.key] for c in chosen], sides, remainder)
+
+
+def _taken(chosen: Sequence[Candidate]) -> set[tuple[str, int | None]]:
+    """The chosen, and their twins: both together would explain anything, as their difference is the residual itself."""
+    twins = dict(TWINS) | {other: one for one, other in TWINS}
+    return {c.key for c in chosen} | {(twins[c.effect], c.joint) for c in chosen if c.effect in twins}
 
 
 def without(found: Found, gone: Candidate, problem: Problem) -> Found:
