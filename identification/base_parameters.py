@@ -8,6 +8,7 @@ no earlier one makes up. Every other column is a combination of those.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -68,20 +69,26 @@ def base_parameters(
     rank = int(np.sum(pivots > negligible * max(pivots.max(initial=0.0), 1e-300)))
 
     kept: list[int] = []
-    basis = np.empty((len(triangle), 0))
+    basis = np.empty((len(triangle), rank), order="F")
     for column in order if order is not None else reading_order(names):
-        if not seen[column] or len(kept) == rank:
+        if len(kept) == rank:
+            break
+        if not seen[column]:
             continue
+        earlier = basis[:, : len(kept)]
         rest = triangle[:, column] / size[column]
         for _ in range(2):  # once more against rounding (Giraud et al., 2005: "twice is enough")
-            rest = rest - basis @ (basis.T @ rest)
-        if np.linalg.norm(rest) > negligible:
+            rest = rest - earlier @ (earlier.T @ rest)
+        left = math.sqrt(rest @ rest)
+        if left > negligible:
+            basis[:, len(kept)] = rest / left
             kept.append(int(column))
-            basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
 
     grouping = np.zeros((len(kept), len(size)))
-    grouping[:, seen] = np.linalg.lstsq(triangle[:, kept] / size[kept], triangle[:, seen], rcond=None)[0]
-    grouping /= size[kept][:, None] if kept else 1.0
+    if kept:  # in the basis that they are made of, the kept columns are a triangle
+        found = basis[:, : len(kept)].T @ triangle
+        grouping[:, seen] = linalg.solve_triangular(found[:, kept] / size[kept], found[:, seen], check_finite=False)
+        grouping /= size[kept][:, None]
     grouping[np.abs(grouping) < 1e-7] = 0.0
     grouping[:, kept] = np.eye(len(kept))
     return BaseParameters(tuple(names), np.array(kept, np.intp), grouping)
