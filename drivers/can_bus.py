@@ -6,7 +6,6 @@ the bus received would have to wait for one more thread to be scheduled. The bus
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import threading
 import time
@@ -60,20 +59,17 @@ class Mailbox:
     def take(self) -> list[Frame]:
         """All that have come, without waiting."""
         self._bus.read(0.0)
-        return self._taken()
+        return self.there()
 
     def wait(self, deadline: float) -> list[Frame]:
         """All that have come; where none has, waits for the first until ``deadline`` (s, time.monotonic)."""
         while not self._frames and (left := deadline - time.monotonic()) > 0:
             self._bus.read(left)
-        return self._taken()
+        return self.there()
 
-    def _taken(self) -> list[Frame]:
-        frames = []
-        with contextlib.suppress(IndexError):
-            while True:
-                frames.append(self._frames.popleft())
-        return frames
+    def there(self) -> list[Frame]:
+        """All that somebody's reading has brought; the bus itself is not looked at. One thread takes from a mailbox."""
+        return [self._frames.popleft() for _ in range(len(self._frames))]
 
 
 class CanBus:
@@ -123,14 +119,13 @@ class CanBus:
         return box
 
     def send(self, identifier: int, data: bytes) -> None:
-        import can
-
         if self._error is not None or self._bus is None:
             raise OSError(self._error or "the bus is not open")
+        message = self._can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
         try:
             with self._sending:
-                self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
-        except (can.CanError, OSError) as error:
+                self._bus.send(message)
+        except (self._can.CanError, OSError) as error:
             self._error = f"cannot send: {error}"
             raise OSError(self._error) from None
 
@@ -148,6 +143,7 @@ class CanBus:
     def _start(self) -> None:
         import can
 
+        self._can: Any = can
         config = self.config
         extra: dict[str, Any] = {} if config.port is None else {"port": config.port}
         if config.interface not in ("virtual", "udp_multicast"):
@@ -191,8 +187,6 @@ class CanBus:
 
     def _receive(self, seconds: float, turn: float) -> None:
         """The next frame within ``seconds`` s; for 0, all that have come. Waits ``turn`` s at most for another thread that reads."""
-        from can import CanError
-
         if not self._reading.acquire(timeout=turn):
             return
         try:
@@ -200,7 +194,7 @@ class CanBus:
                 self._deliver(message)
                 if seconds:
                     break
-        except (CanError, OSError) as error:
+        except (self._can.CanError, OSError) as error:
             self._error = f"cannot receive: {error}"
         finally:
             self._reading.release()

@@ -157,8 +157,9 @@ class Cia406Encoders:
         now = self._clock.monotonic_ns()
         if not self._reconnect.there(now, self._reopen):
             return missing_row(now, len(self.config.nodes), 0)
+        answers = self._answers.take()
         self._heed_events()
-        for at, identifier, data in self._answers.take():
+        for at, identifier, data in answers:
             self._rounds.take(identifier - cia.TPDO1, data, at)
         if self._rounds.blocked(now):
             self._rounds.skip()
@@ -195,7 +196,7 @@ class Cia406Encoders:
     def _heed_events(self) -> None:
         """A node that boots has lost its settings: it is set up again, and its counts are marked from then on. DeviceFault where
         another encoder has taken its place."""
-        for _, identifier, data in self._events.take():
+        for _, identifier, data in self._events.there():
             number = identifier & 0x7F
             if identifier & ~0x7F == cia.HEARTBEAT and data == cia.BOOT_UP:
                 self._restarted.add(number)
