@@ -19,6 +19,7 @@ from identification.least_squares import Fit, Method, least_squares
 from identification.problem import Problem, Progress, prepare
 from identification.result import Identification
 from identification.uncertainty import uncertainty
+from identification.weak_directions import WEAK, held_to_the_model
 
 Array = NDArray[np.float64]
 
@@ -46,12 +47,14 @@ def identify(
     def solve(rows: Equations) -> Fit:
         return least_squares(rows.columns[:, problem.columns], rows.torque - problem.given(rows), rows.joint, method)
 
-    values, before = model_values(arm, friction), None
+    values, before, held = model_values(arm, friction), None, 0
     for number in range(STEPS if arm.effects else 1):
         progress(f"least squares, step {number + 1}" if arm.effects else "least squares")
         best = solve(problem.rows)
         progress("uncertainty")
         spread = uncertainty(problem.rows.columns[:, problem.columns], problem.rows, best)
+        if method != "ols":  # which is the textbook's
+            best, held = held_to_the_model(problem, best, spread.information)
         if not arm.effects or (before is not None and np.all(np.abs(best.values - before) < SETTLED * spread.std)):
             break
         before, values = (
@@ -63,7 +66,13 @@ def identify(
         problem.warnings.append(
             f"the effects did not settle in {STEPS} steps; is one of them far from what the model says?"
         )
-    return conclude(problem, method, best, spread, solve)
+    result = conclude(problem, method, best, spread, solve)
+    if held:
+        result.notes.append(
+            f"{held} of {len(problem.excited)} directions among the base parameters are known to no better than {WEAK:.0%} of the model's own"
+            " numbers, and do not contradict these: held there (method ols holds none)"
+        )
+    return result
 
 
 def _towards(problem: Problem, now: Array, wanted: Array, fit: Fit) -> Array:
