@@ -22,6 +22,7 @@ from daq.recording import Recording
 from diagnosis.evidence import Run, kept, residual_with
 from diagnosis.reading import COMPARE_BAND, low_pass
 from diagnosis.setup import loaded, setup_of
+from inputs import InputError
 
 Array = NDArray[np.float64]
 
@@ -67,15 +68,18 @@ def known_rows(run: Run) -> NDArray[np.bool_]:
 
 
 def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
-    """The recording's demands run through the model's closed loop; None where there is no demand or no controller to run."""
+    """The recording's demands run through the model's closed loop; None without a demand, a controller or a stable loop."""
     setup = setup_of(recording)
     if recording.qref is None or arm.controller is None or np.isnan(recording.qref).any() or setup.drives_off:
         return None
     arm = loaded(arm, setup.payload)
     knots, demand = recording.t, _demand(recording)
-    motion = simulate(
-        arm, demand, duration=float(knots[-1]), rate=1.0 / recording.dt, times=knots - knots[0], sampled=True
-    )
+    try:
+        motion = simulate(
+            arm, demand, duration=float(knots[-1]), rate=1.0 / recording.dt, times=knots - knots[0], sampled=True
+        )
+    except InputError:  # it left all bounds: a loop that cannot judge
+        return None
     shown = recorded(arm, motion)
     return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q, known_rows(run))
 

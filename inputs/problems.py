@@ -20,6 +20,9 @@ class InputError(ValueError):
         self.what = " ".join(str(what).split())
         super().__init__(f"{self.where}: {self.what}")
 
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str]]:
+        return type(self), (self.where, self.what)  # from one process to another
+
 
 class DeviceFault(RuntimeError):
     """A device that failed: ``device`` is its name in the rig file, ``what`` one sentence with the remedy."""
@@ -28,3 +31,6 @@ class DeviceFault(RuntimeError):
         self.device = device
         self.what = " ".join(str(what).split())
         super().__init__(f"{device}: {self.what}")
+
+    def __reduce__(self) -> tuple[type[DeviceFault], tuple[str, str]]:
+        return type(self), (self.device, self.what)
