@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import ndimage, signal
 
 from daq.recording import Recording
+from diagnosis.noise import scatter
 from diagnosis.parameters import Estimate
 
 Array = NDArray[np.float64]
@@ -26,8 +27,9 @@ JUMP_IN_STEPS = 5.0
 """Steps of the encoder that a jump must exceed."""
 JUMP_OVER_OTHERS = 3.0
 """Times what one row in a hundred jumps that a jump must exceed."""
-FLAT_ROWS = 20
-"""Consecutive rows at one extreme value that make a clipped current, at 1 kHz 20 ms."""
+AVERAGED, FLAT_SECONDS, PILED = 0.01, 0.03, 3.0
+"""A current averaged over the first is clipped if it lies flat for the second, and if of the rows near its top this many times more lie at it
+than below it."""
 
 
 @dataclass(frozen=True)
@@ -175,28 +177,42 @@ def without_jumps(recording: Recording, index: int, events: list[Event]) -> Arra
 
 
 def clipped(recordings: list[Recording]) -> list[Event]:
-    """Currents that lie flat at one extreme value for many rows, in either direction, in at least one recording."""
+    """Currents that pile up at one extreme value, in either direction.
+
+    Of a current that turns round by itself as many rows lie within 2 widths of its top as in the 6 widths below (a parabola); of one that is
+    clipped, nearly all of them. The width is what noise and converter leave of a value averaged over ``AVERAGED`` s.
+    """
     events = []
+    smooth = [_averaged(r) for r in recordings]
     for j in range(recordings[0].joints):
-        top = max(float(np.nanmax(np.abs(r.i[:, j]))) for r in recordings)
-        spread = max(encoder_step(recordings[0].i[:, j]) * 1.5, 0.002 * top)
-        showing = [
-            k
-            for k, r in enumerate(recordings)
-            if _longest(np.abs(r.i[:, j]) > top - 2 * spread) * r.dt > FLAT_ROWS * 1e-3
-        ]
-        moving = [k for k in showing if np.ptp(recordings[k].q[:, j]) > 0.01]
-        if top > 10 * spread and moving:
+        top = max(float(values[:, j].max()) for values in smooth)
+        rows = max(1, round(AVERAGED / recordings[0].dt))
+        noise = max(float(scatter(r.i)[j]) for r in recordings) / np.sqrt(rows)
+        width = max(encoder_step(recordings[0].i[:, j]) / 2, 0.002 * top, 3.3 * noise)
+        near = [float(np.sum(values[:, j] > top - 2 * width)) * r.dt for values, r in zip(smooth, recordings)]
+        below = [float(np.sum(values[:, j] > top - 8 * width)) * r.dt for values, r in zip(smooth, recordings)]
+        moving = [k for k, r in enumerate(recordings) if near[k] > 0.0 and np.ptp(r.q[:, j]) > 0.01]
+        flat = _longest_of([values[:, j] > top - 2 * width for values in smooth], recordings)
+        if top > 10 * width and moving and flat > FLAT_SECONDS and sum(near) > PILED * (sum(below) - sum(near)):
             events.append(
                 Event(
                     "current_limit",
                     j + 1,
-                    [Estimate("limit", top - spread, spread, "A")],
+                    [Estimate("limit", top - width, width, "A")],
                     f"the current of joint {j + 1} lies flat at {top:.2f} A in {len(moving)} of {len(recordings)} recordings",
                     tuple(moving),
                 )
             )
     return events
+
+
+def _averaged(recording: Recording) -> Array:
+    rows = max(1, round(AVERAGED / recording.dt))
+    return np.asarray(np.abs(ndimage.uniform_filter1d(recording.i, rows, axis=0)), float)
+
+
+def _longest_of(flags: list[NDArray[np.bool_]], recordings: list[Recording]) -> float:
+    return max(_longest(one) * r.dt for one, r in zip(flags, recordings))
 
 
 def _longest(flags: NDArray[np.bool_]) -> int:
