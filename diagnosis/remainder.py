@@ -28,8 +28,8 @@ OF_EXPLAINED = 0.02
 """... and this share of what the causes explain there: a law that is right to a seventh of its amplitude is the right law."""
 CERTAIN = 5e-3
 """Probability at which structure may be called by chance: there is no second look at it, as there is at a cause."""
-LOUD = 1.8
-"""Times the deviation: what is left above it is no noise, whatever it hangs on."""
+LOUD = 2.5
+"""Times the deviation: what is left above it is no noise, whatever it hangs on. Noise correlated for longer than an arm stands is told half as large."""
 MOST = 3
 """Structures looked for at one joint."""
 

@@ -19,11 +19,13 @@ from diagnosis.library import Columns, Side, columns_of, side_with
 from diagnosis.lines import audible, order_of
 from diagnosis.parameters import parameters_of, physical, sharpened
 from diagnosis.remainder import Remainder, beside, better_than_causes, structure_left
-from diagnosis.selection import Accepted, Look, Pair, accept, look, matters, round_of, simplest
+from diagnosis.selection import SHARE_OF_NOISE, Accepted, Look, Pair, accept, look, matters, round_of, simplest
 
 Array = NDArray[np.float64]
 
 MOST_CAUSES = 8
+NESTED = {"friction_asymmetry": ("viscous_friction", "coulomb_friction", "current_offset")}
+"""Effects that contain simpler ones."""
 TWINS = (("torque_constant", "current_gain"),)
 """Effects that are the same to currents and motor angles, whatever the motion: one scales the measured current, one the expected."""
 CORRECTIONS = 2
@@ -94,6 +96,7 @@ def search(problem: Problem, progress: Callable[[str], None]) -> Found:
     better = polished(chosen, problem, sides)
     if better is not chosen:
         chosen, sides = better, corrected(better, problem, problem.sides)
+    chosen, sides = simplified(chosen, problem, sides, equals)
     progress("looking at what is left")
     remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
     while dissolved := _superfluous(chosen, problem, sides, remainder) or _outdone(chosen, problem, sides):
@@ -146,6 +149,33 @@ def _outdone(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, S
 
 def _meet(one: Columns, other: Columns) -> bool:
     return one.where.start < other.where.stop and other.where.start < one.where.stop
+
+
+def simplified(
+    chosen: list[Candidate],
+    problem: Problem,
+    sides: tuple[Side, Side],
+    equals: dict[tuple[str, int | None], list[Look]],
+) -> tuple[list[Candidate], tuple[Side, Side]]:
+    """The chosen, with a simpler effect in the place of one that contains it where nothing that matters is lost.
+
+    While other causes were missing or known to first order only, the one with more coefficients may have fitted their rest.
+    """
+    for c in list(chosen):
+        for name in NESTED.get(c.effect, ()):
+            simple = Candidate(name, c.joint)
+            if simple not in problem.library or simple in chosen:
+                continue
+            trial = [simple if one is c else one for one in chosen]
+            anew = corrected(trial, problem, problem.sides)
+            lost = np.sum(problem.accepted(trial, anew).held_out ** 2) - np.sum(
+                problem.accepted(chosen, sides).held_out ** 2
+            )
+            if lost < SHARE_OF_NOISE * sides[1].rows:
+                equals[simple.key] = [one for one in equals[c.key] if one.candidate.key != c.key]
+                chosen, sides = trial, anew
+                break
+    return chosen, sides
 
 
 def corrected(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, Side]) -> tuple[Side, Side]:

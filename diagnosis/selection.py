@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from diagnosis.candidates import Candidate
 from diagnosis.library import Columns, Side
-from diagnosis.significance import benjamini_hochberg, p_value
+from diagnosis.significance import benjamini_hochberg, p_value, shift_p_value
 
 Array = NDArray[np.float64]
 Key = tuple[str, int | None]
@@ -32,6 +32,8 @@ ALIKE = 0.005
 
 INDEPENDENT = 1e-3
 """Relative singular value below which columns of unit length are one: what the data says there is rounding and the columns' own errors."""
+EVENTS = ("backlash",)
+"""Effects that are a few events in a recording: they may also be judged by when these are."""
 NEAR, SURE = 0.8, 0.01
 """A candidate with this share of the best gain is told from it where chance would do so with less than this probability."""
 
@@ -102,7 +104,17 @@ def fit_gain(columns: Columns, accepted: Accepted) -> tuple[float, Array]:
 def look(candidate: Candidate, pair: Pair, accepted: Accepted, held_out: Side) -> Look:
     """What one candidate adds beside the accepted ones."""
     gain, c, blocks = gain_of(pair, accepted, held_out)
-    return Look(candidate, c, gain, float(blocks.sum()), p_value(blocks), blocks)
+    p = p_value(blocks)
+    if candidate.effect in EVENTS and p > 1e-4 and blocks.sum() > 0.0:
+        predicted = pair[1].spread(c, len(held_out.y))
+        p = min(p, shift_p_value(by_recording(predicted, held_out), by_recording(accepted.held_out, held_out)))
+    return Look(candidate, c, gain, float(blocks.sum()), p, blocks)
+
+
+def by_recording(values: Array, side: Side) -> list[Array]:
+    """Values (n * rows,) as (m, n) of each recording."""
+    ends = np.cumsum([len(run.t) for run in side.runs])
+    return np.split(values.reshape(-1, side.rows).T, ends[:-1])
 
 
 def gain_of(pair: Pair, accepted: Accepted, held_out: Side) -> tuple[float, Array, Array]:

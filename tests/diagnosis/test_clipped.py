@@ -30,7 +30,7 @@ def _motion(seed: int) -> np.ndarray:
     )
 
 
-@pytest.mark.parametrize("noise", [0.002, 0.007, 0.03])
+@pytest.mark.parametrize("noise", [0.002, 0.007, 0.015])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_limit_is_found_with_its_value(tmp_path: Path, noise: float, seed: int) -> None:
     free = _motion(seed)
