@@ -29,7 +29,8 @@ OF_EXPLAINED = 0.02
 CERTAIN = 5e-3
 """Probability at which structure may be called by chance: there is no second look at it, as there is at a cause."""
 LOUD = 2.5
-"""Times the deviation: what is left above it is no noise, whatever it hangs on. Noise correlated for longer than an arm stands is told half as large."""
+"""Times the deviation: what is left above it is no noise, whatever it hangs on. Noise correlated for longer than an arm stands is told
+half as large as it is."""
 MOST = 3
 """Structures looked for at one joint."""
 
