@@ -128,39 +128,57 @@ def equations(
     arm: Arm, motions: Sequence[Motion], friction: Friction = "symmetric", base: BaseParameters | None = None
 ) -> Equations:
     """The rows of all runs; ``rest`` is what the arm shows beyond the columns of its ``base`` parameters (default: of all)."""
-    parts = [_run_equations(arm, motion, run, friction) for run, motion in enumerate(motions)]
-    columns, torque, joint, run, t = (np.concatenate(part) for part in zip(*parts))
-    rows = Equations(columns, torque, joint, run, t, tuple(column_names(arm, friction)))
-    return with_effects(rows, arm, arm, motions, friction, base)
+    (rows,) = equations_of(arm, [motions], friction, base)
+    return rows
+
+
+def equations_of(
+    arm: Arm, views: Sequence[Sequence[Motion]], friction: Friction = "symmetric", base: BaseParameters | None = None
+) -> list[Equations]:
+    """``equations`` of several views of the same runs, which differ in the rows that they trust: the regressor is made once for all."""
+    found = []
+    parts = [_run_equations(arm, same, run, friction) for run, same in enumerate(zip(*views))]
+    for motions, own in zip(views, zip(*parts)):
+        columns, torque, joint, run, t = (np.concatenate(part) for part in zip(*own))
+        rows = Equations(columns, torque, joint, run, t, tuple(column_names(arm, friction)))
+        found.append(with_effects(rows, arm, arm, motions, friction, base))
+    return found
 
 
 def _run_equations(
-    arm: Arm, motion: Motion, number: int, friction: Friction
-) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.intp], Array]:
-    """columns of links and drives, torque, joint, run and t of one run's rows."""
-    t, trusted = equation_rows(motion)
-    columns = filtered_columns(arm, motion, motion, friction)
-    torque = parallel_filter(motion, motion.torque * equation_weight(motion))
-    joint, row = np.nonzero(trusted.T)
-    return columns[row, joint], torque[row, joint], joint, np.full(len(row), number, np.intp), t[row]
+    arm: Arm, views: Sequence[Motion], number: int, friction: Friction
+) -> list[tuple[Array, Array, NDArray[np.intp], NDArray[np.intp], Array]]:
+    """columns of links and drives, torque, joint, run and t of one run's rows, for each view of it."""
+    found = []
+    for motion, columns in zip(views, _filtered(arm, views, views[0], friction)):
+        t, trusted = equation_rows(motion)
+        torque = parallel_filter(motion, motion.torque * equation_weight(motion))
+        joint, row = np.nonzero(trusted.T)
+        found.append((columns[row, joint], torque[row, joint], joint, np.full(len(row), number, np.intp), t[row]))
+    return found
 
 
 def filtered_columns(arm: Arm, motion: Motion, moved: Motion, friction: Friction) -> Array:
-    """(k, n, p - e) ``described_columns`` of the positions of ``moved`` through the parallel filter of ``motion``, whose grid it has.
+    """(k, n, p - e) ``described_columns`` of the positions of ``moved`` through the parallel filter of ``motion``, whose grid it has."""
+    (columns,) = _filtered(arm, [motion], moved, friction)
+    return columns
 
-    A stretch at a time, to save memory.
-    """
+
+def _filtered(arm: Arm, views: Sequence[Motion], moved: Motion, friction: Friction) -> list[Array]:
+    """``filtered_columns`` for each of some views of one run. A stretch at a time, to save memory."""
+    motion = views[0]
     window, step = parallel_window(motion)
-    weight = equation_weight(motion)[..., None]
+    weights = [equation_weight(view)[..., None] for view in views]
     kept = (len(motion.t) - window) // step + 1
     stretch = max(1, 4 * window // step)
-    parts = []
+    parts: list[list[Array]] = [[] for _ in views]
     for first in range(0, kept, stretch):
         last = min(first + stretch, kept)
         rows = slice(first * step, (last - 1) * step + window)
         unfiltered = described_columns(arm, moved.q[rows], moved.qd[rows], moved.qdd[rows], friction)
-        parts.append(parallel_filter(motion, unfiltered * weight[rows]))
-    return np.concatenate(parts)
+        for part, weight in zip(parts, weights):
+            part.append(parallel_filter(motion, unfiltered * weight[rows]))
+    return [np.concatenate(part) for part in parts]
 
 
 def with_effects(

@@ -14,7 +14,15 @@ from identification import refusals
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.doubts import trusted
 from identification.effects import left_to_the_model, true_readings
-from identification.equations import Equations, Friction, equations, model_values, structural_base, with_effects
+from identification.equations import (
+    Equations,
+    Friction,
+    equations,
+    equations_of,
+    model_values,
+    structural_base,
+    with_effects,
+)
 from identification.least_squares import weighted
 from identification.readiness import Excitation, RunReadiness, readiness_of
 from identification.signals import Motion, smooth_motion, with_reversals
@@ -130,8 +138,8 @@ def prepare(
     ]
     progress("equations of motion")
     base = structural_base(arm, friction)
-    rows = equations(arm, motions, friction, base)
-    judged = equations(arm, list(map(with_reversals, motions)), friction, base)
+    views = [motions, list(map(with_reversals, motions))]
+    rows, judged = equations_of(arm, views, friction, base)
     held = equations(arm, held_motions, friction, base) if held_motions else None
     shown = rows.columns[:, base.kept] / _spread(rows, arm)[:, None]
     if len(shown) < (1 if sparse else 2) * len(base):

@@ -109,6 +109,11 @@ def parallel_filter(motion: Motion, columns: Array) -> Array:
     A finite symmetric impulse response (zero phase), so that row k rests on rows k step .. k step + window - 1 alone.
     """
     taps, step = _parallel(motion)
+    return _decimated(columns, taps, step)
+
+
+def _decimated(columns: Array, taps: Array, step: int) -> Array:
+    """``columns`` (m, ...) by the impulse response ``taps``, every ``step``-th row that it fits under."""
     flat = columns.reshape(len(columns), -1)
     rows = (len(flat) - len(taps)) // step + 1
     # A product with a band of shifted taps, some rows at a time: most of it is zeros, and still the quickest way for many columns.
@@ -136,7 +141,7 @@ def parallel_rows(motion: Motion) -> tuple[Array, Mask]:
     """
     taps, step = _parallel(motion)
     weight = np.abs(taps) / np.abs(taps).sum()
-    bad = signal.upfirdn(weight, (~motion.usable).astype(float), axis=0)[len(taps) - 1 : len(motion.t) : step]
+    bad = _decimated((~motion.usable).astype(float), weight, step)
     first = (len(taps) - 1) // 2
     return motion.t[first : first + step * len(bad) : step], np.asarray(bad < 0.02)
 
