@@ -53,6 +53,9 @@ class Mailbox:
         self._bus = bus
         self._frames: deque[Frame] = deque(maxlen=MOST)
 
+    def __len__(self) -> int:
+        return len(self._frames)
+
     def put(self, at: int, identifier: int, data: bytes) -> None:
         self._frames.append((at, identifier, data))
 
@@ -64,7 +67,7 @@ class Mailbox:
     def wait(self, deadline: float) -> list[Frame]:
         """All that have come; where none has, waits for the first until ``deadline`` (s, time.monotonic)."""
         while not self._frames and (left := deadline - time.monotonic()) > 0:
-            self._bus.read(left)
+            self._bus.read(left, self)
         return self.there()
 
     def there(self) -> list[Frame]:
@@ -177,19 +180,22 @@ class CanBus:
             else:
                 self._receive(ATTENDED, ATTENDED)
 
-    def read(self, seconds: float) -> None:
+    def read(self, seconds: float, box: Mailbox | None = None) -> None:
         """Puts into the mailboxes what has come; ``seconds`` above 0: waits as long for a frame, or until another thread that reads
-        may have brought one."""
+        may have brought one for ``box``."""
         self._attended = time.monotonic()
         if not self.is_open:
             time.sleep(min(seconds, TURN))
-        self._receive(seconds, min(seconds, TURN))
+        self._receive(seconds, min(seconds, TURN), box)
 
-    def _receive(self, seconds: float, turn: float) -> None:
-        """The next frame within ``seconds`` s; for 0, all that have come. Waits ``turn`` s at most for another thread that reads."""
+    def _receive(self, seconds: float, turn: float, box: Mailbox | None = None) -> None:
+        """The next frame within ``seconds`` s; for 0, all that have come. Waits ``turn`` s at most for another thread that reads, which
+        may have put into ``box`` what is wanted."""
         if not self._reading.acquire(timeout=turn):
             return
         try:
+            if box:
+                return
             while self.is_open and (message := self._bus.recv(seconds)) is not None:
                 self._deliver(message)
                 if seconds:

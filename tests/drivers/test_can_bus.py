@@ -62,6 +62,18 @@ def test_two_who_wait_at_once_get_all_that_is_theirs(bus: tuple[CanBus, Any]) ->
     assert got == {MINE: list(range(300)), YOURS: list(range(300))}
 
 
+def test_a_frame_that_another_thread_read_is_not_waited_for(bus: tuple[CanBus, Any]) -> None:
+    """Whoever waited for the other's reading to end finds his frame in the mailbox, and reads no further."""
+    here, other = bus
+    box = here.listen([MINE])
+    for number in range(20):
+        time.sleep(can_bus.ATTENDED)  # the bus's own thread reads again
+        other.send(frame(MINE, number))
+        begun = time.monotonic()
+        assert len(box.wait(within(20))) == 1
+        assert time.monotonic() - begun < 10
+
+
 def test_frames_come_that_nobody_waits_for(bus: tuple[CanBus, Any]) -> None:
     """The bus's own thread receives them, and keeps no more than there is room for, the newest."""
     here, other = bus
