@@ -254,23 +254,6 @@ def test_a_streamed_count_that_was_held_up_on_its_way_is_marked(tmp_path: Path, 
     box.close()
 
 
-def test_a_stream_that_stays_behind_is_begun_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(us_digital_qsb, "BEHIND", 300_000_000)
-    box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
-    device = us_digital_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), {})
-    box.open()
-    with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
-        device.open()
-        device.arm(POLL)
-        poll_until(device, lambda row: not row.quality[0, 0])
-        wire.delay = 0.03
-        poll_until(device, missing)
-        wire.delay = 0.0
-        poll_until(device, lambda row: not row.quality[0, 0])
-        device.close()
-    box.close()
-
-
 def test_a_simulated_line_that_was_held_up_catches_up(tmp_path: Path) -> None:
     """What would have gone out by now goes out at once: later bytes are not late as well."""
     terminal = Terminal("line", str(tmp_path / "line"), 10_000.0)
