@@ -41,6 +41,8 @@ from inputs import InputError
 
 Array = NDArray[np.float64]
 
+OWN_LIMIT = 0.02
+"""Share by which a limit that is seen may differ from that of the model and be the same."""
 GROUP_ABOVE = 0.98
 """Canonical correlation above which two effects are one to this data."""
 
@@ -177,7 +179,7 @@ def seen_through(
     found = [
         *event_search.hum(recordings),
         *event_search.jumps(recordings),
-        *event_search.clipped(recordings),
+        *(one for one in event_search.clipped(recordings) if not _its_own(arm, one)),
         *turned_wrist(recordings),
     ]
     runs, samples = [], []
@@ -203,6 +205,14 @@ def _of_width(arm: Arm, base: Arm) -> tuple[str, ...]:
     return (
         () if narrow == wide else (f"friction was taken to turn round within {narrow:.2g}, not {wide:.2g} m/s (rad/s)",)
     )
+
+
+def _its_own(arm: Arm, limit: Event) -> bool:
+    """Whether a clipped current is clipped at the torque limit that the model has itself."""
+    joint = arm.joints[limit.joint - 1]
+    value, std = next((p.value, p.std) for p in limit.parameters if p.name == "limit")
+    own = None if joint.torque_limit is None else joint.torque_limit / joint.drive_constant
+    return own is not None and abs(value - own) < 2 * std + OWN_LIMIT * own
 
 
 def has_dynamics(arm: Arm) -> bool:

@@ -20,7 +20,7 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.effects import Signals, described
 from arm_model.regressor import regressor
 from arm_model.rigid_body import mass_matrix, rigid_torque
-from diagnosis.noise import angle_noise, scatter
+from diagnosis.noise import QUIET_MOST, angle_noise, quiet_noise, scatter
 from diagnosis.reading import COLUMN_BAND, COMPARE_BAND, MOTION_BAND, low_pass, motion_of, reading, true_angle
 
 Array = NDArray[np.float64]
@@ -115,18 +115,22 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = Tr
     slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
     width = arm.joint_array("sign_velocity")
     unsure = np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
-    deviation = np.hypot(noise, coulomb * unsure * powered)
+    doubt = coulomb * unsure * powered
+    rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered))
+    block = ((rows - rows[0]) // 1.0).astype(np.intp)
+    quiet = quiet_noise(current - expected, doubt < 2.0 * noise, block)
+    noise = np.maximum(noise, np.minimum(quiet, QUIET_MOST * noise))
+    deviation = np.hypot(noise, doubt)
     brisk = [thin(values) for values in (position, v, a)]
-    rows = t[keep]
     return Run(
         name=name, raw=(t, q), t=rows - t[0],
-        q=low, v=slow_v, a=slow_a, current=thin(i),
-        current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)), expected=thin(reading(arm, t, q, powered=powered)),
+        q=low, v=slow_v, a=slow_a, current=current,
+        current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)), expected=expected,
         rigid=rigid_torque(bent, low, slow_v, slow_a), brisk_v=brisk[1], brisk_rigid=rigid_torque(bent, *brisk),
         inertia=links.diagonal(axis1=1, axis2=2),
         by_angle=by_angle, by_speed=by_speed, by_acceleration=links / constant[:, None],
         by_link=regressor(bent, low, slow_v, slow_a)[0][..., : 10 * len(arm)],
-        deviation=deviation, noise=noise, block=((rows - rows[0]) // 1.0).astype(np.intp), arm=arm, powered=powered,
+        deviation=deviation, noise=noise, block=block, arm=arm, powered=powered,
     )  # fmt: skip
 
 

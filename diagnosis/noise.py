@@ -13,6 +13,8 @@ from diagnosis.reading import COMPARE_BAND, low_pass
 
 Array = NDArray[np.float64]
 
+QUIET_ROWS, QUIET_BLOCKS, QUIET_MOST = 60, 5, 6.0
+"""Rows that a block must have, blocks that there must be, and times the instruments' noise that noise from quiet blocks may be at most."""
 STILL_SECONDS = 0.2
 """Shortest stand of the whole arm that tells of noise."""
 
@@ -60,6 +62,25 @@ def still_noise(recordings: Sequence[Recording]) -> Array:
         if rows > STILL_SECONDS * rate:
             found.append(_about_trend(low_pass(i, COMPARE_BAND, rate)[:rows]))
     return np.median(found, axis=0) if found else np.zeros(recordings[0].joints if recordings else 1)
+
+
+def quiet_noise(residual: Array, known: NDArray[np.bool_], block: NDArray[np.intp]) -> Array:
+    """(n,) deviation of residual currents (m, n) about straight lines in the quietest fifth of their blocks; 0 for too few ``known`` rows.
+
+    What is correlated for longer than an arm stands, no stand tells of. What something wrong does to a current is louder in some seconds than in
+    others; noise is there in the quietest.
+    """
+    found = np.zeros(residual.shape[1])
+    for j in range(residual.shape[1]):
+        each = []
+        for number in range(int(block[-1]) + 1):
+            rows = np.flatnonzero((block == number) & known[:, j])
+            if len(rows) >= QUIET_ROWS:
+                x = (rows - rows[0]) / len(rows)
+                each.append(float(np.std(residual[rows, j] - np.polyval(np.polyfit(x, residual[rows, j], 1), x))))
+        if len(each) >= QUIET_BLOCKS:
+            found[j] = np.quantile(each, 0.2)
+    return found
 
 
 def _about_trend(values: Array) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from arm_model.description import Arm
+from diagnosis.evidence import Run, signals_of
 from diagnosis.library import Columns, Side
 from diagnosis.selection import Pair
 
@@ -83,7 +84,7 @@ def shapes_of(fit: Side, held_out: Side, residual: Array, arm: Arm, joint: int) 
             )
             yield Shape(name, (one, other), known)
     yield from _waves(fit, held_out, residual, arm, joint)
-    yield from _past(fit, held_out, joint)
+    yield from _past(fit, held_out, arm, joint)
 
 
 def _splines(x: Array, knots: Array) -> Array:
@@ -142,22 +143,28 @@ def _plane_wave(heard: Array, own: Array, other: Array) -> tuple[float, float]:
     return float(c[best[0]]), float(d[best[1]])
 
 
-def _past(fit: Side, held_out: Side, joint: int) -> Iterator[Shape]:
-    """What hangs on where the current came from: play operators of it, a tenth, a fiftieth and so on of its range wide (Prandtl and Ishlinskii)."""
-    swing = np.ptp(_gathered(fit, "current", joint))
+def _past(fit: Side, held_out: Side, arm: Arm, joint: int) -> Iterator[Shape]:
+    """What hangs on where the current came from: play operators of it, from a tenth of its range to a 250th wide (Prandtl and Ishlinskii).
+
+    Of the current that the model expects for the smoothed motion: the measured one has the residual in it, and would explain itself.
+    """
+    currents = [[_expected(run, arm, joint) for run in side.runs] for side in (fit, held_out)]
+    swing = max(float(np.ptp(current)) for current in currents[0])
     if swing == 0.0:
         return
     pair = []
-    for side in (fit, held_out):
+    for side, of_side in zip((fit, held_out), currents):
         over = 1.0 / _gathered(side, "deviation", joint)
-        kept = [
-            np.concatenate(
-                [_play(run.current[:, joint - 1], width * swing) - run.current[:, joint - 1] for run in side.runs]
-            )
-            for width in PLAYS
-        ]
+        kept = [np.concatenate([_play(current, width * swing) - current for current in of_side]) for width in PLAYS]
         pair.append(Columns(np.stack(kept, axis=1) * over[:, None], side.of(joint)))
     yield Shape("current and its past", (pair[0], pair[1]), np.ones(held_out.rows, bool))
+
+
+def _expected(run: Run, arm: Arm, joint: int) -> Array:
+    """(m,) A: load and Coulomb friction of a joint for the smoothed motion."""
+    s = signals_of(run, arm, joint)
+    current: Array = (s.load + s.coulomb * s.sign) / arm.joints[joint - 1].drive_constant
+    return current
 
 
 def _play(values: Array, width: float) -> Array:
