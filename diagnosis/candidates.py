@@ -258,7 +258,7 @@ def candidates(arm: Arm) -> Iterator[Candidate]:
             searched = list(
                 effect.linear
             )  # how long the link flies hangs on the gap; how hard the teeth are, on nothing that is seen
-        fixed: dict[str, tuple[float, ...]] = {"half_gap": tuple(np.geomspace(2e-4, 5e-3, 10)), "damping": (10.0,)}
+        fixed: dict[str, tuple[float, ...]] = {"half_gap": tuple(np.geomspace(2e-4, 1e-2, 12)), "damping": (10.0,)}
         if effect.name == "joint_compliance":
             # a resonance is as narrow as its damping: in the band of comparison the grid has to be fine
             fixed |= {"stiffness": tuple(np.geomspace(1e3, 1e5, 18)), "damping": (20.0,)}
