@@ -65,7 +65,7 @@ def _linear(arm: Arm, variations: Mapping[str, Array], lanes: int) -> dict[str, 
     for name, values in variations.items():
         for each in _directions(name):
             p[:, names.index(each)] += values - nominal[each]
-    chain = newton_euler.chain_of(bent)
+    chain = newton_euler.chain_of(arm)  # what a zero offset turns, zero{j} turns: the bodies with everything else
     links = p[:, : 10 * n].reshape(lanes, n, 10)
     bodies = np.stack([transform(links[:, j], chain.link[j]) for j in range(n)], axis=1)
     bodies = regrouped(chain, bodies)

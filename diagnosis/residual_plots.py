@@ -57,6 +57,7 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
             _cloud(axis, x[sure], values[sure], pale, colour, label)
         axis.set_xlabel(f"{name}, {UNITS[name]}" if name in UNITS else name)
         axis.grid(color="#e6eaef")
+        axis.locator_params(nbins=5)
     for axis in axes[len(panels) :]:
         axis.set_axis_off()
     _limit(axes[0], (before if result.causes else after)[sure])
@@ -147,6 +148,7 @@ def side_by_side(before: Compared, after: Compared, extended: bool) -> tuple[Fig
         left.set_ylabel(f"joint {j + 1}")
         for axis in (left, right):
             axis.grid(color="#e6eaef")
+            axis.locator_params(nbins=5)
     axes[0, 0].set_title("motor current, A", loc="left", fontsize="medium")
     axes[0, 1].set_title("measured less simulated angle, mrad (mm)", loc="left", fontsize="medium")
     axes[0, 0].legend(loc="upper right", ncols=3, fontsize="x-small")
