@@ -20,7 +20,7 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.effects import Signals, described
 from arm_model.regressor import regressor
 from arm_model.rigid_body import mass_matrix, rigid_torque
-from diagnosis.noise import QUIET_MOST, angle_noise, quiet_noise, scatter
+from diagnosis.noise import angle_noise, scatter
 from diagnosis.reading import COLUMN_BAND, COMPARE_BAND, MOTION_BAND, low_pass, motion_of, reading, true_angle
 
 Array = NDArray[np.float64]
@@ -118,8 +118,6 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = Tr
     doubt = coulomb * unsure * powered
     rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered))
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
-    quiet = quiet_noise(current - expected, doubt < 2.0 * noise, block)
-    noise = np.maximum(noise, np.minimum(quiet, QUIET_MOST * noise))
     deviation = np.hypot(noise, doubt)
     brisk = [thin(values) for values in (position, v, a)]
     return Run(

@@ -13,8 +13,8 @@ from diagnosis.reading import COMPARE_BAND, low_pass
 
 Array = NDArray[np.float64]
 
-QUIET_ROWS, QUIET_BLOCKS, QUIET_MOST = 60, 5, 6.0
-"""Rows that a block must have, blocks that there must be, and times the instruments' noise that noise from quiet blocks may be at most."""
+QUIET_ROWS, QUIET_BLOCKS = 60, 5
+"""Rows that a block must have, and blocks that there must be."""
 STILL_SECONDS = 0.2
 """Shortest stand of the whole arm that tells of noise."""
 
@@ -84,8 +84,8 @@ def quiet_noise(residual: Array, known: NDArray[np.bool_], block: NDArray[np.int
 
 
 def _about_trend(values: Array) -> Array:
-    """(n,) standard deviation of (m, n) values about parabolas through them: what a servo that settles does is no noise."""
+    """(n,) standard deviation of (m, n) values about straight lines through them: what a servo that settles does is no noise."""
     x = np.linspace(-1.0, 1.0, len(values))
-    left = values - np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x, values, 2)).T
+    left = values - np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x, values, 1)).T
     deviation: Array = left.std(axis=0)
     return deviation

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm
 from diagnosis.library import Columns, Side
+from diagnosis.noise import quiet_noise
 from diagnosis.selection import Accepted, Pair, gain_of
 from diagnosis.shapes import Shape, shapes_of
 from diagnosis.significance import benjamini_hochberg, p_value
@@ -31,6 +32,8 @@ CERTAIN = 5e-3
 LOUD = 2.5
 """Times the deviation: what is left above it is no noise, whatever it hangs on. Noise correlated for longer than an arm stands is told
 half as large as it is."""
+DEAFENING = 6.0
+"""Times the deviation: louder than any noise that is told too small."""
 MOST = 3
 """Structures looked for at one joint."""
 
@@ -74,10 +77,17 @@ def structure_left(fit: Side, held_out: Side, accepted: Accepted, arm: Arm) -> R
 
 
 def _loudness(accepted: Accepted, held_out: Side, joint: int) -> float:
-    """Rms of what is left of a joint over its deviation, where that is the instruments' and the joint moves."""
-    rows = [(run.deviation[:, joint - 1] < 3.0 * run.noise[joint - 1]) for run in held_out.runs]
-    known = np.concatenate(rows)
-    return float(np.sqrt(np.mean(accepted.held_out[held_out.of(joint)][known] ** 2))) if known.any() else 0.0
+    """Rms of what is left of a joint over its deviation, where that is the instruments' and the joint moves; 1 where it may be noise.
+
+    Noise that is correlated for longer than an arm stands is told too small. It is as loud in the quietest seconds as in all others.
+    """
+    known = np.concatenate([(run.deviation[:, joint - 1] < 3.0 * run.noise[joint - 1]) for run in held_out.runs])
+    if not known.any():
+        return 1.0
+    left, block = accepted.held_out[held_out.of(joint)], held_out.block[held_out.of(joint)]
+    loud = float(np.sqrt(np.mean(left[known] ** 2)))
+    quiet = float(quiet_noise(left[:, None], known[:, None], block)[0])
+    return loud if loud > DEAFENING or loud > 1.5 * quiet else 1.0
 
 
 def better_than_causes(fit: Side, held_out: Side, without: Accepted, having: Accepted, arm: Arm, joint: int) -> bool:

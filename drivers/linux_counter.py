@@ -155,16 +155,20 @@ class LinuxCounter:
         """Writes the count, and reads back whether it was taken: some counters ignore it, others are caught in the middle."""
         check_channel(self.name, channel, len(self.width))
         number, mask = self.config.counts[channel], (1 << self.width[channel]) - 1
-        try:
-            for _ in range(PRESET_TRIES):
+        caught = f"count{number} does not take the count {value}: does its hardware have a preset?"
+        for _ in range(PRESET_TRIES):
+            try:
                 self._write(number, "count", str(value & mask))
                 self._clock.sleep(PRESET_PAUSE)
                 away = (parse_count(self._read(number, "count").encode() + b"\n") - value) & mask
-                if min(away, mask + 1 - away) <= PRESET_SLACK:
-                    return
-        except (OSError, ValueError) as error:
-            raise self._fault(f"{error}; its count cannot be set") from None
-        raise self._fault(f"count{number} does not take the count {value}: does its hardware have a preset?")
+            except ValueError as error:
+                caught = f"{error}; its count cannot be set"
+                continue
+            except OSError as error:
+                raise self._fault(f"{error}; its count cannot be set") from None
+            if min(away, mask + 1 - away) <= PRESET_SLACK:
+                return
+        raise self._fault(caught)
 
     def index_enable(self, channel: int) -> None:
         """Arms a load of ``preset`` (set to 0) at the next index pulse, where the counter has it."""

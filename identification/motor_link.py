@@ -102,7 +102,10 @@ def motor_link_rows(
     torque = motion.torque[:, joint]
     terms = {"gravity_cos": np.cos(q), "gravity_sin": np.sin(q)} if gravity else {}
     terms |= {"coulomb_positive": (sign > 0).astype(float), "coulomb_negative": -(sign < 0).astype(float)}
-    bandwidth = bandwidth or motion.band.parallel
+    # A filter that remembers longer than the joint moves at a time would leave no row that forgot its standstills.
+    stretch = _longest(motion.usable[:, joint]) * motion.dt
+    widest = 2 * MEMORY / (2 * np.pi * stretch) if stretch > 0 else 0.0
+    bandwidth = bandwidth or max(motion.band.parallel, widest)
     step = max(1, int(1 / (5 * bandwidth * motion.dt)))
     if way == "filter":
         speed, acceleration = _filtered(q, motion.dt, bandwidth)[1:]
@@ -123,6 +126,12 @@ def motor_link_rows(
     index = np.zeros(int(kept.sum()), np.intp)
     names = ("inertia", "viscous", *terms)
     return Equations(np.stack(columns, axis=1)[kept], torque[kept], index, index, motion.t[kept], names)
+
+
+def _longest(flags: NDArray[np.bool_]) -> int:
+    """Length of the longest run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.view(np.int8), [0]])))
+    return int(np.max(edges[1::2] - edges[::2])) if len(edges) else 0
 
 
 def _window(x: Array, step: int) -> Array:

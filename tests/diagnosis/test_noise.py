@@ -49,7 +49,7 @@ def test_an_angle_is_as_noisy_as_its_steps_or_its_scatter(noise: float) -> None:
 
 @pytest.mark.parametrize("correlation", [0.0, 0.05, 0.1])
 def test_correlated_currents_are_noisy_by_what_they_do_at_rest(correlation: float) -> None:
-    """In units of the truth in the band of comparison; half a second of standing does not see all of 0.1 s, neighbours see nearly none."""
+    """In units of the truth in the band of comparison; half a second of standing, about its trend, sees half of 0.1 s; neighbours see nearly none."""
     rng = np.random.default_rng(3)
     recordings, truth = [], []
     for _ in range(20):
@@ -60,7 +60,7 @@ def test_correlated_currents_are_noisy_by_what_they_do_at_rest(correlation: floa
         recordings.append(Rows(_angle(), noise + 3.0 * _angle()))
         truth.append(low_pass(noise, COMPARE_BAND, RATE).std(axis=0))
     share = still_noise(recordings) / np.mean(truth, axis=0)  # type: ignore[arg-type]
-    assert np.all((share > 0.5) & (share < 1.3))
+    assert np.all((share > 0.4) & (share < 1.3))
     if correlation:
         assert np.all(scatter(recordings[0].i) * np.sqrt(COMPARE_BAND / 500) < 0.3 * np.mean(truth, axis=0))
 
