@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import csv
 import difflib
-import os
 import re
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +14,7 @@ from numpy.typing import NDArray
 
 from daq.layout import JOINT_TOPICS
 from daq.recording import Recording
-from inputs import InputError
+from inputs import InputError, whole_file
 
 Array = NDArray[np.float64]
 
@@ -97,24 +95,10 @@ def write_csv(path: str | Path, recording: Recording) -> list[str]:
     if recording.xyz is not None:
         columns |= dict(zip("xyz", recording.xyz.T))
     columns |= recording.extra
-    path = Path(path)
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    except OSError as error:
-        raise InputError(path, f"cannot be written: {error.strerror}") from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(zip(*(_texts(values) for values in columns.values())))
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except OSError as error:
-        Path(temporary).unlink(missing_ok=True)
-        raise InputError(path, f"cannot be written: {error.strerror}") from None
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with whole_file(path) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*(_texts(values) for values in columns.values())))
     return list(columns)
 
 

@@ -1,7 +1,7 @@
 """What people hand us, and how it is refused: one line that says where, what, and what would be right."""
 
 from inputs.problems import DeviceFault, InputError
-from inputs.results import check_folder, make_folder, write_text
+from inputs.results import check_folder, make_folder, whole_file, write_text
 from inputs.toml import check_table, read_toml, write_toml
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "check_table",
     "make_folder",
     "read_toml",
+    "whole_file",
     "write_text",
     "write_toml",
 ]

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from inputs.problems import InputError
 
@@ -31,15 +34,25 @@ def make_folder(path: str | Path) -> None:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Writes a text file, whole or not at all (temporary file, then rename); InputError where that cannot be."""
+    """Writes a text file, whole or not at all; InputError where that cannot be."""
+    with whole_file(path) as file:
+        file.write(text)
+
+
+@contextmanager
+def whole_file(path: str | Path) -> Iterator[IO[str]]:
+    """A text file to write, lines as they are given; there when the block ends well (temporary file, then rename), else not at all.
+
+    InputError where it cannot be written.
+    """
     path = Path(path)
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
     except OSError as error:
         raise InputError(path, f"cannot be written: {error.strerror}") from None
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
+            yield file
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except OSError as error:
