@@ -20,8 +20,17 @@ from daq.recording import Recording
 from diagnosis import events as event_search
 from diagnosis.axis import AxisCause, axis_causes, sharply
 from diagnosis.candidates import Candidate, candidates
-from diagnosis.closed_loop import Compared, along_motion, compare, faithful, refuted, with_widths
-from diagnosis.events import Event
+from diagnosis.closed_loop import (
+    Compared,
+    along_motion,
+    compare,
+    faithful,
+    known_rows,
+    refuted,
+    rms_where,
+    with_widths,
+)
+from diagnosis.events import Event, Gain
 from diagnosis.evidence import Run, see
 from diagnosis.library import Side, columns_of, free_columns, side_of, side_with
 from diagnosis.lines import order_of
@@ -113,6 +122,7 @@ def diagnose(
     tracked = tracked_causes(arm, fit, held_out, angles=angles, progress=progress)
     model, arm = arm, extend(arm, [_from_tracker(one) for one in tracked.geometry]) if tracked.geometry else arm
     found, runs, samples = seen_through(arm, everything, progress)
+    found += turned_wrist(fit, held_out)
     sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
     progress("computing what each effect would look like")
     judged = has_dynamics(arm)
@@ -180,7 +190,6 @@ def seen_through(
         *event_search.hum(recordings),
         *event_search.jumps(recordings),
         *(one for one in event_search.clipped(recordings) if not _its_own(arm, one)),
-        *turned_wrist(recordings),
     ]
     runs, samples = [], []
     still = still_noise([r for r in recordings if not setup_of(r).drives_off])
@@ -194,9 +203,16 @@ def seen_through(
     for event in lost_edges(runs, [r.dt for r in recordings]):
         k = event.recordings[0]
         t, q, i = samples[k] = (*samples[k][:2], put_back(samples[k][2], event))
-        runs[k] = see(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=still)
-        found.append(event)
+        lost, runs[k] = runs[k], see(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=still)
+        found.append(replace(event, gain=_of_putting_back(lost, runs[k])))
     return found, runs, samples
+
+
+def _of_putting_back(lost: Run, put: Run) -> Gain:
+    """What currents in the rows where they belong explain, at the joint where that is most."""
+    before, after = (rms_where(run.residual, known_rows(run)) for run in (lost, put))
+    most = int(np.argmax((before**2 - after**2) / put.noise**2))
+    return Gain(float(before[most]), float(after[most]), "A", most + 1)
 
 
 def _of_width(arm: Arm, base: Arm) -> tuple[str, ...]:
@@ -314,13 +330,14 @@ def _rms_in_amperes(whitened: Array, side: Side, joint: int) -> float:
 
 
 def _from_event(event: Event, sides: tuple[Side, Side]) -> Cause:
-    amplitude = next((p.value for p in event.parameters if p.unit == "A"), 0.0)
-    noise = float(np.mean([run.noise[event.joint - 1] for run in sides[1].runs]))
-    before = float(np.hypot(noise, amplitude / np.sqrt(2))) if event.effect == "mains_hum" else noise
+    at = max(event.joint - 1, 0)
+    noise = float(np.mean([run.noise[at] for run in sides[1].runs]))
+    gain = event.gain or Gain(noise, noise, "A", at + 1)
     joint = event.joint or None
+    confidence = float(np.clip(1.0 - gain.p, 0.0, 0.99))
     return Cause(
-        event.effect, joint, event.parameters, 0.99, before, noise, ((event.effect, joint),), None,
-        event.evidence, event.joint or 1, of_arm=event.effect != "dropped_trigger",
+        event.effect, joint, event.parameters, confidence, gain.before, gain.after, ((event.effect, joint),), None,
+        event.evidence, gain.joint, unit=gain.unit, of_arm=event.effect != "dropped_trigger",
     )  # fmt: skip
 
 

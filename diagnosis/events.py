@@ -33,14 +33,28 @@ than below it."""
 
 
 @dataclass(frozen=True)
+class Gain:
+    """What an event explains where it shows: rms of that error without and with it, in ``unit``, at ``joint`` (1-based), and the probability that the
+    fall is chance."""
+
+    before: float
+    after: float
+    unit: str
+    joint: int
+    p: float = 0.0
+
+
+@dataclass(frozen=True)
 class Event:
-    """An effect found in raw rows: name, joint (0: no joint's own), parameters, sentence, and the recordings (by index) that show it."""
+    """An effect found in raw rows: name, joint (0: no joint's own), parameters, sentence, the recordings (by index) that show it, and what it
+    explains there (None: it shows in a closed loop only)."""
 
     effect: str
     joint: int
     parameters: list[Estimate]
     evidence: str
     recordings: tuple[int, ...]
+    gain: Gain | None = None
 
 
 def hum(recordings: list[Recording]) -> list[Event]:
@@ -53,6 +67,7 @@ def hum(recordings: list[Recording]) -> list[Event]:
             continue
         amplitudes = np.array([line[1] for line in lines])
         phase = lines[0][3]
+        before, after = (float(np.mean([line[k] ** 2 for line in lines]) ** 0.5) for k in (4, 5))
         events.append(
             Event(
                 "mains_hum",
@@ -66,20 +81,21 @@ def hum(recordings: list[Recording]) -> list[Event]:
                 ],
                 f"the current of joint {j + 1} carries a line at {np.median(frequencies):.2f} Hz in all {len(recordings)} recordings",
                 tuple(range(len(recordings))),
+                Gain(before, after, "A", j + 1),
             )
         )
     return events
 
 
-def _line(t: Array, current: Array) -> tuple[float, float, float, float]:
-    """Frequency Hz, amplitude A, power over the floor, phase at t = 0 of the strongest line at the mains."""
+def _line(t: Array, current: Array) -> tuple[float, ...]:
+    """Frequency Hz, amplitude A, power over the floor, phase at t = 0 of the strongest line at the mains; rms A above 30 Hz with and without it."""
     dt = float(np.median(np.diff(t)))
     window = signal.windows.hann(len(t))
     spectrum = np.fft.rfft((current - current.mean()) * window, 4 * len(t))
     frequency = np.fft.rfftfreq(4 * len(t), dt)
     band = np.flatnonzero((frequency >= HUM_BAND[0]) & (frequency <= HUM_BAND[1]))
     if len(band) == 0:
-        return 0.0, 0.0, 0.0, 0.0
+        return (0.0,) * 6
     power = np.abs(spectrum[band]) ** 2
     near = np.min(np.abs(frequency[band][:, None] - np.array(MAINS)), axis=1) < 1.0
     top = int(np.argmax(np.where(near, power, 0.0)))
@@ -87,7 +103,9 @@ def _line(t: Array, current: Array) -> tuple[float, float, float, float]:
     basis = np.column_stack([np.sin(2 * np.pi * f * t), np.cos(2 * np.pi * f * t)]) * window[:, None]
     high = signal.sosfiltfilt(signal.butter(4, min(30.0 * 2 * dt, 0.9), "highpass", output="sos"), current)
     a, b = np.linalg.lstsq(basis, high * window, rcond=None)[0]
-    return f, float(np.hypot(a, b)), float(power[top] / np.median(power)), float(np.arctan2(b, a))
+    line = a * np.sin(2 * np.pi * f * t) + b * np.cos(2 * np.pi * f * t)
+    rms = (float(np.sqrt(np.mean(values**2))) for values in (high, high - line))
+    return f, float(np.hypot(a, b)), float(power[top] / np.median(power)), float(np.arctan2(b, a)), *rms
 
 
 def without_hum(recording: Recording, events: list[Event]) -> Array:
@@ -126,6 +144,7 @@ def jumps(recordings: list[Recording]) -> list[Event]:
                 f"the angle of joint {j + 1} jumps by {size:.3g} rad between two rows at {t:.3f} s of {name} and stays there "
                 f"({len(found)} of {len(recordings)} recordings show a jump)",
                 tuple(index for index, _ in found),
+                Gain(abs(size), abs(size - step * np.round(size / step)), "rad", j + 1),
             )
         )
     return events

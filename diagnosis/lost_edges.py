@@ -105,6 +105,8 @@ def _agreed(per_joint: Array, known: Array) -> bool:
     and what is wrong with one joint alone is something else."""
     best = int(np.argmax(known))
     others = np.delete(known, best)
+    if not np.any(others > 0.0):
+        return False  # nobody to agree with
     step, std = float(np.sum(np.delete(known * per_joint, best)) / np.sum(others)), float(1.0 / np.sqrt(np.sum(others)))
     apart = abs(step - per_joint[best])
     return abs(step) > OTHERS * std and apart < OTHERS * float(np.hypot(std, 1.0 / np.sqrt(known[best]))) + 0.2 * abs(
