@@ -13,7 +13,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from drivers import cia406_protocol as cia
-from drivers.blocks import missing_row, one_row
+from drivers.blocks import one_row
 from drivers.can_bus import CanBus, CanConfig, frame_bits, shared_bus
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
@@ -154,9 +154,10 @@ class Cia406Encoders:
             self._bus.close()
 
     def poll(self) -> Block:
-        now = self._clock.monotonic_ns()
-        if not self._reconnect.there(now, self._reopen):
-            return missing_row(now, len(self.config.nodes), 0)
+        return self._reconnect.poll(self._clock, self._reopen, self._round, (len(self.config.nodes), 0))
+
+    def _round(self, now: int) -> Block:
+        """One SYNC and its answers; OSError where the bus is off."""
         answers = self._answers.take()
         self._heed_events()
         for at, identifier, data in answers:
@@ -164,14 +165,10 @@ class Cia406Encoders:
         if self._rounds.blocked(now):
             self._rounds.skip()
             return self._row(now)
-        try:
-            before = self._clock.monotonic_ns()
-            self._rounds.begin(before)
-            self._bus.send(cia.SYNC, b"")
-            sent = (before + self._clock.monotonic_ns()) // 2
-        except OSError:
-            self._reconnect.lose(now)
-            return missing_row(now, len(self.config.nodes), 0)
+        before = self._clock.monotonic_ns()
+        self._rounds.begin(before)
+        self._bus.send(cia.SYNC, b"")
+        sent = (before + self._clock.monotonic_ns()) // 2
         deadline = time.monotonic() + self.config.timeout
         while not self._rounds.complete and time.monotonic() < deadline:
             for at, identifier, data in self._answers.wait(deadline):
@@ -190,7 +187,7 @@ class Cia406Encoders:
             values.append(node.value or 0)
             flags.append(int(quality))
         if all(node.value is None for node in self._rounds.nodes.values()) and not self._bus.is_open:
-            self._reconnect.lose(host)
+            raise OSError("the bus is off")
         return one_row(host, values, quality=flags)
 
     def _heed_events(self) -> None:

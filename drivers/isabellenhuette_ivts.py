@@ -12,7 +12,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from drivers import isabellenhuette_ivts_protocol as ivt
-from drivers.blocks import missing_row, one_row
+from drivers.blocks import one_row
 from drivers.can_bus import CanBus, CanConfig, Mailbox, frame_bits, shared_bus
 from drivers.clock import SystemClock
 from drivers.reconnect import Reconnect, or_fault
@@ -180,9 +180,10 @@ class IvtSensors:
             self._bus.close()
 
     def poll(self) -> Block:
-        now = self._clock.monotonic_ns()
-        if not self._reconnect.there(now, self._reopen):
-            return missing_row(now, 0, len(self.config.sensors))
+        return self._reconnect.poll(self._clock, self._reopen, self._newest, (0, len(self.config.sensors)))
+
+    def _newest(self, now: int) -> Block:
+        """The newest result of each; OSError where the bus is off, or everybody silent, or a sensor does not take its settings."""
         self._heed_restarts(now)
         values, flags = [], []
         for k, box in enumerate(self._boxes):
@@ -195,7 +196,7 @@ class IvtSensors:
             values.append(float("nan") if latest is None else latest.value)
             flags.append(int(self._quality(now - at, latest, lost)))
         if not self._bus.is_open or all(now - at > self.config.timeout * 1e9 for at, _ in self._latest):
-            self._reconnect.lose(now)
+            raise OSError("no sensor is heard")
         return one_row(now, volts=values, quality=flags)
 
     def _heed_restarts(self, now: int) -> None:
@@ -204,10 +205,7 @@ class IvtSensors:
             if not any(data[:1] == bytes([ivt.ALIVE]) for _, _, data in replies.take()):
                 continue
             self._latest[k] = (now, None)
-            try:
-                self._set_up(k)
-            except OSError:
-                self._reconnect.lose(now)
+            self._set_up(k)
 
     def _quality(self, age: int, result: ivt.Result | None, lost: int) -> Quality:
         if result is None:

@@ -14,7 +14,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from drivers.blocks import missing_row, one_row
+from drivers.blocks import one_row
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
 from drivers.reconnect import Reconnect, or_fault
@@ -55,7 +55,7 @@ class LinuxCounter:
         self._folder = Path(config.sysfs) / config.device
         self._files: list[int] = []
         self._reset: list[bool] = []
-        self._reconnect = Reconnect(name, config.patience, ADVICE)
+        self._reconnect = Reconnect(name, config.patience, ADVICE, self.close)
 
     def open(self) -> Identity:
         with or_fault(self.name, ADVICE, self.close):
@@ -120,16 +120,13 @@ class LinuxCounter:
         self._files = []
 
     def poll(self) -> Block:
-        now = self._clock.monotonic_ns()
-        channels = len(self.config.counts)
-        if not self._reconnect.there(now, self._reopen):
-            return missing_row(now, channels, 0)
+        return self._reconnect.poll(self._clock, self._reopen, self._latched, (len(self.config.counts), 0))
+
+    def _latched(self, now: int) -> Block:
         try:
             counts = [parse_count(os.pread(file, 64, 0)) for file in self._files]
-        except (OSError, ValueError):
-            self.close()
-            self._reconnect.lose(now)
-            return missing_row(now, channels, 0)
+        except ValueError as error:
+            raise OSError(str(error)) from None
         after = self._clock.monotonic_ns()
         quality = [int(Quality.DEVICE_RESET if reset else Quality.GOOD) for reset in self._reset]
         return one_row((now + after) // 2, counts, quality=quality)

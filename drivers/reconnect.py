@@ -5,29 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from drivers.blocks import missing_row
+from drivers.shapes import Block, HostClock
 from inputs import DeviceFault
+
+Columns = tuple[int, int]  # counters, inputs
 
 
 class Reconnect:
     """Tries after 0.1 s, then ever less often (doubling, at most every 2 s), for ``patience`` s; then the device is given up.
 
-    A driver's whole part in it::
-
-        if not self._reconnect.there(now, self._reopen):
-            return missing_row(...)
-        try:
-            ...
-        except OSError:
-            self._reconnect.lose(now)
-            return missing_row(...)
-
-    There is no clock inside: ``now`` is the host's monotonic time, ns.
+    ``close`` lets go of it once it is lost, so that what comes back can have its old name. There is no clock inside: ``now`` is
+    the host's monotonic time, ns.
     """
 
     FIRST, LONGEST = 100_000_000, 2_000_000_000  # ns
 
-    def __init__(self, device: str, patience: float, advice: str) -> None:
-        self._device, self._patience, self._advice = device, patience, advice
+    def __init__(self, device: str, patience: float, advice: str, close: Callable[[], None] = lambda: None) -> None:
+        self._device, self._patience, self._advice, self._close = device, patience, advice, close
         self.begin()
 
     def begin(self) -> None:
@@ -44,6 +39,23 @@ class Reconnect:
         if self._lost_at is None:
             self._lost_at, self._delay = now, self.FIRST
             self._next = now + self._delay
+            self._close()
+
+    def poll(
+        self, clock: HostClock, reopen: Callable[[], None], row: Callable[[int], Block], columns: Columns
+    ) -> Block:
+        """One row of a Polled device: ``row(now)``; without any value where the device is lost, as it is when that raises OSError.
+
+        ``columns`` are its counters and inputs. ``now`` is read after reopening, which takes its time.
+        """
+        now = clock.monotonic_ns()
+        if self.there(now, reopen):
+            now = clock.monotonic_ns()
+            try:
+                return row(now)
+            except OSError:
+                self.lose(now)
+        return missing_row(now, *columns)
 
     def there(self, now: int, reopen: Callable[[], None]) -> bool:
         """True where the device is there, or where it was lost and ``reopen`` has just brought it back.

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from drivers import us_digital_ad4b_protocol as ad4b
-from drivers.blocks import missing_row, one_row
+from drivers.blocks import one_row
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
 from drivers.reconnect import Reconnect, or_fault
@@ -42,7 +42,7 @@ class Ad4b:
         self._added = 0
         self._stray = 0
         self._was_reset = False
-        self._reconnect = Reconnect(name, config.patience, ADVICE)
+        self._reconnect = Reconnect(name, config.patience, ADVICE, self._port.close)
 
     def open(self) -> Identity:
         with or_fault(self.name, ADVICE, self._port.close):
@@ -88,14 +88,10 @@ class Ad4b:
         self._port.close()
 
     def poll(self) -> Block:
-        now = self._clock.monotonic_ns()
-        if not self._reconnect.there(now, self._reopen):
-            return missing_row(now, 1, 0)
-        try:
-            count = self._position()
-        except OSError:
-            self._reconnect.lose(now)
-            return missing_row(now, 1, 0)
+        return self._reconnect.poll(self._clock, self._reopen, self._asked, (1, 0))
+
+    def _asked(self, now: int) -> Block:
+        count = self._position()
         quality = Quality.DEVICE_RESET if self._was_reset else Quality.GOOD
         if self._clock.monotonic_ns() - now > SLOW:
             quality |= Quality.LATE

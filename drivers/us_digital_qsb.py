@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from drivers import stream_age
 from drivers import us_digital_qsb_protocol as qsb
-from drivers.blocks import missing_row, one_row
+from drivers.blocks import one_row
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
 from drivers.reconnect import Reconnect, or_fault
@@ -56,7 +56,7 @@ class Qsb:
         )
         self._age = stream_age.StreamAge(qsb.BAUD / 10)
         self._armed = self._was_reset = False
-        self._reconnect = Reconnect(name, config.patience, ADVICE)
+        self._reconnect = Reconnect(name, config.patience, ADVICE, self._port.close)
 
     def open(self) -> Identity:
         with or_fault(self.name, ADVICE, self._port.close):
@@ -147,19 +147,13 @@ class Qsb:
         self._port.close()
 
     def poll(self) -> Block:
-        now = self._clock.monotonic_ns()
-        if not self._reconnect.there(now, self._reopen):
-            return missing_row(now, 1, 0)
-        try:
-            if self.config.reading == "ask":
-                count = self._ask(qsb.read_command(qsb.COUNT), "r", qsb.COUNT)
-                after = self._clock.monotonic_ns()
-                return self._row((now + after) // 2, count, Quality.LATE if after - now > SLOW else Quality.GOOD)
-            return self._newest(now)
-        except OSError:
-            self._port.close()
-            self._reconnect.lose(now)
-            return missing_row(now, 1, 0)
+        row = self._asked if self.config.reading == "ask" else self._newest
+        return self._reconnect.poll(self._clock, self._reopen, row, (1, 0))
+
+    def _asked(self, now: int) -> Block:
+        count = self._ask(qsb.read_command(qsb.COUNT), "r", qsb.COUNT)
+        after = self._clock.monotonic_ns()
+        return self._row((now + after) // 2, count, Quality.LATE if after - now > SLOW else Quality.GOOD)
 
     def _newest(self, now: int) -> Block:
         """The newest count that has come; STALE where that is older than the stream's own pace makes it, or of no known age."""

@@ -254,6 +254,47 @@ def test_a_streamed_count_that_was_held_up_on_its_way_is_marked(tmp_path: Path, 
     box.close()
 
 
+def test_a_stream_that_stays_behind_is_begun_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stale all the while; then missing while its pace is learnt once more; then good again. No row is left out, none unmarked."""
+    monkeypatch.setattr(us_digital_qsb, "BEHIND", 500_000_000)
+    box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
+    device = us_digital_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), {})
+    box.open()
+    with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
+        device.open()
+        start = preset(device, 0)
+        device.arm(POLL)
+        poll_until(device, lambda row: not row.quality[0, 0])
+        wire.delay = 0.03
+        behind = poll_until(device, missing)
+        wire.delay = 0.0
+        anew = poll_until(device, lambda row: not row.quality[0, 0])
+        assert np.count_nonzero(behind.quality[:, 0] & NOT_NOW) > 5
+        gone = (anew.quality[:, 0] & Quality.MISSING) != 0
+        assert np.count_nonzero(np.diff(gone.astype(int)) > 0) < 2, "begun anew again and again"
+        assert not (anew.quality & Quality.DEVICE_RESET).any()
+        again = join([anew, poll_for(device, 0.3)], 1)
+        assert np.abs(error_of(again, 32, start, 0)).max() < STREAMED
+        device.close()
+    box.close()
+
+
+def test_a_row_after_reopening_has_its_own_time(ad4b: tuple[Any, Any]) -> None:
+    """Opening the port, draining and pinging take longer than a row: its time is that of its own question."""
+    device, box = ad4b
+    device.open()
+    start = preset(device, 0)
+    device.arm(POLL)
+    for _ in range(20):  # on a busy machine the row itself may be late
+        box.corrupt = lambda data: b""
+        poll_until(device, missing)
+        box.corrupt = lambda data: data
+        back = poll_until(device, lambda row: not missing(row))
+        if not back.quality[-1, 0] & Quality.LATE:
+            break
+    assert np.abs(error_of(back, 24, start, 0)).max() < ASKED
+
+
 def test_a_simulated_line_that_was_held_up_catches_up(tmp_path: Path) -> None:
     """What would have gone out by now goes out at once: later bytes are not late as well."""
     terminal = Terminal("line", str(tmp_path / "line"), 10_000.0)
