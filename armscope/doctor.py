@@ -34,8 +34,8 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> int:
     checked = read_rig(rig)
-    lock = RigLock(checked.name, "doctor")
     bench = Bench(checked)
+    lock = RigLock(checked.name, "doctor")
     identities: dict[str, Identity] = {}
     findings = []
     try:

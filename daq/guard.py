@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from daq.arming import check_motion
 from daq.rig import Output, Rig
-from drivers.shapes import AnalogOutput, ArmController, Device, DigitalOutput, HostClock
+from drivers.shapes import AnalogOutput, ArmController, Device, DigitalOutput, HostClock, OwnWatchdog
 from experiment import Experiment
 from inputs import DeviceFault, InputError
 
@@ -34,6 +34,7 @@ class Guard:
         self._outputs = [d for d in devices.values() if isinstance(d, DigitalOutput | AnalogOutput)]
         self._devices = devices
         self.controller = _controller(devices)
+        _check_watchdogs(rig, devices)
         self._lock = threading.RLock()
         self._fed = 0
         self._watching: threading.Thread | None = None
@@ -176,6 +177,17 @@ class Guard:
 
     def _starved(self) -> None:
         self.trip(f"no sign of life of the sampler for {self.rig.watchdog:g} s")
+
+
+def _check_watchdogs(rig: Rig, devices: Mapping[str, Device]) -> None:
+    """A device that has made its outputs safe by itself must not meet a program that takes the run for one that still goes on."""
+    for name, device in devices.items():
+        if isinstance(device, OwnWatchdog) and 0 < device.watchdog <= rig.watchdog:
+            raise InputError(
+                rig.name,
+                f"watchdog: {rig.watchdog:g} s wants to be shorter than {device.watchdog:g} s, after which {name} makes its own "
+                "outputs safe",
+            )
 
 
 def _controller(devices: Mapping[str, Device]) -> ArmController | None:

@@ -70,7 +70,7 @@ class Config(BaseModel):
 
 
 class LabJackT7:
-    """The device (shapes: Latched, Reconnecting, ClockReadings, TriggerInput, QuadratureCounter, AnalogInput, both outputs)."""
+    """The device (shapes: Latched, Reconnecting, ClockReadings, TriggerInput, QuadratureCounter, AnalogInput, both outputs, OwnWatchdog)."""
 
     numbered = True
     bits = 16
@@ -80,6 +80,7 @@ class LabJackT7:
         self.name, self.config, self._clock = name, config, clock
         self.width = (32,) * len(config.counters)
         self.lines = tuple(config.lines)
+        self.watchdog = float(config.watchdog)
         self._calibration = t7.InputCalibration()
         self.range_volts = (self._calibration.range_volts,) * len(config.inputs)
         self.scan = t7.ScanList(config.inputs, config.counters)

@@ -40,6 +40,7 @@ __all__ = [
     "HostClock",
     "Identity",
     "Latched",
+    "OwnWatchdog",
     "Plan",
     "Polled",
     "PositionTracker",
@@ -245,6 +246,13 @@ class AnalogOutput(Protocol):
 
     def write_volts(self, channel: int, volts: float) -> None: ...
     def safe(self) -> None: ...
+
+
+@runtime_checkable
+class OwnWatchdog(Protocol):
+    """A device that brings its own outputs into their safe state when no command has come for ``watchdog`` s; 0: it never does."""
+
+    watchdog: float
 
 
 @runtime_checkable

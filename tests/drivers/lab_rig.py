@@ -23,7 +23,7 @@ port = {port}
 stream_port = {stream_port}
 counters = [0, 2]
 inputs = [0, 1]
-watchdog = 2
+watchdog = 5
 timeout = 0.3
 patience = {patience}
 [outputs.start]
@@ -43,6 +43,6 @@ def write_rig(folder: Path, patience: float = 3.0) -> tuple[Path, labjack_t7.Con
     path = folder / "rig.toml"
     path.write_text(RIG.format(run=os.getpid(), port=port, stream_port=stream_port, patience=patience))
     where = labjack_t7.Config(
-        host="127.0.0.1", port=port, stream_port=stream_port, counters=(0, 2), inputs=(0, 1), watchdog=2
+        host="127.0.0.1", port=port, stream_port=stream_port, counters=(0, 2), inputs=(0, 1), watchdog=5
     )
     return path, where

@@ -10,6 +10,7 @@ import pytest
 from armscope import doctor
 from drivers import cia406, labjack_t7, linux_counter
 from drivers.registry import find_devices
+from inputs import InputError
 from sim_backend.protocol import cia406 as sim_cia406
 from sim_backend.protocol import labjack_t7 as sim_t7
 from sim_backend.protocol import linux_counter as sim_counter
@@ -40,6 +41,15 @@ def test_what_nobody_has_confirmed_yet_is_told(tmp_path: Path, capsys: pytest.Ca
     assert doctor.command(path) == 0
     box.close()
     assert "not confirmed on a real device: that a count of skipped scans" in capsys.readouterr().out
+
+
+def test_a_watchdog_longer_than_the_devices_own_is_refused(tmp_path: Path) -> None:
+    path, _ = write_rig(tmp_path)
+    path.write_text(path.read_text().replace("watchdog = 4.0", "watchdog = 6.0"))
+    with pytest.raises(
+        InputError, match="watchdog: 6 s wants to be shorter than 5 s, after which daq makes its own outputs safe"
+    ):
+        doctor.command(path)
 
 
 def test_what_is_wrong_with_the_wiring_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
