@@ -25,7 +25,7 @@ from sim_backend.settings import Electronics
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-CHUNK_ROWS = 1024  # of the arm, integrated at a time
+CHUNK_ROWS = 256  # of the arm, integrated at a time: 2 ms for which no simulated device answers
 KEEP = 5.0  # s of signals held
 
 

@@ -19,11 +19,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from daq.ledger import LossReason
 from daq.recording import Recording, open_recording
 from experiment import Experiment, write_experiment
 from experiment.file import read_experiment
 from tests.ports import free_port
 
+RUNS = 5  # of which one loses nothing, on a busy machine too
 JOINT = 2  # the one that moves
 
 
@@ -148,6 +150,16 @@ def test_t7_tracker_and_val_record_what_the_simulated_rig_does(
     assert np.isfinite(recording.xyz).mean() > 0.99 and np.ptp(path) > 0.1
 
 
+def record_all_or_say(root: Path, rig: Path, experiment: Path, out: Path) -> Recording:
+    """A run. A row is lost where the host got round to asking only after the next one was due; the ledger has each, and its reason."""
+    done = armscope(root, "record", "--rig", rig, "--experiment", experiment, "--out", out)
+    recording = open_recording(out)
+    assert done.returncode == (4 if recording.ledger.lost else 0), done.stdout + done.stderr
+    assert recording.ledger.balanced and recording.ledger.triggers == recording.ledger.recorded + recording.ledger.lost
+    assert {(loss.reason, loss.detail) for loss in recording.ledger.losses} <= {(LossReason.NOT_LATCHED, "encoders")}
+    return recording
+
+
 @pytest.mark.slow
 def test_can_encoders_and_sensors_record_what_the_simulated_rig_does(
     root: Path, tmp_path: Path, recorded_directly: Recording
@@ -159,14 +171,12 @@ def test_can_encoders_and_sensors_record_what_the_simulated_rig_does(
     }
     rig = rig_for_test(root, "puma560_can", tmp_path, changes)
     write_experiment(tmp_path / "short.toml", motion(root))
-    out = tmp_path / "run.mcap"
     with devices(root, rig):
-        done = armscope(root, "record", "--rig", rig, "--experiment", tmp_path / "short.toml", "--out", out)
-    assert done.returncode in (0, 4), (
-        done.stdout + done.stderr
-    )  # multicast on a busy machine loses a frame now and then, and says so
-    recording = open_recording(out)
-    assert recording.ledger.balanced and recording.ledger.lost < 0.1 * recording.ledger.triggers
+        for run in range(RUNS):
+            recording = record_all_or_say(root, rig, tmp_path / "short.toml", tmp_path / f"run{run}.mcap")
+            if not recording.ledger.lost:
+                break
+    assert not recording.ledger.lost, f"{RUNS} runs, and none without a lost row"
     steps = [
         2 * np.pi / (1000 * g) for g in (62.6, 86.2, 53.7, 76.0, 71.9, 76.7)
     ]  # the direct rig's encoders are the coarser ones
