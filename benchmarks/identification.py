@@ -26,6 +26,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,7 @@ from identification.base_parameters import base_parameters
 from identification.equations import Equations, equations, model_values, structural_base
 from identification.excitation import design_excitation
 from identification.least_squares import least_squares, relative_error
+from identification.setpoint_ripple import folded_torque
 from identification.signals import Motion, smooth_motion, with_reversals
 from identification.uncertainty import uncertainty
 
@@ -163,7 +165,9 @@ def recorded(arm: Arm, run: Simulated, seed: int) -> Motion:
     q = np.floor(run.qm * counts + random.uniform(0, 1, len(arm))) / counts
     volts = run.current * TURNS / 20 + 4e-3 * random.standard_normal(run.current.shape)
     current = np.clip(np.rint(volts / LSB) * LSB, -10, 10 - LSB) * 20 / TURNS
-    return smooth_motion(run.t, q, current * np.array([joint.drive_constant for joint in arm.joints]))
+    torque = current * np.array([joint.drive_constant for joint in arm.joints])
+    motion = smooth_motion(run.t, q, torque)
+    return replace(motion, folded=folded_torque(arm, motion, run.t - run.t[0], torque))
 
 
 def puma() -> tuple[Arm, list[Experiment]]:

@@ -28,7 +28,8 @@ Friction = Literal["symmetric", "asymmetric"]
 class Equations:
     """columns (rows, p) of the standard parameters ``names``, torque (rows,) N m or N, and where each row comes from:
     joint (rows,) from 0, run (rows,) from 0, t (rows,) s within the run. Rows of one run and joint follow in time.
-    rest (rows,): the part of the torque that no column carries; None: nothing."""
+    rest (rows,): the part of the torque that no column carries; None: nothing.
+    systematic (rows, s): errors that the torques may have and no residual shows, each one standard deviation of its own cause."""
 
     columns: Array
     torque: Array
@@ -37,6 +38,7 @@ class Equations:
     t: Array
     names: tuple[str, ...]
     rest: Array | None = None
+    systematic: Array | None = None
 
     def __len__(self) -> int:
         return len(self.torque)
@@ -51,6 +53,7 @@ class Equations:
             self.t[rows],
             self.names,
             None if self.rest is None else self.rest[rows],
+            None if self.systematic is None else self.systematic[rows],
         )
 
 
@@ -141,8 +144,26 @@ def equations_of(
     for motions, own in zip(views, zip(*parts)):
         columns, torque, joint, run, t = (np.concatenate(part) for part in zip(*own))
         rows = Equations(columns, torque, joint, run, t, tuple(column_names(arm, friction)))
+        rows = replace(rows, systematic=_systematic(rows, motions))
         found.append(with_effects(rows, arm, arm, motions, friction, base))
     return found
+
+
+def _systematic(rows: Equations, motions: Sequence[Motion]) -> Array | None:
+    """(rows, s) what folded ripple may have added, each joint and run for itself, all along and as two clocks drift apart; None: nothing."""
+    found = []
+    for run, motion in enumerate(motions):
+        if motion.folded is None:
+            continue
+        added = parallel_filter(motion, motion.folded * equation_weight(motion))
+        joint, row = np.nonzero(equation_rows(motion)[1].T)
+        for j in np.flatnonzero(motion.folded.any(axis=0)):
+            mine = rows.run == run
+            for drift in (np.ones(mine.sum()), 2 * rows.t[mine] / motion.t[-1] - 1):
+                column = np.zeros(len(rows))
+                column[mine] = np.where(joint == j, added[row, j], 0.0) * drift
+                found.append(column)
+    return np.stack(found, axis=1) if found else None
 
 
 def _run_equations(

@@ -25,6 +25,7 @@ from identification.equations import (
 )
 from identification.least_squares import weighted
 from identification.readiness import Excitation, RunReadiness, readiness_of
+from identification.setpoint_ripple import folded_torque
 from identification.signals import Motion, smooth_motion, with_reversals
 
 Array = NDArray[np.float64]
@@ -84,9 +85,11 @@ def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
     that the arm has as effects are put right, what the instruments doubt is left out."""
     found = trusted(recording)
     q, current = true_readings(arm, recording.t, found.q, found.i)
-    motion = smooth_motion(recording.t, q, current * arm.joint_array("drive_constant"), saturated=found.saturated)
+    torque = current * arm.joint_array("drive_constant")
+    motion = smooth_motion(recording.t, q, torque, saturated=found.saturated)
     refusals.check_motion(recording.path, motion)
     motion = motion.without(resting(motion, arm), "at rest")
+    motion = replace(motion, folded=folded_torque(arm, motion, recording.t - recording.t[0], torque))
     return motion, readiness_of(recording, found, motion, arm)
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from arm_model.description import Arm
 from daq.recording import Recording
 from identification.doubts import Trusted
+from identification.setpoint_ripple import rows_a_setpoint
 from identification.signals import Motion
 
 Array = NDArray[np.float64]
@@ -145,16 +146,18 @@ def _left_out(name: str, motion: Motion) -> list[str]:
 
 
 def _folded(name: str, motion: Motion, arm: Arm) -> list[str]:
-    """Where setpoints kick the currents in step with the samples: the harmonic of the setpoints' rate at the sampling rate is folded onto 0 Hz,
-    and with it, beside it, what the motion makes of the kicks."""
-    period = 0.0 if arm.controller is None else arm.controller.setpoint_period
-    rows = round(period / motion.dt)
-    if rows < 2 or abs(rows / period - 1 / motion.dt) > motion.band.parallel:
+    """Where setpoints kick the currents in step with the samples (``setpoint_ripple``)."""
+    rows = rows_a_setpoint(arm, motion)
+    if rows == 0 or arm.controller is None:
         return []
+    period, known = arm.controller.setpoint_period, "how far cannot be seen at so few rows a setpoint"
+    if motion.folded is not None:
+        shares = 2 * np.std(motion.folded, axis=0) / np.maximum(np.std(motion.torque, axis=0), 1e-12)
+        known = f"the standard deviations allow for it (up to {shares.max():.1%} of the torque of joint {int(shares.argmax()) + 1})"
     return [
-        f"{name}: {1 / motion.dt:.5g} Hz is {rows} times the rate of the controller's setpoints (every {period * 1e3:.3g} ms): unless"
-        " its currents were averaged over each row, the servos' ripple is folded onto the acceleration, and rotor inertias may be off;"
-        f" record at {(rows + 0.4) / period:.5g} Hz or so"
+        f"{name}: {1 / motion.dt:.5g} Hz is {rows} times the rate of the controller's setpoints (every {period * 1e3:.3g} ms): the servos'"
+        f" ripple is folded onto the acceleration, and a joint's own inertia may be off; {known};"
+        f" at {(rows + 0.4) / period:.5g} Hz, or with currents averaged over each row, it would not be"
     ]
 
 

@@ -39,6 +39,7 @@ class Motion:
     usable (m, J); excluded: reason -> rows per joint (J,). certain (m, J): usable, and the sign of the velocity is known for as long as the
     low-pass smears a step. Around a reversal the torque's step of Coulomb friction is smeared and the column's is not, and what friction does
     there is not Coulomb's law in the first place: for a fit, such samples are made zero on both sides. None: a motion to judge fits on.
+    folded (m, J): what sampling may have put into the torque unseen, one standard deviation (``setpoint_ripple``).
     """
 
     dt: float
@@ -51,6 +52,7 @@ class Motion:
     certain: Mask | None
     excluded: Mapping[str, NDArray[np.int64]]
     band: Band
+    folded: Array | None = None
 
     def moves(self, j: int) -> bool:
         """Whether joint j (from 0) moves by itself, and is not just shaken by the others."""

@@ -67,7 +67,16 @@ def uncertainty(columns: Array, rows: Equations, fit: Fit, *, instruments: Array
     covariance = covariance * raised[:, None] * raised
     variance = float(np.sum((fit.weight * fit.residual) ** 2)) / max(len(fit.residual) - len(std), 1)
     too_sure = float(np.exp(np.mean(np.log(np.maximum(std, 1e-300) / np.maximum(formula, 1e-300)))))
-    return Uncertainty(covariance, std, formula, total / (variance * max(too_sure, 1.0) ** 2), length, count)
+    information = total / (variance * max(too_sure, 1.0) ** 2)
+    if rows.systematic is not None:
+        # What the torques may be off by all along, and no block differs in.
+        score = (columns if instruments is None else instruments).T @ (fit.weight[:, None] ** 2 * rows.systematic)
+        shift = np.stack([_solve(total, column, scale) for column in score.T], axis=1)
+        covariance = covariance + shift @ shift.T
+        std = np.sqrt(np.diag(covariance))
+        seen = information @ shift  # Woodbury: the inverse of the inverse plus shift shift^T
+        information = information - seen @ np.linalg.solve(np.eye(shift.shape[1]) + shift.T @ seen, seen.T)
+    return Uncertainty(covariance, std, formula, information, length, count)
 
 
 def block_bootstrap(columns: Array, rows: Equations, fit: Fit, *, replicates: int = REPLICATES, seed: int = 0) -> Array:
