@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm
 from daq.recording import Recording
-from diagnosis.link_columns import DELAY, Seen, Shape, largest_load, shapes, standing_orders, turns
+from diagnosis.link_columns import DELAY, Seen, Shape, shapes, standing_orders, turns
 from diagnosis.link_side import (
     OVER_NOISE,
     Sides,
@@ -25,12 +25,14 @@ from diagnosis.link_side import (
 )
 from diagnosis.parameters import SYSTEMATIC, Estimate
 from diagnosis.remainder import Structure
+from diagnosis.significance import BLOCK_SECONDS
 
 Array = NDArray[np.float64]
 Key = tuple[str, int | None]
 
 ALIKE = 0.95
-"""A candidate that explains this share of what the named one does, in its place, is in its group."""
+"""A candidate that explains this share of what the named one does, in its place, and beside it less than the rest of this share of what it does
+alone, is in its group: others explain as much of something else."""
 OFFSET = 1e-3
 """rad (m): a constant between two encoders that is worth a name; below, it is how they were zeroed."""
 PREDICTED = 0.3
@@ -88,7 +90,7 @@ def _settled(shape: Shape, sides: Sides) -> Shape:
     if shape.name != "half_gap":
         return shape
     for _ in range(4):
-        shape = replace(shape, value=float(coefficients([shape], sides.fit, sides)[-1]))
+        shape = replace(shape, value=float(coefficients([shape], sides.whole, sides)[-1]))
     return shape
 
 
@@ -114,10 +116,11 @@ def _group(shape: Shape, others: list[Shape], gain: float, sides: Sides) -> tupl
     if shape.effect == "gear_ripple" and shape.value in (1.0, 2.0):
         group.append(("encoder_ripple", shape.joint))  # of the motor: to the link encoder it is the same
     for other in best_shapes(list(shapes(sides.fit)), others, sides):
-        alone = other.joint == shape.joint or len(sides.fit.joints) == 1
-        if other.effect == shape.effect or not alone or not physical(other, others, sides):
+        felt = other.joint == shape.joint or len(sides.fit.joints) == 1
+        if other.effect == shape.effect or not felt or not physical(other, others, sides):
             continue
-        if look(other, others, sides).gain >= ALIKE * gain:
+        alone = look(other, others, sides).gain
+        if alone >= ALIKE * gain and look(other, [*others, shape], sides).gain < (1.0 - ALIKE) * alone:
             group.append((other.effect, other.joint))
     return tuple(group)
 
@@ -125,7 +128,7 @@ def _group(shape: Shape, others: list[Shape], gain: float, sides: Sides) -> tupl
 def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> list[Estimate]:
     """Values and standard deviations, by the sandwich of block scores."""
     values, covariance = _fitted(chosen, sides)
-    at = len(sides.fit.joints) + sum(s.width for s in chosen[: chosen.index(shape)])
+    at = len(sides.whole.joints) + sum(s.width for s in chosen[: chosen.index(shape)])
     c, spread = values[at], float(np.sqrt(covariance[at, at]))
     unit = "rad" if shape.joint is None or arm.joints[shape.joint - 1].revolute else "m"
 
@@ -138,7 +141,7 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> li
             scatter = float(np.std(delays, ddof=1) / np.sqrt(len(delays))) if len(delays) > 1 else 0.0
             return [Estimate("delay", c * DELAY, float(np.hypot(spread * DELAY, scatter)), "s")]
         case "joint_compliance":
-            k = largest_load(sides.fit, shape.joint or 0) / c
+            k = float(sides.whole.largest[int(np.flatnonzero(sides.whole.joints == shape.joint)[0])]) / c
             return [Estimate("stiffness", k, rough(k, k * spread / c), "N m/rad" if unit == "rad" else "N/m")]
         case "backlash":
             return [Estimate("half_gap", c, rough(c, spread), unit)]
@@ -150,7 +153,10 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> li
     return [
         Estimate("amplitude", amplitude, rough(amplitude, spread), unit),
         Estimate(
-            "order", shape.value, 0.1 / turns(sides.fit, int(np.flatnonzero(sides.fit.joints == shape.joint)[0])), "1"
+            "order",
+            shape.value,
+            0.1 / turns(sides.whole, int(np.flatnonzero(sides.whole.joints == shape.joint)[0])),
+            "1",
         ),
         Estimate("phase", float(np.arctan2(-turned * cosine, -sine)), min(spread / max(amplitude, 1e-12), 3.2), "rad"),
     ]
@@ -158,10 +164,10 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> li
 
 def _fitted(chosen: list[Shape], sides: Sides) -> tuple[Array, Array]:
     """Coefficients (c,) on the fit rows and their covariance (c, c), right for residuals that are correlated within a block."""
-    x = stacked(chosen, sides.fit, sides)
-    values = coefficients(chosen, sides.fit, sides)
-    y = (sides.fit.difference / sides.scale).T.ravel()
-    rest, block = y - x @ values, np.tile(sides.fit.block, len(sides.fit.joints))
+    x = stacked(chosen, sides.whole, sides)
+    values = coefficients(chosen, sides.whole, sides)
+    y = (sides.whole.difference / sides.scale).T.ravel()
+    rest, block = y - x @ values, np.tile(sides.whole.blocks(BLOCK_SECONDS), len(sides.whole.joints))
     size = np.linalg.norm(x, axis=0)
     size[size == 0.0] = 1.0
     x = x / size
@@ -175,12 +181,12 @@ def _fitted(chosen: list[Shape], sides: Sides) -> tuple[Array, Array]:
 def delays_by_joint(others: list[Shape], sides: Sides) -> Array:
     """(k,) s: the delay that each joint alone would have beside the other causes."""
     delays = []
-    for k, joint in enumerate(int(j) for j in sides.fit.joints):
+    for k, joint in enumerate(int(j) for j in sides.whole.joints):
         own = [s for s in others if s.joint == joint]
         x = np.column_stack(
-            [np.ones(sides.fit.rows), *(sides.columns(s, sides.fit, k) for s in [*own, Shape("time_skew", None)])]
+            [np.ones(sides.whole.rows), *(sides.columns(s, sides.whole, k) for s in [*own, Shape("time_skew", None)])]
         )
-        delays.append(float(np.linalg.lstsq(x, sides.fit.difference[:, k], rcond=1e-10)[0][-1]) * DELAY)
+        delays.append(float(np.linalg.lstsq(x, sides.whole.difference[:, k], rcond=1e-10)[0][-1]) * DELAY)
     return np.array(delays)
 
 
@@ -239,8 +245,8 @@ def _offsets(chosen: list[Shape], sides: Sides) -> list[LinkCause]:
                 left,
                 (("joint_zero_offset", joint),),
                 f"the motor encoder of joint {joint} reads {offset:.3g} rad more than the link encoder, everywhere alike; "
-                "which of the two is off, a level or a tracker says",
-                True,
+                "which of the two is off, a level or a tracker says, and the model stays as it is",
+                False,
                 joint,
             )
         )

@@ -6,6 +6,7 @@ only the gear ratios are needed; the load comes from its masses where it has som
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -59,8 +60,9 @@ class Shape:
 class Seen:
     """Rows of some recordings one after the other, at the joints (k,) that have both encoders (1-based).
 
-    difference, q, v, load (m, k) rad, rad/s, N m (m, m/s, N); t (m,) s; block (m,) from 0; starts: first row of each recording;
-    noise (k,): standard deviation of the difference from row to row and by the steps of the encoders; ratio (k,): abs(gear).
+    difference, q, v, load (m, k) rad, rad/s, N m (m, m/s, N); t (m,) s; starts: first row of each recording;
+    noise (k,): standard deviation of the difference from row to row and by the steps of the encoders; ratio (k,): abs(gear);
+    largest (k,) N m (N): the load of a unit coefficient of compliance, the same for all rows that are compared.
     """
 
     joints: Index
@@ -70,14 +72,22 @@ class Seen:
     load: Array
     known_load: bool
     t: Array
-    block: Index
     starts: tuple[int, ...]
     noise: Array
     ratio: Array
+    largest: Array
 
     @property
     def rows(self) -> int:
         return len(self.t)
+
+    def blocks(self, seconds: float) -> Index:
+        """(m,) number of the block of ``seconds`` that each row is in, from 0; none reaches over two recordings."""
+        numbers: list[Index] = []
+        for start, end in itertools.pairwise([*self.starts, self.rows]):
+            own = ((self.t[start:end] - self.t[start]) // seconds).astype(np.intp)
+            numbers.append(own + (int(numbers[-1][-1]) + 1 if numbers else 0))
+        return np.concatenate(numbers)
 
 
 def joints_with_both(recordings: Sequence[Recording]) -> Index:
@@ -89,10 +99,10 @@ def joints_with_both(recordings: Sequence[Recording]) -> Index:
     return np.flatnonzero(there & moved) + 1
 
 
-def see_links(recordings: Sequence[Recording], arm: Arm, joints: Index, block_seconds: float) -> Seen:
+def see_links(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Seen:
     """The rows of ``recordings``, thinned to MOST_ROWS; uniformly sampled positions without holes are wanted."""
     parts: list[tuple[Array, ...]] = []
-    blocks, starts, noises, first = [], [], [], 0
+    noises = []
     k = joints - 1
     known = bool(np.any(arm.joint_array("mass") > 0))
     stride = max(1, sum(map(len, recordings)) // MOST_ROWS)
@@ -114,14 +124,11 @@ def see_links(recordings: Sequence[Recording], arm: Arm, joints: Index, block_se
         keep = slice(int(ENDS * rate), -int(ENDS * rate), stride)
         t = r.t[keep]
         parts.append((difference[keep], r.q[keep][:, k], v[keep][:, k], load[keep][:, k], t))
-        block = ((t - t[0]) // block_seconds).astype(np.intp) + first
-        first = int(block[-1]) + 1
-        blocks.append(block)
-        starts.append(sum(len(b) for b in blocks[:-1]))
+    starts = np.cumsum([0, *(len(part[0]) for part in parts[:-1])])
     difference, q, v, load, t = (np.concatenate(columns) for columns in zip(*parts))
     return Seen(
-        joints, difference, q, v, load, known, t, np.concatenate(blocks), tuple(starts),
-        np.mean(noises, axis=0) + 1e-12, np.array([arm.joints[j].ratio for j in k]),
+        joints, difference, q, v, load, known, t, tuple(starts.tolist()),
+        np.mean(noises, axis=0) + 1e-12, np.array([arm.joints[j].ratio for j in k]), np.maximum(np.max(np.abs(load), axis=0), 1e-12),
     )  # fmt: skip
 
 
@@ -153,7 +160,7 @@ def columns(shape: Shape, seen: Seen, k: int) -> Array:
 
 def _own(shape: Shape, seen: Seen, k: int) -> Array:
     q, load = seen.q[:, k], seen.load[:, k]
-    largest = max(float(np.max(np.abs(load))), 1e-12)
+    largest = float(seen.largest[k])
     match shape.effect, shape.name:
         case "joint_compliance", _:
             return (load - shape.value * largest * _direction(seen.v[:, k]))[:, None] / largest
@@ -189,11 +196,6 @@ def standing_orders(rest: Array, seen: Seen, k: int, count: int = 3) -> list[flo
     power[(order < 0.5) | (order > ORDERS[-1])] = 0.0
     peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
     return [float(order[peak]) for peak in peaks[np.argsort(-power[peaks])][:count]]
-
-
-def largest_load(seen: Seen, joint: int) -> float:
-    """N m (N): the load of a unit coefficient of a joint's compliance."""
-    return max(float(np.max(np.abs(seen.load[:, int(np.flatnonzero(seen.joints == joint)[0])]))), 1e-12)
 
 
 def _direction(v: Array) -> Array:

@@ -8,7 +8,7 @@ A constant is always free (no two encoders are zeroed alike) and named last, whe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from arm_model.description import Arm
 from daq.recording import Recording
 from diagnosis.link_columns import Seen, Shape, columns, joints_with_both, see_links, shapes, standing_orders
-from diagnosis.significance import benjamini_hochberg, p_value
+from diagnosis.significance import BLOCK_SECONDS, benjamini_hochberg, p_value
 
 Array = NDArray[np.float64]
 Key = tuple[str, int | None]
@@ -28,19 +28,21 @@ MATTERS = 0.2
 OVER_NOISE = 3.0
 """Times the scatter from row to row: what is left below is noise."""
 MOST = 20
-BLOCK_SECONDS = 0.3
-"""Longer than the correlation of what is left, short enough that a run of ten seconds has twenty."""
+SHORTEST = 0.3
+"""s: blocks are twice as long as what is left is correlated, from this on to those of ``significance``: a run of ten seconds has few long ones."""
 
 
 @dataclass(frozen=True)
 class Sides:
     """Fit and held-out rows. both_ways: they are parts of the same recordings, and each is predicted from the other.
 
+    whole: the rows that what is named is measured on: those of fit, or where they are parts of the same recordings, all.
     scale (k,) rad: spread of each joint's difference, so that joints weigh alike.
     """
 
     fit: Seen
     held_out: Seen
+    whole: Seen
     both_ways: bool
     scale: Array
     cache: dict[tuple[int, Shape, int], Array] = field(default_factory=dict, repr=False)
@@ -74,10 +76,11 @@ def sides_of(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) 
     joints = joints_with_both([*fit, *held_out])
     if len(joints) == 0:
         return None
-    seen = [see_links(side, arm, joints, BLOCK_SECONDS) for side in (fit, held_out)]
-    spread = np.std(np.concatenate([s.difference for s in seen]), axis=0)
     same = bool({r.path for r in fit} & {r.path for r in held_out})
-    return Sides(seen[0], seen[1], same, np.maximum(spread, seen[0].noise))
+    every = see_links([*fit, *held_out], arm, joints)
+    fitted, judged = (replace(see_links(side, arm, joints), largest=every.largest) for side in (fit, held_out))
+    scale = np.maximum(np.std(every.difference, axis=0), fitted.noise)
+    return Sides(fitted, judged, every if same else fitted, same, scale)
 
 
 def select(sides: Sides) -> list[Shape]:
@@ -106,18 +109,27 @@ def select(sides: Sides) -> list[Shape]:
 
 def look(shape: Shape, chosen: Sequence[Shape], sides: Sides) -> Look:
     """What one candidate adds beside the chosen ones on the held-out side (on either side, predicted from the other)."""
-    blocks: list[Array] = []
-    left = 0.0
+    felt = [k for k, joint in enumerate(sides.fit.joints) if shape.joint in (None, joint)]
+    left, correlated, falls = 0.0, 0.0, []
     for learned, judged in sides.ways():
-        before = residual(chosen, learned, judged, sides)
-        after = residual([*chosen, shape], learned, judged, sides)
-        felt = [k for k in range(len(judged.joints)) if shape.joint in (None, judged.joints[k])]
-        fall = (before**2 - after**2)[:, felt] / sides.scale[felt] ** 2
-        left += float(np.sum(before[:, felt] ** 2 / sides.scale[felt] ** 2))
-        blocks += [np.bincount(judged.block, weights=column).astype(float) for column in fall.T]
-    gains = np.concatenate(blocks)
-    ahead = float(sum(block.sum() for block in blocks[: len(felt)]))
-    return Look(shape, float(gains.sum()), float(gains.sum()) / max(left, 1e-300), p_value(gains), ahead)
+        before, after = (
+            residual(some, learned, judged, sides)[:, felt] / sides.scale[felt] for some in (chosen, [*chosen, shape])
+        )
+        left += float(np.sum(before**2))
+        correlated = max(correlated, _correlated(after, float(judged.t[1] - judged.t[0])))
+        falls.append((judged, before**2 - after**2))
+    seconds = float(np.clip(2.0 * correlated, SHORTEST, BLOCK_SECONDS))
+    gains = np.concatenate([np.bincount(j.blocks(seconds), weights=fall) for j, falling in falls for fall in falling.T])
+    gain, ahead = float(gains.sum()), float(falls[0][1].sum())
+    return Look(shape, gain, gain / max(left, 1e-300), p_value(gains), ahead)
+
+
+def _correlated(rest: Array, dt: float) -> float:
+    """s over which the column of ``rest`` (m, k) that does so longest is correlated to more than 1 / e."""
+    rest = rest - rest.mean(axis=0)
+    power = np.abs(np.fft.rfft(rest, 2 * len(rest), axis=0)) ** 2
+    with_itself = np.fft.irfft(power, axis=0)[: len(rest)]
+    return float(np.max(np.argmax(with_itself < np.exp(-1.0) * with_itself[0], axis=0))) * dt
 
 
 def best_shapes(everything: Sequence[Shape], chosen: Sequence[Shape], sides: Sides) -> list[Shape]:

@@ -125,6 +125,7 @@ def test_several_at_once_come_apart(root: Path, arm: Arm) -> None:
         ("joint_zero_offset", 3),
     }
     assert _value(found.causes[-1], "offset")[0] == pytest.approx(4e-3, abs=1e-4)
+    assert not found.causes[-1].of_arm  # it was the link encoder's zero
 
 
 def test_one_run_split_by_time_is_judged_both_ways(root: Path, arm: Arm) -> None:
