@@ -50,6 +50,8 @@ from inputs import InputError
 
 Array = NDArray[np.float64]
 
+TOLD_FROM_NOTHING = 2.0
+"""Standard deviations that some size of a cause must be from zero."""
 OWN_LIMIT = 0.02
 """Share by which a limit that is seen may differ from that of the model and be the same."""
 GROUP_ABOVE = 0.98
@@ -117,7 +119,7 @@ def diagnose(
     """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm."""
     everything = [*fit, *held_out]
     _check(arm, everything)
-    jumped = event_search.jumps(everything)
+    jumped = event_search.jumps(everything, arm)
     angles = [event_search.without_jumps(recording, index, jumped) for index, recording in enumerate(everything)]
     tracked = tracked_causes(arm, fit, held_out, angles=angles, progress=progress)
     model, arm = arm, extend(arm, [_from_tracker(one) for one in tracked.geometry]) if tracked.geometry else arm
@@ -144,7 +146,7 @@ def diagnose(
     progress("estimating parameters")
     named_by_search = _of_search(problem, search_result)
     progress("judging in closed loop")
-    while (gone := _refuted(arm, named_by_search, held_out, runs[len(fit) :])) is not None:
+    while (gone := _untenable(arm, named_by_search, held_out, runs[len(fit) :])) is not None:
         search_result = without(search_result, search_result.chosen[gone], problem)
         named_by_search = _of_search(problem, search_result)
     chosen, sides = search_result.chosen, search_result.sides
@@ -188,7 +190,7 @@ def seen_through(
     progress("looking for events")
     found = [
         *event_search.hum(recordings),
-        *event_search.jumps(recordings),
+        *event_search.jumps(recordings, arm),
         *(one for one in event_search.clipped(recordings) if not _its_own(arm, one)),
     ]
     runs, samples = [], []
@@ -260,9 +262,21 @@ def _of_search(problem: Problem, found: Found) -> list[Cause]:
     return [_cause(c, v, one, problem, found) for c, v, one in zip(found.chosen, values, found.equals)]
 
 
-def _refuted(arm: Arm, causes: list[Cause], recordings: Sequence[Recording], runs: Sequence[Run]) -> int | None:
-    if not causes:
-        return None
+def _indistinct(causes: Sequence[Cause]) -> int | None:
+    """The first cause none of whose sizes is told from nothing: it follows something, but is not there."""
+    for index, cause in enumerate(causes):
+        sizes = {p.name for p in CATALOGUE[cause.effect].linear}
+        values = [p for p in cause.parameters if p.name in sizes]
+        if values and all(abs(p.value) < TOLD_FROM_NOTHING * p.std for p in values):
+            return index
+    return None
+
+
+def _untenable(arm: Arm, causes: list[Cause], recordings: Sequence[Recording], runs: Sequence[Run]) -> int | None:
+    """The first cause that is not told from nothing, or that the closed loop refutes."""
+    indistinct = _indistinct(causes)
+    if indistinct is not None or not causes:
+        return indistinct
     full = with_widths(extend(arm, causes), recordings)
     widths = [joint.sign_velocity for joint in full.joints]
     less = [extend(arm, [one for one in causes if one is not cause]) for cause in causes]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, signal
 
+from arm_model.description import Arm, Joint
 from daq.recording import Recording
 from diagnosis.noise import scatter
 from diagnosis.parameters import Estimate
@@ -123,14 +124,15 @@ def without_hum(recording: Recording, events: list[Event]) -> Array:
     return current
 
 
-def jumps(recordings: list[Recording]) -> list[Event]:
+def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
     """Angles that jump by several steps of the encoder between two rows and stay there; one event a joint, told by its largest jump."""
     events = []
     for j in range(recordings[0].joints):
         found = [(index, jump) for index, r in enumerate(recordings) if (jump := _jump(r, j)) is not None]
         if not found:
             continue
-        index, (row, size, step) = max(found, key=lambda one: abs(one[1][1]))
+        index, (row, size) = max(found, key=lambda one: abs(one[1][1]))
+        step = _count(recordings[index].q[:, j], arm.joints[j])
         t, dt, name = recordings[index].t[row], recordings[index].dt, recordings[index].path.name
         events.append(
             Event(
@@ -157,8 +159,17 @@ def encoder_step(q: Array) -> float:
     return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
 
 
-def _jump(recording: Recording, j: int) -> tuple[int, float, float] | None:
-    """Row after the largest jump that stays, its size and the encoder's step, rad."""
+def _count(q: Array, joint: Joint) -> float:
+    """rad: one count of an encoder: the step in which its angle (n,) comes, or, if noise hides that, the one of the model's encoder."""
+    step = encoder_step(q)
+    in_steps = float(scatter(q[:, None])[0]) < 2.0 * step / np.sqrt(12)
+    if in_steps or joint.encoder_lines is None:
+        return step
+    return 2 * np.pi / (4 * joint.encoder_lines * abs(joint.ratio))
+
+
+def _jump(recording: Recording, j: int) -> tuple[int, float] | None:
+    """Row after the largest jump that stays, and its size, rad."""
     q, dt = recording.q[:, j], recording.dt
     step = encoder_step(q)
     near = max(3, round(0.01 / dt))
@@ -180,7 +191,7 @@ def _jump(recording: Recording, j: int) -> tuple[int, float, float] | None:
     )
     if abs(apart - size) > 0.3 * abs(size):
         return None
-    return row + 1, float(apart), step
+    return row + 1, float(apart)
 
 
 def without_jumps(recording: Recording, index: int, events: list[Event]) -> Array:
@@ -190,7 +201,7 @@ def without_jumps(recording: Recording, index: int, events: list[Event]) -> Arra
         if event.effect == "missed_counts" and index in event.recordings:
             found = _jump(recording, event.joint - 1)
             if found is not None:
-                row, size, _ = found
+                row, size = found
                 q[row:, event.joint - 1] -= size
     return q
 

@@ -7,6 +7,7 @@ in second order is not taken for another effect.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +34,16 @@ TAKEN_OUT = {"mains_hum", "missed_counts", "dropped_trigger", "current_limit"}
 
 def low_pass(values: Array, band: float, rate: float) -> Array:
     """Zero-phase fourth-order Butterworth along the first axis; ``rate`` Hz is that of the rows."""
-    sos = signal.butter(4, min(band / (rate / 2), 0.98), output="sos")
-    smooth: Array = signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(3 * rate / band)))
+    smooth: Array = signal.sosfiltfilt(
+        _sections(band, rate), values, axis=0, padlen=min(len(values) - 1, int(3 * rate / band))
+    )
     return smooth
+
+
+@cache
+def _sections(band: float, rate: float) -> Array:
+    sections: Array = signal.butter(4, min(band / (rate / 2), 0.98), output="sos")
+    return sections
 
 
 def motion_of(q: Array, band: float, rate: float) -> tuple[Array, Array, Array]:

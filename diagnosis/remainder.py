@@ -34,6 +34,8 @@ LOUD = 2.5
 half as large as it is."""
 DEAFENING = 6.0
 """Times the deviation: louder than any noise that is told too small."""
+PROBABLE, HALF = 0.05, 0.5
+"""Of a residual that is no noise: probability at which a variable may be told, and the share that its function must explain."""
 MOST = 3
 """Structures looked for at one joint."""
 
@@ -72,8 +74,19 @@ def structure_left(fit: Side, held_out: Side, accepted: Accepted, arm: Arm) -> R
             shapes = [one for one in shapes if one.name != name]
         pairs += here
         if not here and (loud := _loudness(accepted, held_out, joint)) > LOUD:
-            found.append(Structure("current", joint, f"no single variable ({loud:.1f} times the noise)", 0.0))
+            found.append(_likeliest(shapes, accepted, held_out, joint, loud))
     return Remainder(found, pairs)
+
+
+def _likeliest(shapes: Sequence[Shape], accepted: Accepted, held_out: Side, joint: int, loud: float) -> Structure:
+    """What a residual that is no noise hangs on most probably: only which variable it is, not whether there is one, is left to chance."""
+    before = float(np.sum(accepted.held_out[held_out.of(joint)] ** 2))
+    gains = [gain_of(shape.pair, accepted, held_out)[2] for shape in shapes]
+    able = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > HALF * before]
+    p, best = min(able, default=(1.0, 0))
+    if p > PROBABLE:
+        return Structure("current", joint, f"no single variable ({loud:.1f} times the noise)", 0.0)
+    return Structure("current", joint, shapes[best].name, float(gains[best].sum()) / before)
 
 
 def _loudness(accepted: Accepted, held_out: Side, joint: int) -> float:
@@ -90,12 +103,16 @@ def _loudness(accepted: Accepted, held_out: Side, joint: int) -> float:
     return loud if loud > DEAFENING or loud > 1.5 * quiet else 1.0
 
 
-def better_than_causes(fit: Side, held_out: Side, without: Accepted, having: Accepted, arm: Arm, joint: int) -> bool:
+def better_than_causes(
+    fit: Side, held_out: Side, without: Accepted, having: Accepted, arm: Arm, joint: int, enough: float | None = None
+) -> bool:
     """Whether one function of one variable, in place of the causes of a joint (``without`` them), leaves significantly less than they do.
 
     A complete cause is never beaten: a function of one variable can only come near it. One that is not the cause at all is.
+    enough: share of what the causes explain that the function has to explain, where no more is asked of it.
     """
     rows = held_out.of(joint)
+    explained = float(np.sum(without.held_out[rows] ** 2) - np.sum(having.held_out[rows] ** 2))
     for shape in shapes_of(fit, held_out, without.fit, arm, joint):
         _, c, _ = gain_of(shape.pair, without, held_out)
         inside = shape.pair[0].dot(without.basis).T @ c
@@ -103,6 +120,8 @@ def better_than_causes(fit: Side, held_out: Side, without: Accepted, having: Acc
         less = (having.held_out**2 - by_function**2)[rows] * shape.known
         blocks = np.bincount(held_out.block[rows], weights=less).astype(float)
         if blocks.sum() > MATTERS * held_out.rows and p_value(blocks) < CERTAIN:
+            return True
+        if enough is not None and blocks.sum() > -(1.0 - enough) * explained:
             return True
     return False
 

@@ -33,6 +33,9 @@ CORRECTIONS = 2
 
 WORSE = 1.1
 """Times the first-order residual: an exact model that leaves more is outside of its range."""
+MAKESHIFT, NEARLY = 1.5, 0.9
+"""Three causes of a joint and more that mostly cancel one another are together the makeshift for one function of one variable that explains
+nearly as much (this share): what is there adds up, hidden triples to 1.0."""
 SUPERFLUOUS = 0.5
 """A cause that keeps less than this share of its gain beside unexplained structure was a name for part of that structure."""
 
@@ -142,9 +145,20 @@ def _outdone(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, S
     for joint in sorted({c.joint for c in chosen if c.joint}):
         own = [c for c in chosen if c.joint == joint]
         without = problem.accepted([c for c in chosen if c not in own], sides)
-        if better_than_causes(*sides, without, having, problem.arm, joint):
+        enough = NEARLY if len(own) > 2 and _cancelling(own, chosen, problem, having) > MAKESHIFT else None
+        if better_than_causes(*sides, without, having, problem.arm, joint, enough):
             return own
     return []
+
+
+def _cancelling(own: Sequence[Candidate], chosen: Sequence[Candidate], problem: Problem, accepted: Accepted) -> float:
+    """Energy of what some of the chosen explain, each for itself, over that of what they explain together: 1 where they are independent."""
+    each = [
+        problem.library[c][0].spread(part, len(accepted.fit))
+        for c, part in zip(chosen, problem.parts(chosen, accepted))
+        if c in own
+    ]
+    return float(sum(np.sum(one**2) for one in each) / np.sum(np.sum(each, axis=0) ** 2))
 
 
 def _meet(one: Columns, other: Columns) -> bool:

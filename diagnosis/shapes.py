@@ -24,6 +24,8 @@ CYCLES = (0.5, 40.0)
 BINS_PER_TURN = 256
 UNMIXED = ("velocity", "acceleration", "current")
 """Variables whose functions are not multiplied by the direction or the velocity: they contain it, or it means nothing."""
+TWO_FACED = ("position", "load torque")
+"""Variables that may have one function forwards and another one backwards: what drives loses, what is driven does not."""
 PLAYS = (0.004, 0.01, 0.02, 0.05, 0.1)
 """Half-widths of play operators, of the range of the current."""
 
@@ -75,11 +77,13 @@ def shapes_of(fit: Side, held_out: Side, residual: Array, arm: Arm, joint: int) 
             continue  # as good as constant
         known = (x_held_out >= knots[0]) & (x_held_out <= knots[-1])
         splines = _splines(x, knots), _splines(x_held_out, knots) * known[:, None]
-        for kind in range(3):
-            if (kind and name in UNMIXED) or (kind == 2 and " of joint" in name):
+        for kinds in ((0,), (1,), (2,), (0, 1)):
+            if (kinds != (0,) and name in UNMIXED) or (2 in kinds and " of joint" in name):
+                continue
+            if len(kinds) > 1 and name not in TWO_FACED:
                 continue
             one, other = (
-                Columns(values * factor[kind][:, None], side.of(joint))
+                Columns(np.hstack([values * factor[kind][:, None] for kind in kinds]), side.of(joint))
                 for values, factor, side in zip(splines, factors, (fit, held_out))
             )
             yield Shape(name, (one, other), known)

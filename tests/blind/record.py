@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
@@ -88,20 +89,42 @@ def truth(experiment: Experiment, hidden: tuple[Hidden, ...], laboratory: Labora
     servo = np.arange(0.0, demand.duration, true.servo_period)
     targets = demand(setpoints)
     wanted = np.column_stack([np.interp(servo, setpoints, column) for column in targets.T])
+    # a wrist's controller knows how its gears couple: it turns the motors so that the axes go where they are told to
+    wanted = wanted @ np.linalg.inv(true.coupling).T
     angle, current, link = run(true, wanted, round(settle / true.servo_period), substeps(true))
     t = np.arange(0.0, servo[-1], 1.0 / laboratory.rate)
     counts = np.array([1000.0, 800.0, 1000.0, 1000.0, 1000.0, 1000.0])
-    amperes = CubicSpline(servo, current)
+    fine, amperes = between(servo, current, true)
     if laboratory.route == "table":
         # drives average over a row. Single values alias: the 28 ms setpoints kick the current, and their 14th harmonic is 500 Hz
-        charge, half = amperes.antiderivative(), 0.5 / laboratory.rate
-        seen = (charge(t + half) - charge(t - half)) * laboratory.rate
+        charge, half = cumulative_trapezoid(amperes, fine, axis=0, initial=0.0), 0.5 / laboratory.rate
+        seen = (_at(t + half, fine, charge) - _at(t - half, fine, charge)) * laboratory.rate
     else:
-        seen = amperes(t)
+        seen = _at(t, fine, amperes)
     signals = Signals(t, CubicSpline(servo, angle)(t), seen, plant.gear, counts)
     signals = hide_in_signals(signals, hidden)
     qref = np.column_stack([np.interp(t, setpoints, column) for column in targets.T])
     return Truth(signals, qref, CubicSpline(servo, link)(t))
+
+
+FINER = 8
+"""Points of a current within a servo period."""
+
+
+def between(servo: Array, current: Array, plant: Plant) -> tuple[Array, Array]:
+    """Times (FINER m,) s and currents there of what was (m, n) A at the servo's instants: drives run to what is wanted with their own lag.
+
+    A line from instant to instant would be 0.15 ms late: most of the way is gone in the first half of a period.
+    """
+    part = np.arange(FINER) / FINER * plant.servo_period
+    gone = (1.0 - np.exp(-part / plant.current_lag)) / (1.0 - np.exp(-plant.servo_period / plant.current_lag))
+    steps = np.diff(current, axis=0, append=current[-1:])
+    values = current[:, None] + gone[:, None] * steps[:, None]
+    return (servo[:, None] + part).ravel(), values.reshape(-1, current.shape[1])
+
+
+def _at(t: Array, times: Array, values: Array) -> Array:
+    return np.column_stack([np.interp(t, times, column) for column in values.T])
 
 
 def substeps(plant: Plant) -> int:

@@ -21,7 +21,7 @@ from tests.blind.generate import generate
 from tests.blind.hide import Hidden, hide_in_plant
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import SETS
-from tests.blind.record import MODEL, nominal_plant, recorded, truth
+from tests.blind.record import MODEL, between, nominal_plant, recorded, truth
 from tests.blind.recordings import read_recordings, write_recording
 from tests.blind.score import compared, right, told
 
@@ -80,9 +80,13 @@ def test_two_effects_come_apart(tmp_path: Path) -> None:
         assert any(right(cause, one["effect"], one["joint"]) for cause in result.causes), one["effect"]
 
 
+STRANGERS = ("lossy_drive", "rub", "loose_harness", "crosstalk")
+
+
 @pytest.mark.timeout(600)
-def test_a_stranger_gets_no_name_and_its_variable_is_told(tmp_path: Path) -> None:
-    result, (hidden,) = _diagnosed(_case("strangers", "taut_cable"), tmp_path, most=4)
+@pytest.mark.parametrize("stranger", ["taut_cable", *(pytest.param(s, marks=pytest.mark.slow) for s in STRANGERS)])
+def test_a_stranger_gets_no_name_and_its_variable_is_told(stranger: str, tmp_path: Path) -> None:
+    result, (hidden,) = _diagnosed(_case("strangers", stranger), tmp_path, most=4)
     assert result.causes == []
     assert result.verdict == "unexplained"
     assert told(hidden, [[s.signal, s.joint, s.against, s.share] for s in result.unexplained])
@@ -97,6 +101,18 @@ def test_recordings_are_what_the_instruments_leave_of_the_truth(tmp_path: Path) 
     assert np.all(np.abs(read.q - true.signals.angle) < 2 * count)
     assert np.all(np.std(read.i - true.signals.current, axis=0) < 0.008)
     assert read.counts is not None and read.qref is not None
+
+
+def test_currents_between_the_servos_instants_give_the_plants_mean() -> None:
+    """A step of the wanted current: what is drawn between two instants has the mean of the exponential, by the closed form."""
+    plant = nominal_plant()
+    period, lag = plant.servo_period, plant.current_lag
+    servo = period * np.arange(4)
+    current = 1.0 - np.exp(-servo / lag)[:, None] * np.ones(6)
+    fine, amperes = between(servo, current, plant)
+    inside = fine <= servo[-1] + 1e-12
+    mean = np.trapezoid(amperes[inside, 0], fine[inside]) / servo[-1]
+    assert mean == pytest.approx(1.0 - lag / servo[-1] * (1.0 - np.exp(-servo[-1] / lag)), rel=2e-3)
 
 
 MEASURES: dict[str, Callable] = {
