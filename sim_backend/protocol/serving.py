@@ -16,7 +16,6 @@ from typing import Protocol
 
 from inputs import DeviceFault
 
-
 AWAKE = 0.0003  # s before and after the end of an answer
 
 
