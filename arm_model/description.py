@@ -97,6 +97,7 @@ class Joint:
     offset: float = 0.0  # N m at the motor: constant part of the torque, opposing motion in the positive direction
     sign_velocity: Positive = 0.01  # rad/s (m/s) at the joint: sign v is taken as v / sqrt(v^2 + sign_velocity^2)
     torque_constant: Positive = 1.0  # N m/A; N/V where the controller's output is a voltage
+    current_unit: Annotated[str, Field(min_length=1)] = "A"  # what torque_constant is per: of recorded i
     torque_limit: Positive | None = None  # N m at the joint
     motor_speed_limit: Positive | None = None  # rad/s of the motor
     encoder_lines: Annotated[int, Field(gt=0)] | None = None  # per motor revolution; x4 counts

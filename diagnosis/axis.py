@@ -2,7 +2,8 @@
 
 Forward selection: shapes and coefficients from the fit rows, acceptance by the held-out ones. Parts of one recording are predicted from each other.
 A drive that repeats one motion would confirm anything that repeats with it. So what is not itself a difference between the directions has to
-hold across them too: each direction is predicted from what the other one shows.
+hold across them too: each direction is predicted from what the other one shows. And a wave over the place is named only where other
+recordings show it at the same places: where a scale has its zero, and in which turn its screw then stands, a run cannot tell by itself.
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ from scipy import optimize
 
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE
-from diagnosis.axis_columns import DELAY, Rows, Shape, columns, fine, rows_of, shapes
+from diagnosis.axis_columns import DELAY, Rows, Shape, columns, fine, rows_of, shapes, waves
 from diagnosis.parameters import SYSTEMATIC, Estimate
 from diagnosis.reading import low_pass
 from diagnosis.significance import benjamini_hochberg, p_value
+from diagnosis.units import unit_at
 
 Array = NDArray[np.float64]
 Samples = tuple[Array, Array, Array]
@@ -32,6 +34,8 @@ ALIKE = 0.95
 """A candidate that explains this share of what the named one does is in its group."""
 BLOCK_SECONDS = 0.3
 MOST = 6
+SMALL = 1e-4
+"""Share of a nonlinear parameter over which columns are differentiated."""
 PRESLIDING = (0.6, 1.6)
 """Friction that builds up gradually is the model's own: a coefficient outside says that it is not what is seen."""
 TURN = 2e-3
@@ -54,10 +58,33 @@ class AxisCause:
 
 
 @dataclass(frozen=True)
+class StandingWave:
+    """A force that goes with the sine of the place in one run: length m (rad), amplitude N (N m), and the share of what is left that either part of
+    the run predicts of the other."""
+
+    length: float
+    amplitude: float
+    share: float
+
+
+@dataclass(frozen=True)
+class AxisSide:
+    """Causes in the order of acceptance; the wave that no second run confirms, if there is one."""
+
+    causes: list[AxisCause]
+    wave: StandingWave | None
+
+
+@dataclass(frozen=True)
 class _Sides:
+    """whole: the rows that what is named is measured on: those of fit, or where both are parts of the same recordings, all; one_run: nothing is held
+    out but what one run went on with, whether it was cut here or into tables before."""
+
     fit: Rows
     held_out: Rows
+    whole: Rows
     both_ways: bool
+    one_run: bool
     cache: dict[tuple[int, Shape], Array]
 
     def columns(self, shape: Shape, rows: Rows) -> Array:
@@ -90,22 +117,32 @@ def _rate(t: Array) -> float:
     return 1.0 / float(np.median(np.diff(t)))
 
 
-def axis_causes(
-    arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, parts: bool
-) -> list[AxisCause] | None:
-    """Causes in the order of acceptance; None where the arm is not one axis, or its encoder too coarse to say more than filters leave.
+def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, parts: bool) -> AxisSide | None:
+    """Causes, and what stands beside them; None where the arm is not one axis, or its encoder too coarse to say more than filters leave.
 
     fit, held_out: recordings (t (k,) s uniform, q (k, 1), i (k, 1)); parts: they are parts of the same recordings.
     """
     if len(arm) != 1:
         return None
     arm = sharply(arm, [*fit, *held_out])
-    fit_rows, held_out_rows = (rows_of(arm, side, BLOCK_SECONDS) for side in (fit, held_out))
-    sides = _Sides(fit_rows, held_out_rows, parts, {})
+    judged, learned = rows_of(arm, held_out, BLOCK_SECONDS), rows_of(arm, fit, BLOCK_SECONDS)
+    whole = rows_of(arm, [*fit, *held_out], BLOCK_SECONDS) if parts else learned
+    sides = _Sides(learned, judged, whole, parts, parts or _goes_on(fit, held_out), {})
     if not fine(arm, sides.fit):
         return None
     chosen = _select(sides)
-    return [_cause(shape, chosen, sides) for shape in chosen]
+    return AxisSide([_cause(shape, chosen, sides) for shape in chosen], _wave(chosen, sides))
+
+
+def _goes_on(fit: Sequence[Samples], held_out: Sequence[Samples]) -> bool:
+    """Whether all that is held out begins or ends where one of the others ends or begins, to within two rows of its motion: pieces of one run."""
+
+    def meet(one: Samples, other: Samples) -> bool:
+        (_, q, _), (_, p, _) = one, other
+        step = max(float(np.abs(np.diff(x[:, 0])[[0, -1]]).max()) for x in (q, p)) + np.ptp(q) * 1e-6
+        return bool(min(abs(q[-1, 0] - p[0, 0]), abs(p[-1, 0] - q[0, 0])) < 2 * step)
+
+    return all(any(meet(one, other) for other in fit) for one in held_out)
 
 
 def _select(sides: _Sides) -> list[Shape]:
@@ -121,6 +158,7 @@ def _select(sides: _Sides) -> list[Shape]:
             and share > MATTERS
             and _physical(shape, chosen, sides)
             and _holds(shape, chosen, sides)
+            and not (shape.effect == "cogging" and sides.one_run)
         ]
         if not able:
             break
@@ -133,7 +171,7 @@ def _select(sides: _Sides) -> list[Shape]:
 def _best_shapes(everything: Sequence[Shape], chosen: Sequence[Shape], sides: _Sides) -> list[Shape]:
     taken = {s.effect for s in chosen}
     best: dict[str, tuple[float, Shape]] = {}
-    for shape in everything:
+    for shape in [*everything, *waves(_left(chosen, sides.fit, sides.fit, sides), sides.fit)]:
         if shape.effect not in taken:
             left = float(np.sum(_left([*chosen, shape], sides.fit, sides.fit, sides) ** 2))
             if shape.effect not in best or left < best[shape.effect][0]:
@@ -205,8 +243,11 @@ def _sharpened(shape: Shape, others: Sequence[Shape], sides: _Sides) -> Shape:
         def worse(log_value: float, name: str = name, now: Shape = shape) -> float:
             return float(np.sum(_residual_of(_with(now, name, float(np.exp(log_value))), others, sides) ** 2))
 
+        reach = 2.0
+        if shape.effect == "cogging":  # half a wave in the travel: beyond, another one fits
+            reach = 1.0 + np.pi / (value * sides.fit.arm.joints[0].ratio * float(np.ptp(sides.fit.q)))
         found = optimize.minimize_scalar(
-            worse, bounds=(np.log(value / 2), np.log(value * 2)), method="bounded", options={"maxiter": 12}
+            worse, bounds=(np.log(value / reach), np.log(value * reach)), method="bounded", options={"maxiter": 12}
         )
         if found.fun < worse(float(np.log(value))):
             shape = _with(shape, name, float(np.exp(found.x)))
@@ -220,6 +261,19 @@ def _with(shape: Shape, name: str, value: float) -> Shape:
 def _residual_of(shape: Shape, others: Sequence[Shape], sides: _Sides) -> Array:
     x = np.column_stack([sides.stacked(others, sides.fit), columns(shape, sides.fit)])
     return np.asarray(sides.fit.residual - x @ np.linalg.lstsq(x, sides.fit.residual, rcond=1e-9)[0], float)
+
+
+def _wave(chosen: Sequence[Shape], sides: _Sides) -> StandingWave | None:
+    """The strongest wave over the place that one run has beside its causes, where its parts and its directions agree on it."""
+    if not sides.one_run:
+        return None
+    for shape in waves(_left(chosen, sides.fit, sides.fit, sides), sides.fit, 1):
+        gains, share = _gains(shape, chosen, sides)
+        if p_value(gains) < SIGNIFICANT and share > MATTERS and _holds(shape, chosen, sides):
+            drive, number = sides.whole.arm.joints[0], dict(shape.values)["pole_pairs"]
+            sine, cosine = _fitted([*chosen, shape], sides.whole, sides)[-2:]
+            return StandingWave(2 * np.pi / number / drive.ratio, float(np.hypot(sine, cosine)), share)
+    return None
 
 
 def _cause(shape: Shape, chosen: list[Shape], sides: _Sides) -> AxisCause:
@@ -240,13 +294,13 @@ def _cause(shape: Shape, chosen: list[Shape], sides: _Sides) -> AxisCause:
 
 
 def _parameters(shape: Shape, chosen: list[Shape], sides: _Sides) -> list[Estimate]:
-    """Values, and standard deviations by the sandwich of block scores, nonlinear parameters among the columns."""
-    rows, x = sides.fit, sides.stacked(chosen, sides.fit)
+    """Values, and standard deviations by the sandwich of the cells' scores, nonlinear parameters among the columns."""
+    rows, x = sides.whole, sides.stacked(chosen, sides.whole)
     c = _fitted(chosen, rows, sides)
     at = sum(sides.columns(s, rows).shape[1] for s in chosen[: chosen.index(shape)])
     own = c[at : at + sides.columns(shape, rows).shape[1]]
     slopes = [
-        (columns(_with(shape, name, 1.02 * value), rows) - sides.columns(shape, rows)) @ own / (0.02 * value)
+        (columns(_with(shape, name, (1.0 + SMALL) * value), rows) - sides.columns(shape, rows)) @ own / (SMALL * value)
         for name, value in shape.values
         if value > 0.0
     ]
@@ -256,11 +310,11 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: _Sides) -> list[Estima
     size[size == 0.0] = 1.0
     wide = wide / size
     bread = np.linalg.pinv(wide.T @ wide, rcond=1e-10)
-    scores = np.stack([np.bincount(rows.block, weights=column * left) for column in wide.T], axis=1)
+    scores = np.stack([np.bincount(rows.cells, weights=column * left) for column in wide.T], axis=1)
     meat = scores.T @ scores * len(scores) / max(len(scores) - wide.shape[1], 1)
     std = np.sqrt(np.maximum(np.diag(bread @ meat @ bread), 0.0)) / size
     effect = CATALOGUE[shape.effect]
-    unit_of = {p.name: _unit(p.unit, rows.arm) for p in effect.parameters}
+    unit_of = {p.name: unit_at(rows.arm.joints[0], p.unit, p.name) for p in effect.parameters}
     if effect.delay is not None:
         return [Estimate("delay", float(own[0]) * DELAY, float(std[at]) * DELAY, "s")]
     if shape.effect == "gravity_spring":
@@ -270,6 +324,13 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: _Sides) -> list[Estima
             Estimate(
                 "rest_angle", float(own[1]) / stiffness, float(std[at + 1]) / abs(stiffness), unit_of["rest_angle"]
             ),
+        ]
+    if shape.effect == "cogging":
+        amplitude, phase = float(np.hypot(own[0], own[1])), float(np.arctan2(own[1], own[0]))
+        return [
+            Estimate("amplitude", amplitude, float(np.max(std[at : at + 2])), unit_of["amplitude"]),
+            Estimate("pole_pairs", shape.values[0][1], float(std[-1]), "1"),
+            Estimate("phase", phase, float(np.max(std[at : at + 2])) / max(amplitude, 1e-12), "rad"),
         ]
     names = [p.name for p in effect.linear]
     found = [
@@ -281,18 +342,3 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: _Sides) -> list[Estima
         Estimate(name, value, float(np.hypot(s, SYSTEMATIC * value)), unit_of[name])
         for (name, value), s in zip(curved, std[x.shape[1] :])
     ]
-
-
-def _unit(unit: str, arm: Arm) -> str:
-    """Of a prismatic axis: N and m where a joint that turns has N m and rad."""
-    if arm.joints[0].revolute:
-        return unit
-    return {
-        "rad": "m",
-        "rad/s": "m/s",
-        "N m": "N",
-        "N m/rad": "N/m",
-        "N m s/rad": "N s/m",
-        "N m s2/rad2": "N s2/m2",
-        "kg m2": "kg",
-    }.get(unit, unit)

@@ -27,12 +27,16 @@ MOTION_BAND, COMPARE_BAND = 100.0, 60.0
 ENDS = 0.3
 """s at either end of a recording that filters spoil."""
 ROWS_PER_SECOND = 200
+PLACES, SPEEDS = 8, 15
+"""Parts of the travel and of the range of speed that are an observation each."""
 DELAY = 1e-3
 """s: the delay of a unit coefficient."""
 SHARES = tuple(float(share) for share in np.geomspace(0.005, 0.4, 10))
 """Of the axis's speed: Stribeck velocities that are tried."""
 YIELDS = tuple(float(share) for share in np.geomspace(1e-5, 1e-2, 10))
 """Of the axis's travel: distances within which friction builds up that are tried."""
+FEWEST_WAVES = 8
+"""Of one length, in the travel: fewer are a bend."""
 SIMPLE = ("viscous_friction", "coulomb_friction", "friction_asymmetry", "rotor_inertia", "current_offset", "current_gain",
           "current_nonlinearity", "gravity_spring", "friction_drift", "time_skew")  # fmt: skip
 
@@ -47,8 +51,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Rows:
-    """Recordings of one axis one after the other. Full rate: parts, per recording Signals of (k,) arrays. Kept rows (m,): residual, current A;
-    q, v rad (m), per s; block from 0; noise A: what the steps of the encoder leave in the residual."""
+    """Recordings of one axis one after the other. Full rate: parts, per recording Signals of (k,) arrays. Kept rows (m,): residual A; q, v rad (m),
+    per s; block from 0; noise A: what the steps of the encoder leave in the residual."""
 
     arm: Arm
     parts: tuple[tuple[Signals, float], ...]
@@ -57,6 +61,17 @@ class Rows:
     v: Array
     block: Index
     noise: float
+
+    @property
+    def cells(self) -> Index:
+        """(m,) from 0: rows at the same place and speed. What a model lacks is the same each time that a motion comes by: however often it is
+        repeated, that is one observation."""
+        place, speed = (
+            np.minimum((x - x.min()) / max(float(np.ptp(x)), 1e-12) * parts, parts - 1).astype(np.intp)
+            for x, parts in ((self.q, PLACES), (self.v, SPEEDS))
+        )
+        numbers: Index = np.unique(place * SPEEDS + speed, return_inverse=True)[1]
+        return numbers
 
 
 def rows_of(arm: Arm, recordings: Sequence[tuple[Array, Array, Array]], block_seconds: float) -> Rows:
@@ -127,6 +142,21 @@ def shapes(rows: Rows) -> Iterator[Shape]:
             yield Shape("presliding_friction", (("stiffness", level / (share * travel)), ("damping", 0.0)))
 
 
+def waves(rest: Array, rows: Rows, count: int = 3) -> list[Shape]:
+    """Torques that go with the sine of the place, at the wave numbers where ``rest`` (m,) repeats most: at least FEWEST_WAVES in the travel,
+    and not so many that the fastest stroke would take them past the filter."""
+    travel, speed = float(np.ptp(rows.q)), max(float(np.max(np.abs(s.v))) for s, _ in rows.parts)
+    most = COMPARE_BAND * travel / max(speed, 1e-12)
+    if most < FEWEST_WAVES or len(rest) == 0:
+        return []
+    cycles = np.arange(FEWEST_WAVES, most, 0.2)
+    place = (rows.q - rows.q.min()) / travel
+    power = np.array([abs(np.sum(rest * np.exp(-2j * np.pi * n * place))) ** 2 for n in cycles])
+    peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    turn = 2 * np.pi * cycles[peaks[np.argsort(-power[peaks])][:count]] / travel / rows.arm.joints[0].ratio
+    return [Shape("cogging", (("pole_pairs", float(n)),)) for n in turn]
+
+
 def columns(shape: Shape, rows: Rows) -> Array:
     """(m, c) A: change of the residual for a unit of each coefficient."""
     effect = CATALOGUE[shape.effect]
@@ -141,11 +171,13 @@ def columns(shape: Shape, rows: Rows) -> Array:
 
 
 def units(shape: Shape) -> list[Values]:
-    """Parameter values of each coefficient's column: each linear parameter at 1; a rest angle at 0 and 1."""
+    """Parameter values of each coefficient's column: each linear parameter at 1; a rest angle at 0 and 1; a wave as sine and cosine."""
     effect = CATALOGUE[shape.effect]
     nothing = {p.name: 0.0 for p in effect.parameters} | dict(shape.values)
     if shape.effect == "gravity_spring":
         return [Values(nothing | {"stiffness": 1.0, "rest_angle": angle}) for angle in (0.0, 1.0)]
+    if "phase" in nothing:
+        return [Values(nothing | {effect.linear[0].name: 1.0, "phase": phase}) for phase in (0.0, np.pi / 2)]
     return [Values(nothing | {p.name: 1.0}) for p in effect.linear] or [Values(nothing)]
 
 

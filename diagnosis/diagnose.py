@@ -13,13 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.description import Arm, EffectTerm
+from arm_model.description import Arm
 from arm_model.effects import CATALOGUE
-from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from diagnosis import events as event_search
-from diagnosis.axis import AxisCause, axis_causes, sharply
-from diagnosis.candidates import Candidate, candidates
+from diagnosis.axis import AxisSide, axis_side, sharply
+from diagnosis.candidates import candidates
+from diagnosis.cause import Cause, extend, from_axis, from_event, from_link, from_tracker, of_candidate, together
 from diagnosis.closed_loop import (
     Compared,
     along_motion,
@@ -32,19 +32,18 @@ from diagnosis.closed_loop import (
 )
 from diagnosis.events import Event, Gain
 from diagnosis.evidence import Run, see
-from diagnosis.library import Side, columns_of, free_columns, side_of, side_with
+from diagnosis.library import columns_of, free_columns, side_of, side_with
 from diagnosis.lines import order_of
-from diagnosis.link_causes import LinkCause, LinkSide, link_side
+from diagnosis.link_causes import LinkSide, link_side
 from diagnosis.lost_edges import lost_edges, put_back
 from diagnosis.noise import still_noise
-from diagnosis.parameters import Estimate, estimates
-from diagnosis.projection import confusability, span_of
+from diagnosis.parameters import estimates
 from diagnosis.remainder import Structure
 from diagnosis.search import Found, Problem, search, without
-from diagnosis.selection import Look, look
 from diagnosis.setup import loaded, setup_of
-from diagnosis.tracker import Tracked, TrackerCause, tracked_causes
+from diagnosis.tracker import Tracked, tracked_causes
 from diagnosis.turned import turned_wrist
+from diagnosis.units import unit_at
 from diagnosis.visibility import Invisible, not_visible
 from inputs import InputError
 
@@ -54,28 +53,6 @@ TOLD_FROM_NOTHING = 2.0
 """Standard deviations that some size of a cause must be from zero."""
 OWN_LIMIT = 0.02
 """Share by which a limit that is seen may differ from that of the model and be the same."""
-GROUP_ABOVE = 0.98
-"""Canonical correlation above which two effects are one to this data."""
-
-
-@dataclass(frozen=True)
-class Cause:
-    """One accepted effect. before, after: rms of its joint's held-out residual, in ``unit``; group: effects this data cannot tell from it;
-    of_arm: False for a fact about the instruments that the model has no place for."""
-
-    effect: str
-    joint: int | None
-    parameters: list[Estimate]
-    confidence: float
-    before: float
-    after: float
-    group: tuple[tuple[str, int | None], ...]
-    separate_by: str | None
-    evidence: str
-    felt_at: int  # 0: at no joint more than at another
-    unit: str = "A"
-    of_arm: bool = True
-    by_tracker: bool = False
 
 
 @dataclass(frozen=True)
@@ -122,7 +99,7 @@ def diagnose(
     jumped = event_search.jumps(everything, arm)
     angles = [event_search.without_jumps(recording, index, jumped) for index, recording in enumerate(everything)]
     tracked = tracked_causes(arm, fit, held_out, angles=angles, progress=progress)
-    model, arm = arm, extend(arm, [_from_tracker(one) for one in tracked.geometry]) if tracked.geometry else arm
+    model, arm = arm, extend(arm, [from_tracker(one) for one in tracked.geometry]) if tracked.geometry else arm
     found, runs, samples = seen_through(arm, everything, progress)
     found += turned_wrist(fit, held_out)
     sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
@@ -132,8 +109,8 @@ def diagnose(
     lines = tuple(c for c in every if order_of(c) is not None)
     library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in every if order_of(c) is None}
     parts = bool({r.path for r in fit} & {r.path for r in held_out})
-    axis = axis_causes(arm, samples[: len(fit)], samples[len(fit) :], parts=parts)
-    of_axis, base = [_from_axis(one) for one in axis or []], arm
+    axis = axis_side(arm, samples[: len(fit)], samples[len(fit) :], parts=parts)
+    of_axis, base = [from_axis(one, arm) for one in axis.causes] if axis else [], arm
     if of_axis:  # the search is left with what they leave
         base = sharply(arm, samples)
         runs = [replace(run, arm=base) for run in runs]
@@ -151,11 +128,11 @@ def diagnose(
         named_by_search = _of_search(problem, search_result)
     chosen, sides = search_result.chosen, search_result.sides
     accepted = problem.accepted(chosen, sides)
-    causes = [_from_event(event, sides) for event in found]
+    causes = [from_event(event, arm, sides) for event in found]
     causes += named_by_search + of_axis
     progress("comparing motor and link encoders")
     link = link_side(arm, fit, held_out)
-    causes += [_from_link(one, arm) for one in link.causes] if link else []
+    causes += [from_link(one, arm) for one in link.causes] if link else []
     extended = extend(base, together(causes, tracked.causes, tracked.geometry)) if causes or tracked.causes else arm
     causes = together(causes, tracked.causes)
     extended = with_widths(extended, fit) if extended is not model else extended
@@ -166,15 +143,18 @@ def diagnose(
     }
     along = {half: [along_motion(run, model, extended) for run in seen] for half, (_, seen) in halves.items()}
     left = (accepted.fit, accepted.held_out)
+    structures = search_result.remainder.structures if judged else []
+    if axis and axis.wave:
+        structures = [Structure("current", 1, "position", axis.wave.share)]
     named = {c.key for c in chosen} | {(one.effect, one.joint) for one in of_axis}
     return Diagnosis(
         model, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
         not_visible(library, sides[1], accepted, named, arm) + tracked.not_visible,
-        (search_result.remainder.structures if judged else []) + (link.unexplained if link else []) + tracked.unexplained, compared, along,
+        structures + (link.unexplained if link else []) + tracked.unexplained, compared, along,
         np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
         + (_of_width(arm, base))
-        + ((f"{axis[-1].after:.3g} A rms of the held-out current below 60 Hz is left that no effect was named for",) if axis else ())
+        + (_beside_causes(axis, model) if axis else ())
         + (link.remarks if link else ()),
     )  # fmt: skip
 
@@ -225,6 +205,22 @@ def _of_width(arm: Arm, base: Arm) -> tuple[str, ...]:
     )
 
 
+def _beside_causes(axis: AxisSide, arm: Arm) -> tuple[str, ...]:
+    """What is left of one axis beside its causes."""
+    said = []
+    if axis.causes:
+        left = f"{axis.causes[-1].after:.3g} {arm.joints[0].current_unit} rms"
+        said.append(f"{left} of the held-out current below 60 Hz is left that no effect was named for")
+    if axis.wave:
+        drive = arm.joints[0]
+        length = f"{axis.wave.length:.4g} rad" if drive.revolute else f"{1e3 * axis.wave.length:.2f} mm"
+        said.append(
+            f"a wave of {axis.wave.amplitude:.2g} {unit_at(drive, 'N m')} every {length}, the same at all speeds and in both directions, is "
+            f"{axis.wave.share:.0%} of what is left; whether another run has it at the same places, only another run tells: it is not named"
+        )
+    return tuple(said)
+
+
 def _its_own(arm: Arm, limit: Event) -> bool:
     """Whether a clipped current is clipped at the torque limit that the model has itself."""
     joint = arm.joints[limit.joint - 1]
@@ -259,7 +255,7 @@ def _of_search(problem: Problem, found: Found) -> list[Cause]:
     own = accepted.coefficients[len(problem.free) :]
     free = [pair[0] for pair in problem.free]
     values = estimates(found.chosen, own, accepted.fit, free, sides[0], problem.arm) if found.chosen else []
-    return [_cause(c, v, one, problem, found) for c, v, one in zip(found.chosen, values, found.equals)]
+    return [of_candidate(c, v, one, problem, found) for c, v, one in zip(found.chosen, values, found.equals)]
 
 
 def _indistinct(causes: Sequence[Cause]) -> int | None:
@@ -285,127 +281,6 @@ def _untenable(arm: Arm, causes: list[Cause], recordings: Sequence[Recording], r
         for one in less
     ]
     return refuted(full, turned, [cause.felt_at for cause in causes], recordings, runs)
-
-
-def _cause(
-    candidate: Candidate,
-    values: list[Estimate],
-    alike: list[Look],
-    problem: Problem,
-    found: Found,
-) -> Cause:
-    library, (fit, held_out) = problem.library, found.sides
-    accepted = problem.accepted(found.chosen, found.sides)
-    others = problem.accepted([c for c in found.chosen if c is not candidate], found.sides)
-    one = look(candidate, library[candidate], others, held_out)
-    joint = candidate.joint or _most_felt(others.held_out, accepted.held_out, held_out)
-    before, after = (_rms_in_amperes(values_, held_out, joint) for values_ in (others.held_out, accepted.held_out))
-    group = [candidate.key]
-    basis = span_of(others.basis) if others.basis.shape[1] else span_of(np.zeros((len(fit.y), 1)))
-    for other in alike:
-        if other.candidate.key != candidate.key:
-            pair = library[candidate][0], library[other.candidate][0]
-            if confusability(basis, *(_full(c.x, c.where, len(fit.y)) for c in pair)) > GROUP_ABOVE:
-                group.append(other.candidate.key)
-    definition = candidate.definition
-    where = f"joint {candidate.joint}" if candidate.joint else "all joints"
-    sentence = (
-        f"{definition.shows}: with it the held-out current error of joint {joint} falls from {before:.3g} to {after:.3g} A rms, "
-        f"in {int(np.sum(one.blocks > 0))} of {int(np.sum(one.blocks != 0))} one-second blocks ({where})"
-    )
-    separate = None
-    if len(group) > 1:
-        separate = next((definition.confused_with[e] for e, _ in group[1:] if e in definition.confused_with), None)
-    confidence = float(np.clip(1.0 - one.p, 0.0, 0.99)) / len(group)
-    return Cause(
-        candidate.effect, candidate.joint, values, confidence, before, after, tuple(group), separate, sentence, joint
-    )
-
-
-def _full(x: Array, where: slice, length: int) -> Array:
-    whole = np.zeros((length, x.shape[1]))
-    whole[where] = x
-    return whole
-
-
-def _most_felt(before: Array, after: Array, side: Side) -> int:
-    """Joint (from 1) whose residual falls most."""
-    fall = (before**2 - after**2).reshape(-1, side.rows).sum(axis=1)
-    return int(np.argmax(fall)) + 1
-
-
-def _rms_in_amperes(whitened: Array, side: Side, joint: int) -> float:
-    """A: rms of a joint's residual where it is known to better than three times the instruments' noise."""
-    deviation = np.concatenate([run.deviation[:, joint - 1] for run in side.runs])
-    noise = np.concatenate([np.full(len(run.t), run.noise[joint - 1]) for run in side.runs])
-    certain = deviation < 3 * noise
-    values = (whitened[side.of(joint)] * deviation)[certain] if certain.any() else np.zeros(1)
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def _from_event(event: Event, sides: tuple[Side, Side]) -> Cause:
-    at = max(event.joint - 1, 0)
-    noise = float(np.mean([run.noise[at] for run in sides[1].runs]))
-    gain = event.gain or Gain(noise, noise, "A", at + 1)
-    joint = event.joint or None
-    confidence = float(np.clip(1.0 - gain.p, 0.0, 0.99))
-    return Cause(
-        event.effect, joint, event.parameters, confidence, gain.before, gain.after, ((event.effect, joint),), None,
-        event.evidence, gain.joint, unit=gain.unit, of_arm=event.effect != "dropped_trigger",
-    )  # fmt: skip
-
-
-def _from_axis(one: AxisCause) -> Cause:
-    joint = 1 if CATALOGUE[one.effect].per_joint else None
-    sentence = (
-        f"{CATALOGUE[one.effect].shows}: with it the held-out current error below 60 Hz falls from {one.before:.3g} to {one.after:.3g} rms, "
-        f"in {int(np.sum(one.gains > 0))} of {len(one.gains)} blocks"
-    )
-    confidence = float(np.clip(1.0 - one.p, 0.0, 0.99)) / len(one.group)
-    group = tuple((effect, 1 if CATALOGUE[effect].per_joint else None) for effect in one.group)
-    apart = CATALOGUE[one.effect].confused_with
-    separate = next((apart[effect] for effect in one.group[1:] if effect in apart), None)
-    return Cause(one.effect, joint, one.parameters, confidence, one.before, one.after, group, separate, sentence, 1)
-
-
-def _from_link(one: LinkCause, arm: Arm) -> Cause:
-    confidence = float(np.clip(1.0 - one.p, 0.0, 0.99)) / len(one.group)
-    return Cause(
-        one.effect, one.joint, one.parameters, confidence, one.before, one.after, one.group, None, one.evidence, one.felt_at,
-        unit="rad" if arm.joints[one.felt_at - 1].revolute else "m", of_arm=one.of_arm,
-    )  # fmt: skip
-
-
-def _from_tracker(one: TrackerCause) -> Cause:
-    return Cause(
-        one.effect, one.joint, one.parameters, one.confidence, one.before, one.after, one.group, one.separate_by, one.evidence,
-        one.joint or 0, unit="m", of_arm=one.effect != "tracker_outliers", by_tracker=True,
-    )  # fmt: skip
-
-
-def together(causes: Sequence[Cause], seen: Sequence[TrackerCause], known: Sequence[TrackerCause] = ()) -> list[Cause]:
-    """Causes of the currents and those that the tracker saw, less ``known`` ones: what both name is said once, with the tracker's parameters
-    where it names the same, and a group of the tracker's that holds what the currents name is that."""
-    named = {(cause.effect, cause.joint): cause for cause in causes}
-    alone = []
-    for one in (one for one in seen if one not in known):
-        same = next((named[key] for key in one.group if key in named), None)
-        if same is None:
-            alone.append(_from_tracker(one))
-        else:
-            key = same.effect, same.joint
-            parameters = one.parameters if key == (one.effect, one.joint) else same.parameters
-            sentence = f"{same.evidence}; the tracker agrees: {one.evidence}"
-            named[key] = replace(same, parameters=parameters, group=(key,), separate_by=None, evidence=sentence)
-    return [*alone, *named.values()]
-
-
-def extend(arm: Arm, causes: Sequence[Cause]) -> Arm:
-    """The model with every cause as an effect of its own, beside those it had."""
-    terms = list(arm.effects)
-    for cause in (one for one in causes if one.of_arm):
-        terms.append(EffectTerm(cause.effect, cause.joint, {p.name: float(p.value) for p in cause.parameters}))
-    return replace(fixed_gains(arm), effects=tuple(terms))
 
 
 def _before_and_after(recording: Recording, run: Run, arm: Arm, extended: Arm) -> tuple[Compared, Compared] | None:

@@ -11,9 +11,11 @@ import numpy as np
 
 from arm_model.model_file import write_model
 from daq.recording import Recording
-from diagnosis.diagnose import Cause, Diagnosis
+from diagnosis.cause import Cause
+from diagnosis.diagnose import Diagnosis
 from diagnosis.report import report
 from diagnosis.separate import Separation, named, separations
+from diagnosis.units import unit_at
 from experiment import write_experiment
 from inputs import make_folder, write_text
 
@@ -66,8 +68,8 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
                 if pairs
             }
             if told:
-                of_slide = name == "position" and not result.arm.joints[j].revolute
-                row = {"signal": name, "joint": j + 1, "unit": "m" if of_slide else unit, "error_rms": told}
+                here = unit_at(result.arm.joints[j], unit)
+                row = {"signal": name, "joint": j + 1, "unit": here, "error_rms": told}
                 along = "demands" if in_loop or name == "position" else "measured motion"
                 rows.append(row | {"noise_rms": float(own[j]), "along": along})
     return rows + _link_signals(result) + _tracker_signal(result)
@@ -80,7 +82,7 @@ def _link_signals(result: Diagnosis) -> list[dict[str, Any]]:
     link, rows = result.link, []
     for k, joint in enumerate(int(j) for j in link.seen.joints):
         before, after = (float(np.sqrt(np.mean(values[:, k] ** 2))) for values in (link.without, link.left))
-        unit = "rad" if result.arm.joints[joint - 1].revolute else "m"
+        unit = unit_at(result.arm.joints[joint - 1], "rad")
         errors = {"held_out": {"before": before, "after": after}}
         rows.append(
             {

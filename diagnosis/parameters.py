@@ -13,6 +13,7 @@ from arm_model.description import Arm
 from diagnosis.candidates import FIXED, Candidate
 from diagnosis.library import Columns, Side, columns_of
 from diagnosis.selection import INDEPENDENT, Accepted, fit_gain
+from diagnosis.units import unit_at
 
 Array = NDArray[np.float64]
 
@@ -127,7 +128,8 @@ def estimates(
     result = []
     for index, (candidate, part) in enumerate(zip(chosen, parts)):
         values = parameters_of(candidate, part)
-        units = {p.name: p.unit for p in candidate.definition.parameters}
+        own = arm.joints[candidate.joint - 1] if candidate.joint else None
+        units = {p.name: unit_at(own, p.unit, p.name) if own else p.unit for p in candidate.definition.parameters}
         rows = []
         for name, value in values.items():
             if name in FIXED.get(candidate.effect, ()):

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.diagnose import Cause, Diagnosis
+from diagnosis.cause import Cause
+from diagnosis.diagnose import Diagnosis
 from diagnosis.library import side_of
 from diagnosis.link_plots import link_figure
 from diagnosis.tracker_plots import tracker_figure
@@ -74,7 +75,7 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
 
     if result.tracked is not None and cause.by_tracker:
         return tracker_figure(result.tracked)
-    if result.link is not None and cause.unit != "A":
+    if result.link is not None and cause.signal == "link angle":
         return link_figure(result.link, cause.effect, cause.felt_at)
 
     side = side_of(result.held_out)
@@ -92,5 +93,5 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
         axis.set_title(title, loc="left", fontsize="medium")
         axis.set_xlabel(f"{name} of joint {joint}")
         axis.grid(color="#e6eaef")
-    axes[0].set_ylabel(f"measured less expected\ncurrent of joint {joint}, A")
+    axes[0].set_ylabel(f"measured less expected\ncurrent of joint {joint}, {result.arm.joints[joint - 1].current_unit}")
     return figure, f"residual current of joint {joint} against {name}"

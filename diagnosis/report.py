@@ -12,7 +12,8 @@ import numpy as np
 from arm_model.effects import CATALOGUE
 from daq.recording import Recording
 from diagnosis import plots
-from diagnosis.diagnose import Cause, Diagnosis
+from diagnosis.cause import Cause
+from diagnosis.diagnose import Diagnosis
 from diagnosis.library import side_of
 from diagnosis.residual_plots import SURE, against_all, left_against, side_by_side
 from diagnosis.separate import named
@@ -83,10 +84,11 @@ def _summary(result: Diagnosis) -> str:
 def _simulated(result: Diagnosis) -> list[str]:
     """Closed loop beside what was measured, for some recordings of both sides."""
     parts = []
+    units = tuple(dict.fromkeys(joint.current_unit for joint in result.arm.joints))
     for side, words in (("held_out", "held out"), ("fit", "fitted")):
         pairs = result.compared.get(side) or []
         for number, (before, after) in enumerate(pairs[:MOST_PICTURES]):
-            picture = image(*side_by_side(before, after, bool(result.causes)))
+            picture = image(*side_by_side(before, after, bool(result.causes), units))
             opened = " open" if side == "held_out" and number == 0 else ""
             parts.append(f"<details{opened}><summary>{escape(before.name)} ({words})</summary>{picture}</details>")
     return parts

@@ -13,6 +13,7 @@ from diagnosis.closed_loop import Compared
 from diagnosis.diagnose import Diagnosis
 from diagnosis.library import Side, side_of
 from diagnosis.shapes import variables
+from diagnosis.units import unit_at
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 MEASURED, BEFORE, AFTER, PALE = "#8fa1b3", "#c8501e", "#1f5fa8", ("#f0cdbd", "#bcd2ea")
 SHOWN = ("time", "position", "motor angle", "velocity", "load torque")
 UNITS = {
-    "time": "s", "position": "rad (m)", "motor angle": "rad", "velocity": "rad/s", "acceleration": "rad/s2", "load torque": "N m",
+    "time": "s", "position": "rad", "motor angle": "rad", "velocity": "rad/s", "acceleration": "rad/s2", "load torque": "N m",
     "current": "A", "temperature": "degC",
 }  # fmt: skip
 SURE = 3.0
@@ -55,7 +56,7 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
         clouds = [(before, PALE[0], BEFORE, "before"), (after, PALE[1], AFTER, "after")]
         for values, pale, colour, label in clouds if result.causes else [(after, PALE[1], AFTER, "mean in bins")]:
             _cloud(axis, x[sure], values[sure], pale, colour, label)
-        axis.set_xlabel(f"{name}, {UNITS[name]}" if name in UNITS else name)
+        axis.set_xlabel(_with_unit(result, joint, name))
         axis.grid(color="#e6eaef")
         axis.locator_params(nbins=5)
     for axis in axes[len(panels) :]:
@@ -81,7 +82,7 @@ def left_against(result: Diagnosis, joint: int, name: str) -> tuple[Figure, str]
     axis = figure.subplots()
     _cloud(axis, found[name][sure], after[sure], PALE[1], AFTER, "mean in bins")
     _limit(axis, after[sure])
-    axis.set_xlabel(f"{name}, {UNITS[name]}" if name in UNITS else name)
+    axis.set_xlabel(_with_unit(result, joint, name))
     axis.set_ylabel(f"left of joint {joint}, times the noise")
     axis.grid(color="#e6eaef")
     axis.legend(loc="upper right", fontsize="small")
@@ -127,7 +128,11 @@ def _limit(axis: Axes, values: Array) -> None:
     axis.set_ylim(-top, top)
 
 
-def side_by_side(before: Compared, after: Compared, extended: bool) -> tuple[Figure, str]:
+def _with_unit(result: Diagnosis, joint: int, name: str) -> str:
+    return f"{name}, {unit_at(result.arm.joints[joint - 1], UNITS[name])}" if name in UNITS else name
+
+
+def side_by_side(before: Compared, after: Compared, extended: bool, units: Sequence[str]) -> tuple[Figure, str]:
     """One recording: measured current and closed-loop simulation of every joint; beside it the error of the simulated angle."""
     from matplotlib.figure import Figure
 
@@ -149,7 +154,7 @@ def side_by_side(before: Compared, after: Compared, extended: bool) -> tuple[Fig
         for axis in (left, right):
             axis.grid(color="#e6eaef")
             axis.locator_params(nbins=5)
-    axes[0, 0].set_title("motor current, A", loc="left", fontsize="medium")
+    axes[0, 0].set_title(f"motor current, {' or '.join(units)}", loc="left", fontsize="medium")
     axes[0, 1].set_title("measured less simulated angle, mrad (mm)", loc="left", fontsize="medium")
     axes[0, 0].legend(loc="upper right", ncols=3, fontsize="x-small")
     for axis in axes[-1]:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from arm_model.effects import CATALOGUE
 from arm_model.rigid_body import rigid_torque
 from diagnosis.candidates import Candidate, candidates
-from diagnosis.diagnose import Cause, Diagnosis
+from diagnosis.cause import Cause
+from diagnosis.diagnose import Diagnosis
 from diagnosis.separate_distance import Key, Question, foreseen, rival_of
 from diagnosis.separate_motions import Kind, Stage, Trial, room, trials
 from experiment import Experiment, demand_of
@@ -61,7 +62,9 @@ def separation(
     keys = [key for key in cause.group if _shapes(result, key)]
     others = _nuisances(result, set(cause.group))
     nothing = Separation(None, 0.0, in_words(cause.group), 0)
-    if len(keys) < 2 or cause.unit != "A":  # what encoders or a tracker show: predictions of currents do not decide it
+    if (
+        len(keys) < 2 or cause.signal != "current"
+    ):  # what encoders or a tracker show: predictions of currents do not decide it
         return nothing
     rivals = [rival_of(_shapes(result, key), others, result.fit, result.arm) for key in keys]
     joints = sorted({joint or cause.felt_at for _, joint in keys})

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.diagnose import Cause, Diagnosis
+from diagnosis.cause import Cause
+from diagnosis.diagnose import Diagnosis
 from tests.blind.cases import SAME, Case
 from tests.blind.strangers import TOLD
 

@@ -11,7 +11,7 @@ import numpy as np
 from arm_model.description import Arm, EffectTerm
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate
-from diagnosis.diagnose import Cause
+from diagnosis.cause import Cause
 from diagnosis.evidence import Run, see
 from experiment import demand_of, read_experiment
 
@@ -44,4 +44,4 @@ def seen(root: Path, arm: Arm, terms: Sequence[EffectTerm], names: Sequence[str]
 def group_of(*members: tuple[str, int | None], felt_at: int = 1) -> Cause:
     """A cause that the data cannot tell from others."""
     effect, joint = members[0]
-    return Cause(effect, joint, [], 0.5, 0.0, 0.0, tuple(members), None, "", felt_at)
+    return Cause(effect, joint, [], 0.5, 0.0, 0.0, tuple(members), None, "", felt_at, "A")

@@ -12,7 +12,7 @@ from arm_model.description import Arm, Joint
 from armscope.cli import run
 from daq.recording_file import Attachments
 from daq.table import write_table
-from diagnosis.axis import AxisCause, axis_causes
+from diagnosis.axis import AxisCause, axis_side
 
 MASS, FORCE = 90.0, 35.0  # kg; N per unit of command
 VISCOUS, COULOMB = 200.0, 20.0
@@ -22,13 +22,15 @@ STEP = 5e-8  # m
 @dataclass(frozen=True)
 class Carriage:
     """What is true: viscous friction N s/m and Coulomb friction N by direction; share of the latter that is there at rest, and the speed m/s
-    over which it comes; the command leads what the axis feels by ``lead`` s."""
+    over which it comes; the command leads what the axis feels by ``lead`` s; a force of ``wave`` N repeats every 4 mm, ``ahead`` rad."""
 
     viscous: tuple[float, float] = (VISCOUS, VISCOUS)
     coulomb: tuple[float, float] = (COULOMB, COULOMB)
     at_rest: float = 1.0
     over: float = 0.01
     lead: float = 0.0
+    wave: float = 0.0
+    ahead: float = 0.0
 
 
 def _strokes(t: np.ndarray, seed: int) -> np.ndarray:
@@ -55,6 +57,7 @@ def _record(true: Carriage, seed: int, seconds: float = 12.0) -> tuple[np.ndarra
         way = 0 if v >= 0 else 1
         level = true.coulomb[way] * (1.0 - (1.0 - true.at_rest) * np.exp(-((v / true.over) ** 2)))
         friction = true.viscous[way] * v + level * np.tanh(v / 1e-5)
+        friction += true.wave * np.sin(2 * np.pi * q / 4e-3 + true.ahead)
         if abs(v) < 2e-4 and abs(acting) < level:
             v = 0.0  # it sticks
         else:
@@ -82,9 +85,9 @@ def _model() -> Arm:
 
 
 def _causes(true: Carriage) -> dict[str, AxisCause]:
-    found = axis_causes(_model(), [_record(true, 1)], [_record(true, 2)], parts=False)
+    found = axis_side(_model(), [_record(true, 1)], [_record(true, 2)], parts=False)
     assert found is not None
-    return {cause.effect: cause for cause in found}
+    return {cause.effect: cause for cause in found.causes}
 
 
 def _near(cause: AxisCause, name: str, wanted: float) -> None:
@@ -112,18 +115,43 @@ def test_friction_that_differs_by_direction_a_lead_and_less_friction_at_rest_com
     assert all(p.unit in ("N", "N s/m", "m/s", "s") for cause in found.values() for p in cause.parameters)
 
 
+def test_a_wave_over_the_place_is_named_where_another_run_has_it_at_the_same_places() -> None:
+    first = _record(Carriage(wave=2.0), 1)
+    same, elsewhere = (_record(Carriage(wave=2.0, ahead=ahead), 2) for ahead in (0.0, 2.0))
+    held = axis_side(_model(), [first], [same], parts=False)
+    assert held is not None
+    assert [cause.effect for cause in held.causes] == ["cogging"]
+    _near(held.causes[0], "amplitude", 2.0)
+    _near(held.causes[0], "pole_pairs", 2 * np.pi / 4e-3)
+    _near(held.causes[0], "phase", 0.0)
+    refuted = axis_side(_model(), [first], [elsewhere], parts=False)
+    assert refuted is not None and refuted.causes == []
+
+
+def test_a_wave_over_the_place_of_one_run_is_told_and_not_named() -> None:
+    t, q, i = _record(Carriage(wave=2.0), 1)
+    cut = len(t) // 2
+    pieces = (t[:cut], q[:cut], i[:cut]), (t[cut:] - t[cut], q[cut:], i[cut:])
+    for parts in (True, False):  # cut by the diagnosis, or into two tables before
+        found = axis_side(_model(), [pieces[0]], [pieces[1]], parts=parts)
+        assert found is not None and found.causes == []
+        assert found.wave is not None
+        assert found.wave.length == pytest.approx(4e-3, rel=0.02)
+        assert found.wave.amplitude == pytest.approx(2.0, rel=0.1)
+
+
 def test_how_slowly_the_model_lets_friction_turn_round_decides_nothing() -> None:
     joint = replace(_model().joints[0], sign_velocity=0.01)
     true = Carriage(viscous=(165.0, 240.0), at_rest=0.5, lead=0.7e-3)
-    found = axis_causes(replace(_model(), joints=(joint,)), [_record(true, 1)], [_record(true, 2)], parts=False)
+    found = axis_side(replace(_model(), joints=(joint,)), [_record(true, 1)], [_record(true, 2)], parts=False)
     assert found is not None
-    assert {cause.effect for cause in found} == {"friction_asymmetry", "time_skew", "stribeck_friction"}
+    assert {cause.effect for cause in found.causes} == {"friction_asymmetry", "time_skew", "stribeck_friction"}
 
 
 def test_a_coarse_encoder_is_left_to_the_filters_of_arms() -> None:
     t, q, i = _record(Carriage(), 1, 4.0)
     coarse = np.round(q / 1e-5) * 1e-5
-    assert axis_causes(_model(), [(t, coarse, i)], [(t, coarse, i)], parts=True) is None
+    assert axis_side(_model(), [(t, coarse, i)], [(t, coarse, i)], parts=True) is None
 
 
 def test_the_same_rows_on_both_sides_are_refused(

@@ -57,6 +57,10 @@ def test_what_is_published_of_a_drive_is_named_from_one_run(root: Path, shared: 
     asymmetry = causes["friction_asymmetry"]
     difference = asymmetry["viscous_negative"]["value"] - asymmetry["viscous_positive"]["value"]
     assert difference == pytest.approx(240.42 - 166.71, abs=8.0)
+    for side, published in (("positive", 166.71), ("negative", 240.42)):
+        value, std = (asymmetry[f"viscous_{side}"][part] for part in ("value", "std"))
+        assert 203.50 + value == pytest.approx(published, rel=0.07)
+        assert 1.0 < std < 10.0
     assert asymmetry["viscous_positive"]["unit"] == "N s/m"
     assert -1.0e-3 < causes["time_skew"]["delay"]["value"] < -0.5e-3
     assert -20.394 < causes["stribeck_friction"]["breakaway"]["value"] < -5.0
@@ -65,3 +69,9 @@ def test_what_is_published_of_a_drive_is_named_from_one_run(root: Path, shared: 
     )
     position = next(signal for signal in found["signals"] if signal["signal"] == "position")
     assert position["unit"] == "m"
+    # the drive is told in volts
+    assert {cause["gain"]["unit"] for cause in found["causes"]} == {"V"}
+    assert {signal["unit"] for signal in found["signals"]} == {"m", "V"}
+    # a wave of the ball screw is in this run; that it stands at the same places in another, this run cannot show
+    assert [(one["joint"], one["against"]) for one in found["unexplained"]] == [(1, "position")]
+    assert any("every 2.50 mm" in warning for warning in found["warnings"])
