@@ -9,9 +9,10 @@ coverage_*   a simulated six-joint Puma (one excitation, its motion from the com
              current chain with fresh noise and the rig's own clock: share of (run, identifiable base parameter) pairs within two stated
              deviations of the truth; the same by the textbook formula; the share of parameters for which at least 90 % of the runs are;
              bias (rms over parameters) and spread (median) over the stated deviation
-fit_vs_figaroh  time of one fit of that regressor (base parameters and their expressions' factors, least squares; ours weighted, with
-             condition number): FIGAROH's over ours, more is better
-solve_vs_plain_least_squares  the base parameters known (they are the arm's, not the run's): numpy's lstsq on all columns over ours
+coverage_1000hz_*  the same at 28 samples a setpoint, where servo ripple is folded onto the motion
+fit_vs_PEER  time of one fit of that regressor (base parameters and their expressions' factors, joints weighted by their noise): FIGAROH's, and
+             that of numpy's lstsq on all columns, which names nothing, over ours; more is better
+solve_vs_plain_least_squares  the base parameters known (they are the arm's, not the run's): lstsq on all columns over our weighted fit
 *_held_out   relative error on another noise of another motion
 emps_split_*  the first 70 % of the EMPS recording fitted, the rest held out, by us and by ``mujoco.sysid`` (benchmarks/sysid_peer.py): the four
              parameters, the relative error of the force that they give to the held-out rows, and the whole time from samples to parameters
@@ -42,7 +43,7 @@ from experiment import Experiment, demand_of
 from identification.base_parameters import base_parameters
 from identification.equations import Equations, equations, model_values, structural_base
 from identification.excitation import design_excitation
-from identification.least_squares import least_squares, relative_error
+from identification.least_squares import joint_triangles, least_squares, relative_error, weighted_by_joint
 from identification.setpoint_ripple import folded_torque
 from identification.signals import Motion, smooth_motion, with_reversals
 from identification.uncertainty import uncertainty
@@ -51,9 +52,8 @@ Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = Path(os.environ.get("ARMSCOPE_SHARED", ROOT.parent / "shared"))
 TURNS = np.array([10, 10, 10, 20, 20, 20])  # through the Hall transducers' cores
-RATE = (
-    28.382 / 0.028
-)  # Hz: no simple ratio to the setpoints' 28 ms, or ripple above half the rate is folded onto the motion's own band
+RATE = 28.382 / 0.028  # Hz: no simple ratio to the setpoints' 28 ms
+IN_STEP = 28 / 0.028  # Hz: ripple above half the rate is folded onto the motion's own band
 LSB = 20 / 4096  # V, twelve bits over +-10 V
 
 FIGAROH = """
@@ -65,7 +65,7 @@ from figaroh.tools.regressor import get_index_eliminate, build_regressor_reduced
 data = np.load(sys.argv[1])
 W, tau, names = data["W"], data["tau"], [str(n) for n in data["names"]]
 best = np.inf
-for _ in range(5):
+for _ in range(20):
     start = time.perf_counter()
     idx, kept = get_index_eliminate(W, dict.fromkeys(names, 0.0), 1e-6)
     reduced = build_regressor_reduced(W, idx)
@@ -225,9 +225,9 @@ def peers(arm: Arm, experiments: list[Experiment]) -> dict[str, float]:
     figures = {"fit_rows": float(len(rows)), "fit_columns": float(len(rows.names))}
 
     def ours() -> Array:
-        found = base_parameters(rows.columns, rows.names)
-        kept = found.kept if len(found) == len(base) else base.kept
-        return least_squares(rows.columns[:, kept], rows.torque, rows.joint, "wls").values
+        parts = joint_triangles(rows.columns, rows.torque, rows.joint)
+        kept = base_parameters(parts.columns, rows.names).kept
+        return weighted_by_joint(rows.columns[:, kept], rows.torque, rows.joint, parts.of(kept)).values
 
     figures["fit_seconds"] = best_of(ours)
     values = least_squares(rows.columns[:, base.kept], rows.torque, rows.joint, "wls").values
@@ -235,7 +235,8 @@ def peers(arm: Arm, experiments: list[Experiment]) -> dict[str, float]:
     figures["plain_least_squares_held_out"] = plain(rows, held)
     figures["plain_least_squares_seconds"] = best_of(lambda: np.linalg.lstsq(rows.columns, rows.torque, rcond=None)[0])
     known = rows.columns[:, base.kept]
-    figures["solve_seconds"] = best_of(lambda: least_squares(known, rows.torque, rows.joint, "ols"))
+    figures["solve_seconds"] = best_of(lambda: least_squares(known, rows.torque, rows.joint))
+    figures["fit_vs_plain_least_squares"] = figures["plain_least_squares_seconds"] / figures["fit_seconds"]
     figures["solve_vs_plain_least_squares"] = figures["plain_least_squares_seconds"] / figures["solve_seconds"]
     if python := os.environ.get("FIGAROH_PYTHON"):
         with tempfile.TemporaryDirectory() as folder:
@@ -266,7 +267,7 @@ def plain(rows: Equations, held: Equations) -> float:
     return relative_error(held.torque, held.torque - held.columns @ values)
 
 
-def best_of(work: Callable[[], object], times: int = 5) -> float:
+def best_of(work: Callable[[], object], times: int = 20) -> float:
     """s of the quickest of some calls."""
     taken = []
     for _ in range(times):
@@ -279,7 +280,10 @@ def best_of(work: Callable[[], object], times: int = 5) -> float:
 def main() -> None:
     count = int(sys.argv[sys.argv.index("--runs") + 1]) if "--runs" in sys.argv else 100
     arm, experiments = puma()
-    report(published() | split_drive() | peers(arm, experiments) | coverage(arm, experiments[0], count))
+    covered = coverage(arm, experiments[0], count)
+    in_step = coverage(arm, experiments[0], count, rate=IN_STEP)
+    in_step = {name.replace("coverage_", "coverage_1000hz_"): value for name, value in in_step.items()}
+    report(published() | split_drive() | peers(arm, experiments) | covered | in_step)
 
 
 if __name__ == "__main__":

@@ -115,7 +115,7 @@ class IvtSensors:
             deadline = time.monotonic() + self.config.timeout
             while time.monotonic() < deadline:
                 for _, _, data in replies.wait(deadline):
-                    if data[:1] == bytes([ivt.reply_to(command[0])]):
+                    if len(data) == ivt.REPLY_BYTES and data[0] == ivt.reply_to(command[0]):
                         self._clock.sleep(ivt.COMMAND_PAUSE)
                         return data
         if wanted:

@@ -19,7 +19,7 @@ ALIVE = 0xBF  # first byte of what a sensor sends by itself, from its reply iden
 CYCLIC = 2
 COMMAND_PAUSE = 0.002  # s
 CHANNELS = ("I", "U1", "U2", "U3", "T", "W", "As", "Wh")
-RESULT_BYTES = 6
+RESULT_BYTES, REPLY_BYTES = 6, 8
 FULL_SCALE = (1 << 31) - 1  # of the value on the wire
 
 

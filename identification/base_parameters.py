@@ -8,15 +8,16 @@ no earlier one makes up. Every other column is a combination of those.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
+from scipy.linalg import lapack
 
 from identification.effects import is_effect
+from identification.triangle import pivoted_triangle, triangle_of
 
 Array = NDArray[np.float64]
 
@@ -61,40 +62,52 @@ def base_parameters(
     ``order``: indices of columns, those that had better stand for a group first; the default is ``reading_order(names)``.
     ``negligible``: share of a column that, left over by the earlier ones, counts as nothing; for measured columns the noise's.
     """
-    triangle = linalg.qr(columns, mode="r")[0][: columns.shape[1]]
+    triangle = triangle_of(columns)
     size = np.linalg.norm(triangle, axis=0)
     seen = size > NEGLIGIBLE * max(size.max(), 1e-300)
-    scaled = triangle[:, seen] / size[seen]
-    pivots = np.abs(np.diag(linalg.qr(scaled, mode="r", pivoting=True)[0]))
+    wanted = np.array(
+        [column for column in (reading_order(tuple(names)) if order is None else order) if seen[column]], np.intp
+    )
+    scaled = triangle[:, wanted] / size[wanted]
+    pivoted, turned = pivoted_triangle(scaled)
+    pivots = np.abs(np.diag(pivoted))
     rank = int(np.sum(pivots > negligible * max(pivots.max(initial=0.0), 1e-300)))
+    scaled = np.empty((rank, len(wanted)))  # beyond the rank, rows are rounding
+    scaled[:, turned] = pivoted[:rank]
+    standing = _first_independent(scaled, negligible)
+    kept, others = wanted[standing], np.delete(wanted, standing)
 
-    kept: list[int] = []
-    basis = np.empty((len(triangle), rank), order="F")
-    for column in order if order is not None else reading_order(names):
-        if len(kept) == rank:
-            break
-        if not seen[column]:
-            continue
-        earlier = basis[:, : len(kept)]
-        rest = triangle[:, column] / size[column]
-        for _ in range(2):  # once more against rounding (Giraud et al., 2005: "twice is enough")
-            rest = rest - earlier @ (earlier.T @ rest)
-        left = math.sqrt(rest @ rest)
-        if left > negligible:
-            basis[:, len(kept)] = rest / left
-            kept.append(int(column))
-
+    # R of [kept others] = [Rk Ro], and others = kept Rk^-1 Ro.
+    both = triangle_of(np.concatenate([scaled[:, standing], np.delete(scaled, standing, axis=1)], axis=1))
+    both = both[: len(kept)]
     grouping = np.zeros((len(kept), len(size)))
-    if kept:  # in the basis that they are made of, the kept columns are a triangle
-        found = basis[:, : len(kept)].T @ triangle
-        grouping[:, seen] = linalg.solve_triangular(found[:, kept] / size[kept], found[:, seen], check_finite=False)
-        grouping /= size[kept][:, None]
+    if len(kept):
+        made = lapack.dtrtrs(both[:, : len(kept)], both[:, len(kept) :])[0]
+        grouping[:, others] = made * size[others] / size[kept][:, None]
     grouping[np.abs(grouping) < 1e-7] = 0.0
     grouping[:, kept] = np.eye(len(kept))
-    return BaseParameters(tuple(names), np.array(kept, np.intp), grouping)
+    return BaseParameters(tuple(names), kept, grouping)
 
 
-def reading_order(names: Sequence[str]) -> list[int]:
+def _first_independent(columns: Array, negligible: float) -> NDArray[np.intp]:
+    """Indices of the columns (of unit size) of which more than ``negligible`` is left beyond all before them.
+
+    What an unpivoted QR decomposition keeps up to the first column with nothing left of it; then once more on what is left of the rest.
+    """
+    found, rest = [], np.arange(columns.shape[1])
+    while columns.size:
+        alive = np.linalg.norm(columns, axis=0) > negligible
+        columns, rest = columns[:, alive], rest[alive]
+        triangle = triangle_of(columns)
+        small = np.flatnonzero(np.abs(np.diag(triangle)) <= negligible)
+        good = small[0] if len(small) else min(triangle.shape)
+        found.append(rest[:good])
+        columns, rest = triangle[good:, good:], rest[good:]
+    return np.concatenate(found) if found else rest
+
+
+@cache
+def reading_order(names: tuple[str, ...]) -> list[int]:
     """Drives first, then links from the tip inwards; what is commonly summed into the next link inwards last: iyy, mz, mass; then effects."""
     last = {"iyy": 1, "mz": 2, "mass": 3}
     within = {"mx": 0, "my": 1, "izz": 2, "ixx": 3}

@@ -73,7 +73,7 @@ def identify_closed_loop(
         if np.all(np.abs(fit.values - before) < SETTLED * spread.std):
             break
     # What is reported is the same measure for every method: the inverse dynamics on the measured motion.
-    solved = Fit(fit.values, fit.weight, torque - columns @ fit.values, fit.condition)
+    solved = Fit(fit.values, fit.weight, torque - columns @ fit.values, fit.scaled)
     result = conclude(
         problem,
         method,
@@ -138,4 +138,4 @@ def _instrumental(instruments: Array, columns: Array, torque: Array, weight: Arr
     left = 1 / np.maximum(np.linalg.norm(z, axis=0), 1e-300)
     right = 1 / np.maximum(np.linalg.norm(w, axis=0), 1e-300)
     values = right * linalg.solve((z * left).T @ (w * right), (z * left).T @ y)
-    return Fit(values, weight, torque - columns @ values, float(np.linalg.cond(w * right)))
+    return Fit(values, weight, torque - columns @ values, w * right)

@@ -97,9 +97,7 @@ def tune_friction(
             break
         values, error, damping = trials[best], errors[best], float(np.clip(dampings[best], 1e-9, 1e3))
     rows = _rows(motions, jacobian, error, names)
-    spread = uncertainty(
-        jacobian, rows, Fit(values, np.ones(len(error)), error, float(np.linalg.cond(jacobian * values)))
-    )
+    spread = uncertainty(jacobian, rows, Fit(values, np.ones(len(error)), error, jacobian * values))
     tuned = with_parameters(arm, dict(zip(names, map(float, values))))
     return Tuning(names, values, spread, tuned, first, _relative(recordings, motions, arm, names, values), count)
 

@@ -12,7 +12,9 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
+from scipy.linalg import lapack
+
+from identification.triangle import triangle_of
 
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
@@ -25,12 +27,17 @@ MAD_TO_SIGMA = 1.4826
 @dataclass(frozen=True)
 class Fit:
     """values (b,); weight (rows,) by which each row was multiplied; residual (rows,) = y - W values, N m or N;
-    condition number of the weighted W with its columns scaled to unit norm."""
+    scaled (r, b): singular values of the weighted W with its columns scaled to unit norm."""
 
     values: Array
     weight: Array
     residual: Array
-    condition: float
+    scaled: Array
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the weighted W with its columns scaled to unit norm; NaN where ``scaled`` is empty."""
+        return float(np.linalg.cond(self.scaled)) if self.scaled.size else float("nan")
 
 
 def least_squares(columns: Array, y: Array, joint: Joints, method: Method = "wls", *, iterations: int = 20) -> Fit:
@@ -38,7 +45,7 @@ def least_squares(columns: Array, y: Array, joint: Joints, method: Method = "wls
     if method == "ols":
         return weighted(columns, y, np.ones(len(y)))
     # Once: iterated, the joint with the most parameters of its own would draw all weight to itself.
-    fit = _weighted_by_joint(columns, y, joint)
+    fit = weighted_by_joint(columns, y, joint, joint_triangles(columns, y, joint))
     if method == "wls":
         return fit
     for _ in range(iterations):
@@ -53,34 +60,63 @@ def least_squares(columns: Array, y: Array, joint: Joints, method: Method = "wls
 
 def weighted(columns: Array, y: Array, weight: Array) -> Fit:
     """Least squares of weight * (y - columns beta) by a QR decomposition of the scaled columns."""
-    values, triangle = _solved(_triangle(np.column_stack([columns, y]) * weight[:, None]))
-    return Fit(values, weight, y - columns @ values, float(np.linalg.cond(triangle)))
+    values, triangle = _solved(triangle_of(np.column_stack([columns, y]) * weight[:, None]))
+    return Fit(values, weight, y - columns @ values, triangle)
 
 
-def _weighted_by_joint(columns: Array, y: Array, joint: Joints) -> Fit:
-    """Least squares with the rows of a joint over their noise in ordinary least squares.
+@dataclass(frozen=True)
+class Triangles:
+    """The rows of [columns y], each joint's reduced to a triangle: all that least squares has to know of them.
 
-    Each joint's rows are reduced to a triangle once; the noise, and both fits, come from these.
+    joint (k,) from 0, rows (k,) how many its triangle stands for, parts k times (<= p + 1, p + 1).
     """
-    both = np.column_stack([columns, y])
-    parts, rows = [], np.bincount(joint)
-    for j in np.flatnonzero(rows):
-        parts.append(both[joint == j])
-        if len(parts[-1]) > both.shape[1]:
-            parts[-1] = _triangle(parts[-1])
-    values, _ = _solved(_triangle(np.concatenate(parts)))
-    left = [np.linalg.norm(part @ np.append(values, -1.0)) for part in parts]
-    noise = np.ones(len(rows))
-    noise[rows > 0] = left / np.sqrt(rows[rows > 0])
+
+    joint: Joints
+    rows: NDArray[np.intp]
+    parts: list[Array]
+
+    @property
+    def columns(self) -> Array:
+        """(r, p) rows with the same inner products as all the columns."""
+        return np.concatenate(self.parts)[:, :-1]
+
+    def of(self, kept: NDArray[np.intp]) -> Triangles:
+        """Of some of the columns alone."""
+        kept = np.append(kept, self.parts[0].shape[1] - 1)
+        return Triangles(self.joint, self.rows, [part[:, kept] for part in self.parts])
+
+
+def joint_triangles(columns: Array, y: Array, joint: Joints) -> Triangles:
+    """Of columns (rows, p) and y (rows,). A joint's torque knows nothing of the links before it: columns without an entry take no time."""
+    count = np.bincount(joint)
+    present = np.flatnonzero(count)
+    parts = []
+    for j in present:
+        index = np.flatnonzero(joint == j)
+        # Together, as they are in one run, they need no copy.
+        here = slice(index[0], index[-1] + 1) if index[-1] - index[0] < len(index) else index
+        mine = columns[here]
+        felt = np.flatnonzero(mine.any(axis=0))
+        both = np.column_stack([mine[:, felt], y[here]])
+        if len(both) > len(felt):
+            both = triangle_of(both)
+        part = np.zeros((len(both), columns.shape[1] + 1))
+        part[:, felt], part[:, -1] = both[:, :-1], both[:, -1]
+        parts.append(part)
+    return Triangles(present, count[present], parts)
+
+
+def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triangles) -> Fit:
+    """Least squares with the rows of a joint over their noise in ordinary least squares, both from the ``triangles`` of columns and y."""
+    values, _ = _solved(triangle_of(np.concatenate(triangles.parts)))
+    trial = np.append(values, -1.0)
+    left = np.array([np.linalg.norm(part @ trial) for part in triangles.parts])
+    noise = np.ones(int(triangles.joint.max(initial=-1)) + 1)
+    noise[triangles.joint] = left / np.sqrt(triangles.rows)
     noise = _floored(noise)
-    parts = [part / noise[j] for part, j in zip(parts, np.flatnonzero(rows))]
-    values, triangle = _solved(_triangle(np.concatenate(parts)))
-    return Fit(values, 1.0 / noise[joint], y - columns @ values, float(np.linalg.cond(triangle)))
-
-
-def _triangle(both: Array) -> Array:
-    """R of the QR decomposition of (rows, b + 1); the orthogonal factor is never made."""
-    return np.asarray(linalg.qr(both, mode="r", check_finite=False, overwrite_a=True)[0][: both.shape[1]])
+    parts = [part / noise[j] for part, j in zip(triangles.parts, triangles.joint)]
+    values, triangle = _solved(triangle_of(np.concatenate(parts)))
+    return Fit(values, 1.0 / noise[joint], y - columns @ values, triangle)
 
 
 def _solved(triangle: Array) -> tuple[Array, Array]:
@@ -96,7 +132,7 @@ def _solved(triangle: Array) -> tuple[Array, Array]:
     diagonal = np.abs(np.diag(r))
     if len(r) < count or diagonal.min(initial=1.0) < 1e-13:
         return np.linalg.lstsq(r, right, rcond=1e-13)[0] / scale, r
-    return linalg.solve_triangular(r, right, check_finite=False) / scale, r
+    return lapack.dtrtrs(r, right)[0] / scale, r
 
 
 def joint_noise(residual: Array, joint: Joints, *, robust: bool = False) -> Array:

@@ -165,4 +165,4 @@ def _pseudo_inverse(rows: Equations) -> Fit:
     shown = s > RANK * s[0]
     values = (vt[shown].T @ ((u[:, shown].T @ rows.torque) / s[shown])) / scale
     residual = rows.torque - rows.columns @ values
-    return Fit(values, np.ones(len(residual)), residual, float(s[0] / s[shown][-1]))
+    return Fit(values, np.ones(len(residual)), residual, np.diag(s[shown]))

@@ -42,7 +42,7 @@ def identify_in_sequence(
     problem = replace(problem, excited=np.arange(len(problem.base)))
     values, covariance, steps = _steps(problem, progress)
     columns = problem.rows.columns[:, problem.columns]
-    fitted = Fit(values, np.ones(len(columns)), problem.rows.torque - columns @ values, float("nan"))
+    fitted = Fit(values, np.ones(len(columns)), problem.rows.torque - columns @ values, np.empty((0, 0)))
     spread = uncertainty(columns, problem.rows, fitted)
     spread = replace(
         spread,

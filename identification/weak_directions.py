@@ -38,7 +38,7 @@ def held_to_the_model(problem: Problem, fit: Fit, information: Array) -> tuple[F
     held = (deviation > WEAK) & (np.abs(off) < SURE * deviation)
     values = fit.values - size * (directions[:, held] @ off[held])
     residual = fit.residual + problem.rows.columns[:, problem.columns] @ (fit.values - values)
-    return Fit(values, fit.weight, residual, fit.condition), int(held.sum())
+    return Fit(values, fit.weight, residual, fit.scaled), int(held.sum())
 
 
 def _sizes(problem: Problem, information: Array) -> Array:

@@ -1,4 +1,7 @@
-"""CANopen encoders on a CAN bus: each a ``canopen.LocalNode`` with the objects of CiA 406, answering every SYNC."""
+"""CANopen encoders on a CAN bus: each a ``canopen.LocalNode`` with the objects of CiA 406, answering every SYNC.
+
+Frames take their time on the wire, one after the other, though the virtual bus knows of none. Any of the nodes can make the SYNCs.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from drivers import cia406_protocol as cia
-from drivers.can_bus import CanBus
+from drivers.can_bus import CanBus, frame_bits
 from drivers.cia406 import Config
+from sim_backend.protocol.serving import Loop
 from sim_backend.protocol.wires import Wires
 
 OPERATIONAL, PRE_OPERATIONAL = 5, 127
@@ -53,6 +57,8 @@ def object_dictionary(bits: int, serial: int) -> Any:
         ("alarms", cia.ALARMS, 16, 0, "ro"),
         ("warnings", cia.WARNINGS, 16, 0, "ro"),
         ("heartbeat", 0x1017, 16, 0, "rw"),
+        ("SYNC identifier", cia.SYNC_IDENTIFIER, 32, cia.SYNC, "rw"),
+        ("SYNC period", cia.SYNC_PERIOD, 32, 0, "rw"),
     ):
         dictionary.add_object(variable(name, index, 0, size, value, access))
     return dictionary
@@ -76,6 +82,8 @@ class SimulatedCia406:
         self.encoders: dict[int, Encoder] = {}
         self._mask = (1 << config.bits) - 1
         self._timers: list[threading.Timer] = []
+        self._syncs: Loop | None = None
+        self._due = 0  # ns: the next SYNC
 
     @property
     def address(self) -> str:
@@ -96,8 +104,13 @@ class SimulatedCia406:
             node.nmt.send_command(0)
             node.nmt._state = PRE_OPERATIONAL
         network.subscribe(cia.SYNC, self._on_sync)
+        self._syncs = Loop(self._make_syncs, list, self._until_sync)
+        self._syncs.start()
 
     def close(self) -> None:
+        syncs, self._syncs = self._syncs, None
+        if syncs is not None:
+            syncs.stop()
         for timer in self._timers:
             timer.cancel()
         self.bus.close()
@@ -117,27 +130,69 @@ class SimulatedCia406:
         if index == cia.PRESET:
             encoder.offset += (int.from_bytes(data, "little") - self._position(encoder)) & self._mask
 
+    def _period(self) -> int:
+        """ns between the SYNCs that a node makes; 0: none does."""
+        for encoder in self.encoders.values():
+            get = encoder.node.get_data
+            made = int.from_bytes(get(cia.SYNC_IDENTIFIER, 0), "little") & cia.MAKES_SYNC
+            if made and encoder.node.nmt._state == OPERATIONAL:
+                return 1000 * int.from_bytes(get(cia.SYNC_PERIOD, 0), "little")
+        return 0
+
+    def _until_sync(self) -> float:
+        return max(0.0, (self._due - time.monotonic_ns()) * 1e-9) if self._due else 0.005
+
+    def _make_syncs(self, now: int) -> None:
+        if not (period := self._period()):
+            self._due = 0
+        elif not self._due:
+            self._due = now + period
+        elif now >= self._due:
+            with contextlib.suppress(OSError):
+                self.bus.send(cia.SYNC, b"")
+            self._latch(self._due)
+            self._due += period * max(1, (time.monotonic_ns() - self._due) // period)
+
     def _on_sync(self, _identifier: int, _data: bytes, stamp: float) -> None:
-        # Latched when the SYNC arrived, not when this process got round to it.
+        if self._due:
+            return  # our own: a multicast bus gives back what one sends
+        # Sent when it is stamped, not when this process got round to it; latched when its last bit has come.
         now = time.monotonic_ns()
         now -= max(0, time.time_ns() - int(stamp * 1e9)) if stamp else 0
-        for number, encoder in self.encoders.items():
+        self._latch(now + self._on_wire(0))
+
+    def _on_wire(self, data_bytes: int) -> int:
+        """ns that a frame takes."""
+        return frame_bits(data_bytes) * 1_000_000_000 // self.config.bitrate
+
+    def _latch(self, at: int) -> None:
+        """All nodes that answer SYNCs, in the order of their identifiers: each frame is there when its last bit is."""
+        done = at
+        _sleep_until(at)
+        for number, encoder in sorted(self.encoders.items()):
             get = encoder.node.get_data
             off = int.from_bytes(get(cia.TPDO1_PARAMETERS, 1), "little") & cia.OFF
             every = get(cia.TPDO1_PARAMETERS, 2)[0] == cia.EVERY_SYNC
             if encoder.mute or off or not every or encoder.node.nmt._state != OPERATIONAL:
                 continue
-            answer = struct.pack("<I", self._position(encoder, now))
+            answer = struct.pack("<I", self._position(encoder, at))
+            done += self._on_wire(4)
             if encoder.delay:
                 timer = threading.Timer(encoder.delay, self._answer, (number, answer))
                 self._timers.append(timer)
                 timer.start()
             else:
+                _sleep_until(done)
                 self._answer(number, answer)
 
     def _answer(self, number: int, data: bytes) -> None:
         with contextlib.suppress(OSError):
             self.bus.send(cia.TPDO1 + number, data)
+
+
+def _sleep_until(at: int) -> None:
+    if (left := at - time.monotonic_ns()) > 0:
+        time.sleep(left * 1e-9)
 
 
 def make(name: str, config: Config, wires: Wires) -> SimulatedCia406:

@@ -16,6 +16,8 @@ from typing import Protocol
 
 from inputs import DeviceFault
 
+AWAKE = 0.0003  # s before and after the end of an answer
+
 
 class Simulator(Protocol):
     """A device that answers at its address from ``open`` to ``close``. ``address`` says where, for a person."""
@@ -133,10 +135,14 @@ class Terminal:
                 self._free_at += int(due / self._pace * 1e9)
 
     def until_due(self) -> float:
-        """s until all that waits can be on the wire; a millisecond where nothing waits."""
+        """s for which the simulator may sleep: until shortly before all that waits can be on the wire; a millisecond where nothing waits.
+
+        Around that instant not at all: a device's UART is not woken up late, nor does it notice the next command late.
+        """
+        left = (self._free_at - time.monotonic_ns()) * 1e-9
         if not self._waiting or self._pace is None:
-            return 0.001
-        return max(0.0, (self._free_at - time.monotonic_ns()) * 1e-9 + len(self._waiting) / self._pace)
+            return 0.0 if left > -AWAKE else 0.001
+        return max(0.0, left + len(self._waiting) / self._pace - AWAKE)
 
 
 class Listener:

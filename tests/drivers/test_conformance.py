@@ -68,6 +68,12 @@ def cia406(tmp: Path) -> Any:
     return polled("cia406", {"nodes": (1, 2), "bits": 25, "timeout": 0.5, **virtual_bus()})
 
 
+@contextmanager
+def cia406_on_a_nodes_syncs(tmp: Path) -> Iterator[Specimen]:
+    with on_its_wire("cia406", {"nodes": (1, 2), "bits": 25, "sync": 2, **virtual_bus()}) as (make, _):
+        yield Specimen(make, TIMER, 200.0)
+
+
 def isabellenhuette_ivts(tmp: Path) -> Any:
     sensors = [{"command": 0x411 + k, "reply": 0x511 + k, "result": 0x521 + 16 * k} for k in range(2)]
     return polled("isabellenhuette_ivts", {"sensors": sensors, "period": 2, **virtual_bus()})
@@ -168,7 +174,7 @@ ON_WIRES += [tracker_stream, val_terminal, comedi_ni_labpc]
 SIMULATED = {"mit_c12": {}, "lab_pc": {}, "optotrak": {}, "unimation": {}}
 
 
-@pytest.mark.parametrize("driver", ON_WIRES, ids=lambda driver: driver.__name__)
+@pytest.mark.parametrize("driver", [*ON_WIRES, cia406_on_a_nodes_syncs], ids=lambda driver: driver.__name__)
 def test_driver_on_its_wire(driver: Callable[[Path], Any], tmp_path: Path) -> None:
     with driver(tmp_path) as specimen:
         assert len(check(specimen)) >= 4

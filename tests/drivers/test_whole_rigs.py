@@ -151,7 +151,8 @@ def test_t7_tracker_and_val_record_what_the_simulated_rig_does(
 
 
 def record_all_or_say(root: Path, rig: Path, experiment: Path, out: Path) -> Recording:
-    """A run. A row is lost where the host got round to asking only after the next one was due; the ledger has each, and its reason."""
+    """A run. A row is lost where the host got round to asking, or a simulated node to its SYNC, only after the next one was due; the
+    ledger has each, and its reason."""
     done = armscope(root, "record", "--rig", rig, "--experiment", experiment, "--out", out)
     recording = open_recording(out)
     assert done.returncode == (4 if recording.ledger.lost else 0), done.stdout + done.stderr
@@ -161,14 +162,17 @@ def record_all_or_say(root: Path, rig: Path, experiment: Path, out: Path) -> Rec
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("sync", ["host", "node"])
 def test_can_encoders_and_sensors_record_what_the_simulated_rig_does(
-    root: Path, tmp_path: Path, recorded_directly: Recording
+    root: Path, tmp_path: Path, recorded_directly: Recording, sync: str
 ) -> None:
     changes = {
         "50740": str(free_port()),
         "/tmp/armscope": str(tmp_path),
         "239.74.163.40": f"239.74.163.{os.getpid() % 200 + 50}",
     }
+    if sync == "node":
+        changes |= {'source = "poll"': 'source = "timer"', "nodes = [1,": "sync = 1\nnodes = [1,"}
     rig = rig_for_test(root, "puma560_can", tmp_path, changes)
     write_experiment(tmp_path / "short.toml", motion(root))
     with devices(root, rig):

@@ -55,3 +55,21 @@ def test_one_prismatic_axis_shows_its_mass_and_friction(root: Path) -> None:
         "link1.mass",
     ]
     assert "joint1.rotor_inertia" not in column_names(arm, "symmetric")
+
+
+def test_columns_without_an_entry_are_no_parameters() -> None:
+    assert len(base_parameters(np.zeros((10, 3)), ["link1.mx", "link1.my", "link1.mz"])) == 0
+    few = base_parameters(np.ones((2, 3)), ["link1.mx", "link1.my", "link1.mz"])
+    assert few.expression(0) == "link1.mx + link1.my + link1.mz"
+
+
+def test_kept_columns_are_the_first_independent_ones_in_order() -> None:
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        # Every third column a sum of earlier ones: scattered, so that the search begins anew many times.
+        columns = random.standard_normal((60, 30))
+        for k in range(2, 30, 3):
+            columns[:, k] = columns[:, :k] @ random.standard_normal(k)
+        base = base_parameters(columns, [f"link1.c{k}" for k in range(30)], order=range(30))
+        assert base.kept.tolist() == [k for k in range(30) if k % 3 != 2]
+        assert np.allclose(columns[:, base.kept] @ base.grouping, columns, atol=1e-9)

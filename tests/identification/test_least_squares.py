@@ -6,7 +6,7 @@ import numpy as np
 from scipy import signal
 
 from identification.equations import Equations
-from identification.least_squares import least_squares, relative_error
+from identification.least_squares import joint_triangles, least_squares, relative_error, weighted_by_joint
 from identification.uncertainty import block_bootstrap, correlation_time, uncertainty
 
 
@@ -80,3 +80,24 @@ def test_correlation_time_of_a_first_order_process() -> None:
     noise = coloured(random, 40_000)
     expected = (1 + 0.9) / (1 - 0.9) / 20
     assert 0.7 * expected < correlation_time(np.arange(len(noise)) / 20, noise) < 1.4 * expected
+
+
+def test_triangles_of_joints_stand_for_all_rows() -> None:
+    random = np.random.default_rng(6)
+    columns, joint = random.standard_normal((300, 8)), random.integers(0, 3, 300)
+    columns[joint == 2, :5] = 0.0  # as torques of the last joint know nothing of the links before it
+    y = random.standard_normal(300)
+    parts = joint_triangles(columns, y, joint)
+    assert len(parts.columns) < 9 + 9 + 5
+    assert np.allclose(parts.columns.T @ parts.columns, columns.T @ columns)
+    some = np.array([1, 6, 7])
+    noise = [np.std(y[joint == j]) for j in range(3)]
+    fit = weighted_by_joint(columns[:, some], y, joint, parts.of(some))
+    assert (
+        np.allclose(1 / fit.weight[joint == 1], fit.weight[joint == 1][0] ** -1)
+        and 0.8 < noise[1] * fit.weight[joint == 1][0] < 1.2
+    )
+    by_hand = np.linalg.lstsq(columns[:, some] * fit.weight[:, None], y * fit.weight, rcond=None)
+    assert np.allclose(fit.values, by_hand[0])
+    scaled = columns[:, some] * fit.weight[:, None]
+    assert np.isclose(fit.condition, np.linalg.cond(scaled / np.linalg.norm(scaled, axis=0)))
