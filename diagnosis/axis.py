@@ -46,7 +46,8 @@ ONE_SIDED = {"friction_asymmetry", "coulomb_friction", "viscous_friction", "curr
 
 @dataclass(frozen=True)
 class AxisCause:
-    """One cause; before, after: rms of the held-out residual without and with it, A; gains (blocks,): fall of its square."""
+    """One cause; before, after: rms of the held-out residual without and with it, A; gains (blocks,): fall of its square; without (m,) A: that
+    residual without it, row by row."""
 
     effect: str
     parameters: list[Estimate]
@@ -55,6 +56,7 @@ class AxisCause:
     after: float
     group: tuple[str, ...]
     gains: Array
+    without: Array
 
 
 @dataclass(frozen=True)
@@ -69,10 +71,13 @@ class StandingWave:
 
 @dataclass(frozen=True)
 class AxisSide:
-    """Causes in the order of acceptance; the wave that no second run confirms, if there is one."""
+    """Causes in the order of acceptance; the wave that no second run confirms, if there is one; the held-out rows, and what all causes leave of
+    them (m,) A."""
 
     causes: list[AxisCause]
     wave: StandingWave | None
+    seen: Rows
+    left: Array
 
 
 @dataclass(frozen=True)
@@ -131,7 +136,8 @@ def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, 
     if not fine(arm, sides.fit):
         return None
     chosen = _select(sides)
-    return AxisSide([_cause(shape, chosen, sides) for shape in chosen], _wave(chosen, sides))
+    left = _left(chosen, sides.fit, sides.held_out, sides)
+    return AxisSide([_cause(shape, chosen, sides) for shape in chosen], _wave(chosen, sides), sides.held_out, left)
 
 
 def _goes_on(fit: Sequence[Samples], held_out: Sequence[Samples]) -> bool:
@@ -279,9 +285,8 @@ def _wave(chosen: Sequence[Shape], sides: _Sides) -> StandingWave | None:
 def _cause(shape: Shape, chosen: list[Shape], sides: _Sides) -> AxisCause:
     others = [s for s in chosen if s is not shape]
     gains, _ = _gains(shape, others, sides)
-    before, after = (
-        float(np.sqrt(np.mean(_left(some, sides.fit, sides.held_out, sides) ** 2))) for some in (others, chosen)
-    )
+    without, having = (_left(some, sides.fit, sides.held_out, sides) for some in (others, chosen))
+    before, after = (float(np.sqrt(np.mean(values**2))) for values in (without, having))
     group = [shape.effect]
     named, width = {s.effect for s in chosen}, sides.columns(shape, sides.fit).shape[1]
     for other in _best_shapes(list(shapes(sides.fit)), others, sides):
@@ -289,7 +294,7 @@ def _cause(shape: Shape, chosen: list[Shape], sides: _Sides) -> AxisCause:
         if simpler and _physical(other, others, sides) and _gains(other, others, sides)[0].sum() > ALIKE * gains.sum():
             group.append(other.effect)
     return AxisCause(
-        shape.effect, _parameters(shape, chosen, sides), p_value(gains), before, after, tuple(group), gains
+        shape.effect, _parameters(shape, chosen, sides), p_value(gains), before, after, tuple(group), gains, without
     )
 
 

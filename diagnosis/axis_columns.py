@@ -51,12 +51,13 @@ class Shape:
 
 @dataclass(frozen=True)
 class Rows:
-    """Recordings of one axis one after the other. Full rate: parts, per recording Signals of (k,) arrays. Kept rows (m,): residual A; q, v rad (m),
-    per s; block from 0; noise A: what the steps of the encoder leave in the residual."""
+    """Recordings of one axis one after the other. Full rate: parts, per recording Signals of (k,) arrays. Kept rows (m,): residual A; rate of the
+    current A/s; q, v rad (m), per s; block from 0; noise A: what the steps of the encoder leave in the residual."""
 
     arm: Arm
     parts: tuple[tuple[Signals, float], ...]
     residual: Array
+    rate: Array
     q: Array
     v: Array
     block: Index
@@ -96,10 +97,11 @@ def rows_of(arm: Arm, recordings: Sequence[tuple[Array, Array, Array]], block_se
         block = ((stamps - stamps[0]) // block_seconds).astype(np.intp) + first
         first = int(block[-1]) + 1
         residual = low_pass(i[:, 0] - expected, _bands(rate)[1], rate)[keep]
-        kept.append((residual, angle[keep, 0], v[keep, 0], block))
+        slope = low_pass(np.gradient(s.current, 1.0 / rate), _bands(rate)[1], rate)[keep]
+        kept.append((residual, slope, angle[keep, 0], v[keep, 0], block))
         noises.append(_noise(arm, q[:, 0], rate))
-    residual, q, v, block = (np.concatenate(column) for column in zip(*kept))
-    return Rows(arm, tuple(parts), residual, q, v, block, float(np.mean(noises)))
+    residual, slope, q, v, block = (np.concatenate(column) for column in zip(*kept))
+    return Rows(arm, tuple(parts), residual, slope, q, v, block, float(np.mean(noises)))
 
 
 def _bands(rate: float) -> tuple[float, float]:

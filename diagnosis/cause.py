@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.description import Arm, EffectTerm
+from arm_model.description import Arm, EffectTerm, Joint
 from arm_model.effects import CATALOGUE
 from arm_model.servo import fixed_gains
 from diagnosis.axis import AxisCause
@@ -140,20 +140,36 @@ def from_event(event: Event, arm: Arm, sides: tuple[Side, Side]) -> Cause:
 
 def from_axis(one: AxisCause, arm: Arm) -> Cause:
     joint = 1 if CATALOGUE[one.effect].per_joint else None
+    unit, values = arm.joints[0].current_unit, {p.name: p.value for p in one.parameters}
     sentence = (
-        f"{CATALOGUE[one.effect].shows}: with it the held-out current error below 60 Hz falls from {one.before:.3g} to {one.after:.3g} rms, "
-        f"in {int(np.sum(one.gains > 0))} of {len(one.gains)} blocks"
+        f"{_seen_on_axis(one.effect, values, arm.joints[0])}: with it the held-out error of the command below 60 Hz falls from {one.before:.3g} to "
+        f"{one.after:.3g} {unit} rms, in {int(np.sum(one.gains > 0))} of {len(one.gains)} blocks"
     )
     if one.effect == "friction_asymmetry":
-        sentence += f"; {_by_direction(arm, {p.name: p.value for p in one.parameters})}"
+        sentence += f"; {_by_direction(arm, values)}"
     confidence = float(np.clip(1.0 - one.p, 0.0, 0.99)) / len(one.group)
     group = tuple((effect, 1 if CATALOGUE[effect].per_joint else None) for effect in one.group)
     apart = CATALOGUE[one.effect].confused_with
     separate = next((apart[effect] for effect in one.group[1:] if effect in apart), None)
-    unit = arm.joints[0].current_unit
     return Cause(
         one.effect, joint, one.parameters, confidence, one.before, one.after, group, separate, sentence, 1, unit
     )
+
+
+def _seen_on_axis(effect: str, values: Mapping[str, float], drive: Joint) -> str:
+    """What a person sees of an effect of one axis, with its sign."""
+    if effect == "time_skew":
+        ahead = values["delay"] < 0.0
+        return (
+            f"the command as recorded {'leads' if ahead else 'lags'} the motion by {abs(1e3 * values['delay']):.2f} ms"
+        )
+    if effect == "stribeck_friction":
+        more, speed = values["breakaway"], f"{values['stribeck_velocity']:.2g} {unit_at(drive, 'rad/s')}"
+        than = "more" if more > 0.0 else "less"
+        return (
+            f"below some {speed} there is up to {abs(more):.3g} {unit_at(drive, 'N m')} {than} friction than Coulomb's"
+        )
+    return CATALOGUE[effect].shows
 
 
 def _by_direction(arm: Arm, more: Mapping[str, float]) -> str:

@@ -44,7 +44,7 @@ from diagnosis.setup import loaded, setup_of
 from diagnosis.tracker import Tracked, tracked_causes
 from diagnosis.turned import turned_wrist
 from diagnosis.units import unit_at
-from diagnosis.visibility import Invisible, not_visible
+from diagnosis.visibility import Invisible, not_judged, not_visible
 from inputs import InputError
 
 Array = NDArray[np.float64]
@@ -72,6 +72,8 @@ class Diagnosis:
     encoder_noise: Array
     link: LinkSide | None = None
     tracked: Tracked | None = None
+    axis: AxisSide | None = None
+    judged: bool = True  # the currents, by a model that expects some
     warnings: tuple[str, ...] = ()
 
     @property
@@ -144,14 +146,15 @@ def diagnose(
     along = {half: [along_motion(run, model, extended) for run in seen] for half, (_, seen) in halves.items()}
     left = (accepted.fit, accepted.held_out)
     structures = search_result.remainder.structures if judged else []
+    unjudged = [] if judged else not_judged(arm, link.seen.joints.tolist() if link else [])
     if axis and axis.wave:
         structures = [Structure("current", 1, "position", axis.wave.share)]
     named = {c.key for c in chosen} | {(one.effect, one.joint) for one in of_axis}
     return Diagnosis(
         model, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
-        not_visible(library, sides[1], accepted, named, arm) + tracked.not_visible,
+        not_visible(library, sides[1], accepted, named, arm) + unjudged + tracked.not_visible,
         structures + (link.unexplained if link else []) + tracked.unexplained, compared, along,
-        np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked,
+        np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked, axis, judged,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
         + (_of_width(arm, base))
         + (_beside_causes(axis, model) if axis else ())

@@ -54,8 +54,9 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
         }
         for signal in ("current", "angle")
     }
+    currents = of_loop["current"] if in_loop else result.along if result.judged else {}
     for name, errors, own, unit in (
-        ("current", of_loop["current"] if in_loop else result.along, noise, "A"),
+        ("current", currents, noise, "A"),
         ("position", of_loop["angle"], result.encoder_noise, "rad"),
     ):
         for j in range(len(result.arm)):

@@ -26,6 +26,7 @@ from diagnosis.link_side import (
 from diagnosis.parameters import SYSTEMATIC, Estimate
 from diagnosis.remainder import Structure
 from diagnosis.significance import BLOCK_SECONDS
+from diagnosis.units import unit_at
 
 Array = NDArray[np.float64]
 Key = tuple[str, int | None]
@@ -80,9 +81,11 @@ def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording])
     if sides is None:
         return None
     chosen = [_settled(shape, sides) for shape in select(sides)]
-    causes = [_cause(shape, chosen, sides, arm) for shape in chosen] + _offsets(chosen, sides)
+    causes = [_cause(shape, chosen, sides, arm) for shape in chosen] + _offsets(chosen, sides, arm)
     without, left = (residual(some, sides.fit, sides.held_out, sides) for some in ([], chosen))
-    return LinkSide(causes, _structure(chosen, sides), sides.held_out, without, left, tuple(_remarks(chosen, sides)))
+    return LinkSide(
+        causes, _structure(chosen, sides), sides.held_out, without, left, tuple(_remarks(chosen, sides, arm))
+    )
 
 
 def _settled(shape: Shape, sides: Sides) -> Shape:
@@ -102,8 +105,11 @@ def _cause(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> LinkCau
     before, after = (float(np.sqrt(np.mean(values**2))) for values in left)
     most = felt[int(np.argmax(np.sum(left[0] ** 2 - left[1] ** 2, axis=0)))]
     group = _group(shape, others, one.gain, sides)
+    unit = unit_at(arm.joints[int(sides.fit.joints[felt[0]]) - 1], "rad")
     evidence = (
-        _skew_sentence(others, sides) if shape.effect == "time_skew" else _sentence(shape, before, after, one.share)
+        _skew_sentence(others, sides)
+        if shape.effect == "time_skew"
+        else _sentence(shape, before, after, one.share, unit)
     )
     return LinkCause(
         shape.effect, shape.joint, _parameters(shape, chosen, sides, arm), one.p, before, after, group, evidence,
@@ -215,17 +221,21 @@ def _best_instead(others: list[Shape], sides: Sides) -> str:
     return " and ".join(f"{name.replace('_', ' ')} would predict {share:.0%} at most" for name, share in best.items())
 
 
-def _sentence(shape: Shape, before: float, after: float, share: float) -> str:
+def _sentence(shape: Shape, before: float, after: float, share: float, unit: str) -> str:
+    """What a person sees; the share may be more than that of the fall, as either part of one run is predicted from the other."""
     shows = {
         "backlash": "motor less link encoder jumps between two values where the load or the motion turns round",
         "joint_compliance": "motor less link encoder follows the load",
         "gear_ripple": f"motor less link encoder repeats {shape.value:.4g} times a motor turn",
         "encoder_ripple": f"motor less link encoder repeats {shape.value:.0f} times a turn of the joint: the link encoder is off centre",
     }[shape.effect]
-    return f"{shows}: with it the held-out difference of joint {shape.joint} falls from {before:.3g} to {after:.3g} rms ({share:.0%})"
+    return (
+        f"{shows}: with it the held-out difference of joint {shape.joint} falls from {1e3 * before:.3g} to {1e3 * after:.3g} m{unit} rms, "
+        f"{share:.0%} of its square"
+    )
 
 
-def _offsets(chosen: list[Shape], sides: Sides) -> list[LinkCause]:
+def _offsets(chosen: list[Shape], sides: Sides, arm: Arm) -> list[LinkCause]:
     """Constants between two encoders, as far as they are large and the same in both halves."""
     causes = []
     values, covariance = _fitted(chosen, sides)
@@ -233,18 +243,20 @@ def _offsets(chosen: list[Shape], sides: Sides) -> list[LinkCause]:
         offset, std = float(values[k]), float(np.sqrt(covariance[k, k]))
         if abs(offset) < max(OFFSET, 5 * std):
             continue
+        unit = unit_at(arm.joints[joint - 1], "rad")
         rest = residual(chosen, sides.fit, sides.held_out, sides)[:, k]
         left = float(np.sqrt(np.mean(rest**2)))
         causes.append(
             LinkCause(
                 "joint_zero_offset",
                 joint,
-                [Estimate("offset", offset, std, "rad")],
+                [Estimate("offset", offset, std, unit)],
                 0.0,
                 float(np.hypot(offset, left)),
                 left,
                 (("joint_zero_offset", joint),),
-                f"the motor encoder of joint {joint} reads {offset:.3g} rad more than the link encoder, everywhere alike; "
+                f"the motor encoder of joint {joint} reads {abs(1e3 * offset):.3g} m{unit} {'more' if offset > 0 else 'less'} than the link encoder, "
+                "everywhere alike; "
                 "which of the two is off, a level or a tracker says, and the model stays as it is",
                 False,
                 joint,
@@ -253,14 +265,17 @@ def _offsets(chosen: list[Shape], sides: Sides) -> list[LinkCause]:
     return causes
 
 
-def _remarks(chosen: list[Shape], sides: Sides) -> Iterator[str]:
+def _remarks(chosen: list[Shape], sides: Sides, arm: Arm) -> Iterator[str]:
     """What is left above the scatter from row to row; with the order of a wave over motor angle that both sides show alike."""
     left = [residual(chosen, side, side, sides) for side in (sides.fit, sides.held_out)]
     for k, joint in enumerate(int(j) for j in sides.fit.joints):
         rms = float(np.sqrt(np.mean(left[1][:, k] ** 2)))
         if rms < OVER_NOISE * sides.fit.noise[k]:
             continue
-        remark = f"joint {joint}: {rms:.2g} rad (m) rms between its encoders is left, {rms / sides.fit.noise[k]:.0f} times their scatter"
+        remark = (
+            f"joint {joint}: {1e3 * rms:.2g} m{unit_at(arm.joints[joint - 1], 'rad')} rms between its encoders is left, "
+            f"{rms / sides.fit.noise[k]:.0f} times their scatter from row to row"
+        )
         orders = [standing_orders(values[:, k], side, k, 1) for values, side in zip(left, (sides.fit, sides.held_out))]
         if all(orders) and abs(orders[0][0] - orders[1][0]) < 0.5 / turns(sides.fit, k):
             remark += f"; part of it repeats {orders[0][0]:.3g} times a motor turn"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.axis_plots import axis_figure
 from diagnosis.cause import Cause
 from diagnosis.diagnose import Diagnosis
 from diagnosis.library import side_of
@@ -76,7 +77,10 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
     if result.tracked is not None and cause.by_tracker:
         return tracker_figure(result.tracked)
     if result.link is not None and cause.signal == "link angle":
-        return link_figure(result.link, cause.effect, cause.felt_at)
+        return link_figure(result.link, result.arm, cause.effect, cause.felt_at)
+
+    if result.axis is not None and any(one.effect == cause.effect for one in result.axis.causes):
+        return axis_figure(result.axis, cause.effect, result.arm.joints[0])
 
     side = side_of(result.held_out)
     joint = cause.felt_at

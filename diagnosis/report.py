@@ -12,9 +12,11 @@ import numpy as np
 from arm_model.effects import CATALOGUE
 from daq.recording import Recording
 from diagnosis import plots
+from diagnosis.axis_plots import wave_figure
 from diagnosis.cause import Cause
 from diagnosis.diagnose import Diagnosis
 from diagnosis.library import side_of
+from diagnosis.link_plots import link_overview
 from diagnosis.residual_plots import SURE, against_all, left_against, side_by_side
 from diagnosis.separate import named
 from identification.plots import image
@@ -23,22 +25,24 @@ from identification.report import STYLE
 
 def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recording] = ()) -> str:
     """The whole page; ``table`` is what diagnosis.json holds; ``held_out``: for the temperatures that they may carry."""
-    names = f"{len(result.fit)} recordings fitted, {len(result.held_out)} held out"
+    names = f"{_counted(len(result.fit))} fitted, {_counted(len(result.held_out))} held out"
+    if set(table["fit"]) & set(table["held_out"]):
+        names = f"{_counted(len(result.fit))}, split by time: the first part fitted, the second held out"
     body = [
         f"<h1>{escape(result.arm.name)}: what the simulation gets wrong</h1>",
         f"<p class=note>{names}. The model's own numbers were trusted, and what they leave was asked for its causes.</p>",
         f"<p class=verdict>{escape(sentence(result))}</p>",
         *(f"<p class=warning>{escape(warning)}</p>" for warning in result.warnings),
         _summary(result),
-        _HOW,
-        image(*plots.overview(result)),
+        *_overview(result),
     ]
     for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
         body += [f"<h2 id=cause{number}>{number}. {escape(title(cause))}</h2>", *_section(result, cause, row)]
     body += ["<h2>What this data could not show</h2>", _not_visible(table)]
     body += ["<h2>What is left</h2>", _left(table), *_left_pictures(result)]
     body += ["<h2>The simulation before and after</h2>", *_simulated(result), _errors(table)]
-    body += ["<h2>Joint by joint</h2>", _rough(result), *_joints(result, held_out)]
+    if result.judged:
+        body += ["<h2>Joint by joint</h2>", _rough(result), *_joints(result, held_out)]
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -56,8 +60,23 @@ _HOW = (
     " besides is the residual. It is given in units of the noise: 1 is what the instruments alone make of it. Everything is judged on recordings"
     " that were held out: the causes were found, and their parameters fitted, on others. ± is two standard deviations.</p>"
 )
+_HOW_ENCODERS = (
+    "<p class=note>How to read this. The model has gear ratios only. Held against it is the angle of each motor over its gear less that of the"
+    " link's own encoder: zero on a stiff arm whose encoders are read at one instant. ± is two standard deviations.</p>"
+)
 MOST_PICTURES = 2
 """Recordings of a side that are drawn; the tables have all."""
+
+
+def _counted(recordings: int) -> str:
+    return f"{recordings} recording{'s' if recordings != 1 else ''}"
+
+
+def _overview(result: Diagnosis) -> list[str]:
+    """How to read the pictures, and everything at a glance: the currents, or where no model expects any, the encoders."""
+    if result.judged:
+        return [_HOW, image(*plots.overview(result))]
+    return [_HOW_ENCODERS, image(*link_overview(result.link, result.arm))] if result.link else []
 
 
 def _summary(result: Diagnosis) -> str:
@@ -135,6 +154,8 @@ def _joints(result: Diagnosis, held_out: Sequence[Recording]) -> list[str]:
 
 
 def _left_pictures(result: Diagnosis) -> list[str]:
+    if result.axis is not None and result.axis.wave is not None:
+        return [image(*wave_figure(result.axis, result.arm.joints[0]))]
     drawn = (
         left_against(result, one.joint, one.against)
         for one in result.unexplained
@@ -157,8 +178,10 @@ def sentence(result: Diagnosis) -> str:
     if result.verdict == "explained":
         return f"Explained: {causes}." + ("" if result.warnings else " What is left is noise.")
     places = ", ".join(f"{_place(one.signal, one.joint)} against {one.against}" for one in result.unexplained)
-    found = f"Found: {causes}. " if causes else ""
-    return f"Unexplained: {found}Structure is left in {places} that no effect of the catalogue explains."
+    left = f"in {places} that no effect of the catalogue explains."
+    return (
+        f"Explained in part: {causes}. Structure is left {left}" if causes else f"Unexplained: structure is left {left}"
+    )
 
 
 def _place(signal: str, joint: int | None) -> str:
@@ -172,8 +195,11 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
         for p in cause.parameters
     )
     where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
+    equation = CATALOGUE[cause.effect].equation
+    if cause.signal == "link angle" and cause.joint is None:
+        where, equation = "the joints with two encoders", "q_link_read(t) = q_link(t - d)"
     parts = [
-        f"<p><code>{escape(CATALOGUE[cause.effect].equation)}</code></p>",
+        f"<p><code>{escape(equation)}</code></p>",
         f"<p>{escape(cause.evidence)}.</p>",
         image(*plots.cause_figure(result, cause)),
         f"<table><tr><th>parameter</th><th class=n>value</th><th class=n>2 std</th><th>unit</th></tr>{rows}</table>",
@@ -218,10 +244,14 @@ def _not_visible(table: dict[str, Any]) -> str:
     together: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for one in table["not_visible"]:
         together.setdefault((one["effect"], one["experiment"]), []).append(one)
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for (effect, experiment), several in together.items():
+        joints = ", ".join(str(one["joint"]) for one in several if one["joint"])
+        why = "<br>".join(dict.fromkeys(escape(one["why"]) for one in several))
+        alike.setdefault((joints, why, escape(experiment)), []).append(effect.replace("_", " "))
     rows = "".join(
-        f"<tr><td>{escape(effect.replace('_', ' '))}</td><td>{', '.join(str(one['joint']) for one in several if one['joint'])}</td>"
-        f"<td>{'<br>'.join(dict.fromkeys(escape(one['why']) for one in several))}</td><td>{escape(experiment)}</td></tr>"
-        for (effect, experiment), several in together.items()
+        f"<tr><td>{escape(', '.join(effects))}</td>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
+        for cells, effects in alike.items()
     )
     return (
         "<p>These were neither found nor ruled out.</p>"

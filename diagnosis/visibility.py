@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,14 @@ from diagnosis.selection import Accepted, Key, Pair
 
 OUT_OF_SPAN = 0.02
 """Survival below which an effect is in the span of what is already in the model."""
+
+
+RAW = ("mains_hum", "missed_counts", "current_limit", "wrist_coupling")
+"""Effects that raw rows show, whatever the model."""
+TRACKED = ("link_geometry", "link_sag", "tracker_latency", "tracker_outliers")
+"""Effects that only tracked points show."""
+BY_ENCODERS = ("time_skew", "backlash", "joint_compliance", "gear_ripple", "encoder_ripple", "joint_zero_offset")
+"""Effects that two encoders of a joint show without currents."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +51,24 @@ def not_visible(
             why = f"even {_size(effect)} would change the currents of {where} by {np.sqrt(power):.2g} times the noise only"
             separated = next(iter(CATALOGUE[effect].confused_with.values()), "a motion that excites this joint")
             found.append(Invisible(effect, joint, why, separated))
+    return found
+
+
+def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Invisible]:
+    """What currents would show, of a model that expects none; less what the two encoders of the joints ``of_links`` show without currents."""
+    why, instead = (
+        "the model has neither masses nor friction to hold currents against",
+        "armscope identify, then diagnose with its model",
+    )
+    found = []
+    for effect, definition in CATALOGUE.items():
+        if effect in RAW or effect in TRACKED:
+            continue
+        joints = [j for j in range(1, len(arm) + 1) if effect not in BY_ENCODERS or j not in of_links]
+        if definition.per_joint:
+            found += [Invisible(effect, joint, why, instead) for joint in joints]
+        elif effect not in BY_ENCODERS or not of_links:
+            found.append(Invisible(effect, None, why, instead))
     return found
 
 

@@ -41,6 +41,10 @@ def test_the_loop_between_the_encoders_of_a_kuka_is_time_skew(root: Path, shared
         assert len(cause["group"]) == 1
         assert cause["gain"]["unit"] == "rad"
         assert cause["gain"]["held_out_rms_after"] < 0.9 * cause["gain"]["held_out_rms_before"]
+    # no masses to hold currents against: said, not judged
+    assert {signal["signal"] for signal in found["signals"]} == {"link angle"}
+    unseen = {(one["effect"], one["joint"]) for one in found["not_visible"]}
+    assert ("viscous_friction", 1) in unseen and ("backlash", 5) in unseen and ("backlash", 2) not in unseen
     # what belongs to an instrument of the recording is no part of the arm
     model = (tmp_path / "found" / "model.toml").read_text()
     assert "time_skew" not in model
