@@ -66,7 +66,7 @@ def conclude(
     _check_friction(problem, best, spread)
     warnings = list(problem.warnings)
     warnings += refusals.unexplained_channels(best.residual, problem.rows.torque, problem.rows.joint)
-    predictions, held_names = _predictions(problem, best, solve, warnings)
+    predictions, held_names = _predictions(problem, best, spread, solve, warnings)
     physical = physical_values(problem, best, spread.information)
     identified = with_values(problem, physical)
     reduced = problem.base.grouping[problem.excited] @ physical
@@ -125,13 +125,12 @@ def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:
 
 
 def _predictions(
-    problem: Problem, best: Fit, solve: Callable[[Equations], Fit], warnings: list[str]
+    problem: Problem, best: Fit, spread: Uncertainty, solve: Callable[[Equations], Fit], warnings: list[str]
 ) -> tuple[list[Prediction], list[str] | str]:
     found = _predicted(problem, problem.judged, best.values, problem.fit, False)
     if problem.held is not None:
-        return found + _predicted(problem, problem.held, best.values, problem.held_out, True), [
-            str(recording.path) for recording in problem.held_out
-        ]
+        names = [str(recording.path) for recording in problem.held_out]
+        return found + _predicted(problem, problem.held, best.values, problem.held_out, True, spread), names
     ends = np.array([motion.t[-1] for motion in problem.motions])
     window = np.array([4 / motion.band.parallel for motion in problem.motions])
     early = problem.rows.t < (SPLIT * ends - window)[problem.rows.run]
@@ -148,14 +147,23 @@ def _predictions(
 
 
 def _predicted(
-    problem: Problem, rows: Equations, values: Array, recordings: Sequence[Recording], held_out: bool
+    problem: Problem,
+    rows: Equations,
+    values: Array,
+    recordings: Sequence[Recording],
+    held_out: bool,
+    spread: Uncertainty | None = None,
 ) -> list[Prediction]:
-    predicted = rows.columns[:, problem.columns] @ values + problem.given(rows)
-    return [
-        Prediction(recording.path.name, held_out, rows.t[here], rows.joint[here], rows.torque[here], predicted[here])
-        for run, recording in enumerate(recordings)
-        for here in [rows.run == run]
-    ]
+    columns = rows.columns[:, problem.columns]
+    predicted = columns @ values + problem.given(rows)
+    doubt = np.zeros(len(rows)) if spread is None else np.sqrt(np.sum(columns @ spread.covariance * columns, axis=1))
+    found = []
+    for run, recording in enumerate(recordings):
+        here = rows.run == run
+        seen = (rows.t[here], rows.joint[here], rows.torque[here], predicted[here])
+        own = None if spread is None else doubt[here], None if rows.sure is None else rows.sure[here]
+        found.append(Prediction(recording.path.name, held_out, *seen, *own))
+    return found
 
 
 def _errors(problem: Problem, values: Array) -> tuple[float, float]:

@@ -18,10 +18,13 @@ from arm_model.parameters import parameter
 from arm_model.regressor import parameter_names, parameter_vector, regressor
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.effects import effect_columns, effect_parameters, shown_torque
-from identification.signals import Motion, equation_rows, equation_weight, parallel_filter, parallel_window
+from identification.signals import Motion, equation_rows, equation_weight, parallel_filter, parallel_window, sure_rows
 
 Array = NDArray[np.float64]
 Friction = Literal["symmetric", "asymmetric"]
+
+
+PER_ROW = ("columns", "torque", "joint", "run", "t", "rest", "systematic", "sure")
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,8 @@ class Equations:
     """columns (rows, p) of the standard parameters ``names``, torque (rows,) N m or N, and where each row comes from:
     joint (rows,) from 0, run (rows,) from 0, t (rows,) s within the run. Rows of one run and joint follow in time.
     rest (rows,): the part of the torque that no column carries; None: nothing.
-    systematic (rows, s): errors that the torques may have and no residual shows, each one standard deviation of its own cause."""
+    systematic (rows, s): errors that the torques may have and no residual shows, each one standard deviation of its own cause.
+    sure (rows,): those that rest on samples alone in which the direction of motion is known; None: all."""
 
     columns: Array
     torque: Array
@@ -39,22 +43,15 @@ class Equations:
     names: tuple[str, ...]
     rest: Array | None = None
     systematic: Array | None = None
+    sure: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         return len(self.torque)
 
     def of(self, rows: NDArray[np.bool_]) -> Equations:
         """Only those rows."""
-        return Equations(
-            self.columns[rows],
-            self.torque[rows],
-            self.joint[rows],
-            self.run[rows],
-            self.t[rows],
-            self.names,
-            None if self.rest is None else self.rest[rows],
-            None if self.systematic is None else self.systematic[rows],
-        )
+        given = {name: value[rows] for name in PER_ROW if (value := getattr(self, name)) is not None}
+        return replace(self, **given)
 
 
 def column_names(arm: Arm, friction: Friction) -> list[str]:
@@ -80,8 +77,16 @@ def model_columns(
 
 
 def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction) -> Array:
-    """(N, n, p - e) columns of links and drives, which count as moving alike: those of a Gauss-Newton step need no more."""
+    """(N, n, p - e) columns of links and drives, which count as moving alike: those of a Gauss-Newton step need no more.
+
+    With symmetric friction, the offset of a joint whose Coulomb friction the model has by direction is half of that difference, and goes
+    through zero with the velocity: sign^2 instead of 1.
+    """
     full, names = regressor(arm, q, qd, qdd, friction=friction)
+    for j, joint in enumerate(arm.joints if friction == "symmetric" else ()):
+        if joint.coulomb[0] != joint.coulomb[1]:
+            sign = full[:, j, names.index(f"joint{j + 1}.coulomb")]
+            full[:, j, names.index(f"joint{j + 1}.offset")] = sign**2
     return full[:, :, [k for k, name in enumerate(names) if not _left_out(arm, name, friction)]]
 
 
@@ -144,7 +149,8 @@ def equations_of(
     for motions, own in zip(views, zip(*parts)):
         columns, torque, joint, run, t = (np.concatenate(part) for part in zip(*own))
         rows = Equations(columns, torque, joint, run, t, tuple(column_names(arm, friction)))
-        rows = replace(rows, systematic=_systematic(rows, motions))
+        sure = np.concatenate([sure_rows(motion).T[equation_rows(motion)[1].T] for motion in motions])
+        rows = replace(rows, systematic=_systematic(rows, motions), sure=sure)
         found.append(with_effects(rows, arm, arm, motions, friction, base))
     return found
 

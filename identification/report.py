@@ -70,21 +70,31 @@ def verdict(result: Identification) -> str:
             " Not validated: no other recording was held out."
         )
     sentence = f"Relative error {fit:.2%} on what was fitted, {held:.2%} on held-out recordings."
-    if held > 2 * fit:
-        return sentence + " The model does not carry over: something in the held-out runs is not in it."
-    return sentence + " The model carries over to motions it was not fitted to."
+    if far := result.surprises():
+        off = ((j, _size(result.rms(True, j, sure=True), result.torque_unit(j))) for j in far)
+        joints = ", ".join(
+            f"joint {j + 1} ({size} off, {_size(result.allowed(j), '')}accounted for)" for j, size in off
+        )
+        return f"{sentence} The model does not carry over at {joints}: something in the held-out runs is not in it."
+    return (
+        sentence + " The model carries over to motions it was not fitted to: while joints move, noise and the"
+        " parameters' doubt account for what is left."
+    )
 
 
 def _errors(result: Identification) -> str:
     rows = []
-    for j, joint in enumerate(result.arm.joints):
-        unit = "N m" if joint.revolute else "N"
+    told = any(p.doubt is not None for p in result.predictions)
+    for j in range(len(result.arm)):
+        unit = result.torque_unit(j)
+        moving = _size(result.rms(True, j, sure=True), unit)
         rows.append(
             f"<tr><td>{j + 1}</td>"
             + "".join(
                 f"<td class=n>{_size(result.rms(held, j), unit)}</td><td class=n>{_percent(result.relative_error(held, j))}</td>"
                 for held in (False, True)
             )
+            + (f"<td class=n>{moving}</td><td class=n>{_size(result.allowed(j), unit)}</td>" if told else "")
             + "</tr>"
         )
     total = "".join(f"<td></td><td class=n>{_percent(result.relative_error(held))}</td>" for held in (False, True))
@@ -92,10 +102,16 @@ def _errors(result: Identification) -> str:
         rows.append(
             f"<tr><td>{escape(name)}</td><td></td><td class=n>{fit:.2%}</td><td></td><td class=n>{_percent(held)}</td></tr>"
         )
+    heads = [
+        "fitted, rms",
+        "relative",
+        "held out, rms",
+        "relative",
+        *(["while it moves", "accounted for"] if told else []),
+    ]
     return (
-        "<table><tr><th>joint</th><th class=n>fitted, rms</th><th class=n>relative</th><th class=n>held out, rms</th>"
-        f"<th class=n>relative</th></tr>{''.join(rows[: len(result.arm)])}<tr><td>all</td>{total}</tr>"
-        f"{''.join(rows[len(result.arm) :])}</table>"
+        f"<table><tr><th>joint</th>{''.join(f'<th class=n>{head}</th>' for head in heads)}</tr>"
+        f"{''.join(rows[: len(result.arm)])}<tr><td>all</td>{total}</tr>{''.join(rows[len(result.arm) :])}</table>"
     )
 
 

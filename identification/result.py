@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +17,8 @@ from identification.readiness import RunReadiness
 from identification.spectrum import Band
 
 Array = NDArray[np.float64]
+
+SURPRISE = 2.0  # times what noise and doubt account for: a joint further off has something that the model has not
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,11 @@ class Value:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Measured and predicted torque of one run: t (k,), joint (k,) from 0, measured, predicted (k,) N m or N."""
+    """Measured and predicted torque of one run: t (k,), joint (k,) from 0, measured, predicted (k,) N m or N.
+
+    doubt (k,): standard deviation of the predicted torque from that of the parameters; None where it is not known. sure (k,): rows with
+    no reversal or standstill near, where Coulomb's law is no law; None: all.
+    """
 
     run: str
     held_out: bool
@@ -41,10 +48,17 @@ class Prediction:
     joint: NDArray[np.intp]
     measured: Array
     predicted: Array
+    doubt: Array | None = None
+    sure: NDArray[np.bool_] | None = None
 
     @property
     def residual(self) -> Array:
         return self.measured - self.predicted
+
+    def of(self, joint: int, sure: bool = False) -> NDArray[np.bool_]:
+        """(k,) the rows of a joint (from 0), or its sure ones."""
+        mine = self.joint == joint
+        return mine & self.sure if sure and self.sure is not None else mine
 
 
 @dataclass(frozen=True)
@@ -88,21 +102,37 @@ class Identification:
             measured += float(np.sum(p.measured[mine] ** 2))
         return math.sqrt(residual / measured) if measured > 0 else math.nan
 
-    def rms(self, held_out: bool, joint: int) -> float:
-        """Root mean square residual of one joint (from 0)."""
-        parts = [p.residual[p.joint == joint] for p in self.rows(held_out)]
-        rows = np.concatenate(parts) if parts else np.empty(0)
-        return float(np.sqrt(np.mean(rows**2))) if len(rows) else math.nan
+    def rms(self, held_out: bool, joint: int, *, sure: bool = False) -> float:
+        """Root mean square residual of one joint (from 0); ``sure``: of its sure rows."""
+        return _rms([p.residual[p.of(joint, sure)] for p in self.rows(held_out)])
+
+    def torque_unit(self, joint: int) -> str:
+        """Of what joint (from 0) drives with."""
+        return "N m" if self.arm.joints[joint].revolute else "N"
+
+    def allowed(self, joint: int) -> float:
+        """Rms error of a joint (from 0) on sure held-out rows that its noise in the fitted runs and the parameters' own doubt account for."""
+        doubt = _rms([p.doubt[p.of(joint, True)] for p in self.rows(True) if p.doubt is not None])
+        return math.hypot(self.rms(False, joint, sure=True), 0.0 if math.isnan(doubt) else doubt)
+
+    def surprises(self) -> list[int]:
+        """Joints (from 0) further off on held-out runs than these allow for, by more than SURPRISE."""
+        return [j for j in range(len(self.arm)) if self.rms(True, j, sure=True) > SURPRISE * self.allowed(j)]
 
     def to_json(self) -> dict[str, Any]:
         """The contract's identification.json; NaN becomes null."""
         joints = []
-        for j, joint in enumerate(self.arm.joints):
+        for j in range(len(self.arm)):
             joints.append(
                 {
                     "joint": j + 1,
-                    "unit": "N m" if joint.revolute else "N",
+                    "unit": self.torque_unit(j),
                     "rms": {"fit": _number(self.rms(False, j)), "held_out": _number(self.rms(True, j))},
+                    "sure": {
+                        "fit": _number(self.rms(False, j, sure=True)),
+                        "held_out": _number(self.rms(True, j, sure=True)),
+                        "held_out_allowed": _number(self.allowed(j)),
+                    },
                     "relative_error": {
                         "fit": _number(self.relative_error(False, j)),
                         "held_out": _number(self.relative_error(True, j)),
@@ -131,6 +161,11 @@ class Identification:
             "warnings": self.warnings,
             "notes": self.notes,
         }
+
+
+def _rms(parts: Sequence[Array]) -> float:
+    rows = np.concatenate([np.empty(0), *parts])
+    return float(np.sqrt(np.mean(rows**2))) if len(rows) else math.nan
 
 
 def _entry(value: Value, key: str) -> dict[str, Any]:

@@ -38,7 +38,7 @@ class Motion:
     t (m,) s; q, qd, qdd (m, J) rad, rad/s, rad/s2 (m for prismatic joints); torque (m, J) N m or N at the joint, after the same low-pass;
     usable (m, J); excluded: reason -> rows per joint (J,). certain (m, J): usable, and the sign of the velocity is known for as long as the
     low-pass smears a step. Around a reversal the torque's step of Coulomb friction is smeared and the column's is not, and what friction does
-    there is not Coulomb's law in the first place: for a fit, such samples are made zero on both sides. None: a motion to judge fits on.
+    there is not Coulomb's law in the first place: for a fit, such samples are made zero on both sides; in a motion for judging fits they stay.
     folded (m, J): what sampling may have put into the torque unseen, one standard deviation (``setpoint_ripple``).
     """
 
@@ -49,10 +49,11 @@ class Motion:
     qdd: Array
     torque: Array
     usable: Mask
-    certain: Mask | None
+    certain: Mask
     excluded: Mapping[str, NDArray[np.int64]]
     band: Band
     folded: Array | None = None
+    for_judging: bool = False
 
     def moves(self, j: int) -> bool:
         """Whether joint j (from 0) moves by itself, and is not just shaken by the others."""
@@ -62,8 +63,7 @@ class Motion:
     def without(self, joints: Mask, reason: str) -> Motion:
         """Not a row of these ``joints`` (J,) usable; those that were are counted under ``reason``."""
         excluded = {**self.excluded, reason: np.where(joints, self.usable.sum(axis=0), 0)}
-        certain = None if self.certain is None else self.certain & ~joints
-        return replace(self, usable=self.usable & ~joints, certain=certain, excluded=excluded)
+        return replace(self, usable=self.usable & ~joints, certain=self.certain & ~joints, excluded=excluded)
 
 
 def smooth_motion(
@@ -152,17 +152,22 @@ def equation_rows(motion: Motion) -> tuple[Array, Mask]:
     """Stamps (k,) s of the rows of ``parallel_filter`` and which of them may be used (k, J): those of ``parallel_rows``; of a motion for
     fitting, those in which samples that are certain have half of the weight."""
     t, trusted = parallel_rows(motion)
-    return t, trusted if motion.certain is None else parallel_filter(motion, equation_weight(motion)) > 0.5
+    return t, trusted if motion.for_judging else parallel_filter(motion, equation_weight(motion)) > 0.5
+
+
+def sure_rows(motion: Motion) -> Mask:
+    """(k, J) of the rows of ``parallel_filter``, those that rest on certain samples alone: no reversal, and no standstill, is near."""
+    return parallel_rows(replace(motion, usable=motion.certain))[1]
 
 
 def equation_weight(motion: Motion) -> Array:
     """(m, J) by which both sides of the equations are multiplied before the parallel filter: 0 where they do not hold."""
-    return np.ones(motion.usable.shape) if motion.certain is None else motion.certain.astype(float)
+    return np.ones(motion.usable.shape) if motion.for_judging else motion.certain.astype(float)
 
 
 def with_reversals(motion: Motion) -> Motion:
     """The motion for judging a fit rather than for fitting."""
-    return replace(motion, certain=None)
+    return replace(motion, for_judging=True)
 
 
 def _parallel(motion: Motion) -> tuple[Array, int]:
