@@ -184,11 +184,12 @@ class IvtSensors:
 
     def _newest(self, now: int) -> Block:
         """The newest result of each; OSError where the bus is off, or everybody silent, or a sensor does not take its settings."""
+        self._bus.read(0.0)
         self._heed_restarts(now)
         values, flags = [], []
         for k, box in enumerate(self._boxes):
             lost = 0
-            for at, _, data in box.take():
+            for at, _, data in box.there():
                 if (result := self._results[k].take(data)) is not None:
                     lost += result.lost
                     self._latest[k] = (at, result)
@@ -202,7 +203,7 @@ class IvtSensors:
     def _heed_restarts(self, now: int) -> None:
         """A sensor that has just started measures as delivered, every 20 ms: it is set up again, its value missing meanwhile."""
         for k, replies in enumerate(self._replies):
-            if not any(data[:1] == bytes([ivt.ALIVE]) for _, _, data in replies.take()):
+            if not any(data[:1] == bytes([ivt.ALIVE]) for _, _, data in replies.there()):
                 continue
             self._latest[k] = (now, None)
             self._set_up(k)
