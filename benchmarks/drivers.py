@@ -22,7 +22,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -46,7 +46,10 @@ def serve(driver: str, options: dict[str, Any], ready: Any, stop: Any) -> None:
     """The simulator's process."""
     from sim_backend.protocol.wires import Wires
 
-    ctypes.CDLL(None).prctl(SET_TIMER_SLACK, 1, 0, 0, 0)  # a device's timer is not 50 us late, as a sleeping process is
+    # A device has a processor of its own, and its timers are not 50 us late.
+    ctypes.CDLL(None).prctl(SET_TIMER_SLACK, 1, 0, 0, 0)
+    with suppress(OSError):
+        os.nice(-15)
     config = importlib.import_module(f"drivers.{driver}").Config.model_validate(options)
     box = importlib.import_module(f"sim_backend.protocol.{driver}").make(
         driver, config, Wires(counts=signal_counts, volts=signal_volts)
@@ -198,7 +201,8 @@ def in_turns(driver: Callable[[], bool], bare: Callable[[], bool], turn: float =
 
 def cia406() -> dict[str, float]:
     """One encoder at 125 kbit/s and six at 500 kbit/s, on a multicast bus whose frames take as long as their bits: asked row by row, which
-    leaves the wire idle while the host turns round, and by the SYNCs of a node (X_synced), at 98 % of the wire."""
+    leaves the wire idle while the host turns round, and by the SYNCs of a node (X_synced), at 99 % of the wire, where a busy
+    machine's simulated node leaves some out."""
     figures = {}
     for name, nodes, bitrate in (("cia406", [1], 125_000), ("cia406_6_nodes", [1, 2, 3, 4, 5, 6], 500_000)):
         bus = {"interface": "udp_multicast", "channel": "239.74.163.9", "bitrate": bitrate}
@@ -206,7 +210,7 @@ def cia406() -> dict[str, float]:
             encoders.arm(Plan(EdgeSource.POLL, 100.0, None))
             figures |= measure(name, encoders.poll, encoders.max_rate, 0.0)
         with device("cia406", nodes=nodes, sync=1, port=free_port(), **bus) as encoders:
-            encoders.arm(Plan(EdgeSource.TIMER, 0.98 * encoders.max_rate, None))
+            encoders.arm(Plan(EdgeSource.TIMER, 0.99 * encoders.max_rate, None))
             figures |= measure(f"{name}_synced", encoders.read, encoders.max_rate, 0.01)
             encoders.disarm()
     return figures
