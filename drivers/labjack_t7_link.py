@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 
 from drivers import modbus_tcp as modbus
+from drivers.reconnect import in_words
 
 
 class LinkLost(OSError):
@@ -87,7 +88,7 @@ class T7Link:
                 break
             except OSError as error:
                 self.close()
-                raise LinkLost(str(error)) from None
+                raise LinkLost(in_words(error)) from None
             if not piece:
                 if pieces:
                     break
@@ -114,6 +115,6 @@ class T7Link:
                     self.strays += 1
         except (OSError, modbus.FrameError) as error:
             self.close()
-            raise LinkLost(str(error) or "no answer in time") from None
+            raise LinkLost(in_words(error) or "no answer in time") from None
         self.close()
         raise LinkLost("no answer in time")

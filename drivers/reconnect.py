@@ -75,7 +75,7 @@ class Reconnect:
         try:
             reopen()
         except (OSError, DeviceFault) as error:
-            self._what = error.what if isinstance(error, DeviceFault) else str(error)
+            self._what = error.what if isinstance(error, DeviceFault) else in_words(error)
             return False
         self._lost_at = None
         return True
@@ -91,4 +91,11 @@ def or_fault(device: str, advice: str, undo: Callable[[], None] | None = None) -
             undo()
         if isinstance(error, DeviceFault):
             raise
-        raise DeviceFault(device, f"{error}; {advice}" if advice else str(error)) from None
+        raise DeviceFault(device, f"{in_words(error)}; {advice}" if advice else in_words(error)) from None
+
+
+def in_words(error: OSError) -> str:
+    """What the system or a driver says is wrong, without the system's number for it."""
+    if error.strerror is None:
+        return str(error)
+    return f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror)

@@ -6,7 +6,7 @@ import contextlib
 import os
 import select
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -31,7 +31,10 @@ class SerialPort:
         port = serial.Serial(None, self._baud, timeout=0, write_timeout=1.0, exclusive=True)
         # Set before opening: on a pty, which has no such lines, setting them later raises ENOTTY.
         port.dtr, port.rts, port.port = self._dtr, self._rts, self.path
-        port.open()
+        try:
+            port.open()
+        except OSError as error:  # pyserial's own sentence names number and path, twice
+            raise OSError(f"{self.path}: {os.strerror(error.errno) if error.errno else error}") from None
         # A USB adapter keeps bytes back for 16 ms unless it is told otherwise (FTDI's latency timer); ptys know of no such thing.
         with contextlib.suppress(ValueError, NotImplementedError):
             port.set_low_latency_mode(True)
@@ -44,14 +47,17 @@ class SerialPort:
 
     def write(self, data: bytes) -> None:
         """Hands all of ``data`` to the kernel, which holds more than any command of ours."""
-        if os.write(self._alive().fileno(), data) != len(data):
+        with self._known():
+            written = os.write(self._alive().fileno(), data)
+        if written != len(data):
             raise OSError(f"{self.path} takes no more")
 
     def read(self) -> bytes:
         """All that has arrived, without waiting."""
-        port = self._alive()
-        waiting = port.in_waiting
-        return os.read(port.fileno(), waiting) if waiting else b""
+        with self._known():
+            port = self._alive()
+            waiting = port.in_waiting
+            return os.read(port.fileno(), waiting) if waiting else b""
 
     def wait_for(self, take: Callable[[bytes], T | None], seconds: float) -> T | None:
         """Feeds what arrives to ``take`` until it returns something; None after ``seconds``. A host that comes back later than
@@ -63,7 +69,8 @@ class SerialPort:
             left = max(deadline - time.monotonic(), 0.0)
             if not select.select([file], [], [], left)[0]:
                 continue
-            data = os.read(file, 4096)
+            with self._known():
+                data = os.read(file, 4096)
             if not data:
                 raise OSError(f"{self.path} is gone")  # ready to be read, and nothing there
             if (found := take(data)) is not None:
@@ -77,6 +84,14 @@ class SerialPort:
     def flush(self) -> None:
         """Throws away all that has come in, what the kernel holds beyond its reading buffer too."""
         self._alive().reset_input_buffer()
+
+    @contextlib.contextmanager
+    def _known(self) -> Iterator[None]:
+        """What the system says of a port that is gone (EIO and others), in words."""
+        try:
+            yield
+        except OSError as error:
+            raise OSError(f"{self.path} is gone" if error.errno else str(error)) from None
 
     def _alive(self) -> Any:
         if self._port is None:

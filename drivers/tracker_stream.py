@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from drivers.blocks import empty
 from drivers.clock import SystemClock
-from drivers.reconnect import Reconnect
+from drivers.reconnect import Reconnect, in_words
 from drivers.registry import World
 from drivers.serial_port import SerialPort
 from drivers.shapes import Block, EdgeSource, HostClock, Identity, Plan, Quality
@@ -91,7 +91,7 @@ class TrackerStream:
                 self._serial.open()
         except OSError as error:
             self.close()
-            raise self._fault(f"{self._place}: {error}; is another program listening there?") from None
+            raise self._fault(f"{self._place}: {in_words(error)}; is another program listening there?") from None
         return Identity(
             maker="external",
             model="position tracker",

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from drivers import val_terminal_protocol as val
 from drivers.clock import SystemClock
+from drivers.reconnect import or_fault
 from drivers.registry import World
 from drivers.serial_port import SerialPort, serial_ports
 from drivers.shapes import HostClock, Identity, Plan
@@ -23,6 +24,7 @@ from experiment import Experiment
 from experiment.segments import Drive, Hold, Move, Repeat, Segment
 from inputs import DeviceFault
 
+ADVICE = "is the controller on, and nothing else on its terminal line?"
 ARRIVED = 0.05  # deg: how near to the start pose the arm must stand
 SETTLE = 8.0  # s that it may take for the last of it, under an integrating servo
 SMALLEST = 5e-4  # deg: no move
@@ -80,15 +82,10 @@ class ValTerminal:
         self._deadline = self._wait_until = 0
 
     def open(self) -> Identity:
-        try:
+        with or_fault(self.name, ADVICE, self._port.close):
             self._port.open()
             self._port.write(val.CANCEL_LINE)
             degrees = self._where()
-        except OSError as error:
-            self._port.close()
-            raise self._fault(
-                f"{self.config.port}: {error}; is the controller on, and nothing else on its terminal line?"
-            ) from None
         pose = " ".join(f"{d:.2f}" for d in degrees)
         return Identity(
             maker="Unimation",
@@ -137,7 +134,7 @@ class ValTerminal:
             has, wants = list(experiment.full_speed), list(self.config.full_speed)
             raise self._fault(f"the experiment takes {has} rad/s for full speed, this controller does {wants}")
         self._steps = self._compile(experiment)
-        try:
+        with or_fault(self.name, ADVICE):
             self._command(val.speed(100))
             here, start = self._where(), self._degrees(experiment.start)
             for joint in range(self.joints):
@@ -145,8 +142,6 @@ class ValTerminal:
                     by = val.drive(joint + 1, start[joint] - here[joint], self.config.approach_speed)
                     self._command(by, self.config.move_timeout)
             here = self._settled(start)
-        except OSError as error:
-            raise self._fault(str(error)) from None
         off = [k + 1 for k in range(self.joints) if abs(start[k] - here[k]) > ARRIVED]
         if off:
             raise self._fault(
@@ -170,11 +165,11 @@ class ValTerminal:
         self._running = True
         self._wait_until = 0
         self._pump()
-        try:  # the first command is entered before this returns; later ones are typed and entered by ``finished``
+        with or_fault(
+            self.name, ADVICE
+        ):  # the first command is entered before this returns; ``finished`` enters later ones
             if self._session.state == val.State.TYPED:
                 self._port.wait_for(self._entered, self.config.answer_timeout)
-        except OSError as error:
-            raise self._fault(str(error)) from None
 
     def stop(self) -> None:
         self._running, self._pending, self._queue = False, [], []
@@ -217,7 +212,7 @@ class ValTerminal:
             self._port.write(self._session.type(self._queue.pop(0)))
         except OSError as error:
             self._running = False
-            raise self._fault(str(error)) from None
+            raise self._fault(f"{error}; {ADVICE}") from None
 
     # -- experiment -> commands ---------------------------------------------------------------------------------------
 
