@@ -124,7 +124,8 @@ class LabJackT7:
             details={
                 "host": self.config.host,
                 "tick_hz": f"{t7.CORE_TIMER_HZ:.0f}",
-                "unconfirmed": "that a count of skipped scans includes the scan that marks them (as the U3's guide says)",
+                "unconfirmed": "that a count of skipped scans includes the scan that marks them (as the U3's guide says); "
+                "where it does not, the timer in every scan tells",
             },
         )
 
