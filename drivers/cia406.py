@@ -1,6 +1,6 @@
 """CANopen encoders by CiA 406: every SYNC latches all of them at once; each answers with one frame.
 
-``sync`` "host": this computer sends a SYNC for every row that it is asked for. The row's time is that of the SYNC as it left the host; how
+``sync`` "host": this computer sends a SYNC for every row that it is asked for. The row's time is that of the SYNC's last bit, if it left the host at once; how
 regular the SYNCs are is up to the host (a Python timer jitters by up to a millisecond), but each is stamped. The next SYNC waits for
 the last answer. Otherwise the SYNCs are a node's (``drivers.cia406_synced``), as regular as its crystal, and wait for nobody.
 Ceiling: the bus; six encoders at 1 Mbit/s take 0.6 ms of it a row.
@@ -30,6 +30,7 @@ class Cia406Encoders(EncoderNodes):
         super().__init__(name, config, bus, clock)
         self._answers = bus.listen([cia.TPDO1 + n for n in config.nodes])
         self._rounds = cia.Rounds(config.nodes, config.latest)
+        self._sync_ns = cia.SYNC_BITS * 1_000_000_000 // config.bitrate
 
     def open(self) -> Identity:
         self._answers.take()
@@ -58,13 +59,13 @@ class Cia406Encoders(EncoderNodes):
         before = self._clock.monotonic_ns()
         self._rounds.begin(before)
         self._bus.send(cia.SYNC, b"")
-        sent = (before + self._clock.monotonic_ns()) // 2
+        latched = (before + self._clock.monotonic_ns()) // 2 + self._sync_ns  # when its last bit has come
         deadline = time.monotonic() + self.config.timeout
         while not self._rounds.complete and time.monotonic() < deadline:
             for at, identifier, data in self._answers.wait(deadline):
                 self._rounds.take(identifier - cia.TPDO1, data, at)
         self._rounds.end()
-        return self._row(sent)
+        return self._row(latched)
 
     def _row(self, host: int) -> Block:
         values, flags = [], []

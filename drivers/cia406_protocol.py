@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from drivers.shapes import Quality
 
-SYNC = 0x080
+SYNC, SYNC_BITS = 0x080, 44  # its bits until it is valid: no data, no stuffing counted
 EMERGENCY, TPDO1, SDO_REPLY, SDO_REQUEST, HEARTBEAT = 0x080, 0x180, 0x580, 0x600, 0x700  # + node
 ASK_DEVICE_TYPE = bytes([0x40, 0x00, 0x10, 0, 0, 0, 0, 0])  # SDO: upload of 1000h
 BOOT_UP = b"\x00"  # heartbeat of a node that has just started
