@@ -1,8 +1,9 @@
 """CANopen encoders whose SYNCs are made by a node of the bus, or by a controller that makes them anyway.
 
 The SYNCs are the trigger line: as regular as that node's crystal, and waiting for nobody, so that the bus may be filled. This computer
-listens; a row's time is that of its SYNC, as stamped on arrival. It is complete when the next SYNC has come. Each SYNC has its
-number by its time: one that was not heard, and a bus that was off for a while, leave a gap in the numbers.
+listens; a row's time is that of its SYNC, as stamped on arrival. It is complete when the next SYNC has come. SYNCs are
+counted; a bus that was off for a while, and a node that had to begin anew, leave a gap in the numbers, by the time that has passed. A
+single SYNC that was not heard is found by the sampler, by the interval.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from drivers.cia406_nodes import ADVICE, Config, EncoderNodes
 from drivers.reconnect import or_fault
 from drivers.shapes import Block, EdgeSource, HostClock, Plan, Quality
 
-LOOK = 5  # SYNCs by which their rate is judged
+LOOK, LOOK_FOR = 5, 0.2  # SYNCs at least, and s, by which their rate is judged
 SLACK = 0.5  # s for them, beyond their periods
-WRONG = 0.1  # of the rate: a node's crystal is nearer than that
+WRONG = 0.2  # of the rate
 
 
 class SyncedEncoders(EncoderNodes):
@@ -39,6 +40,7 @@ class SyncedEncoders(EncoderNodes):
         super().arm(plan)
         self._heard = cia.Heard(self.config.nodes)
         self._first = self._last = (-1, 0)  # number and ns of the first and of the last SYNC
+        self._resume = False  # SYNCs were not heard, or not made, for a while
         self._rows: list[Block] = []
         self._edges: list[Block] = []
         with or_fault(self.name, ADVICE):
@@ -51,14 +53,14 @@ class SyncedEncoders(EncoderNodes):
         """DeviceFault where no SYNCs come, or at another rate than the rig expects."""
         self._frames.take()
         came: list[int] = []
-        deadline = time.monotonic() + SLACK + 2 * LOOK / rate
-        while len(came) < LOOK and time.monotonic() < deadline:
+        wanted = max(LOOK, round(rate * LOOK_FOR))
+        seconds = SLACK + 2 * wanted / rate
+        deadline = time.monotonic() + seconds
+        while len(came) < wanted and time.monotonic() < deadline:
             came += [at for at, identifier, _ in self._frames.wait(deadline) if identifier == cia.SYNC]
         if len(came) < LOOK:
-            raise self._fault(
-                f"{len(came)} SYNCs were heard in {SLACK + 2 * LOOK / rate:.2g} s: who makes them ('sync')?"
-            )
-        found = 1e9 / float(np.median(np.diff(came)))
+            raise self._fault(f"{len(came)} SYNCs were heard in {seconds:.2g} s: who makes them ('sync')?")
+        found = 1e9 * (len(came) - 1) / (came[-1] - came[0])
         if abs(found / rate - 1) > WRONG:
             raise self._fault(f"SYNCs come at {found:.4g}/s, the rig expects {rate:g}: correct the trigger's rate")
 
@@ -106,12 +108,13 @@ class SyncedEncoders(EncoderNodes):
         if not self._reconnect.there(now, self._reopen):
             return
         frames = self._frames.take()
-        if self.config.sync in self._heed_events():
-            with or_fault(self.name, ADVICE):
-                self._make_syncs(self._plan.rate)
         rounds = [r for at, i, data in frames if (r := self._heard.take(i, data, at)) is not None]
         if rounds:
             self._keep(rounds)
+        if self.config.sync in self._heed_events():
+            with or_fault(self.name, ADVICE):
+                self._make_syncs(self._plan.rate)
+            self._begin_again()
         if not self._bus.is_open:
             self._reconnect.lose(now)
 
@@ -126,28 +129,28 @@ class SyncedEncoders(EncoderNodes):
         self._edges.append(Block(number, host, tick, np.zeros((len(host), 0), np.uint8)))
 
     def _numbers(self, host: np.ndarray) -> np.ndarray:
-        """Numbers of the SYNCs that came at ``host`` (n,) ns: how many periods they are apart."""
+        """Numbers of the SYNCs that came at ``host`` (n,) ns: counted, but for those that nobody can have heard."""
         assert self._plan is not None
-        if self._last[0] < 0:
-            self._first = self._last = (0, int(host[0]))
-            before = np.concatenate([host[:1], host[:-1]])
-        else:
-            before = np.concatenate([[self._last[1]], host[:-1]])
-        steps = np.maximum(np.rint((host - before) / self._period()), 1).astype(np.int64)
-        steps[0] *= host[0] != self._first[1]
-        number: np.ndarray = self._last[0] + np.cumsum(steps)
-        self._last = int(number[-1]), int(host[-1])
-        return number
-
-    def _period(self) -> float:
-        """ns between SYNCs: the rig's, until enough of them have come."""
-        assert self._plan is not None
-        syncs = self._last[0] - self._first[0]
-        return (self._last[1] - self._first[1]) / syncs if syncs > LOOK else 1e9 / self._plan.rate
+        number, at = self._last
+        if number < 0:
+            self._first = (0, int(host[0]))
+        elif self._resume:
+            syncs = number - self._first[0]
+            period = (at - self._first[1]) / syncs if syncs > LOOK else 1e9 / self._plan.rate
+            number += max(0, round((int(host[0]) - at) / period) - 1)
+        self._resume = False
+        numbers: np.ndarray = number + 1 + np.arange(len(host))
+        self._last = int(numbers[-1]), int(host[-1])
+        return numbers
 
     def _reopen(self) -> None:
         assert self._plan is not None
         super()._reopen()
         self._make_syncs(self._plan.rate)
+        self._begin_again()
+
+    def _begin_again(self) -> None:
+        """What was under way belongs to no row; the next one is as many SYNCs later as the time that has passed."""
         self._frames.take()
         self._heard.restart()
+        self._resume = True

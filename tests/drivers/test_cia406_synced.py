@@ -65,14 +65,21 @@ def assert_true(block: Block, reach: float = 400.0) -> None:
     assert (np.abs(block.counts - truth)[good] < reach).mean() > 0.9  # a busy machine stamps a SYNC late now and then
 
 
+def assert_gap(block: Block, least: float) -> None:
+    """One jump of the numbers, by the time that has passed, which is more than ``least`` s."""
+    steps = np.diff(block.number)
+    (at,) = np.flatnonzero(steps > 1)
+    seconds = (block.host[at + 1] - block.host[at]) * 1e-9
+    assert seconds > least and steps[at] == pytest.approx(seconds * RATE, abs=0.5 + 0.1 * steps[at])
+
+
 def test_every_sync_of_the_node_is_a_row(encoders: tuple[Any, Any]) -> None:
     device, _ = encoders
     assert isinstance(device, Latched | Reconnecting) and not isinstance(device, Polled)
     assert device.open().details["sync"] == "2" and device.check() == []
     device.arm(TIMER)
     block = rows_for(device, 0.5)
-    assert block.number[0] == 0 and (np.diff(block.number) >= 1).all()
-    assert len(block) > 0.8 * (block.number[-1] + 1)
+    assert np.array_equal(block.number, np.arange(len(block)))
     assert np.median(np.diff(block.host)) == pytest.approx(1e9 / RATE, rel=0.05)
     assert_true(block)
     assert len(device.read_edges()) == len(block)
@@ -103,7 +110,7 @@ def test_somebody_else_makes_the_syncs_anyway(encoders: tuple[Any, Any]) -> None
         with pytest.raises(DeviceFault, match="the rig expects 800"):
             device.arm(Plan(EdgeSource.TIMER, 800.0, None))
         device.arm(Plan(EdgeSource.TIMER, RATE, None))
-        assert_true(rows_for(device, 0.3), 2000.0)
+        assert_true(rows_for(device, 0.3), 5000.0)  # two sendings, one after the other
     finally:
         ended.set()
         thread.join()
@@ -142,8 +149,7 @@ def test_the_node_that_makes_the_syncs_restarts(encoders: tuple[Any, Any]) -> No
     box.restart(2)
     after = rows_until(device, lambda b: b.quality[-1].tolist() == [0, Quality.DEVICE_RESET, 0])
     assert_true(after)
-    elapsed = (after.host[-1] - before.host[0]) * 1e-9
-    assert after.number[-1] - before.number[0] == pytest.approx(elapsed * RATE, abs=2)
+    assert_gap(join([before, after], 3), 0.0)
 
 
 def test_bus_off_leaves_a_gap_in_the_numbers(encoders: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,9 +168,7 @@ def test_bus_off_leaves_a_gap_in_the_numbers(encoders: tuple[Any, Any], monkeypa
     assert device.seeking
     after = rows_until(device, lambda b: not b.quality[-1].any())
     assert not device.seeking
-    elapsed = (after.host[-1] - before.host[0]) * 1e-9
-    assert after.number[-1] - before.number[0] == pytest.approx(elapsed * RATE, abs=2)
-    assert np.diff(np.concatenate([before.number[-1:], after.number])).max() > 0.05 * RATE
+    assert_gap(join([before, after], 3), 0.05)
     assert_true(after)
 
 
