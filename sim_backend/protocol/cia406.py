@@ -148,9 +148,10 @@ class SimulatedCia406:
         elif not self._due:
             self._due = now + period
         elif now >= self._due:
+            sent = time.monotonic_ns()
             with contextlib.suppress(OSError):
                 self.bus.send(cia.SYNC, b"")
-            self._latch(self._due)
+            self._latch(sent)
             self._due += period * max(1, (time.monotonic_ns() - self._due) // period)
 
     def _on_sync(self, _identifier: int, _data: bytes, stamp: float) -> None:
