@@ -162,7 +162,7 @@ def _table(values: list[Value], what: str) -> object:
 
     table = Table(box=None, pad_edge=False)
     table.add_column(what, overflow="fold", max_width=60)
-    for heading in ("value", "2 std", "(formula)"):
+    for heading in ("value", "2 std", "(bootstrap)", "(formula)"):
         table.add_column(heading, justify="right")
     table.add_column("unit")
     table.add_column("")
@@ -171,6 +171,7 @@ def _table(values: list[Value], what: str) -> object:
             value.name,
             f"{value.value:.5g}",
             f"{2 * value.std:.2g}" if value.std is not None else "",
+            f"{2 * value.std_bootstrap:.2g}" if value.std_bootstrap is not None else "",
             f"{2 * value.std_formula:.2g}" if value.std_formula is not None else "",
             value.unit,
             "" if value.identifiable else "not identifiable here",

@@ -28,6 +28,7 @@ from identification.problem import Problem
 from identification.result import Identification
 from identification.signals import Motion, equation_rows, smooth_motion
 from identification.uncertainty import uncertainty
+from identification.weak_directions import held_note, held_to_the_model
 from inputs import InputError
 
 Array = NDArray[np.float64]
@@ -74,6 +75,7 @@ def identify_closed_loop(
             break
     # What is reported is the same measure for every method: the inverse dynamics on the measured motion.
     solved = Fit(fit.values, fit.weight, torque - columns @ fit.values, fit.scaled)
+    solved, held = held_to_the_model(problem, solved, spread.information)
     result = conclude(
         problem,
         method,
@@ -86,6 +88,7 @@ def identify_closed_loop(
     result.notes.append(
         f"{method}: {taken} simulations of the closed loop" + ("" if taken < ITERATIONS else ", not settled")
     )
+    result.notes.extend(held_note(held, len(problem.excited)))
     if problem.held is None:
         result.notes.append("the split's held-out error is that of weighted least squares")
     return result

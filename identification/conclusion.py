@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,13 @@ from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from identification import refusals
 from identification.consistency import consistent_parameters
-from identification.effects import is_effect
+from identification.effects import is_effect, shown_torque
 from identification.equations import Equations, model_values
 from identification.least_squares import Fit, relative_error
 from identification.problem import Problem
 from identification.result import Identification, Prediction, Value, unit_of
+from identification.signals import parallel_filter, sure_rows, with_reversals
+from identification.spectrum import Band
 from identification.uncertainty import Uncertainty
 
 Array = NDArray[np.float64]
@@ -66,9 +69,10 @@ def conclude(
     _check_friction(problem, best, spread)
     warnings = list(problem.warnings)
     warnings += refusals.unexplained_channels(best.residual, problem.rows.torque, problem.rows.joint)
-    predictions, held_names = _predictions(problem, best, spread, solve, warnings)
     physical = physical_values(problem, best, spread.information)
     identified = with_values(problem, physical)
+    predictions, held_names = _predictions(problem, best, solve, warnings)
+    predictions = _accounted_for(problem, predictions, identified, spread)
     reduced = problem.base.grouping[problem.excited] @ physical
     compared = {"physically consistent model": _errors(problem, reduced)}
     base, parameters = _named(problem, best, spread, physical)
@@ -125,12 +129,12 @@ def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:
 
 
 def _predictions(
-    problem: Problem, best: Fit, spread: Uncertainty, solve: Callable[[Equations], Fit], warnings: list[str]
+    problem: Problem, best: Fit, solve: Callable[[Equations], Fit], warnings: list[str]
 ) -> tuple[list[Prediction], list[str] | str]:
     found = _predicted(problem, problem.judged, best.values, problem.fit, False)
     if problem.held is not None:
         names = [str(recording.path) for recording in problem.held_out]
-        return found + _predicted(problem, problem.held, best.values, problem.held_out, True, spread), names
+        return found + _predicted(problem, problem.held, best.values, problem.held_out, True), names
     ends = np.array([motion.t[-1] for motion in problem.motions])
     window = np.array([4 / motion.band.parallel for motion in problem.motions])
     early = problem.rows.t < (SPLIT * ends - window)[problem.rows.run]
@@ -147,23 +151,43 @@ def _predictions(
 
 
 def _predicted(
-    problem: Problem,
-    rows: Equations,
-    values: Array,
-    recordings: Sequence[Recording],
-    held_out: bool,
-    spread: Uncertainty | None = None,
+    problem: Problem, rows: Equations, values: Array, recordings: Sequence[Recording], held_out: bool
 ) -> list[Prediction]:
-    columns = rows.columns[:, problem.columns]
-    predicted = columns @ values + problem.given(rows)
-    doubt = np.zeros(len(rows)) if spread is None else np.sqrt(np.sum(columns @ spread.covariance * columns, axis=1))
+    predicted = rows.columns[:, problem.columns] @ values + problem.given(rows)
     found = []
     for run, recording in enumerate(recordings):
         here = rows.run == run
         seen = (rows.t[here], rows.joint[here], rows.torque[here], predicted[here])
-        own = None if spread is None else doubt[here], None if rows.sure is None else rows.sure[here]
-        found.append(Prediction(recording.path.name, held_out, *seen, *own))
+        found.append(Prediction(recording.path.name, held_out, *seen, None if rows.sure is None else rows.sure[here]))
     return found
+
+
+def _accounted_for(problem: Problem, predictions: list[Prediction], arm: Arm, spread: Uncertainty) -> list[Prediction]:
+    """The predictions, those of held-out runs with what noise and the parameters' doubt account for in them."""
+    if problem.held is None:
+        return predictions
+    columns = problem.held.columns[:, problem.columns]
+    doubt = np.sqrt(np.sum(columns @ spread.covariance * columns, axis=1))
+    fitted, held = predictions[: len(problem.fit)], predictions[len(problem.fit) :]
+    return fitted + [
+        replace(each, doubt=doubt[problem.held.run == run], noise=_noise(problem, arm, motion.band)[each.joint])
+        for run, (each, motion) in enumerate(zip(held, problem.held_motions))
+    ]
+
+
+def _noise(problem: Problem, arm: Arm, band: Band) -> Array:
+    """(J,) rms error of an arm's torque on the sure rows of the fitted runs through another run's filter; NaN for a joint without any.
+
+    A held-out motion that is quicker wants a wider filter, which lets in more of the noise of encoders and of the servos' ripple.
+    """
+    off: list[list[Array]] = [[] for _ in arm.joints]
+    for motion in problem.motions:
+        view = with_reversals(replace(motion, band=replace(motion.band, parallel=band.parallel)))
+        shown = shown_torque(arm, problem.arm, motion.q, motion.qd, motion.qdd, motion.t)
+        error, sure = parallel_filter(view, motion.torque - shown), sure_rows(view)
+        for j, column in enumerate(error.T):
+            off[j].append(column[sure[:, j]])
+    return np.array([np.sqrt(np.mean(np.concatenate(parts) ** 2)) if any(map(len, parts)) else np.nan for parts in off])
 
 
 def _errors(problem: Problem, values: Array) -> tuple[float, float]:
@@ -198,6 +222,7 @@ def _named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) ->
             unit_of(base.names[column], problem.arm),
             bool(certain),
             why,
+            float(spread.std_bootstrap[k]),
         )
     parameters = []
     standing = {int(base.kept[row]): int(row) for row in range(len(base))}
@@ -208,10 +233,7 @@ def _named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) ->
         row = standing.get(column)
         unit = unit_of(name, problem.arm)
         if row is not None and row in estimated and base.alone(row):
-            found = estimated[row]
-            parameters.append(
-                Value(name, found.value, found.std, found.std_formula, unit, found.identifiable, found.why)
-            )
+            parameters.append(replace(estimated[row], name=name))
             continue
         value = float(physical[column])
         if row in silent and not is_effect(name) and (joint := name.partition(".")[0]) in resting:

@@ -148,6 +148,7 @@ def _named(found: MotorLink, j: int, arm: Arm) -> list[Value]:
                 float(found.uncertainty.std_formula[k]),
                 unit_of(label, arm),
                 std < 0.3 * abs(value) or std < 0.02 * float(np.std(found.rows.torque)),
+                std_bootstrap=float(found.uncertainty.std_bootstrap[k]),
             )
         )
     return values

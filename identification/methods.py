@@ -70,10 +70,19 @@ def tuned(
     """Friction tuned in the closed loop; errors are those of the simulated against the measured torque."""
     motions, held_motions, runs = motions_of(fit, held_out, arm, progress)
     tuning = tune_friction(fit, motions, arm, progress=progress)
+    spread = tuning.uncertainty
     values = [
-        Value(name, float(value), float(std), float(formula), unit_of(name, arm), bool(std < 0.3 * abs(value)))
-        for name, value, std, formula in zip(
-            tuning.names, tuning.values, tuning.uncertainty.std, tuning.uncertainty.std_formula
+        Value(
+            name,
+            float(value),
+            float(std),
+            float(formula),
+            unit_of(name, arm),
+            bool(std < 0.3 * abs(value)),
+            std_bootstrap=float(drawn),
+        )
+        for name, value, std, formula, drawn in zip(
+            tuning.names, tuning.values, spread.std, spread.std_formula, spread.std_bootstrap
         )
     ]
     warnings = [warning for run in runs for warning in run.warnings if "never moves" not in warning]

@@ -107,20 +107,16 @@ def resting(motion: Motion, arm: Arm) -> NDArray[np.bool_]:
 def motions_of(
     fit: Sequence[Recording], held_out: Sequence[Recording], arm: Arm, progress: Progress = lambda _: None
 ) -> tuple[list[Motion], list[Motion], list[RunReadiness]]:
-    """Smooth motions of the fitted and of the held-out recordings, and how fit each is; InputError for one that cannot be used at all.
-
-    Held-out runs go through no wider a parallel filter than fitted ones: beyond it are noise and ripple of which the fit has none.
-    """
+    """Smooth motions of the fitted and of the held-out recordings, and how fit each is; InputError for one that cannot be used at all."""
     for recording in [*fit, *held_out]:
         refusals.check_recording(recording, arm)
     progress("smoothing")
     seen = [motion_of(recording, arm) for recording in [*fit, *held_out]]
-    fitted, judged = [[motion for motion, _ in part] for part in (seen[: len(fit)], seen[len(fit) :])]
-    widest = max(motion.band.parallel for motion in fitted)
-    judged = [
-        replace(motion, band=replace(motion.band, parallel=min(motion.band.parallel, widest))) for motion in judged
-    ]
-    return fitted, list(map(with_reversals, judged)), [run for _, run in seen]
+    return (
+        [motion for motion, _ in seen[: len(fit)]],
+        [with_reversals(motion) for motion, _ in seen[len(fit) :]],
+        [run for _, run in seen],
+    )
 
 
 def prepare(

@@ -8,13 +8,37 @@ from pathlib import Path
 from identification import plots
 from identification.result import Identification, Value
 
+METHODS = {
+    "ols": "ordinary least squares on the inverse dynamics",
+    "wls": "least squares on the inverse dynamics, joints weighted by their noise",
+    "irls": "robust least squares on the inverse dynamics: rows far off are weighted down",
+    "iv": "instrumental variables from the simulated closed loop",
+    "didim": "the simulated closed loop's torque fitted to the measured one",
+    "motor-link": "each joint as one motor and one link",
+    "sequence": "link after link from the tip, each step keeping what earlier ones found",
+    "friction": "friction tuned until the simulated motors draw the measured current",
+}
+ERRORS = (
+    "What the model's torque misses of the measured one (current times drive constant), as root mean square and as a share of the measured torque,"
+    " both through the same filter. <i>While it moves</i>: held-out rows without a reversal or standstill near, where friction obeys Coulomb's law."
+    " <i>Accounted for</i>: what the noise of the fitted runs and the parameters' doubt make of these rows; three times as much is called a surprise."
+)
+GAPS = "Gaps are rows left out: a joint stands, samples are missing or clipped, or the run begins or ends."
+DEVIATIONS = (
+    "± is two standard deviations, from leaving out one block of time after the other, so that residuals may be coloured; so are those from drawing"
+    " blocks anew (bootstrap). The textbook formula takes every row for news and is too sure. Only these sums move the joints:"
+    " <i>link2.mx</i> is mass times the x of the centre of mass, <i>link2.ixx</i> the inertia about the link frame's origin, <i>offset</i> a constant"
+    " torque or half the difference of Coulomb friction between the directions. Grey: not identifiable from these runs."
+)
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1d2733; max-width: 66rem; margin: 2rem auto; padding: 0 1.2rem; }
 h1 { font-size: 1.5rem; margin-bottom: .2rem } h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #d8dee6 }
 table { border-collapse: collapse; margin: .6rem 0 } th { text-align: left; font-weight: 600; color: #51606f }
 th, td { padding: .18rem .9rem .18rem 0; border-bottom: 1px solid #edf0f4; vertical-align: top }
 td.n, th.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums } tr.weak td { color: #8b97a5 }
-.verdict { font-size: 1.1rem; padding: .7rem 1rem; background: #eef4fb; border-left: 4px solid #2f6fb0 }
+td.u { white-space: nowrap }
+.verdict, .refuted { font-size: 1.1rem; padding: .7rem 1rem; background: #eef4fb; border-left: 4px solid #2f6fb0 }
+.refuted { background: #fbeeee; border-left-color: #b03a2f }
 .warning { background: #fdf3e3; border-left: 4px solid #d08a1c; padding: .35rem 1rem; margin: .35rem 0 }
 img { max-width: 100% } small, .note { color: #6b7886 }
 """
@@ -22,23 +46,23 @@ img { max-width: 100% } small, .note { color: #6b7886 }
 
 def report(result: Identification) -> str:
     """The whole page."""
-    names = ", ".join(Path(path).name for path in result.fit)
     body = [
         f"<h1>{escape(result.arm.name)}: identification</h1>",
-        f"<p class=note>{escape(names)}; method {escape(result.method)}, {escape(result.friction)} friction</p>",
-        f"<p class=verdict>{escape(verdict(result))}</p>",
+        f"<p class=note>{escape(_what(result))}</p>",
+        f"<p class={'refuted' if _refuted(result) else 'verdict'}>{escape(verdict(result))}</p>",
         *(f"<p class=warning>{escape(warning)}</p>" for warning in result.warnings),
         "<h2>Error, joint by joint</h2>",
+        f"<p class=note>{ERRORS}</p>",
         _errors(result),
         "<h2>Predicted and measured</h2>",
+        f"<p class=note>{GAPS}</p>",
         *(plots.image(figure, alt) for figure, alt in plots.predictions(result)),
         "<h2>Recordings</h2>",
         "<p class=note>Rows of each joint that count, and why others do not; how late the torque is against the motion; the largest torque as a"
         " share of the drive's limit.</p>",
         _recordings(result),
         "<h2>Parameters</h2>",
-        "<p class=note>± is two standard deviations. They come from whole blocks of time, so that residuals may be coloured; beside them"
-        " those of the textbook formula, which takes every row for news.</p>",
+        f"<p class=note>{DEVIATIONS}</p>",
         _values(result.base, "base parameter"),
         ""
         if result.condition != result.condition
@@ -57,6 +81,17 @@ def report(result: Identification) -> str:
         + "\n".join(body)
         + "</body></html>\n"
     )
+
+
+def _what(result: Identification) -> str:
+    names = ", ".join(Path(path).name for path in result.fit)
+    judged = "" if isinstance(result.held_out, str) else ", ".join(Path(path).name for path in result.held_out)
+    how = METHODS.get(result.method, result.method)
+    return f"Parameters from {names}{f', judged on {judged}' if judged else ''}: {how}; {result.friction} friction."
+
+
+def _refuted(result: Identification) -> bool:
+    return result.held_out != "split" and bool(result.surprises())
 
 
 def verdict(result: Identification) -> str:
@@ -149,13 +184,13 @@ def _values(values: list[Value], what: str) -> str:
     rows = []
     for value in values:
         spread = "" if value.std is None else f"± {2 * value.std:.2g}"
-        formula = "" if value.std_formula is None else f"{2 * value.std_formula:.2g}"
+        beside = (value.std_bootstrap, value.std_formula)
+        cells = "".join(f"<td class=n>{'' if std is None or std != std else f'{2 * std:.2g}'}</td>" for std in beside)
         rows.append(
             f"<tr{'' if value.identifiable else ' class=weak'}><td>{escape(value.name)}</td><td class=n>{value.value:.5g}</td>"
-            f"<td class=n>{spread}</td><td class=n>{formula}</td><td>{escape(value.unit)}</td><td><small>{escape(value.why)}</small></td></tr>"
+            f"<td class=n>{spread}</td>{cells}<td class=u>{escape(value.unit)}</td><td><small>{escape(value.why)}</small></td></tr>"
         )
     return (
-        f"<table><tr><th>{what}</th><th class=n>value</th><th class=n></th><th class=n>formula</th><th>unit</th><th></th></tr>"
-        + "".join(rows)
-        + "</table>"
+        f"<table><tr><th>{what}</th><th class=n>value</th><th class=n>± 2 std</th><th class=n>bootstrap</th><th class=n>formula</th>"
+        "<th>unit</th><th></th></tr>" + "".join(rows) + "</table>"
     )

@@ -18,12 +18,13 @@ from identification.spectrum import Band
 
 Array = NDArray[np.float64]
 
-SURPRISE = 2.0  # times what noise and doubt account for: a joint further off has something that the model has not
+SURPRISE = 3.0  # times what noise and doubt account for: at constant speed an encoder's steps make tones, and no noise
 
 
 @dataclass(frozen=True)
 class Value:
-    """One parameter. ``std`` from blocks of time, ``std_formula`` as if residuals were white; None where this data cannot tell."""
+    """One parameter. ``std`` from leaving out blocks of time, with what else is doubted; ``std_bootstrap`` from drawing blocks anew,
+    ``std_formula`` as if residuals were white; None where this data cannot tell."""
 
     name: str
     value: float
@@ -32,14 +33,16 @@ class Value:
     unit: str
     identifiable: bool
     why: str = ""
+    std_bootstrap: float | None = None
 
 
 @dataclass(frozen=True)
 class Prediction:
     """Measured and predicted torque of one run: t (k,), joint (k,) from 0, measured, predicted (k,) N m or N.
 
-    doubt (k,): standard deviation of the predicted torque from that of the parameters; None where it is not known. sure (k,): rows with
-    no reversal or standstill near, where Coulomb's law is no law; None: all.
+    sure (k,): rows with no reversal or standstill near, where Coulomb's law is no law; None: all. Of held-out runs, None where not known:
+    doubt (k,): standard deviation of the predicted torque from that of the parameters; noise (k,): rms error of the joint on sure rows of
+    the fitted runs through the filter of this one.
     """
 
     run: str
@@ -48,8 +51,9 @@ class Prediction:
     joint: NDArray[np.intp]
     measured: Array
     predicted: Array
-    doubt: Array | None = None
     sure: NDArray[np.bool_] | None = None
+    doubt: Array | None = None
+    noise: Array | None = None
 
     @property
     def residual(self) -> Array:
@@ -112,8 +116,15 @@ class Identification:
 
     def allowed(self, joint: int) -> float:
         """Rms error of a joint (from 0) on sure held-out rows that its noise in the fitted runs and the parameters' own doubt account for."""
-        doubt = _rms([p.doubt[p.of(joint, True)] for p in self.rows(True) if p.doubt is not None])
-        return math.hypot(self.rms(False, joint, sure=True), 0.0 if math.isnan(doubt) else doubt)
+        known = [p for p in self.rows(True) if p.doubt is not None and p.noise is not None]
+        if not known:
+            return self.rms(False, joint, sure=True)
+        return math.hypot(
+            *(
+                _rms([each[p.of(joint, True)] for p in known for each in [getattr(p, kind)]])
+                for kind in ("doubt", "noise")
+            )
+        )
 
     def surprises(self) -> list[int]:
         """Joints (from 0) further off on held-out runs than these allow for, by more than SURPRISE."""
@@ -173,6 +184,7 @@ def _entry(value: Value, key: str) -> dict[str, Any]:
         key: value.name,
         "value": _number(value.value),
         "std": _number(value.std),
+        "std_bootstrap": _number(value.std_bootstrap),
         "std_formula": _number(value.std_formula),
         "unit": value.unit,
         "identifiable": value.identifiable,

@@ -49,6 +49,7 @@ def identify_in_sequence(
         covariance=covariance,
         std=np.sqrt(np.diag(covariance)),
         information=np.asarray(np.linalg.pinv(covariance, rcond=1e-12, hermitian=True), float),
+        normal=(np.empty((0, len(values), len(values))), np.empty((0, len(values)))),
     )
 
     def solve(rows: object) -> Fit:

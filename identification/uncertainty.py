@@ -9,6 +9,7 @@ together over all joints): the spread of the refits is what another recording of
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from scipy import linalg, stats
 
 from identification.equations import Equations
 from identification.least_squares import Fit
+from identification.triangle import triangle_of
 
 Array = NDArray[np.float64]
 
@@ -31,6 +33,8 @@ class Uncertainty:
 
     information (b, b): inverse of the formula's covariance, divided by how much too sure the formula is on the whole. Unlike the blocks'
     own covariance, whose rank is at most their number, it can be inverted and is what a further fit may lean on.
+
+    normal: W^T W (blocks, b, b) and W^T e (blocks, b) of each block.
     """
 
     covariance: Array
@@ -39,6 +43,22 @@ class Uncertainty:
     information: Array
     block: float
     blocks: int
+    normal: tuple[Array, Array]
+
+    @cached_property
+    def std_bootstrap(self) -> Array:
+        """(b,) spread of refits to blocks drawn anew, with replacement; NaN without blocks."""
+        return np.asarray(self.bootstrap().std(axis=0))
+
+    def bootstrap(self, *, replicates: int = REPLICATES, seed: int = 0) -> Array:
+        """(replicates, b) by how much refits to blocks drawn anew differ from the fit."""
+        grams, scores = self.normal
+        count = len(grams)
+        if not count:
+            return np.full((replicates, scores.shape[1]), np.nan)
+        scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(grams.sum(axis=0))), 1e-300))
+        drawn = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), size=replicates).astype(float)
+        return np.array([_solve(np.tensordot(c, grams, 1), c @ scores, scale) for c in drawn])
 
 
 def uncertainty(columns: Array, rows: Equations, fit: Fit, *, instruments: Array | None = None) -> Uncertainty:
@@ -46,11 +66,15 @@ def uncertainty(columns: Array, rows: Equations, fit: Fit, *, instruments: Array
 
     2 std covers 95 %: the factor between Student's quantile at the blocks' degrees of freedom and 1.96 is in it.
     """
-    formula = _formula(columns, fit)
+    by = columns if instruments is None else instruments
+    variance = float(np.sum((fit.weight * fit.residual) ** 2)) / max(len(fit.residual) - len(fit.values), 1)
+    weight = fit.weight[:, None]
+    root = _root(columns * weight, None if instruments is None else instruments * weight)
+    formula = _formula(root, variance)
     length = block_length(rows, fit.residual)
     block = _blocks(rows, length)
     count = int(block.max()) + 1
-    grams, scores = _normal_equations(columns, fit, block, count, instruments)
+    grams, scores = _normal_equations(columns, fit, block, count, by)
     total = grams.sum(axis=0)
     # Leaving out one block at a time: unlike plain resampling, not deceived where a block alone determines a parameter.
     scale = 1 / np.sqrt(np.maximum(np.diag(total), 1e-300))
@@ -65,29 +89,17 @@ def uncertainty(columns: Array, rows: Equations, fit: Fit, *, instruments: Array
     std = np.maximum(blockwise, formula)
     raised = std / np.maximum(blockwise, 1e-300)
     covariance = covariance * raised[:, None] * raised
-    variance = float(np.sum((fit.weight * fit.residual) ** 2)) / max(len(fit.residual) - len(std), 1)
     too_sure = float(np.exp(np.mean(np.log(np.maximum(std, 1e-300) / np.maximum(formula, 1e-300)))))
-    information = total / (variance * max(too_sure, 1.0) ** 2)
+    information = root.T @ root / (variance * max(too_sure, 1.0) ** 2)
     if rows.systematic is not None:
         # What the torques may be off by all along, and no block differs in.
-        score = (columns if instruments is None else instruments).T @ (fit.weight[:, None] ** 2 * rows.systematic)
+        score = by.T @ (weight**2 * rows.systematic)
         shift = np.stack([_solve(total, column, scale) for column in score.T], axis=1)
         covariance = covariance + shift @ shift.T
         std = np.sqrt(np.diag(covariance))
         seen = information @ shift  # Woodbury: the inverse of the inverse plus shift shift^T
         information = information - seen @ np.linalg.solve(np.eye(shift.shape[1]) + shift.T @ seen, seen.T)
-    return Uncertainty(covariance, std, formula, information, length, count)
-
-
-def block_bootstrap(columns: Array, rows: Equations, fit: Fit, *, replicates: int = REPLICATES, seed: int = 0) -> Array:
-    """(replicates, b) refits to resampled blocks of time."""
-    random = np.random.default_rng(seed)
-    block = _blocks(rows, block_length(rows, fit.residual))
-    count = int(block.max()) + 1
-    grams, scores = _normal_equations(columns, fit, block, count)
-    scale = 1 / np.sqrt(np.maximum(np.diag(grams.sum(axis=0)), 1e-300))
-    drawn = random.multinomial(count, np.full(count, 1 / count), size=replicates).astype(float)
-    return np.array([fit.values + _solve(np.tensordot(c, grams, 1), c @ scores, scale) for c in drawn])
+    return Uncertainty(covariance, std, formula, information, length, count, (grams, scores))
 
 
 def block_length(rows: Equations, residual: Array) -> float:
@@ -116,14 +128,20 @@ def correlation_time(t: Array, residual: Array) -> float:
     return period * max(1.0, float(2 * correlation[:reach].sum() - 1))
 
 
-def _formula(columns: Array, fit: Fit) -> Array:
-    weighted = columns * fit.weight[:, None]
-    scale = np.linalg.norm(weighted, axis=0)
+def _root(columns: Array, instruments: Array | None) -> Array:
+    """Triangle R (b, b), R^T R the inverse covariance of a fit to rows of white noise of variance 1: W^T W, or W^T Z (Z^T Z)^-1 Z^T W
+    with instruments Z."""
+    if instruments is None:
+        return triangle_of(columns)
+    scale = np.linalg.norm(instruments, axis=0)
     scale[scale == 0] = 1.0
-    triangle = linalg.qr(weighted / scale, mode="r", check_finite=False)[0][: columns.shape[1]]
-    inverse = linalg.solve_triangular(triangle, np.eye(len(triangle)), check_finite=False)
-    freedom = max(len(fit.residual) - columns.shape[1], 1)
-    variance = float(np.sum((fit.weight * fit.residual) ** 2)) / freedom
+    return triangle_of(np.linalg.qr(instruments / scale)[0].T @ columns)
+
+
+def _formula(root: Array, variance: float) -> Array:
+    scale = np.linalg.norm(root, axis=0)
+    scale[scale == 0] = 1.0
+    inverse = linalg.solve_triangular(root / scale, np.eye(len(root)), check_finite=False)
     return np.asarray(np.sqrt(variance * np.sum(inverse**2, axis=1)) / scale)
 
 
@@ -139,13 +157,11 @@ def _blocks(rows: Equations, length: float) -> NDArray[np.intp]:
     return block
 
 
-def _normal_equations(
-    columns: Array, fit: Fit, block: NDArray[np.intp], count: int, instruments: Array | None = None
-) -> tuple[Array, Array]:
+def _normal_equations(columns: Array, fit: Fit, block: NDArray[np.intp], count: int, by: Array) -> tuple[Array, Array]:
     """Per block: W^T W (count, b, b) and W^T e (count, b) of the weighted rows; e the residual, so that a solve gives the change;
-    Z^T W and Z^T e with instruments Z."""
+    Z^T W and Z^T e where Z = ``by`` are instruments."""
     weighted, residual = columns * fit.weight[:, None], fit.weight * fit.residual
-    by = weighted if instruments is None else instruments * fit.weight[:, None]
+    by = by * fit.weight[:, None]
     grams = np.empty((count, columns.shape[1], columns.shape[1]))
     scores = np.empty((count, columns.shape[1]))
     order = np.argsort(block, kind="stable")

@@ -41,6 +41,16 @@ def held_to_the_model(problem: Problem, fit: Fit, information: Array) -> tuple[F
     return Fit(values, fit.weight, residual, fit.scaled), int(held.sum())
 
 
+def held_note(held: int, directions: int) -> list[str]:
+    """What the result says of it."""
+    if not held:
+        return []
+    return [
+        f"{held} of {directions} directions among the base parameters are known to no better than {WEAK:.0%} of the model's own"
+        " numbers, and do not contradict these: held there (method ols holds none)"
+    ]
+
+
 def _sizes(problem: Problem, information: Array) -> Array:
     """(b,) of the excited base parameters: the sum of the magnitudes that the model adds up in each.
 

@@ -19,7 +19,7 @@ from identification.least_squares import Fit, Method, least_squares
 from identification.problem import Problem, Progress, prepare
 from identification.result import Identification
 from identification.uncertainty import uncertainty
-from identification.weak_directions import WEAK, held_to_the_model
+from identification.weak_directions import held_note, held_to_the_model
 
 Array = NDArray[np.float64]
 
@@ -67,11 +67,7 @@ def identify(
             f"the effects did not settle in {STEPS} steps; is one of them far from what the model says?"
         )
     result = conclude(problem, method, best, spread, solve)
-    if held:
-        result.notes.append(
-            f"{held} of {len(problem.excited)} directions among the base parameters are known to no better than {WEAK:.0%} of the model's own"
-            " numbers, and do not contradict these: held there (method ols holds none)"
-        )
+    result.notes.extend(held_note(held, len(problem.excited)))
     return result
 
 

@@ -7,7 +7,7 @@ from scipy import signal
 
 from identification.equations import Equations
 from identification.least_squares import joint_triangles, least_squares, relative_error, weighted_by_joint
-from identification.uncertainty import block_bootstrap, correlation_time, uncertainty
+from identification.uncertainty import correlation_time, uncertainty
 
 
 def rows(noise: np.ndarray, columns: np.ndarray, truth: np.ndarray) -> Equations:
@@ -65,7 +65,7 @@ def test_stated_deviations_are_the_spread_of_repeated_experiments() -> None:
         stated.append(spread.std)
         formula.append(spread.std_formula)
         if k < 20:
-            bootstrap.append(block_bootstrap(columns, equations, fit, replicates=200).std(axis=0))
+            bootstrap.append(spread.std_bootstrap)
     actual = np.std(values, axis=0)
     inside = np.abs(np.array(values) - truth) < 2 * np.array(stated)
     assert inside.mean() > 0.9
