@@ -42,6 +42,7 @@ def command(
     from daq.rig import read_rig
     from experiment import write_experiment
     from identification.excitation import Limits, design_excitation
+    from identification.setpoint_ripple import rate_beside
     from inputs import InputError
 
     checked = None if rig is None else read_rig(rig, drivers=False)
@@ -67,8 +68,14 @@ def command(
             seed=seed,
             progress=lambda share, text: bar.update(task, completed=share, description=text),
         )
+    if checked is not None and checked.trigger is not None:
+        beside = rate_beside(arm, checked.trigger.rate)
+        if beside != checked.trigger.rate:  # else the rig's own
+            found = found.model_copy(update={"rate": beside})
     write_experiment(out, found, heading=f"Excitation for {arm.name}, seed {seed}, {candidates} candidates.")
     if as_json:
-        print(json.dumps({"file": str(out), "duration": duration, "joints": len(arm), "harmonics": harmonics}))
+        told = {"file": str(out), "duration": duration, "joints": len(arm), "harmonics": harmonics, "rate": found.rate}
+        print(json.dumps(told))
     else:
-        print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints")
+        sampled = f", {found.rate:g} rows/s: no multiple of the setpoints' rate" if found.rate else ""
+        print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints{sampled}")

@@ -22,6 +22,7 @@ from arm_model.description import Arm
 from arm_model.simulation import simulate
 from daq.recording import Recording
 from identification.conclusion import conclude, physical_values, with_values
+from identification.demands import demand_of_run
 from identification.equations import Equations, filtered_columns, with_effects
 from identification.least_squares import Fit, joint_noise, least_squares, weighted
 from identification.problem import Problem
@@ -101,17 +102,9 @@ def _regression(problem: Problem, rows: Equations) -> tuple[Array, Array]:
 
 def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:
     """The closed loop run on the recorded demands, smoothed as ``motion`` (of the recording) was, on its grid."""
-    demands, t = recording.qref, recording.t - recording.t[0]
-    assert demands is not None
-
-    def demand(times: Array) -> Array:
-        return np.column_stack(
-            [np.interp(times, t[ok], column[ok]) for column in demands.T for ok in [np.isfinite(column)]]
-        )
-
-    run = simulate(
-        arm, demand, duration=float(motion.t[-1]), rate=1 / motion.dt, start=motion.q[0], sampled=True, times=motion.t
-    )
+    demand, sampled = demand_of_run(recording, arm)
+    end, rate = float(motion.t[-1]), 1 / motion.dt
+    run = simulate(arm, demand, duration=end, rate=rate, start=motion.q[0], sampled=sampled, times=motion.t)
     off = np.max(np.abs(run.qm - motion.q), axis=0) / np.maximum(np.ptp(motion.q, axis=0), 1e-9)
     moving = motion.usable.any(axis=0)
     if not np.isfinite(run.qm).all() or np.any(off[moving] > ASTRAY):

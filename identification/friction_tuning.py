@@ -17,6 +17,7 @@ from arm_model.description import Arm
 from arm_model.parameters import parameter, with_parameters
 from arm_model.simulation import simulate_batch
 from daq.recording import Recording
+from identification.demands import demand_of_run
 from identification.equations import Equations
 from identification.least_squares import Fit
 from identification.result import Prediction
@@ -139,13 +140,7 @@ def _scales(motions: Sequence[Motion]) -> Array:
 
 def _simulated(recording: Recording, motion: Motion, arm: Arm, names: Sequence[str], lanes: Array) -> Array:
     """(lanes, m, n) torque of the closed loop on the recording's demands, on the motion's grid."""
-    demands, t = recording.qref, recording.t - recording.t[0]
-    assert demands is not None
-    whole = [np.isfinite(column) for column in demands.T]
-
-    def demand(times: Array) -> Array:
-        return np.column_stack([np.interp(times, t[ok], column[ok]) for ok, column in zip(whole, demands.T)])
-
+    demand, sampled = demand_of_run(recording, arm)
     run = simulate_batch(
         arm,
         demand,
@@ -153,7 +148,7 @@ def _simulated(recording: Recording, motion: Motion, arm: Arm, names: Sequence[s
         rate=1 / motion.dt,
         times=motion.t,
         start=motion.q[0],
-        sampled=True,
+        sampled=sampled,
         parameters={name: lanes[:, k] for k, name in enumerate(names)},
     )
     return run.torque

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from arm_model.description import Arm
 from daq.recording import Recording
 from identification.doubts import Trusted
-from identification.setpoint_ripple import rows_a_setpoint
+from identification.setpoint_ripple import rate_beside, rows_a_setpoint
 from identification.signals import Motion
 
 Array = NDArray[np.float64]
@@ -157,7 +157,7 @@ def _folded(name: str, motion: Motion, arm: Arm) -> list[str]:
     return [
         f"{name}: {1 / motion.dt:.5g} Hz is {rows} times the rate of the controller's setpoints (every {period * 1e3:.3g} ms): the servos'"
         f" ripple is folded onto the acceleration, and a joint's own inertia may be off; {known};"
-        f" at {(rows + 0.4) / period:.5g} Hz, or with currents averaged over each row, it would not be"
+        f" at {rate_beside(arm, 1 / motion.dt):.5g} Hz, or with currents averaged over each row, it would not be"
     ]
 
 

@@ -20,14 +20,26 @@ from identification.signals import Motion
 
 Array = NDArray[np.float64]
 
+BEAT = 1.0  # Hz
+BESIDE = 0.4  # of the setpoints' rate, from a multiple of it
 STRETCH = 5.0  # s in which two clocks stay in phase to a fraction of a line's period
 
 
 def rows_a_setpoint(arm: Arm, motion: Motion) -> int:
-    """How many rows there are to a setpoint of the arm's controller, where that line is folded into the band of the regression; else 0."""
+    """How many rows there are to a setpoint of the arm's controller, where that line beats with the rows slower than BEAT; else 0.
+
+    A quicker beat changes its sign many times in a run: it is seen as a residual, and the blocks of ``uncertainty`` count it.
+    """
     period = 0.0 if arm.controller is None else arm.controller.setpoint_period
     rows = round(period / motion.dt)
-    return rows if rows > 1 and abs(rows / period - 1 / motion.dt) <= motion.band.parallel else 0
+    return rows if rows > 1 and abs(rows / period - 1 / motion.dt) <= BEAT else 0
+
+
+def rate_beside(arm: Arm, rate: float) -> float:
+    """``rate`` Hz, or the next lower one at which the ripple is folded far from the motion: 0.4 of the setpoints' own rate beside a multiple."""
+    period = 0.0 if arm.controller is None else arm.controller.setpoint_period
+    rows = round(rate * period)
+    return rate if rows < 2 or abs(rate * period - rows) > BESIDE / 2 else round((rows - BESIDE) / period, 2)
 
 
 def folded_torque(arm: Arm, motion: Motion, t: Array, torque: Array) -> Array | None:

@@ -67,6 +67,7 @@ def test_rig_narrower_than_the_model_is_kept_and_accepted(
     assert run(["excite", "--rig", str(rig), "--out", str(out), "--candidates", "32", "--duration", "10"]) == 0
     found = read_experiment(out)
     assert check_motion(read_rig(rig, drivers=False), found) == []
+    assert found.rate == 985.71  # the rig's 1000 rows/s are 28 a setpoint
     arm = read_model(root / "config/models/puma560.toml")
     demand = demand_of(found)
     t = np.linspace(0.0, demand.duration, 4000)

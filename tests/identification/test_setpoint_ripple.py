@@ -15,7 +15,7 @@ from experiment import demand_of
 from identification.equations import equations, model_values, structural_base
 from identification.excitation import design_excitation
 from identification.least_squares import least_squares
-from identification.setpoint_ripple import folded_torque, rows_a_setpoint
+from identification.setpoint_ripple import folded_torque, rate_beside, rows_a_setpoint
 from identification.signals import Motion, smooth_motion
 from identification.uncertainty import uncertainty
 from tests.arm_model.pumas import three_links
@@ -93,3 +93,12 @@ def test_information_is_the_inverse_of_what_is_not_known(arm: Arm, recorded: dic
         np.linalg.inv(whole.information) / np.outer(scale, scale), wanted / np.outer(scale, scale), atol=1e-6
     )
     assert np.allclose(whole.covariance, plain.covariance + gain @ gain.T, rtol=1e-6, atol=1e-9)
+
+
+def test_rate_beside_a_multiple_of_the_setpoints(arm: Arm) -> None:
+    period = arm.controller.setpoint_period
+    assert rate_beside(arm, 1000.0) == pytest.approx(27.6 / period, abs=0.01)
+    assert rate_beside(arm, 1003.0) == pytest.approx(27.6 / period, abs=0.01)
+    assert rate_beside(arm, 985.71) == 985.71
+    assert rate_beside(arm, 1 / period) == 1 / period  # one row a setpoint: recorder and controller run as one
+    assert rate_beside(replace(arm, controller=None), 1000.0) == 1000.0
