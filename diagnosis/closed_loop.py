@@ -19,7 +19,7 @@ from arm_model.description import Arm
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate, simulate_batch
 from daq.recording import Recording
-from diagnosis.evidence import Run, kept, residual_with
+from diagnosis.evidence import Run, kept, residual_under
 from diagnosis.reading import COMPARE_BAND, low_pass
 from diagnosis.setup import loaded, setup_of
 from inputs import InputError
@@ -97,8 +97,7 @@ def _demand(recording: Recording) -> Callable[[Array], Array]:
 def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
     """(n,) A each: rms of the run's residual current under its model and under the extended one, without a closed loop."""
     known = known_rows(run)
-    more = after.effects[len(before.effects) :]
-    return rms_where(run.residual, known), rms_where(residual_with(run, more) if more else run.residual, known)
+    return rms_where(residual_under(run, before.effects), known), rms_where(residual_under(run, after.effects), known)
 
 
 def faithful(pairs: Sequence[tuple[Compared, Compared]], along: Sequence[tuple[Array, Array]]) -> bool:

@@ -101,13 +101,21 @@ def diagnose(
     jumped = event_search.jumps(everything, arm)
     angles = [event_search.without_jumps(recording, index, jumped) for index, recording in enumerate(everything)]
     tracked = tracked_causes(arm, fit, held_out, angles=angles, progress=progress)
-    model, arm = arm, extend(arm, [from_tracker(one) for one in tracked.geometry]) if tracked.geometry else arm
+    progress("comparing motor and link encoders")
+    link = link_side(arm, fit, held_out)
+    of_links = [from_link(one, arm) for one in link.causes] if link else []
+    model, known = arm, [*(from_tracker(one) for one in tracked.geometry), *(one for one in of_links if one.of_arm)]
+    arm = extend(arm, known) if known else arm  # currents are judged by the arm that encoders and tracker show
     found, runs, samples = seen_through(arm, everything, progress)
     found += turned_wrist(fit, held_out)
     sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
     progress("computing what each effect would look like")
     judged = has_dynamics(arm)
-    every = tuple(candidates(arm)) if judged else ()
+    every = (
+        tuple(c for c in candidates(arm) if c.key not in {(one.effect, one.joint) for one in of_links if one.of_arm})
+        if judged
+        else ()
+    )
     lines = tuple(c for c in every if order_of(c) is not None)
     library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in every if order_of(c) is None}
     parts = bool({r.path for r in fit} & {r.path for r in held_out})
@@ -132,11 +140,8 @@ def diagnose(
     accepted = problem.accepted(chosen, sides)
     causes = [from_event(event, arm, sides) for event in found]
     causes += named_by_search + of_axis
-    progress("comparing motor and link encoders")
-    link = link_side(arm, fit, held_out)
-    causes += [from_link(one, arm) for one in link.causes] if link else []
     extended = extend(base, together(causes, tracked.causes, tracked.geometry)) if causes or tracked.causes else arm
-    causes = together(causes, tracked.causes)
+    causes = together([*causes, *of_links], tracked.causes)
     extended = with_widths(extended, fit) if extended is not model else extended
     halves = {"fit": (fit, runs[: len(fit)]), "held_out": (held_out, runs[len(fit) :])}
     compared = {

@@ -192,9 +192,16 @@ def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | floa
 
 def residual_with(run: Run, terms: Sequence[EffectTerm]) -> Array:
     """(m, n) A: the residual of a recording under its arm with more effects, through the same filters; see ``Run.residual``."""
+    return residual_under(run, (*run.arm.effects, *terms))
+
+
+def residual_under(run: Run, effects: Sequence[EffectTerm]) -> Array:
+    """(m, n) A: the residual of a recording under its arm with these effects instead of its own."""
+    if tuple(effects) == run.arm.effects:
+        return run.residual
     t, q = run.raw
     rate = 1.0 / float(np.median(np.diff(t)))
-    arm = replace(run.arm, effects=(*run.arm.effects, *terms))
+    arm = replace(run.arm, effects=tuple(effects))
     return run.current - low_pass(reading(arm, t, q, powered=run.powered), COMPARE_BAND, rate)[kept(rate)]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -148,7 +149,12 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> li
             return [Estimate("delay", c * DELAY, float(np.hypot(spread * DELAY, scatter)), "s")]
         case "joint_compliance":
             k = float(sides.whole.largest[int(np.flatnonzero(sides.whole.joints == shape.joint)[0])]) / c
-            return [Estimate("stiffness", k, rough(k, k * spread / c), "N m/rad" if unit == "rad" else "N/m")]
+            joint = arm.joints[(shape.joint or 1) - 1]
+            damping, std = _damping(shape, chosen, sides, k)
+            return [
+                Estimate("stiffness", k, rough(k, k * spread / c), unit_at(joint, "N m/rad")),
+                Estimate("damping", damping, std, unit_at(joint, "N m s/rad")),
+            ]
         case "backlash":
             return [Estimate("half_gap", c, rough(c, spread), unit)]
     sine, cosine = values[at : at + 2]
@@ -166,6 +172,26 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> li
         ),
         Estimate("phase", float(np.arctan2(-turned * cosine, -sine)), min(spread / max(amplitude, 1e-12), 3.2), "rad"),
     ]
+
+
+def _damping(shape: Shape, chosen: list[Shape], sides: Sides, stiffness: float) -> tuple[float, float]:
+    """Damping N m s/rad (N s/m) of a spring and its standard deviation: by k d + c d' = load its twist is late by c / k,
+    d = load / k - c / k^2 load'; the stamps of two encoders agree to half a row at best.
+
+    Where it cannot be told from nothing it is its deviation: a spring without any would swing for ever.
+    """
+    seen = sides.whole
+    k = int(np.flatnonzero(seen.joints == shape.joint)[0])
+    rest, edges = residual(chosen, seen, seen, sides)[:, k], [*seen.starts, seen.rows]
+    late = np.concatenate([np.gradient(seen.load[a:b, k], seen.t[a:b]) for a, b in itertools.pairwise(edges)])
+    late = late - late.mean()
+    size = float(late @ late)
+    slope = float(late @ rest) / size
+    scores = np.bincount(seen.blocks(BLOCK_SECONDS), weights=late * (rest - slope * late))
+    half_row = float(np.median(np.diff(seen.t))) / 2
+    std = float(np.hypot(np.sqrt(scores @ scores) / size * stiffness**2, stiffness * half_row))
+    damping = -slope * stiffness**2
+    return (damping if damping > std else std), std
 
 
 def _fitted(chosen: list[Shape], sides: Sides) -> tuple[Array, Array]:

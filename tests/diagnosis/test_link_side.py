@@ -17,6 +17,7 @@ from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
 from daq.recording_file import Attachments
 from daq.table import write_table
+from diagnosis.diagnose import diagnose
 from diagnosis.link_causes import LinkCause, LinkSide, link_side
 from diagnosis.split import split
 from experiment import Experiment
@@ -103,6 +104,22 @@ def test_what_is_between_motor_and_link_is_named(root: Path, arm: Arm, hidden: H
     # while a link falls through its gap, neither side of it is where it stands
     assert found.causes[0].after < (0.65 if hidden.effect == "backlash" else 0.5) * found.causes[0].before
     assert found.causes[0].of_arm
+    if hidden.effect == "joint_compliance":  # the plant's is a tenth of what would be critical
+        true = 0.2 * np.sqrt(2e4 * arm.joints[1].ratio ** 2 * arm.joints[1].rotor_inertia)
+        damping, std = _value(found.causes[0], "damping")
+        assert abs(damping - true) < 3 * std < 2 * true
+
+
+def test_currents_are_judged_by_the_arm_that_its_encoders_show(root: Path, arm: Arm) -> None:
+    """A ripple of a gear is in the currents too: found between the encoders it is named once, and nothing of it is left in them."""
+    ripple = Hidden("gear_ripple", 3, {"amplitude": 4e-4, "order": 5.0, "phase": 0.7})
+    recordings = _recorded(root, (ripple,))
+    found = diagnose(arm, recordings[:1], recordings[1:])
+    assert [(c.effect, c.joint, c.signal) for c in found.causes] == [("gear_ripple", 3, "link angle")]
+    assert [term.name for term in found.extended.effects] == ["gear_ripple"]
+    assert found.verdict == "explained"
+    before, after = (np.mean([pair[k] for pair in found.along["held_out"]], axis=0)[2] for k in (0, 1))
+    assert after < 0.5 * before
 
 
 def test_late_stamps_of_the_link_encoder_are_neither_backlash_nor_compliance(root: Path, arm: Arm) -> None:
