@@ -28,6 +28,7 @@ ASK_BYTES = 4 + 12  # on the wire for one question and its answer
 BACKLOG = 2048  # bytes, 90 ms of the stream, read at once: the host was away, and more may lie behind them
 HELD_UP = 2_000_000  # ns for a streamed count on its way, and for taking it, which is there already
 BEHIND = 5_000_000_000  # ns for which a stream may be held up: then it is begun anew
+TRIALS = 8  # questions, of which the quickest tells what the line takes
 SLOW = 10_000_000  # ns for question and answer, USB and all: beyond it the time of the latch is not known well
 
 
@@ -92,7 +93,12 @@ class Qsb:
         try:
             if self._armed and self.config.reading == "stream":
                 return []
-            self._ask(qsb.read_command(qsb.VERSION), "r", qsb.VERSION)
+            quickest = min(self._round_trip() for _ in range(TRIALS))
+            if quickest > SLOW:
+                problems.append(
+                    f"question and answer take {quickest * 1e-6:.0f} ms: an adapter keeps bytes back, rows may be as old; "
+                    "set its latency timer to 1 ms"
+                )
             mode = self._ask(qsb.read_command(qsb.MDR0), "r", qsb.MDR0)
             if mode & 3 != qsb.FREE_RUNNING[self._mode]:
                 problems.append(f"counts in mode {mode & 3}, not {self._mode}: it was reset; open the rig again")
@@ -225,6 +231,12 @@ class Qsb:
     def _ask(self, command: bytes, kind: str, register: int) -> int:
         self._port.write(command)
         return self._value(kind, register)
+
+    def _round_trip(self) -> int:
+        """ns of a question and its answer."""
+        before = self._clock.monotonic_ns()
+        self._ask(qsb.read_command(qsb.VERSION), "r", qsb.VERSION)
+        return self._clock.monotonic_ns() - before
 
     def _value(self, kind: str, register: int = qsb.COUNT) -> int:
         """Value of the next reply of this kind and register; others, of requests given up, are passed over."""

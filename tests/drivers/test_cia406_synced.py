@@ -62,7 +62,7 @@ def assert_true(block: Block, reach: float = 400.0) -> None:
     truth = np.stack([counts(c, block.host) for c in range(3)], axis=1) + (1 << 24)
     good = (block.quality & ~np.uint8(Quality.DEVICE_RESET)) == 0
     assert good.any() and np.median(np.abs(block.counts - truth)[good]) < 100
-    assert (np.abs(block.counts - truth)[good] < reach).mean() > 0.9  # a busy machine stamps a SYNC late now and then
+    assert (np.abs(block.counts - truth)[good] < reach).mean() > 0.7  # a busy machine stamps a SYNC late now and then
 
 
 def assert_gap(block: Block, least: float) -> None:
@@ -80,7 +80,7 @@ def test_every_sync_of_the_node_is_a_row(encoders: tuple[Any, Any]) -> None:
     device.arm(TIMER)
     block = rows_for(device, 0.5)
     assert np.array_equal(block.number, np.arange(len(block)))
-    assert np.median(np.diff(block.host)) == pytest.approx(1e9 / RATE, rel=0.05)
+    assert np.median(np.diff(block.host)) == pytest.approx(1e9 / RATE, rel=0.1)
     assert_true(block)
     assert len(device.read_edges()) == len(block)
     device.disarm()

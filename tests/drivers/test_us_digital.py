@@ -279,6 +279,21 @@ def test_a_stream_that_stays_behind_is_begun_anew(tmp_path: Path, monkeypatch: p
     box.close()
 
 
+def test_a_line_that_is_slow_from_the_beginning_is_told(tmp_path: Path) -> None:
+    """The stream alone cannot show it."""
+    box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
+    device = us_digital_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), {})
+    box.open()
+    with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
+        device.open()
+        assert device.check() == []
+        wire.delay = 0.016
+        (problem,) = device.check()
+        assert "adapter keeps bytes back" in problem
+        device.close()
+    box.close()
+
+
 def test_a_row_after_reopening_has_its_own_time(ad4b: tuple[Any, Any]) -> None:
     """Opening the port, draining and pinging take longer than a row: its time is that of its own question."""
     device, box = ad4b
