@@ -60,7 +60,7 @@ class SyncedEncoders(EncoderNodes):
             came += [at for at, identifier, _ in self._frames.wait(deadline) if identifier == cia.SYNC]
         if len(came) < LOOK:
             raise self._fault(f"{len(came)} SYNCs were heard in {seconds:.2g} s: who makes them ('sync')?")
-        found = 1e9 * (len(came) - 1) / (came[-1] - came[0])
+        found = 1e9 / float(np.median(np.diff(came)))
         if abs(found / rate - 1) > WRONG:
             raise self._fault(f"SYNCs come at {found:.4g}/s, the rig expects {rate:g}: correct the trigger's rate")
 
