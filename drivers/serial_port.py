@@ -81,10 +81,6 @@ class SerialPort:
         """Throws away what has arrived and can be read; returns how many bytes."""
         return len(self.read())
 
-    def flush(self) -> None:
-        """Throws away all that has come in, what the kernel holds beyond its reading buffer too."""
-        self._alive().reset_input_buffer()
-
     @contextlib.contextmanager
     def _known(self) -> Iterator[None]:
         """What the system says of a port that is gone (EIO and others), in words."""

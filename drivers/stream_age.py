@@ -20,7 +20,7 @@ class StreamAge:
         self.restart()
 
     def restart(self) -> None:
-        """The stream begins, or bytes were thrown away: the pace is learnt anew."""
+        """The stream begins: its pace is learnt."""
         self._begun: int | None = None
         self._came, self._pace, self._delay = 0, self._shortest, 0.0
 

@@ -25,7 +25,7 @@ from inputs import DeviceFault
 ADVICE = "is the QSB plugged in?"
 WIDTH = 32
 ASK_BYTES = 4 + 12  # on the wire for one question and its answer
-BACKLOG = 2048  # bytes, 90 ms of the stream, read at once: the host was away, and more may lie behind them
+BACKLOG = 2048  # bytes read at once: the kernel gives 4096 at most, and more may lie behind them
 HELD_UP = 2_000_000  # ns for a streamed count on its way, and for taking it, which is there already
 BEHIND = 5_000_000_000  # ns for which a stream may be held up: then it is begun anew
 TRIALS = 8  # questions, of which the quickest tells what the line takes
@@ -52,9 +52,7 @@ class Qsb:
         self._port = SerialPort(config.port, qsb.BAUD, dtr=True, rts=False)
         self._mode = CounterMode.X4
         self._added = 0
-        self._count = self._taken = self._heard = (
-            0  # newest of the stream, ns at which it came, ns at which anything did
-        )
+        self._count = self._taken = 0  # newest of the stream, and ns at which it came
         self._age = stream_age.StreamAge(qsb.BAUD / 10)
         self._armed = self._was_reset = False
         self._reconnect = Reconnect(name, config.patience, ADVICE, self._port.close)
@@ -126,8 +124,9 @@ class Qsb:
             self._port.write(qsb.stream_command(qsb.COUNT))
             self._value("s")
             self._age.restart()
+            self._taken = self._clock.monotonic_ns()
             self._port.wait_for(self._learn, stream_age.LEARNING * 1e-9)
-            self._heard = self._kept_up = self._clock.monotonic_ns()
+            self._kept_up = self._clock.monotonic_ns()
 
     def _learn(self, data: bytes) -> None:
         """The stream's first bytes: its pace, and a count for the first row."""
@@ -163,19 +162,14 @@ class Qsb:
 
     def _newest(self, now: int) -> Block:
         """The newest count that has come; STALE where that is older than the stream's own pace makes it, or of no known age."""
-        data, behind = self._port.read(), False
+        data = piece = self._port.read()
+        while len(piece) > BACKLOG:
+            piece = self._port.read()
+            data += piece
         delay = self._age.read(now, len(data))
-        while len(data) > BACKLOG:  # the newest of these is as old as what has not been read yet
-            self._port.flush()
-            data, behind = self._port.read(), True
-            self._age.restart()
-        counts = self._counted(data)
-        if counts or behind:
-            self._heard = now
-        if counts:
-            self._count = counts[-1]
-            self._taken = self._taken if behind else now
-        if now - self._heard > self.config.timeout * 1e9:
+        if counts := self._counted(data):
+            self._count, self._taken = counts[-1], now
+        if now - self._taken > self.config.timeout * 1e9:
             raise OSError("the stream has stopped")
         if delay <= HELD_UP:
             self._kept_up = now

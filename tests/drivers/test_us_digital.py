@@ -196,9 +196,30 @@ def test_a_host_that_was_away_takes_no_old_count_for_a_new_one(tmp_path: Path) -
         start = preset(device, 0)
         device.arm(POLL)
         time.sleep(0.5)  # 11 kB: more than the kernel gives at once
-        assert device.poll().quality[0, 0] == Quality.STALE
-        row = poll_until(device, lambda row: not row.quality[0, 0])
-        assert np.abs(error_of(row, 32, start, 0)).max() < STREAMED
+        rows = poll_until(device, lambda row: not row.quality[0, 0])
+        assert np.abs(error_of(rows, 32, start, 0)).max() < STREAMED
+
+
+def test_a_host_that_was_away_does_not_forgive_a_slow_line(tmp_path: Path) -> None:
+    """All that has piled up is counted, so that what is still under way is known afterwards as before."""
+    box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
+    device = us_digital_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), {})
+    box.open()
+    with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
+        device.open()
+        start = preset(device, 0)
+        device.arm(POLL)
+        first = poll_until(device, lambda row: not row.quality[0, 0])
+        wire.delay = 0.05
+        poll_for(device, 0.2)
+        time.sleep(0.3)
+        held = poll_for(device, 0.3)
+        assert (held.quality[:, 0] & NOT_NOW).all()
+        wire.delay = 0.0
+        shown = join([first, held, poll_until(device, lambda row: not row.quality[0, 0])], 1)
+        assert np.abs(error_of(shown, 32, start, 0)).max() < STREAMED
+        device.close()
+    box.close()
 
 
 class SlowWire:
