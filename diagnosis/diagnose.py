@@ -104,18 +104,16 @@ def diagnose(
     progress("comparing motor and link encoders")
     link = link_side(arm, fit, held_out)
     of_links = [from_link(one, arm) for one in link.causes] if link else []
-    model, known = arm, [*(from_tracker(one) for one in tracked.geometry), *(one for one in of_links if one.of_arm)]
+    model, judged = arm, has_dynamics(arm)
+    in_currents = [one for one in of_links if one.of_arm and judged]
+    known = [*(from_tracker(one) for one in tracked.geometry), *in_currents]
     arm = extend(arm, known) if known else arm  # currents are judged by the arm that encoders and tracker show
     found, runs, samples = seen_through(arm, everything, progress)
     found += turned_wrist(fit, held_out)
     sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
     progress("computing what each effect would look like")
-    judged = has_dynamics(arm)
-    every = (
-        tuple(c for c in candidates(arm) if c.key not in {(one.effect, one.joint) for one in of_links if one.of_arm})
-        if judged
-        else ()
-    )
+    named_already = {(one.effect, one.joint) for one in in_currents}
+    every = tuple(c for c in candidates(arm) if c.key not in named_already) if judged else ()
     lines = tuple(c for c in every if order_of(c) is not None)
     library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in every if order_of(c) is None}
     parts = bool({r.path for r in fit} & {r.path for r in held_out})
@@ -140,7 +138,8 @@ def diagnose(
     accepted = problem.accepted(chosen, sides)
     causes = [from_event(event, arm, sides) for event in found]
     causes += named_by_search + of_axis
-    extended = extend(base, together(causes, tracked.causes, tracked.geometry)) if causes or tracked.causes else arm
+    beside = causes if judged else [*causes, *of_links]
+    extended = extend(base, together(beside, tracked.causes, tracked.geometry)) if beside or tracked.causes else arm
     causes = together([*causes, *of_links], tracked.causes)
     extended = with_widths(extended, fit) if extended is not model else extended
     halves = {"fit": (fit, runs[: len(fit)]), "held_out": (held_out, runs[len(fit) :])}
@@ -148,7 +147,7 @@ def diagnose(
         half: [pair for r, run in zip(*both) if (pair := _before_and_after(r, run, model, extended)) is not None]
         for half, both in halves.items()
     }
-    along = {half: [along_motion(run, model, extended) for run in seen] for half, (_, seen) in halves.items()}
+    along = {half: [along_motion(run, model, extended) for run in seen if judged] for half, (_, seen) in halves.items()}
     left = (accepted.fit, accepted.held_out)
     structures = search_result.remainder.structures if judged else []
     unjudged = [] if judged else not_judged(arm, link.seen.joints.tolist() if link else [])

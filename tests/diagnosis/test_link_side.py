@@ -6,6 +6,7 @@ The plant has two masses with a gap or a spring between them (``tests/blind``); 
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -120,6 +121,18 @@ def test_currents_are_judged_by_the_arm_that_its_encoders_show(root: Path, arm: 
     assert found.verdict == "explained"
     before, after = (np.mean([pair[k] for pair in found.along["held_out"]], axis=0)[2] for k in (0, 1))
     assert after < 0.5 * before
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_model_without_masses_is_held_against_its_encoders(root: Path, arm: Arm) -> None:
+    bare = {"mass": 0.0, "rotor_inertia": 0.0, "viscous": (0.0, 0.0), "coulomb": (0.0, 0.0)}
+    light = replace(arm, controller=None, joints=tuple(replace(joint, **bare) for joint in arm.joints))
+    recordings = _recorded(root, (Hidden("joint_compliance", 2, {"stiffness": 2e4}),))
+    found = diagnose(light, recordings[:1], recordings[1:])
+    assert ("joint_compliance", 2) in {(cause.effect, cause.joint) for cause in found.causes}
+    assert all(cause.signal == "link angle" for cause in found.causes)
+    assert any(term.name == "joint_compliance" for term in found.extended.effects)
+    assert {one.signal for one in found.unexplained} <= {"link angle"}
 
 
 def test_late_stamps_of_the_link_encoder_are_neither_backlash_nor_compliance(root: Path, arm: Arm) -> None:
