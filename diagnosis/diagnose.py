@@ -147,6 +147,8 @@ def diagnose(
         half: [pair for r, run in zip(*both) if (pair := _before_and_after(r, run, model, extended)) is not None]
         for half, both in halves.items()
     }
+    simulated = [after for _, after in compared["held_out"]]
+    causes = [_shown_in_loop(one, extended, simulated, held_out, runs[len(fit) :]) for one in causes]
     along = {half: [along_motion(run, model, extended) for run in seen if judged] for half, (_, seen) in halves.items()}
     left = (accepted.fit, accepted.held_out)
     structures = search_result.remainder.structures if judged else []
@@ -226,6 +228,21 @@ def _beside_causes(axis: AxisSide, arm: Arm) -> tuple[str, ...]:
             f"{axis.wave.share:.0%} of what is left; whether another run has it at the same places, only another run tells: it is not named"
         )
     return tuple(said)
+
+
+def _shown_in_loop(
+    cause: Cause, extended: Arm, having: Sequence[Compared], recordings: Sequence[Recording], runs: Sequence[Run]
+) -> Cause:
+    """A cause that shows in a closed loop only (a limit: the motion obeys it, and along it nothing is missing) with the errors of that loop."""
+    if cause.before != cause.after or len(having) != len(recordings):
+        return cause
+    others = tuple(term for term in extended.effects if (term.name, term.joint) != (cause.effect, cause.joint))
+    without = [compare(r, replace(extended, effects=others), run) for r, run in zip(recordings, runs)]
+    before, after = (
+        float(np.sqrt(np.mean([one.error_rms("current")[cause.felt_at - 1] ** 2 for one in several if one])))
+        for several in (without, having)
+    )
+    return replace(cause, before=before, after=after) if all(without) else cause
 
 
 def _its_own(arm: Arm, limit: Event) -> bool:

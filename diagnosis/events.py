@@ -89,7 +89,7 @@ def hum(recordings: list[Recording]) -> list[Event]:
 
 
 def _line(t: Array, current: Array) -> tuple[float, ...]:
-    """Frequency Hz, amplitude A, power over the floor, phase at t = 0 of the strongest line at the mains; rms A above 30 Hz with and without it."""
+    """Frequency Hz, amplitude A, power over the floor, phase at t = 0 of the strongest line at the mains; rms A in HUM_BAND with and without it."""
     dt = float(np.median(np.diff(t)))
     window = signal.windows.hann(len(t))
     spectrum = np.fft.rfft((current - current.mean()) * window, 4 * len(t))
@@ -105,7 +105,10 @@ def _line(t: Array, current: Array) -> tuple[float, ...]:
     high = signal.sosfiltfilt(signal.butter(4, min(30.0 * 2 * dt, 0.9), "highpass", output="sos"), current)
     a, b = np.linalg.lstsq(basis, high * window, rcond=None)[0]
     line = a * np.sin(2 * np.pi * f * t) + b * np.cos(2 * np.pi * f * t)
-    rms = (float(np.sqrt(np.mean(values**2))) for values in (high, high - line))
+    near_mains = signal.butter(
+        4, [min(2 * edge * dt, top) for edge, top in zip(HUM_BAND, (0.98, 0.99))], "bandpass", output="sos"
+    )
+    rms = (float(np.std(signal.sosfiltfilt(near_mains, values))) for values in (current, current - line))
     return f, float(np.hypot(a, b)), float(power[top] / np.median(power)), float(np.arctan2(b, a)), *rms
 
 

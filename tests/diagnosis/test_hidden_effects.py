@@ -49,6 +49,7 @@ SLOW = (
     "rotor_inertia",
     "torque_constant",
     "current_offset",
+    "mains_hum",
 )
 
 
