@@ -68,10 +68,12 @@ def conclude(
     """The result of a fit: predictions, named parameters, a consistent arm. ``solve`` refits part of the rows for the split."""
     _check_friction(problem, best, spread)
     warnings = list(problem.warnings)
-    warnings += refusals.unexplained_channels(best.residual, problem.rows.torque, problem.rows.joint)
     physical = physical_values(problem, best, spread.information)
     identified = with_values(problem, physical)
     predictions, held_names = _predictions(problem, best, solve, warnings)
+    for recording, run in zip(problem.fit, predictions):
+        told = refusals.unexplained_channels(recording.path, run.residual, run.measured, run.joint)
+        warnings += [f"{run.run}: {sentence}" for sentence in told]
     predictions = _accounted_for(problem, predictions, identified, spread)
     reduced = problem.base.grouping[problem.excited] @ physical
     compared = {"physically consistent model": _errors(problem, reduced)}

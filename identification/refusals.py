@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 MISSING = 0.5  # share of a channel's samples: more missing is no recording of that channel
 EXPLAINED = 0.7  # of the variation of a joint's torque: a model of the wrong joint explains less
+LENGTH = 0.02  # m by which the axes of one mechanism may stand otherwise in two models of it
+DEAD = 0.05  # of it: not even friction is seen
 MOVED = 20.0  # noise levels: less is no motion
 
 
@@ -62,7 +64,10 @@ def _check_channels(recording: Recording) -> None:
 
 
 def _check_rig(recording: Recording, arm: Arm) -> None:
-    """A recording that carries its model must be of the same mechanism; positions must lie within the arm's limits."""
+    """A recording that carries its model must be of the same mechanism; positions must lie within the arm's limits.
+
+    Lengths may differ by what a calibration finds, and no more.
+    """
     import tomllib
 
     where = recording.path
@@ -74,6 +79,13 @@ def _check_rig(recording: Recording, arm: Arm) -> None:
                     where,
                     f"was recorded with '{own.name}', whose joint {number} is {other.type}; '{arm.name}' has a {mine.type} one",
                 )
+            for length in ("a", "d") if mine.convention == other.convention else ():
+                now, then = getattr(mine, length), getattr(other, length)
+                if abs(now - then) > LENGTH + 0.05 * abs(now):
+                    raise InputError(
+                        where,
+                        f"was recorded with '{own.name}', whose joint {number} has {length} = {then:.4g} m; '{arm.name}' has {now:.4g} m",
+                    )
             if abs(mine.drive_constant / other.drive_constant - 1) > 0.5:
                 raise InputError(
                     where,
@@ -109,12 +121,21 @@ def check_signs(where: Sequence[object], dissipated: Array, doubt: Array) -> Non
         )
 
 
-def unexplained_channels(residual: Array, torque: Array, joint: NDArray[np.intp]) -> list[str]:
-    """A sentence for every joint of whose current the fit explains too little: residual, torque and joint (from 0), (rows,) each."""
+def unexplained_channels(where: object, residual: Array, torque: Array, joint: NDArray[np.intp]) -> list[str]:
+    """A sentence for every joint of whose current the fit explains too little: residual, torque and joint (from 0), (rows,) each.
+
+    InputError for a current that knows nothing of its joint's motion: that of an open input only hums.
+    """
     found = []
     for j in np.unique(joint):
         mine = joint == j
         explained = 1 - float(np.var(residual[mine])) / max(float(np.var(torque[mine])), 1e-300)
+        if explained < DEAD:
+            raise InputError(
+                str(where),
+                f"i{j + 1}: knows nothing of the motion of joint {j + 1} ({max(explained, 0.0):.0%} of it explained): the channel is dead, or"
+                " of something else; a current that follows the drive is wanted",
+            )
         if explained < EXPLAINED:
             found.append(
                 f"joint {j + 1}: the fit explains {max(explained, 0.0):.0%} of the variation of its current; is i{j + 1} dead, or of another joint?"

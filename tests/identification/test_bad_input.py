@@ -58,6 +58,8 @@ def break_it(what: str, q: np.ndarray, i: np.ndarray) -> None:
             q[:] = q[:1]
         case "noise only":
             q[:] = 1e-5 * np.random.default_rng(0).standard_normal(q.shape)
+        case "hums":
+            i[:, 1] = 0.3 + 0.05 * np.random.default_rng(0).standard_normal(len(i))
         case "holes":
             i[1000:6500, 2] = np.nan
         case "reversed":
@@ -70,6 +72,7 @@ def break_it(what: str, q: np.ndarray, i: np.ndarray) -> None:
         ("stuck current", "i2: constant at 0.25 A while joint 2 moves"),
         ("nothing moves", "no joint moves"),
         ("noise only", "noise"),
+        ("hums", "i2: knows nothing of the motion of joint 2"),
         ("holes", "i3: 69% of its samples are missing"),
         ("reversed", "i1: the friction of joint 1 would drive it; the sign of its current is reversed"),
     ],
@@ -96,6 +99,9 @@ def test_recording_of_another_arm(motion: tuple, root: Path, tmp_path: Path, cap
     twin = (root / "config/models/scara.toml").read_text().replace('type = "prismatic"', 'type = "revolute"')
     (tmp_path / "twin.toml").write_text(twin)
     assert "whose joint 3 is prismatic" in refused(path, tmp_path / "twin.toml", capfd)
+    shorter = (root / "config/models/scara.toml").read_text()
+    (tmp_path / "shorter.toml").write_text(shorter.replace("a = 0.325", "a = 0.25"))
+    assert "whose joint 1 has a = 0.325 m;" in refused(path, tmp_path / "shorter.toml", capfd)
 
 
 def test_degrees_are_noticed(motion: tuple, root: Path, tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
@@ -119,11 +125,11 @@ def test_whole_recording_of_the_same_motion_is_taken(motion: tuple, root: Path, 
     assert run(["identify", str(path), "--model", str(model), "--out", str(tmp_path / "out"), "--json"]) == 0
 
 
-def test_channel_that_only_hums_is_named(
+def test_channel_of_another_joint_is_named(
     motion: tuple, root: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
     t, q, i = (array.copy() for array in motion)
-    i[:, 1] = 0.05 * np.random.default_rng(0).standard_normal(len(i))
+    i[:, 1] = i[:, 0]
     path = tmp_path / "run.mcap"
     write_table(path, t, {"q": q, "i": i}, Attachments())
     model = root / "config/models/scara.toml"
