@@ -64,6 +64,12 @@ def left_to_the_model(arm: Arm) -> list[str]:
     ]
 
 
+def repeated(arm: Arm) -> list[str]:
+    """Names of effects that a joint has more than once: all but the first are held as they are, for their parameters share its names."""
+    found = [f"{term.name} of joint {term.joint}" if term.joint else term.name for term in arm.effects]
+    return sorted({name for name in found if found.count(name) > 1})
+
+
 def is_effect(name: str) -> bool:
     """'joint2.load_friction.mu' and 'payload.mass', not 'joint2.viscous' or 'link6.mass'."""
     head = name.partition(".")[0]

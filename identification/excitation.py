@@ -3,6 +3,8 @@
 A finite Fourier series for each joint (Swevers et al., IEEE T-RA 13(5), 1997) about a pose that is searched with it. Whatever the
 search proposes is scaled into the limits of position, speed, acceleration and torque, so that every candidate is feasible. Criteria:
 
+Effects of the model count with the parameters in which they are linear.
+
 d            determinant of the information matrix of the base parameters, rows weighted by each joint's torque limit: smallest volume of doubt
 condition    condition number of the weighted regressor, columns scaled by the parameters' expected size: no direction neglected
 """
@@ -130,8 +132,8 @@ def excitation_scores(
 ) -> Array:
     """(len(experiments),), larger is better: log determinant of the information, or minus the log of the condition number."""
     motions = [_motion(experiment, ROWS) for experiment in experiments]
-    q, qd, qdd = (np.concatenate([motion[k] for motion in motions]) for k in (1, 2, 3))
-    columns = model_columns(arm, q, qd, qdd)[:, :, base.kept]
+    t, q, qd, qdd = (np.concatenate([motion[k] for motion in motions]) for k in range(4))
+    columns = model_columns(arm, q, qd, qdd, t=t)[:, :, base.kept]
     torque = np.where(np.isfinite(limits.torque), limits.torque, 1.0)
     # In units of what the model expects each parameter to be, so that a condition number means something.
     expected = np.abs(base.grouping @ model_values(arm))

@@ -74,7 +74,7 @@ def spectra(result: Identification) -> Iterator[tuple[Figure, str]]:
         _, residual = _density(run.t[mine], run.residual[mine])
         left.semilogy(f, torque, color=f"C{n}", lw=0.8, alpha=0.45)
         left.semilogy(f, residual, color=f"C{n}", lw=1.2, label=f"joint {j + 1}")
-    left.set(xlabel="frequency, Hz", title="torque (pale) and residual")
+    left.set(xlabel="frequency, Hz", ylabel="density, (N m)²/Hz or N²/Hz", title="torque (pale) and residual")
     left.legend(fontsize="x-small", ncols=2)
     if result.bands:
         band = result.bands[0]
@@ -82,7 +82,11 @@ def spectra(result: Identification) -> Iterator[tuple[Figure, str]]:
             right.loglog(band.frequency[1:], np.maximum(column[1:], 1e-300), lw=0.8, color=f"C{n}")
         right.axvline(band.motion, color="k", lw=1.0, label=f"differentiation {band.motion:.3g} Hz")
         right.axvline(band.parallel, color="k", lw=1.0, ls="--", label=f"regression {band.parallel:.3g} Hz")
-        right.set(xlabel="frequency, Hz", title="acceleration, differenced twice")
+        right.set(
+            xlabel="frequency, Hz",
+            ylabel="density, (rad/s²)²/Hz or (m/s²)²/Hz",
+            title="acceleration, differenced twice",
+        )
         low = np.min(band.density[1:].max(axis=1))
         right.set_ylim(bottom=max(low * 1e-3, 1e-300))
         right.legend(fontsize="small")

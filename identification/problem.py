@@ -13,7 +13,7 @@ from daq.recording import Recording
 from identification import refusals
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.doubts import trusted
-from identification.effects import left_to_the_model, true_readings
+from identification.effects import left_to_the_model, repeated, true_readings
 from identification.equations import (
     Equations,
     Friction,
@@ -139,6 +139,7 @@ def prepare(
     warnings += [
         f"{name}: held as the model has it, and counted as rigid or sliding here" for name in left_to_the_model(arm)
     ]
+    warnings += [f"{name} is in the model more than once: only the first is fitted" for name in repeated(arm)]
     progress("equations of motion")
     base = structural_base(arm, friction)
     views = [motions, list(map(with_reversals, motions))]

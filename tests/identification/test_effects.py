@@ -18,6 +18,7 @@ from arm_model.rigid_body import rigid_torque
 from armscope.cli import run
 from daq.recording_file import Attachments
 from daq.table import write_table
+from identification.effects import repeated
 from tests.arm_model.pumas import three_links
 
 RATE, SECONDS = 250.0, 30.0
@@ -127,3 +128,11 @@ def test_late_currents_are_moved_back_before_anything_is_fitted(arm: Arm, tmp_pa
         assert run(["identify", str(path), "--model", str(tmp_path / "model.toml"), "--out", str(out)]) == 0
         error[delay] = json.loads((out / "identification.json").read_text())["relative_error"]["fit"]
     assert error[LATE] < 0.5 * error[1e-5]
+
+
+def test_second_effect_of_a_name_is_said_to_be_held(arm: Arm) -> None:
+    spring = EffectTerm("gravity_spring", 2, {"stiffness": STIFFNESS, "rest_angle": REST})
+    assert repeated(replace(arm, effects=(spring,))) == []
+    assert repeated(replace(arm, effects=(spring, spring, EffectTerm("load_friction", 2, {"mu": MU})))) == [
+        "gravity_spring of joint 2"
+    ]

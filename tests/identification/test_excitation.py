@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from arm_model.description import EffectTerm
 from arm_model.dynamics import inverse_dynamics
 from arm_model.model_file import read_model
 from armscope.cli import run
@@ -15,6 +17,7 @@ from daq.rig import read_rig
 from experiment import demand_of, read_experiment
 from identification.equations import structural_base
 from identification.excitation import Limits, design_excitation, excitation_scores
+from tests.arm_model.pumas import three_links
 
 
 @pytest.mark.parametrize("criterion", ["d", "condition"])
@@ -83,3 +86,14 @@ def test_rig_narrower_than_the_model_is_kept_and_accepted(
     )
     refused = " ".join(check_motion(read_rig(rig, drivers=False), read_experiment(out)))
     assert "accelerates" in refused
+
+
+def test_effects_of_the_model_count(root: Path) -> None:
+    arm = three_links(read_model(root / "config/models/puma560.toml"))
+    drifting = EffectTerm("friction_drift", 1, {"fraction": 0.2, "time_constant": 6.0})
+    arm = replace(arm, effects=(drifting, EffectTerm("load_friction", 2, {"mu": 0.05})))
+    base, limits = structural_base(arm), Limits.of(arm)
+    assert {"joint1.friction_drift.fraction", "joint2.load_friction.mu"} <= {base.names[k] for k in base.kept}
+    still, found = (design_excitation(arm, candidates=count, seed=1) for count in (1, 96))
+    scores = excitation_scores(arm, base, [still, found], limits)
+    assert np.isfinite(scores).all() and scores[1] > scores[0]
