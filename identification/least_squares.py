@@ -97,17 +97,21 @@ def joint_triangles(columns: Array, y: Array, joint: Joints) -> Triangles:
         here = slice(index[0], index[-1] + 1) if index[-1] - index[0] < len(index) else index
         mine = columns[here]
         felt = np.flatnonzero(mine.any(axis=0))
-        both = np.column_stack([mine[:, felt], y[here]])
+        both = np.empty((len(mine), len(felt) + 1), order="F")  # as LAPACK wants it
+        both[:, :-1], both[:, -1] = mine[:, felt], y[here]
         if len(both) > len(felt):
-            both = triangle_of(both)
+            both = triangle_of(both, overwrite=True)
         part = np.zeros((len(both), columns.shape[1] + 1))
         part[:, felt], part[:, -1] = both[:, :-1], both[:, -1]
         parts.append(part)
     return Triangles(present, count[present], parts)
 
 
-def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triangles) -> Fit:
-    """Least squares with the rows of a joint over their noise in ordinary least squares, both from the ``triangles`` of columns and y."""
+def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triangles, kept: Joints | None = None) -> Fit:
+    """Least squares with the rows of a joint over their noise in ordinary least squares, both from the ``triangles`` of columns and y;
+    of the columns ``kept`` alone."""
+    if kept is not None:
+        triangles = triangles.of(kept)
     values, _ = _solved(triangle_of(np.concatenate(triangles.parts)))
     trial = np.append(values, -1.0)
     left = np.array([np.linalg.norm(part @ trial) for part in triangles.parts])
@@ -116,7 +120,11 @@ def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triang
     noise = _floored(noise)
     parts = [part / noise[j] for part, j in zip(triangles.parts, triangles.joint)]
     values, triangle = _solved(triangle_of(np.concatenate(parts)))
-    return Fit(values, 1.0 / noise[joint], y - columns @ values, triangle)
+    whole = values
+    if kept is not None:  # others at zero: quicker than a copy of the columns that are kept
+        whole = np.zeros(columns.shape[1])
+        whole[kept] = values
+    return Fit(values, 1.0 / noise[joint], y - columns @ whole, triangle)
 
 
 def _solved(triangle: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 PANEL = 8  # columns that are reflected one by one before the others follow
 
 
-def triangle_of(rows: Array) -> Array:
+def triangle_of(rows: Array, *, overwrite: bool = False) -> Array:
     """(min(r, p), p) upper triangle with the inner products of the columns of ``rows`` (r, p).
 
     LAPACK's compact-WY routine with narrow panels: on 1185 x 84 rows it takes 0.52 ms where the one behind numpy's and scipy's ``qr``
@@ -22,7 +22,10 @@ def triangle_of(rows: Array) -> Array:
     if not rows.size:
         return np.zeros((min(rows.shape), rows.shape[1]))
     tall = rows.shape[0] > 1.5 * rows.shape[1]
-    factor = lapack.dgeqrt(min(PANEL, *rows.shape), rows)[0] if tall else lapack.dgeqrf(rows)[0]
+    if tall:
+        factor = lapack.dgeqrt(min(PANEL, *rows.shape), rows, overwrite_a=overwrite)[0]
+    else:
+        factor = lapack.dgeqrf(rows, overwrite_a=overwrite)[0]
     factor = factor[: rows.shape[1]]
     return np.asarray(factor * _upper(*factor.shape))
 
