@@ -134,6 +134,8 @@ class SimulatedCia406:
         """ns between the SYNCs that a node makes; 0: none does."""
         for encoder in self.encoders.values():
             get = encoder.node.get_data
+            if cia.SYNC_IDENTIFIER not in encoder.node.object_dictionary:
+                continue  # it cannot
             made = int.from_bytes(get(cia.SYNC_IDENTIFIER, 0), "little") & cia.MAKES_SYNC
             if made and encoder.node.nmt._state == OPERATIONAL:
                 return 1000 * int.from_bytes(get(cia.SYNC_PERIOD, 0), "little")

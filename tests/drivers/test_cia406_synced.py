@@ -126,6 +126,14 @@ def test_what_it_cannot_do(encoders: tuple[Any, Any]) -> None:
         device.arm(Plan(EdgeSource.TIMER, 5000.0, None))
 
 
+def test_a_node_that_cannot_make_syncs_is_told(encoders: tuple[Any, Any]) -> None:
+    device, box = encoders
+    device.open()
+    del box.encoders[2].node.object_dictionary[cia.SYNC_IDENTIFIER]
+    with pytest.raises(DeviceFault, match="node 2, object 1005h: .* exist"):
+        device.arm(TIMER)
+
+
 def test_an_encoder_that_falls_silent_is_missing_alone(encoders: tuple[Any, Any]) -> None:
     device, box = encoders
     device.open()
