@@ -18,6 +18,7 @@ from arm_model.parameters import parameter
 from arm_model.regressor import parameter_names, parameter_vector, regressor
 from identification.base_parameters import BaseParameters, base_parameters
 from identification.effects import effect_columns, effect_parameters, shown_torque
+from identification.setpoint_ripple import drifting
 from identification.signals import Motion, equation_rows, equation_weight, parallel_filter, parallel_window, sure_rows
 
 Array = NDArray[np.float64]
@@ -161,15 +162,14 @@ def _systematic(rows: Equations, motions: Sequence[Motion]) -> Array | None:
     for run, motion in enumerate(motions):
         if motion.folded is None:
             continue
-        added = parallel_filter(motion, motion.folded * equation_weight(motion))
+        unseen = drifting(motion.folded, motion.t) * equation_weight(motion)[:, None]
+        added = parallel_filter(motion, unseen)
         joint, row = np.nonzero(equation_rows(motion)[1].T)
         for j in np.flatnonzero(motion.folded.any(axis=0)):
-            mine = rows.run == run
-            for drift in (np.ones(mine.sum()), 2 * rows.t[mine] / motion.t[-1] - 1):
-                column = np.zeros(len(rows))
-                column[mine] = np.where(joint == j, added[row, j], 0.0) * drift
-                found.append(column)
-    return np.stack(found, axis=1) if found else None
+            columns = np.zeros((len(rows), 2))
+            columns[rows.run == run] = np.where((joint == j)[:, None], added[row, :, j], 0.0)
+            found.append(columns)
+    return np.concatenate(found, axis=1) if found else None
 
 
 def _run_equations(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from arm_model.description import Arm
 from arm_model.parameters import parameter, with_parameters
@@ -21,6 +22,7 @@ from identification.demands import demand_of_run
 from identification.equations import Equations
 from identification.least_squares import Fit
 from identification.result import Prediction
+from identification.setpoint_ripple import drifting
 from identification.signals import Motion, parallel_filter, parallel_rows
 from identification.uncertainty import Uncertainty, uncertainty
 from inputs import InputError
@@ -105,14 +107,21 @@ def tune_friction(
 
 def _rows(motions: Sequence[Motion], jacobian: Array, error: Array, names: Sequence[str]) -> Equations:
     """What ``_errors`` strings together, as rows that know their run, joint and time."""
-    run, joint, t = [], [], []
+    run, joint, t, unseen = [], [], [], []
+    scale = _scales(motions)
     for number, motion in enumerate(motions):
         stamps, trusted = parallel_rows(motion)
         row, here = np.nonzero(trusted)
         run.append(np.full(len(row), number))
         joint.append(here)
         t.append(stamps[row])
-    return Equations(jacobian, error, np.concatenate(joint), np.concatenate(run), np.concatenate(t), tuple(names))
+        folded = np.zeros(motion.q.shape) if motion.folded is None else motion.folded / scale
+        added = parallel_filter(motion, drifting(folded, motion.t))[row, :, here]
+        unseen.append(np.concatenate([added * (here == j)[:, None] for j in range(len(scale))], axis=1))
+    return Equations(
+        jacobian, error, np.concatenate(joint), np.concatenate(run), np.concatenate(t), tuple(names),
+        systematic=linalg.block_diag(*unseen),
+    )  # fmt: skip
 
 
 def _step(gram: Array, slope: Array, damping: float) -> Array:

@@ -25,6 +25,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from identification.equations import Equations
 from identification.least_squares import Fit, least_squares
+from identification.setpoint_ripple import drifting
 from identification.signals import Motion, smooth_motion
 from identification.uncertainty import Uncertainty, uncertainty
 
@@ -82,7 +83,12 @@ def joined(runs: Sequence[Equations]) -> Equations:
     number = np.concatenate([np.full(len(rows), k, np.intp) for k, rows in enumerate(runs)])
     names = tuple(name for name, there in zip(runs[0].names, seen) if there)
     torque, t = (np.concatenate([getattr(rows, name) for rows in runs]) for name in ("torque", "t"))
-    return Equations(columns[:, seen], torque, np.zeros(len(torque), np.intp), number, t, names)
+    unseen = [np.zeros((len(rows), 0)) if rows.systematic is None else rows.systematic for rows in runs]
+    systematic = linalg.block_diag(*unseen)  # each run's clocks have a phase of their own
+    return Equations(
+        columns[:, seen], torque, np.zeros(len(torque), np.intp), number, t, names,
+        systematic=systematic if systematic.shape[1] else None,
+    )  # fmt: skip
 
 
 def fitted(rows: Equations, way: Way) -> MotorLink:
@@ -99,7 +105,7 @@ def motor_link_rows(
 ) -> Equations:
     """The rows that are solved, about five a period of the bandwidth."""
     q, sign = motion.q[:, joint], np.sign(motion.qd[:, joint])
-    torque = motion.torque[:, joint]
+    torque, folded = motion.torque[:, joint], None if motion.folded is None else motion.folded[:, joint]
     terms = {"gravity_cos": np.cos(q), "gravity_sin": np.sin(q)} if gravity else {}
     terms |= {"coulomb_positive": (sign > 0).astype(float), "coulomb_negative": -(sign < 0).astype(float)}
     # A filter that remembers longer than the joint moves at a time would leave no row that forgot its standstills.
@@ -111,12 +117,14 @@ def motor_link_rows(
         speed, acceleration = _filtered(q, motion.dt, bandwidth)[1:]
         columns = [acceleration, speed, *(_filtered(term, motion.dt, bandwidth)[0] for term in terms.values())]
         torque = _filtered(torque, motion.dt, bandwidth)[0]
+        folded = None if folded is None else _filtered(folded, motion.dt, bandwidth)[0]
         memory = int(MEMORY / (2 * np.pi * bandwidth * motion.dt))
     else:
         # Integrated from row to row, not from the start: what goes wrong at one reversal then stays there.
         over = {name: _window(_integral(term, motion.dt), step) for name, term in terms.items()}
         columns = [_window(motion.qd[:, joint], step), _window(q, step), *over.values()]
         torque = _window(_integral(torque, motion.dt), step)
+        folded = None if folded is None else _window(_integral(folded, motion.dt), step)
         memory = step
     # A row remembers: one that rests on a standstill, where Coulomb's law says nothing, is as useless as the standstill.
     spoilt = np.cumsum(np.concatenate([np.ones(memory + 1), ~motion.usable[:, joint]]))
@@ -125,7 +133,10 @@ def motor_link_rows(
     kept &= spoilt[memory + 1 :] - spoilt[: -memory - 1] == 0
     index = np.zeros(int(kept.sum()), np.intp)
     names = ("inertia", "viscous", *terms)
-    return Equations(np.stack(columns, axis=1)[kept], torque[kept], index, index, motion.t[kept], names)
+    unseen = None if folded is None else drifting(folded, motion.t)[kept]
+    return Equations(
+        np.stack(columns, axis=1)[kept], torque[kept], index, index, motion.t[kept], names, systematic=unseen
+    )
 
 
 def _longest(flags: NDArray[np.bool_]) -> int:

@@ -35,6 +35,12 @@ def rows_a_setpoint(arm: Arm, motion: Motion) -> int:
     return rows if rows > 1 and abs(rows / period - 1 / motion.dt) <= BEAT else 0
 
 
+def drifting(folded: Array, t: Array) -> Array:
+    """(m, 2, ...) what ``folded`` (m, ...) at t (m,) s of a run is while two clocks keep their phase, and what changes as they drift apart."""
+    along = (2 * t / max(t[-1], 1e-9) - 1).reshape(-1, *[1] * (folded.ndim - 1))
+    return np.stack([folded, folded * along], axis=1)
+
+
 def rate_beside(arm: Arm, rate: float) -> float:
     """``rate`` Hz, or the next lower one at which the ripple is folded far from the motion: 0.4 of the setpoints' own rate beside a multiple."""
     period = 0.0 if arm.controller is None else arm.controller.setpoint_period

@@ -14,7 +14,9 @@ from arm_model.simulation import simulate
 from experiment import demand_of
 from identification.equations import equations, model_values, structural_base
 from identification.excitation import design_excitation
+from identification.joint_by_joint import WAYS
 from identification.least_squares import least_squares
+from identification.motor_link import motor_link_of
 from identification.setpoint_ripple import folded_torque, rate_beside, rows_a_setpoint
 from identification.signals import Motion, smooth_motion
 from identification.uncertainty import uncertainty
@@ -102,3 +104,13 @@ def test_rate_beside_a_multiple_of_the_setpoints(arm: Arm) -> None:
     assert rate_beside(arm, 985.71) == 985.71
     assert rate_beside(arm, 1 / period) == 1 / period  # one row a setpoint: recorder and controller run as one
     assert rate_beside(replace(arm, controller=None), 1000.0) == 1000.0
+
+
+def test_motor_link_pairs_allow_for_it_too(arm: Arm, recorded: dict) -> None:
+    motion = recorded[500.0, 0.35]
+    for way in WAYS:
+        whole, plain = (motor_link_of(each, 0, way=way) for each in (motion, replace(motion, folded=None)))
+        assert np.array_equal(whole.fit.values, plain.fit.values)
+        added = np.sqrt(np.diag(whole.uncertainty.covariance - plain.uncertainty.covariance))
+        of_inertia = np.std(motion.folded[:, 0]) / np.std(motion.qdd[:, 0])
+        assert 0.7 * of_inertia < added[whole.names.index("inertia")] < 1.5 * of_inertia
