@@ -24,6 +24,7 @@ from daq.recording import open_recording
 from daq.recording_file import Attachments
 from daq.table import write_table
 from experiment import Experiment, demand_of, read_experiment
+from identification.demands import demand_of_run
 from inputs import InputError
 
 Array = NDArray[np.float64]
@@ -122,7 +123,8 @@ def _of_recording(arm: Arm, path: Path | None, rate: float | None) -> _Task:
         return np.column_stack([np.interp(at, t, demanded[:, j]) for j in range(len(arm))])
 
     wanted = recording.attachments.get("experiment.toml")
-    return _Task(arm, demand, times, None, True, True, None if wanted is None else wanted.decode())
+    sampled = demand_of_run(recording, arm)[1]
+    return _Task(arm, demand, times, None, sampled, True, None if wanted is None else wanted.decode())
 
 
 def _without_holes(path: Path, t: Array, values: Array) -> Array:
