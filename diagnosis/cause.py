@@ -26,6 +26,8 @@ from diagnosis.units import unit_at
 
 Array = NDArray[np.float64]
 
+WITHIN = {"current_offset": "friction_asymmetry"}
+"""Effects that are the simplest case of another one as long as the drives are on: friction that is more by the same one way and less the other."""
 GROUP_ABOVE = 0.98
 """Canonical correlation above which two effects are one to this data."""
 
@@ -75,6 +77,9 @@ def of_candidate(
             pair = library[candidate][0], library[other.candidate][0]
             if confusability(basis, *(_full(c.x, c.where, len(fit.y)) for c in pair)) > GROUP_ABOVE:
                 group.append(other.candidate.key)
+    within = WITHIN.get(candidate.effect)
+    if within and (within, joint) not in group and all(run.powered for side in found.sides for run in side.runs):
+        group.append((within, candidate.joint))
     definition = candidate.definition
     where, unit = (
         f"joint {candidate.joint}" if candidate.joint else "all joints",

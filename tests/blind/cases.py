@@ -141,8 +141,9 @@ SINGLES: dict[str, Draw] = {
 WHOLE_ARM = {"payload", "base_tilt", "wrist_coupling", "time_skew", "dropped_trigger"}
 GRAVITY_LOADED = {"load_friction", "backlash", "joint_zero_offset", "current_nonlinearity", "link_inertia"}
 """Effects that need gravity at the joint to be there at all: hidden at joints 2 and 3 only."""
-NOT_WEAK = {"current_limit", "dropped_trigger", "wrist_coupling"}
-"""Effects that are there or not: no small one is drawn. Of a wrist's coupling currents show next to nothing; its motors turn."""
+NOT_WEAK = {"current_limit", "dropped_trigger", "wrist_coupling", "presliding_friction"}
+"""Effects that are there or not: no small one is drawn. Of a wrist's coupling currents show next to nothing; its motors turn. Bristles
+that get stiffer come near to dry friction, not to nothing."""
 
 SAME = (
     {"torque_constant", "current_gain"},
