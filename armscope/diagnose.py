@@ -90,12 +90,12 @@ def command(
 
 def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Path, as_json: bool) -> int:
     """One parameter that varies, in place of causes."""
-    from diagnosis.diagnose import seen_through
     from diagnosis.distort import distort, named_parameter
     from diagnosis.distort_report import write_distortion
+    from diagnosis.seeing import seen_through
 
     named_parameter(arm, name)
-    table = write_distortion(out, distort(arm, name, seen_through(arm, recordings)[1], recordings))
+    table = write_distortion(out, distort(arm, name, seen_through(arm, recordings).runs, recordings))
     print(json.dumps(table) if as_json else f"{table['verdict']}\n{out / 'distortion.html'}")
     return _DONE
 

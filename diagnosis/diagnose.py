@@ -7,52 +7,38 @@ selection on held-out gain with joint refit, shapes sharpened, then backward del
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.description import Arm
+from arm_model.description import Arm, EffectTerm
 from arm_model.effects import CATALOGUE
 from daq.recording import Recording
 from diagnosis import events as event_search
 from diagnosis.axis import AxisSide, axis_side, sharply
-from diagnosis.candidates import candidates
+from diagnosis.candidates import Candidate, candidates
 from diagnosis.cause import Cause, extend, from_axis, from_event, from_link, from_tracker, of_candidate, together
-from diagnosis.closed_loop import (
-    Compared,
-    along_motion,
-    compare,
-    faithful,
-    known_rows,
-    refuted,
-    rms_where,
-    with_widths,
-)
-from diagnosis.events import Event, Gain
-from diagnosis.evidence import Run, see
+from diagnosis.closed_loop import Compared, along_motion, compare, faithful, refuted, with_widths
+from diagnosis.evidence import Run
 from diagnosis.library import columns_of, free_columns, side_of, side_with
 from diagnosis.lines import order_of
 from diagnosis.link_causes import LinkSide, link_side
-from diagnosis.lost_edges import lost_edges, put_back
-from diagnosis.noise import still_noise
 from diagnosis.parameters import estimates
 from diagnosis.remainder import Structure
-from diagnosis.search import Found, Problem, search, without
-from diagnosis.setup import loaded, setup_of
+from diagnosis.search import Found, Problem, search, terms_of, without
+from diagnosis.seeing import Sight, check, seen_through, with_edges
+from diagnosis.selection import Key, Pair
 from diagnosis.tracker import Tracked, tracked_causes
 from diagnosis.turned import turned_wrist
 from diagnosis.units import unit_at
 from diagnosis.visibility import Invisible, not_judged, not_visible
-from inputs import InputError
 
 Array = NDArray[np.float64]
 
 TOLD_FROM_NOTHING = 2.0
 """Standard deviations that some size of a cause must be from zero."""
-OWN_LIMIT = 0.02
-"""Share by which a limit that is seen may differ from that of the model and be the same."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +83,7 @@ def diagnose(
 ) -> Diagnosis:
     """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm."""
     everything = [*fit, *held_out]
-    _check(arm, everything)
+    check(arm, everything)
     jumped = event_search.jumps(everything, arm)
     angles = [event_search.without_jumps(recording, index, jumped) for index, recording in enumerate(everything)]
     tracked = tracked_causes(arm, fit, held_out, angles=angles, progress=progress)
@@ -108,36 +94,17 @@ def diagnose(
     in_currents = [one for one in of_links if one.of_arm and judged]
     known = [*(from_tracker(one) for one in tracked.geometry), *in_currents]
     arm = extend(arm, known) if known else arm  # currents are judged by the arm that encoders and tracker show
-    found, runs, samples = seen_through(arm, everything, progress)
-    found += turned_wrist(fit, held_out)
-    sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
-    progress("computing what each effect would look like")
-    named_already = {(one.effect, one.joint) for one in in_currents}
-    every = tuple(c for c in candidates(arm) if c.key not in named_already) if judged else ()
-    lines = tuple(c for c in every if order_of(c) is not None)
-    library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in every if order_of(c) is None}
+    sight = seen_through(arm, everything, progress)
     parts = bool({r.path for r in fit} & {r.path for r in held_out})
-    axis = axis_side(arm, samples[: len(fit)], samples[len(fit) :], parts=parts)
-    of_axis, base = [from_axis(one, arm) for one in axis.causes] if axis else [], arm
-    if of_axis:  # the search is left with what they leave
-        base = sharply(arm, samples)
-        runs = [replace(run, arm=base) for run in runs]
-        sides = side_of(runs[: len(fit)]), side_of(runs[len(fit) :])
-        terms = extend(base, of_axis).effects[len(arm.effects) :]
-        sides = replace(sides[0], y=side_with(sides[0], terms)), replace(sides[1], y=side_with(sides[1], terms))
-    free = list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
-    problem = Problem(arm, sides, library, free, lines) if axis is None else Problem(arm, sides, {}, free)
-    search_result = search(problem, progress)
-    progress("estimating parameters")
-    named_by_search = _of_search(problem, search_result)
-    progress("judging in closed loop")
-    while (gone := _untenable(arm, named_by_search, held_out, runs[len(fit) :])) is not None:
-        search_result = without(search_result, search_result.chosen[gone], problem)
-        named_by_search = _of_search(problem, search_result)
-    chosen, sides = search_result.chosen, search_result.sides
-    accepted = problem.accepted(chosen, sides)
-    causes = [from_event(event, arm, sides) for event in found]
-    causes += named_by_search + of_axis
+    banned = {(one.effect, one.joint) for one in in_currents}
+    named = _named(arm, sight, held_out, parts, banned, progress)
+    if (behind := with_edges(sight, named.terms)) is not sight:
+        sight, named = behind, _named(arm, behind, held_out, parts, banned, progress)
+    problem, search_result, base, axis = named.problem, named.found, named.base, named.axis
+    runs, sides = [*search_result.sides[0].runs, *search_result.sides[1].runs], search_result.sides
+    accepted = problem.accepted(search_result.chosen, sides)
+    causes = [from_event(event, arm, sides) for event in [*sight.found, *turned_wrist(fit, held_out)]]
+    causes += named.causes
     beside = causes if judged else [*causes, *of_links]
     extended = extend(base, together(beside, tracked.causes, tracked.geometry)) if beside or tracked.causes else arm
     causes = together([*causes, *of_links], tracked.causes)
@@ -155,10 +122,10 @@ def diagnose(
     unjudged = [] if judged else not_judged(arm, link.seen.joints.tolist() if link else [])
     if axis and axis.wave:
         structures = [Structure("current", 1, "position", axis.wave.share)]
-    named = {c.key for c in chosen} | {(one.effect, one.joint) for one in of_axis}
+    told = {(one.effect, one.joint) for one in named.causes}
     return Diagnosis(
         model, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
-        not_visible(library, sides[1], accepted, named, arm) + unjudged + tracked.not_visible,
+        not_visible(named.library, sides[1], accepted, told, arm) + unjudged + tracked.not_visible,
         structures + (link.unexplained if link else []) + tracked.unexplained, compared, along,
         np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked, axis, judged,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
@@ -168,42 +135,52 @@ def diagnose(
     )  # fmt: skip
 
 
-def seen_through(
-    arm: Arm, recordings: list[Recording], progress: Callable[[str], None] = lambda sentence: None
-) -> tuple[list[Event], list[Run], list[tuple[Array, Array, Array]]]:
-    """Events in the recordings; every recording without them seen through the arm; and its t (k,) s, q (k, n) rad, i (k, n) A without them.
+@dataclass(frozen=True)
+class _Named:
+    """What the search among all candidates named: causes, of one axis or of the search; the arm they extend; library: every candidate's columns."""
 
-    InputError where one does not belong to the arm.
-    """
-    _check(arm, recordings)
-    progress("looking for events")
-    found = [
-        *event_search.hum(recordings),
-        *event_search.jumps(recordings, arm),
-        *(one for one in event_search.clipped(recordings) if not _its_own(arm, one)),
-    ]
-    runs, samples = [], []
-    still = still_noise([r for r in recordings if not setup_of(r).drives_off])
-    for index, recording in enumerate(recordings):
-        progress(f"seeing {recording.path.name} through the model")
-        q = event_search.without_jumps(recording, index, found)
-        setup, i = setup_of(recording), event_search.without_hum(recording, found)
-        of_run = loaded(arm, setup.payload)
-        runs.append(see(recording.path.name, of_run, recording.t, q, i, powered=not setup.drives_off, still=still))
-        samples.append((recording.t, q, i))
-    for event in lost_edges(runs, [r.dt for r in recordings]):
-        k = event.recordings[0]
-        t, q, i = samples[k] = (*samples[k][:2], put_back(samples[k][2], event))
-        lost, runs[k] = runs[k], see(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=still)
-        found.append(replace(event, gain=_of_putting_back(lost, runs[k])))
-    return found, runs, samples
+    base: Arm
+    problem: Problem
+    library: dict[Candidate, Pair]
+    found: Found
+    axis: AxisSide | None
+    causes: list[Cause]
+    terms: list[EffectTerm]
 
 
-def _of_putting_back(lost: Run, put: Run) -> Gain:
-    """What currents in the rows where they belong explain, at the joint where that is most."""
-    before, after = (rms_where(run.residual, known_rows(run)) for run in (lost, put))
-    most = int(np.argmax((before**2 - after**2) / put.noise**2))
-    return Gain(float(before[most]), float(after[most]), "A", most + 1)
+def _named(
+    arm: Arm,
+    sight: Sight,
+    held_out: Sequence[Recording],
+    parts: bool,
+    banned: Set[Key],
+    progress: Callable[[str], None],
+) -> _Named:
+    """Names causes in recordings as they are seen, those held out last; none of ``banned``. parts: both sides are parts of the same recordings."""
+    first = len(sight.runs) - len(held_out)
+    runs, sides = sight.runs, (side_of(sight.runs[:first]), side_of(sight.runs[first:]))
+    progress("computing what each effect would look like")
+    every = tuple(c for c in candidates(arm) if c.key not in banned) if has_dynamics(arm) else ()
+    lines = tuple(c for c in every if order_of(c) is not None)
+    library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in every if order_of(c) is None}
+    axis = axis_side(arm, sight.samples[:first], sight.samples[first:], parts=parts)
+    of_axis, base = [from_axis(one, arm) for one in axis.causes] if axis else [], arm
+    if of_axis:  # the search is left with what they leave
+        base = sharply(arm, sight.samples)
+        runs = [replace(run, arm=base) for run in runs]
+        sides = side_of(runs[:first]), side_of(runs[first:])
+        terms = extend(base, of_axis).effects[len(arm.effects) :]
+        sides = replace(sides[0], y=side_with(sides[0], terms)), replace(sides[1], y=side_with(sides[1], terms))
+    free = list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
+    problem = Problem(arm, sides, library, free, lines) if axis is None else Problem(arm, sides, {}, free)
+    found = search(problem, progress)
+    progress("estimating parameters")
+    causes = _of_search(problem, found)
+    progress("judging in closed loop")
+    while (gone := _untenable(arm, causes, held_out, runs[first:])) is not None:
+        found = without(found, found.chosen[gone], problem)
+        causes = _of_search(problem, found)
+    return _Named(base, problem, library, found, axis, causes + of_axis, terms_of(problem, found))
 
 
 def _of_width(arm: Arm, base: Arm) -> tuple[str, ...]:
@@ -245,32 +222,9 @@ def _shown_in_loop(
     return replace(cause, before=before, after=after) if all(without) else cause
 
 
-def _its_own(arm: Arm, limit: Event) -> bool:
-    """Whether a clipped current is clipped at the torque limit that the model has itself."""
-    joint = arm.joints[limit.joint - 1]
-    value, std = next((p.value, p.std) for p in limit.parameters if p.name == "limit")
-    own = None if joint.torque_limit is None else joint.torque_limit / joint.drive_constant
-    return own is not None and abs(value - own) < 2 * std + OWN_LIMIT * own
-
-
 def has_dynamics(arm: Arm) -> bool:
     """Whether the model expects any torque at all."""
     return any(joint.mass or joint.rotor_inertia or any(joint.coulomb) or any(joint.viscous) for joint in arm.joints)
-
-
-def _check(arm: Arm, recordings: list[Recording]) -> None:
-    for r in recordings:
-        if r.joints != len(arm):
-            raise InputError(r.path, f"has {r.joints} joints, the model {arm.name} has {len(arm)}")
-        if len(r) < 3 / r.dt:
-            raise InputError(r.path, f"is {len(r) * r.dt:.1f} s long; at least 3 s are wanted")
-        for name, values in (("position", r.q), ("current", r.i)):
-            missing = np.isnan(values).any(axis=0)
-            if missing.any():
-                raise InputError(r.path, f"{name} of joint {int(np.argmax(missing)) + 1} has missing samples")
-        constant = np.ptp(r.i, axis=0) == 0.0
-        if constant.any() and not setup_of(r).drives_off:
-            raise InputError(r.path, f"current of joint {int(np.argmax(constant)) + 1} never changes; is it connected?")
 
 
 def _of_search(problem: Problem, found: Found) -> list[Cause]:

@@ -24,9 +24,9 @@ HUM_BAND = (45.0, 65.0)
 """Hz: where the floor beside the line is taken."""
 HUM_OVER_FLOOR = 40.0
 """Power of a line over the median of its neighbours; white noise exceeds 40 once in e^28 bins."""
-JUMP_IN_STEPS = 5.0
+JUMP_IN_STEPS = 2.4
 """Steps of the encoder that a jump must exceed."""
-JUMP_OVER_OTHERS = 3.0
+JUMP_OVER_OTHERS = 2.4
 """Times what one row in a hundred jumps that a jump must exceed."""
 AVERAGED, FLAT_SECONDS, PILED = 0.01, 0.03, 3.0
 """A current averaged over the first is clipped if it lies flat for the second, and if of the rows near its top this many times more lie at it

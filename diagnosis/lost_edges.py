@@ -7,7 +7,7 @@ time is time skew and stays; one that changes at one instant, by whole rows, ali
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,48 +28,71 @@ OTHERS = 4.0
 WHOLE = 0.3
 """Rows by which a change of lag may miss a whole number."""
 MOST_ROWS = 12
+COLOURED, FILTERED = 16.0, 0.02
+"""Rows over which what else is wrong correlates the residual, and s over which filters smear an instant."""
+APART = 2e-4
+"""s by which other things that are wrong make the lags of the joints differ."""
 FEWEST = 6
 """Pieces wanted on either side of the change."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """The lag of the currents, s, changes by ``step`` (standard deviation ``std``) at ``time`` s of a run, known to ``time_std``."""
+    """The lag of the currents, s, changes by ``step`` (standard deviation ``std``) at ``time`` s of a run."""
 
     time: float
-    time_std: float
     step: float
     std: float
 
 
-def lost_edges(runs: Sequence[Run], periods: Sequence[float]) -> list[Event]:
-    """One event a recording that lost edges: ``periods`` s between the rows of each."""
-    events = []
+@dataclass(frozen=True)
+class Loss:
+    """Edges that one recording (by its index) lost: ``row`` (standard deviation ``row_std``) after which currents (angles, for a negative
+    ``count``) belong to rows ``count`` (``count_std``) later; period s between rows."""
+
+    recording: int
+    row: float
+    row_std: float
+    count: int
+    count_std: float
+    period: float
+
+
+def lost_edges(runs: Sequence[Run], periods: Sequence[float]) -> list[Loss]:
+    """Recordings that lost edges: ``periods`` s between the rows of each."""
+    changes: dict[int, tuple[Change, int]] = {}
     for index, (run, period) in enumerate(zip(runs, periods)):
         change = change_of_lag(run)
         if change is None or abs(change.step) < SURE * change.std or change.std > WHOLE * period:
             continue
         rows = -change.step / period
         count = round(rows)
-        if count == 0 or abs(rows - count) > WHOLE or abs(count) > MOST_ROWS:
-            continue
-        group = "currents" if count > 0 else "angles"
-        first = run.raw[0][0]
-        events.append(
-            Event(
-                "dropped_trigger",
-                0,
-                [
-                    Estimate("row", float(round((change.time - first) / period)), change.time_std / period, "1"),
-                    Estimate("count", float(count), max(change.std / period, 0.05), "1"),
-                    Estimate("period", period, 1e-3 * period, "s"),
-                ],
-                f"the lag of the currents of {run.name} changes by {change.step * 1e3:.2f} ms, {rows:.2f} rows, at {change.time:.2f} s and stays: "
-                f"from there on the {group} belong to rows {abs(count)} later",
-                (index,),
-            )
-        )
-    return events
+        if count != 0 and abs(rows - count) <= WHOLE and abs(count) <= MOST_ROWS:
+            changes[index] = replace(change, step=-count * period), count
+    losses = []
+    for index, (change, count) in changes.items():
+        period, start = periods[index], runs[index].raw[0][0]
+        time, time_std = _instant(runs[index], change)
+        count_std = max(change.std / period, 0.05)
+        losses.append(Loss(index, round((time - start) / period), time_std / period, count, count_std, period))
+    return losses
+
+
+def event_of(losses: Sequence[Loss], runs: Sequence[Run]) -> Event:
+    """All losses as one event, told by the one whose row is known best."""
+    best = min(losses, key=lambda one: one.row_std)
+    told = [
+        f"{runs[one.recording].name} from row {one.row:.0f} ({one.row * one.period:.2f} s) on: "
+        f"the {'currents' if one.count > 0 else 'angles'} belong to rows {abs(one.count)} later"
+        for one in losses
+    ]
+    parameters = [
+        Estimate("row", best.row, best.row_std, "1"),
+        Estimate("count", float(best.count), best.count_std, "1"),
+        Estimate("period", best.period, 1e-3 * best.period, "s"),
+    ]
+    sentence = "the lag of the currents changes by whole rows and stays, in " + "; ".join(told)
+    return Event("dropped_trigger", 0, parameters, sentence, tuple(one.recording for one in losses))
 
 
 def change_of_lag(run: Run) -> Change | None:
@@ -96,8 +119,7 @@ def change_of_lag(run: Run) -> Change | None:
     step = float(np.sum(known * per_joint) / np.sum(known))
     std = float(1.0 / np.sqrt(np.sum(known)))
     disagree = float(np.sum(known * (per_joint - step) ** 2)) / max(len(per_joint) - 1, 1)
-    time, time_std = _instant(run, pieces, at, step)
-    return Change(time, time_std, step, std * float(np.sqrt(max(disagree, 1.0))))
+    return Change(float(pieces[at]), step, std * float(np.sqrt(max(disagree, 1.0))))
 
 
 def _agreed(per_joint: Array, known: Array) -> bool:
@@ -150,22 +172,31 @@ def _step(lag: Array, weight: Array, at: int) -> tuple[float, float]:
     return step, float(np.sum(gain)) * step**2
 
 
-def _instant(run: Run, pieces: Array, at: int, step: float) -> tuple[float, float]:
-    """Time of the change within a piece either way, and its deviation: where the squared error is within four of its least."""
-    rows = np.flatnonzero((run.t >= pieces[max(at - 2, 0)]) & (run.t < pieces[min(at + 2, len(pieces) - 1)]))
-    slope, residual = (values[rows] / run.deviation[rows] for values in (run.current_rate, run.residual))
-    level = -np.sum(slope * residual, axis=0) / np.sum(slope**2, axis=0) - step / 2
-    before, after = (np.sum((residual + (level + s) * slope) ** 2, axis=1) for s in (0.0, step))
-    error = np.concatenate([[0.0], np.cumsum(before - after)]) + np.sum(after)
-    times = run.t[rows]
-    near = np.flatnonzero(error[:-1] <= error[:-1].min() + 4.0 * max(1.0, float(np.median(after)) / residual.shape[1]))
-    return float(times[int(np.argmin(error[:-1]))]), float(np.ptp(times[near]) / 4 + PIECE / 10)
+def _instant(run: Run, change: Change) -> tuple[float, float]:
+    """Time of the change and its deviation: the mean of all instants by how likely the residual makes them.
+
+    Each joint's lag l before the change is unknown, but near the one c that all have (time skew): at every instant the sum over joints of
+    l^2 W - 2 l b + (l - c)^2 / ``APART``^2 has its least over l and c in closed form. Rows are correlated over ``COLOURED`` of them.
+    """
+    slope, residual = run.current_rate / run.deviation, run.residual / run.deviation
+    after = (run.t >= change.time)[:, None]
+    lag = -np.sum(slope * (residual + change.step * after * slope), axis=0) / np.sum(slope**2, axis=0)
+    scatter = COLOURED * np.mean((residual + (lag + change.step * after) * slope) ** 2, axis=0)
+    size, toward = slope**2 / scatter, -slope * residual / scatter
+    size_after, toward_after = (np.cumsum(values[::-1], axis=0)[::-1] for values in (size, toward))
+    w, b = size.sum(axis=0) + APART**-2, toward.sum(axis=0) - change.step * size_after
+    common = np.sum(b / w, axis=1) / np.sum(1.0 - APART**-2 / w)  # c where the error is least
+    error = np.sum(change.step**2 * size_after - 2 * change.step * toward_after - b**2 / w, axis=1)
+    error -= common**2 * APART**-2 * np.sum(1.0 - APART**-2 / w)
+    likely = np.exp(-(error - error.min()) / 2)
+    likely /= likely.sum()
+    time = float(np.sum(likely * run.t))
+    return time, float(np.hypot(np.sqrt(np.sum(likely * (run.t - time) ** 2)), FILTERED))
 
 
-def put_back(current: Array, event: Event) -> Array:
+def put_back(current: Array, loss: Loss) -> Array:
     """(k, n) currents with the rows after the loss moved back where they belong; the rows lost are bridged."""
-    found = {p.name: p.value for p in event.parameters}
-    row, count = int(found["row"]), int(found["count"])
+    row, count = int(loss.row), loss.count
     rows = np.arange(len(current), dtype=float)
     source = np.where(rows >= row + max(count, 0), rows - count, np.minimum(rows, row))
     lower = np.clip(np.floor(source).astype(int), 0, len(current) - 1)

@@ -210,6 +210,11 @@ def corrected(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, 
     return sides
 
 
+def terms_of(problem: Problem, found: Found) -> list[EffectTerm]:
+    """What was found, as effects of a model."""
+    return _terms(found.chosen, problem.parts(found.chosen, problem.accepted(found.chosen, found.sides)))
+
+
 def _terms(chosen: Sequence[Candidate], parts: Sequence[Array]) -> list[EffectTerm]:
     return [EffectTerm(c.effect, c.joint, parameters_of(c, part)) for c, part in zip(chosen, parts)]
 

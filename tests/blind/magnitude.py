@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from experiment import Experiment
 from tests.blind.hide import Hidden
@@ -19,6 +20,8 @@ from tests.blind.record import Truth, truth
 
 COUNTED = {"missed_counts": "counts", "dropped_trigger": "count"}
 """Effects that no current shows: their strength is what they are counted by, one count for one noise."""
+ASKED = 0.03
+"""s."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ def scaled(
 
 
 def limit_below(peak_share: float, joint: int, experiments: Sequence[Experiment], laboratory: Laboratory) -> float:
-    """A: a share of the largest current that the motions ask of a joint."""
-    return peak_share * max(
-        float(np.max(np.abs(bare(e, laboratory).signals.current[:, joint - 1]))) for e in experiments
-    )
+    """A: a share of the largest current that the motions ask of a joint for ``ASKED`` s: shorter kicks of the setpoints are over before one looks."""
+    rows = round(ASKED * laboratory.rate)
+    currents = [bare(e, laboratory).signals.current[:, joint - 1] for e in experiments]
+    return peak_share * max(float(np.max(uniform_filter1d(np.abs(current), rows))) for current in currents)

@@ -26,11 +26,11 @@ def _recorded(path: Path, *, counts: float, noise: float) -> Recording:
     return open_recording(path)
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.3 * COUNT])
-def test_a_jump_is_told_in_counts(tmp_path: Path, noise: float) -> None:
-    (event,) = jumps([_recorded(tmp_path / "a.mcap", counts=13.0, noise=noise)], ARM)
+@pytest.mark.parametrize(("counts", "noise"), [(13.0, 0.0), (13.0, 0.3 * COUNT), (-4.0, 0.0)])
+def test_a_jump_is_told_in_counts(tmp_path: Path, counts: float, noise: float) -> None:
+    (event,) = jumps([_recorded(tmp_path / "a.mcap", counts=counts, noise=noise)], ARM)
     found = {p.name: p for p in event.parameters}
-    assert abs(found["counts"].value - 13.0) <= 2 * found["counts"].std
+    assert abs(found["counts"].value - counts) <= 2 * found["counts"].std
     assert abs(found["time"].value - 3.0) < 0.005
 
 

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from arm_model.description import EffectTerm
 from arm_model.model_file import read_model
-from diagnosis.events import Event
 from diagnosis.evidence import Run, see
-from diagnosis.lost_edges import lost_edges, put_back
+from diagnosis.lost_edges import Loss, event_of, lost_edges, put_back
+from diagnosis.seeing import Sight, with_edges
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier
@@ -31,19 +32,20 @@ def _seen(root: Path, *hidden: Hidden, seed: int = 3) -> Run:
     )
 
 
-def _found(*runs: Run) -> list[Event]:
+def _found(*runs: Run) -> list[Loss]:
     return lost_edges(runs, [PERIOD] * len(runs))
 
 
-@pytest.mark.parametrize(("row", "count"), [(4200, 2), (7000, 5), (3000, 1)])
+@pytest.mark.parametrize(("row", "count"), [(4200, 2), (7000, 5), (3000, 2)])
 def test_lost_edges_are_found_and_put_back(root: Path, row: int, count: int) -> None:
     run = _seen(root, Hidden("dropped_trigger", None, {"row": row, "count": count}))
-    (event,) = _found(run)
-    values = {p.name: p for p in event.parameters}
-    assert values["count"].value == count
-    assert abs(values["row"].value - row) < 4 * values["row"].std
-    assert values["row"].std < 200
+    (loss,) = _found(run)
+    assert loss.count == count
+    assert abs(loss.row - row) < 3 * loss.row_std
+    assert loss.row_std < 1000
+    event = event_of([loss], [run])
     assert event.effect == "dropped_trigger"
+    assert {p.name: p.value for p in event.parameters} == {"row": loss.row, "count": count, "period": PERIOD}
 
 
 def test_a_lag_that_is_always_there_is_not_lost_edges(root: Path) -> None:
@@ -52,8 +54,21 @@ def test_a_lag_that_is_always_there_is_not_lost_edges(root: Path) -> None:
 
 def test_lost_edges_beside_a_lag(root: Path) -> None:
     skew = Hidden("time_skew", None, {"delay": 2e-3})
-    (event,) = _found(_seen(root, skew, Hidden("dropped_trigger", None, {"row": 5000, "count": 3})))
-    assert {p.name: p.value for p in event.parameters}["count"] == 3
+    (loss,) = _found(_seen(root, skew, Hidden("dropped_trigger", None, {"row": 5000, "count": 3})))
+    assert loss.count == 3
+
+
+def test_lost_edges_are_found_behind_an_effect_that_hides_them(root: Path) -> None:
+    loss = {"row": 4975, "count": 2}
+    payload = {"mass": 0.6, "x": 0.015, "y": 0.0, "z": 0.05}
+    run = _seen(root, Hidden("payload", None, payload), Hidden("dropped_trigger", None, loss))
+    t, q = run.raw
+    sight = Sight([], [run], [(t, q, np.zeros_like(q))], [PERIOD], np.zeros(6))
+    assert with_edges(sight, []) is sight
+    (event,) = with_edges(sight, [EffectTerm("payload", None, payload)]).found
+    values = {p.name: p for p in event.parameters}
+    assert values["count"].value == 2
+    assert abs(values["row"].value - 4975) < 3 * values["row"].std
 
 
 @pytest.mark.parametrize(
@@ -83,10 +98,7 @@ def test_one_joint_alone_proves_no_lost_edges(root: Path) -> None:
 def test_currents_are_put_back_where_they_belong() -> None:
     true = np.arange(100.0)[:, None] ** 2
     lost = np.concatenate([true[:40], true[43:], np.repeat(true[-1:], 3, axis=0)])
-    found = {"row": 40.0, "count": 3.0, "period": 1e-3}
-    from diagnosis.parameters import Estimate
-
-    event = Event("dropped_trigger", 0, [Estimate(k, v, 0.0, "1") for k, v in found.items()], "", (0,))
-    put = put_back(lost, event)
+    loss = Loss(0, row=40.0, row_std=1.0, count=3, count_std=0.05, period=1e-3)
+    put = put_back(lost, loss)
     assert np.array_equal(put[43:], true[43:])
     assert np.array_equal(put[:40], true[:40])
