@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 SPANNED = {"phase": (0.0, np.pi / 2), "rest_angle": (0.0, 1.0)}
 """Nonlinear parameters whose whole family is spanned by the law at two values."""
 
+TWINS = (("torque_constant", "current_gain"),)
+"""Effects that are the same to currents and motor angles, whatever the motion: one scales the measured current, one the expected."""
+
 FIXED = {"presliding_friction": ("damping",)}
 """Shape parameters that the currents hardly show."""
 

@@ -27,7 +27,7 @@ from diagnosis.lines import order_of
 from diagnosis.link_causes import LinkSide, link_side
 from diagnosis.parameters import estimates
 from diagnosis.remainder import Structure
-from diagnosis.search import Found, Problem, search, terms_of, without
+from diagnosis.search import Found, Problem, search, terms_of
 from diagnosis.seeing import Sight, check, seen_through, with_edges
 from diagnosis.selection import Key, Pair
 from diagnosis.tracker import Tracked, tracked_causes
@@ -173,13 +173,15 @@ def _named(
         sides = replace(sides[0], y=side_with(sides[0], terms)), replace(sides[1], y=side_with(sides[1], terms))
     free = list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
     problem = Problem(arm, sides, library, free, lines) if axis is None else Problem(arm, sides, {}, free)
-    found = search(problem, progress)
-    progress("estimating parameters")
-    causes = _of_search(problem, found)
-    progress("judging in closed loop")
-    while (gone := _untenable(arm, causes, held_out, runs[first:])) is not None:
-        found = without(found, found.chosen[gone], problem)
+    banned: set[tuple[str, int | None]] = set()
+    while True:
+        found = search(problem, progress, banned)
+        progress("estimating parameters")
         causes = _of_search(problem, found)
+        progress("judging in closed loop")
+        if (gone := _untenable(arm, causes, held_out, runs[first:])) is None:
+            break
+        banned.add(found.chosen[gone].key)  # what it stood for may have a better name
     return _Named(base, problem, library, found, axis, causes + of_axis, terms_of(problem, found))
 
 

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 QUIET_ROWS, QUIET_BLOCKS = 60, 5
 """Rows that a block must have, and blocks that there must be."""
+END_SECONDS = 0.1
+"""Beginning of a recording that is left out: the filter's own end, and what the start of a drive does."""
 STILL_SECONDS = 0.2
 """Shortest stand of the whole arm that tells of noise."""
 
@@ -58,9 +60,9 @@ def still_noise(recordings: Sequence[Recording]) -> Array:
         q, i = recording.q, recording.i
         near = ndimage.maximum_filter1d(q, span, axis=0) - ndimage.minimum_filter1d(q, span, axis=0)
         moving = np.any(near > 8.0 * angle_noise(q), axis=1)
-        rows = (int(np.argmax(moving)) if moving.any() else len(q)) - span
-        if rows > STILL_SECONDS * rate:
-            found.append(_about_trend(low_pass(i, COMPARE_BAND, rate)[:rows]))
+        first, last = int(END_SECONDS * rate), (int(np.argmax(moving)) if moving.any() else len(q)) - span
+        if last - first > STILL_SECONDS * rate:
+            found.append(_about_trend(low_pass(i, COMPARE_BAND, rate)[first:last]))
     return np.median(found, axis=0) if found else np.zeros(recordings[0].joints if recordings else 1)
 
 

@@ -89,6 +89,12 @@ def _likeliest(shapes: Sequence[Shape], accepted: Accepted, held_out: Side, join
     return Structure("current", joint, shapes[best].name, float(gains[best].sum()) / before)
 
 
+def loud(accepted: Accepted, held_out: Side, arm: Arm) -> list[int]:
+    """Joints where what is left of the currents is no noise, the loudest first."""
+    by_joint = {joint: _loudness(accepted, held_out, joint) for joint in range(1, len(arm) + 1)}
+    return sorted((joint for joint, value in by_joint.items() if value > LOUD), key=lambda joint: -by_joint[joint])
+
+
 def _loudness(accepted: Accepted, held_out: Side, joint: int) -> float:
     """Rms of what is left of a joint over its deviation, where that is the instruments' and the joint moves; 1 where it may be noise.
 

@@ -7,34 +7,33 @@ Mathematik 29, 1978), so that it is not taken for another cause. Linear algebra 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm, EffectTerm
-from diagnosis.candidates import Candidate
+from diagnosis.candidates import TWINS, Candidate
 from diagnosis.library import Columns, Side, columns_of, side_with
 from diagnosis.lines import audible, order_of
 from diagnosis.parameters import parameters_of, physical, sharpened
-from diagnosis.remainder import Remainder, beside, better_than_causes, structure_left
-from diagnosis.selection import SHARE_OF_NOISE, Accepted, Look, Pair, accept, look, matters, round_of, simplest
+from diagnosis.remainder import Remainder, beside, better_than_causes, loud, structure_left
+from diagnosis.selection import SHARE_OF_NOISE, Accepted, Key, Look, Pair, accept, look, matters, round_of, simplest
+from diagnosis.twos import two_of
 
 Array = NDArray[np.float64]
 
 MOST_CAUSES = 8
 NESTED = {"friction_asymmetry": ("viscous_friction", "coulomb_friction", "current_offset")}
 """Effects that contain simpler ones."""
-TWINS = (("torque_constant", "current_gain"),)
-"""Effects that are the same to currents and motor angles, whatever the motion: one scales the measured current, one the expected."""
 CORRECTIONS = 2
 """Evaluations of the exact model a round: the second-order part of a strong effect is a tenth of it, that of the rest a hundredth."""
 
 WORSE = 1.1
 """Times the first-order residual: an exact model that leaves more is outside of its range."""
 MAKESHIFT, NEARLY = 1.5, 0.9
-"""Three causes of a joint and more that mostly cancel one another are together the makeshift for one function of one variable that explains
+"""Four causes of a joint and more that mostly cancel one another are together the makeshift for one function of one variable that explains
 nearly as much (this share): what is there adds up, hidden triples to 1.0."""
 SUPERFLUOUS = 0.5
 """A cause that keeps less than this share of its gain beside unexplained structure was a name for part of that structure."""
@@ -79,22 +78,28 @@ class Found:
     remainder: Remainder
 
 
-def search(problem: Problem, progress: Callable[[str], None]) -> Found:
-    """Candidates that explain the residual together."""
+def search(problem: Problem, progress: Callable[[str], None], banned: Set[Key] = frozenset()) -> Found:
+    """Candidates that explain the residual together; none of ``banned``, effect and joint."""
     sides, chosen = problem.sides, list[Candidate]()
     equals: dict[tuple[str, int | None], list[Look]] = {}
     for number in range(1, MOST_CAUSES + 1):
         progress(f"looking for cause {number}")
         accepted = problem.accepted(chosen, sides)
         problem.listen(accepted.fit)
-        able = round_of(problem.library, accepted, *sides, _taken(chosen), physical)
-        if not able:
+        taken = _taken(chosen) | banned
+        able = round_of(problem.library, accepted, *sides, taken, physical)
+        entering: Sequence[Candidate]
+        if able:
+            best, alike = simplest(able, sides[1])
+            sharp = sharpened(best.candidate, accepted, sides[0], problem.arm)
+            problem.library[sharp] = columns_of(sharp, sides[0], problem.arm), columns_of(sharp, sides[1], problem.arm)
+            equals[sharp.key], entering = alike, [sharp]
+        else:  # two effects that hide each other may enter together
+            entering = two_of(problem.library, accepted, *sides, loud(accepted, sides[1], problem.arm), taken, physical)
+            equals |= {c.key: [look(c, problem.library[c], accepted, sides[1])] for c in entering}
+        before, chosen = chosen, weeded([*chosen, *entering], problem, sides)
+        if set(chosen) == set(before):
             break
-        best, alike = simplest(able, sides[1])
-        sharp = sharpened(best.candidate, accepted, sides[0], problem.arm)
-        problem.library[sharp] = columns_of(sharp, sides[0], problem.arm), columns_of(sharp, sides[1], problem.arm)
-        equals[sharp.key] = alike
-        chosen = weeded([*chosen, sharp], problem, sides)
         sides = corrected(chosen, problem, sides)
     better = polished(chosen, problem, sides)
     if better is not chosen:
@@ -113,15 +118,6 @@ def _taken(chosen: Sequence[Candidate]) -> set[tuple[str, int | None]]:
     """The chosen, and their twins: both together would explain anything, as their difference is the residual itself."""
     twins = dict(TWINS) | {other: one for one, other in TWINS}
     return {c.key for c in chosen} | {(twins[c.effect], c.joint) for c in chosen if c.effect in twins}
-
-
-def without(found: Found, gone: Candidate, problem: Problem) -> Found:
-    """What was found, less one candidate; the others fitted anew."""
-    kept = [(c, alike) for c, alike in zip(found.chosen, found.equals) if c is not gone]
-    chosen = [c for c, _ in kept]
-    sides = corrected(chosen, problem, problem.sides) if chosen else problem.sides
-    remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
-    return Found(chosen, [alike for _, alike in kept], sides, remainder)
 
 
 def _superfluous(
@@ -145,7 +141,7 @@ def _outdone(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, S
     for joint in sorted({c.joint for c in chosen if c.joint}):
         own = [c for c in chosen if c.joint == joint]
         without = problem.accepted([c for c in chosen if c not in own], sides)
-        enough = NEARLY if len(own) > 2 and _cancelling(own, chosen, problem, having) > MAKESHIFT else None
+        enough = NEARLY if len(own) > 3 and _cancelling(own, chosen, problem, having) > MAKESHIFT else None
         if better_than_causes(*sides, without, having, problem.arm, joint, enough):
             return own
     return []

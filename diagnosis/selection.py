@@ -28,7 +28,7 @@ SHARE_OF_NOISE = 0.1
 SHADOW = 1e-3
 """A gain below this share of what is already explained may be the rest of a first-order column: 3 % of its amplitude."""
 ALIKE = 0.005
-"""Candidates whose gains differ by less than this share of the best are the same to this data."""
+"""Candidates whose gains differ by less than this share of the best, for every coefficient that it has more, are the same to this data."""
 
 INDEPENDENT = 1e-3
 """Relative singular value below which columns of unit length are one: what the data says there is rounding and the columns' own errors."""
@@ -183,9 +183,12 @@ def simplest(able: list[Look], held_out: Side) -> tuple[Look, list[Look]]:
     A candidate with more coefficients than another that explains the same is not an alternative but an excess. Equals are also those
     whose blocks do not tell them from the one that was taken: whether they look alike has still to be asked.
     """
-    best = able[0].held_out_gain
-    level = best - max(ALIKE * best, 0.02 * held_out.rows)
-    alike = [one for one in able if one.held_out_gain >= level]
+    best, most = able[0].held_out_gain, len(able[0].coefficients)
+    alike = [
+        one
+        for one in able
+        if one.held_out_gain >= best - max(ALIKE * best * max(1, most - len(one.coefficients)), 0.02 * held_out.rows)
+    ]
     fewest = min(len(one.coefficients) for one in alike)
     taken = next(one for one in alike if len(one.coefficients) == fewest)
     equals = [

@@ -98,7 +98,8 @@ def truth(experiment: Experiment, hidden: tuple[Hidden, ...], laboratory: Labora
     if laboratory.route == "table":
         # drives average over a row. Single values alias: the 28 ms setpoints kick the current, and their 14th harmonic is 500 Hz
         charge, half = cumulative_trapezoid(amperes, fine, axis=0, initial=0.0), 0.5 / laboratory.rate
-        seen = (_at(t + half, fine, charge) - _at(t - half, fine, charge)) * laboratory.rate
+        since, until = np.maximum(t - half, fine[0]), np.minimum(t + half, fine[-1])
+        seen = (_at(until, fine, charge) - _at(since, fine, charge)) / (until - since)[:, None]
     else:
         seen = _at(t, fine, amperes)
     signals = Signals(t, CubicSpline(servo, angle)(t), seen, plant.gear, counts)
