@@ -173,15 +173,15 @@ def _named(
         sides = replace(sides[0], y=side_with(sides[0], terms)), replace(sides[1], y=side_with(sides[1], terms))
     free = list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
     problem = Problem(arm, sides, library, free, lines) if axis is None else Problem(arm, sides, {}, free)
-    banned: set[tuple[str, int | None]] = set()
+    refused = set(banned)
     while True:
-        found = search(problem, progress, banned)
+        found = search(problem, progress, refused)
         progress("estimating parameters")
         causes = _of_search(problem, found)
         progress("judging in closed loop")
         if (gone := _untenable(arm, causes, held_out, runs[first:])) is None:
             break
-        banned.add(found.chosen[gone].key)  # what it stood for may have a better name
+        refused.add(found.chosen[gone].key)  # what it stood for may have a better name
     return _Named(base, problem, library, found, axis, causes + of_axis, terms_of(problem, found))
 
 
