@@ -156,3 +156,20 @@ def test_parallel_filter_is_the_same_for_every_row() -> None:
     found = parallel_filter(got, columns)
     shifted = parallel_filter(got, np.roll(columns, step, axis=0))
     assert np.allclose(shifted[1:], found[:-1], atol=1e-12)
+
+
+def test_jittered_stamps_keep_the_mean_of_a_ripple() -> None:
+    """Kicks of a servo, steep up and slow down: an interpolation that never overshoots cuts their tops, and the mean with them."""
+    random = np.random.default_rng(0)
+    even = np.arange(8000) / 985.71
+    jittered = even + 2e-5 * random.standard_normal(len(even))
+
+    def kicks(t: np.ndarray) -> np.ndarray:
+        since = np.mod(t, 0.028)
+        return np.exp(-since / 0.002) - np.exp(-since / 0.0004) - 0.0016 / 0.028
+
+    means = []
+    for t in (even, jittered):
+        motion = smooth_motion(t, np.sin(2 * t)[:, None], kicks(t)[:, None])
+        means.append(float(np.mean(motion.torque[500:-500])))
+    assert abs(means[1] - means[0]) < 2e-4
