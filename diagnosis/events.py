@@ -13,8 +13,9 @@ from scipy import ndimage, signal
 
 from arm_model.description import Arm, Joint
 from daq.recording import Recording
-from diagnosis.noise import scatter
+from diagnosis.noise import scatter, still_noise
 from diagnosis.parameters import Estimate
+from diagnosis.setup import setup_of
 
 Array = NDArray[np.float64]
 
@@ -217,10 +218,11 @@ def clipped(recordings: list[Recording]) -> list[Event]:
     """
     events = []
     smooth = [_averaged(r) for r in recordings]
+    still = still_noise([r for r in recordings if not setup_of(r).drives_off])  # noise that no average takes away
     for j in range(recordings[0].joints):
         top = max(float(values[:, j].max()) for values in smooth)
         rows = max(1, round(AVERAGED / recordings[0].dt))
-        noise = max(float(scatter(r.i)[j]) for r in recordings) / np.sqrt(rows)
+        noise = float(np.hypot(max(float(scatter(r.i)[j]) for r in recordings) / np.sqrt(rows), still[j]))
         width = max(encoder_step(recordings[0].i[:, j]) / 2, 0.002 * top, 3.3 * noise)
         near = [float(np.sum(values[:, j] > top - 2 * width)) * r.dt for values, r in zip(smooth, recordings)]
         below = [float(np.sum(values[:, j] > top - 8 * width)) * r.dt for values, r in zip(smooth, recordings)]

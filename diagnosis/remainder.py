@@ -110,15 +110,15 @@ def _loudness(accepted: Accepted, held_out: Side, joint: int) -> float:
 
 
 def better_than_causes(
-    fit: Side, held_out: Side, without: Accepted, having: Accepted, arm: Arm, joint: int, enough: float | None = None
+    fit: Side, held_out: Side, without: Accepted, having: Accepted, arm: Arm, joint: int, allowed: float
 ) -> bool:
     """Whether one function of one variable, in place of the causes of a joint (``without`` them), leaves significantly less than they do.
 
     A complete cause is never beaten: a function of one variable can only come near it. One that is not the cause at all is.
-    enough: share of what the causes explain that the function has to explain, where no more is asked of it.
+    allowed: squared error by which the function may leave more, where the causes are too many to be believed; the velocity, on which
+    several effects hang, is no such variable.
     """
     rows = held_out.of(joint)
-    explained = float(np.sum(without.held_out[rows] ** 2) - np.sum(having.held_out[rows] ** 2))
     for shape in shapes_of(fit, held_out, without.fit, arm, joint):
         _, c, _ = gain_of(shape.pair, without, held_out)
         inside = shape.pair[0].dot(without.basis).T @ c
@@ -127,7 +127,7 @@ def better_than_causes(
         blocks = np.bincount(held_out.block[rows], weights=less).astype(float)
         if blocks.sum() > MATTERS * held_out.rows and p_value(blocks) < CERTAIN:
             return True
-        if enough is not None and blocks.sum() > -(1.0 - enough) * explained:
+        if allowed and shape.name != "velocity" and blocks.sum() > -allowed:
             return True
     return False
 

@@ -18,7 +18,7 @@ from diagnosis.candidates import TWINS, Candidate
 from diagnosis.library import Columns, Side, columns_of, side_with
 from diagnosis.lines import audible, order_of
 from diagnosis.parameters import parameters_of, physical, sharpened
-from diagnosis.remainder import Remainder, beside, better_than_causes, loud, structure_left
+from diagnosis.remainder import DEAFENING, Remainder, beside, better_than_causes, loud, structure_left
 from diagnosis.selection import SHARE_OF_NOISE, Accepted, Key, Look, Pair, accept, look, matters, round_of, simplest
 from diagnosis.twos import two_of
 
@@ -32,9 +32,10 @@ CORRECTIONS = 2
 
 WORSE = 1.1
 """Times the first-order residual: an exact model that leaves more is outside of its range."""
-MAKESHIFT, NEARLY = 1.5, 0.9
-"""Four causes of a joint and more that mostly cancel one another are together the makeshift for one function of one variable that explains
-nearly as much (this share): what is there adds up, hidden triples to 1.0."""
+MANY, MAKESHIFT = 6, 1.5
+"""Several causes of a joint with so many coefficients together are the makeshift for one function of one variable that leaves but a fifth more than
+they do; and four or more that mostly cancel one another (``_cancelling``; what is there adds up, hidden triples to 1.0) for one that explains nine
+tenths of what they do."""
 SUPERFLUOUS = 0.5
 """A cause that keeps less than this share of its gain beside unexplained structure was a name for part of that structure."""
 
@@ -123,14 +124,25 @@ def _taken(chosen: Sequence[Candidate]) -> set[tuple[str, int | None]]:
 def _superfluous(
     chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, Side], remainder: Remainder
 ) -> list[Candidate]:
-    """The cause that unexplained structure beside all causes makes superfluous most, if there is one."""
+    """The cause that unexplained structure beside all causes makes superfluous most, if there is one.
+
+    Where what is left hangs on nothing known and is far from noise, a cause that explains less than that was a name for part of it.
+    """
     shares = {}
+    unknown = {
+        one.joint for one in remainder.structures if not one.share
+    }  # joints where something is left that hangs on nothing known
     for c in chosen:
         others = problem.accepted([o for o in chosen if o is not c], sides)
         touching = [pair for pair in remainder.pairs if _meet(pair[0], problem.library[c][0])]
         if touching:
             alone = look(c, problem.library[c], others, sides[1]).held_out_gain
             shares[c] = look(c, problem.library[c], beside(others, touching), sides[1]).held_out_gain / alone
+        elif c.joint is not None and c.joint in unknown:
+            rows = sides[1].of(c.joint)
+            left = float(np.sum(problem.accepted(chosen, sides).held_out[rows] ** 2))
+            if left > DEAFENING**2 * sides[1].rows:
+                shares[c] = SUPERFLUOUS * look(c, problem.library[c], others, sides[1]).held_out_gain / left
     least = min(shares, key=lambda c: shares[c], default=None)
     return [least] if least is not None and shares[least] < SUPERFLUOUS else []
 
@@ -141,8 +153,14 @@ def _outdone(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, S
     for joint in sorted({c.joint for c in chosen if c.joint}):
         own = [c for c in chosen if c.joint == joint]
         without = problem.accepted([c for c in chosen if c not in own], sides)
-        enough = NEARLY if len(own) > 3 and _cancelling(own, chosen, problem, having) > MAKESHIFT else None
-        if better_than_causes(*sides, without, having, problem.arm, joint, enough):
+        explained, left = (float(np.sum(one.held_out[sides[1].of(joint)] ** 2)) for one in (without, having))
+        explained -= left
+        allowed = 0.0
+        if len(own) > 1 and sum(problem.library[c][0].x.shape[1] for c in own) >= MANY:
+            allowed = 0.2 * left
+        if len(own) > 3 and _cancelling(own, chosen, problem, having) > MAKESHIFT:
+            allowed = max(allowed, 0.1 * explained)
+        if better_than_causes(*sides, without, having, problem.arm, joint, allowed):
             return own
     return []
 
