@@ -30,6 +30,8 @@ WHOLE = 0.3
 MOST_ROWS = 12
 COLOURED, FILTERED = 16.0, 0.02
 """Rows over which what else is wrong correlates the residual, and s over which filters smear an instant."""
+BALANCED = 0.03
+"""Share of the weight of one side of the change that the other must have at a joint that tells of it."""
 APART = 2e-4
 """s by which other things that are wrong make the lags of the joints differ."""
 FEWEST = 6
@@ -108,12 +110,11 @@ def change_of_lag(run: Run) -> Change | None:
     assert best is not None
     at, step, _ = best
     after = (np.arange(len(lag)) >= at)[:, None]
-    level = _means(lag - step * after, weight)
-    left = lag - step * after - level
+    left = lag - step * after - _means(lag - step * after, weight)
     # each joint's own scatter: what else is wrong there is in it
     scatter = np.sum(weight * left**2, axis=0) / max(len(lag) - 2, 1)
     per_joint = _steps_by_joint(lag, weight, at)
-    known = 1.0 / np.maximum(scatter * _leverage(weight, at), 1e-300)
+    known = _seen_on_both_sides(weight, at) / np.maximum(scatter * _leverage(weight, at), 1e-300)
     if not _agreed(per_joint, known):
         return None
     step = float(np.sum(known * per_joint) / np.sum(known))
@@ -151,6 +152,13 @@ def _lags(run: Run) -> tuple[Array, Array, Array]:
 def _means(lag: Array, weight: Array) -> Array:
     means: Array = np.sum(weight * lag, axis=0) / np.maximum(np.sum(weight, axis=0), 1e-300)
     return means
+
+
+def _seen_on_both_sides(weight: Array, at: int) -> NDArray[np.bool_]:
+    """(n,) whether a joint's current changed enough before and after: where it hardly did, what else is wrong makes lags of milliseconds."""
+    sides = weight[:at].sum(axis=0), weight[at:].sum(axis=0)
+    seen: NDArray[np.bool_] = np.minimum(*sides) > BALANCED * np.maximum(*sides)
+    return seen
 
 
 def _steps_by_joint(lag: Array, weight: Array, at: int) -> Array:
