@@ -23,6 +23,9 @@ Pair = tuple[Columns, Columns]
 
 SIGNIFICANT = 0.05
 """False-discovery rate at which a candidate may enter."""
+FEW_BLOCKS, LARGE = 0.15, 0.25
+"""... and at which one may that gains more than this share of a joint's noise energy: what shows in few blocks has no more of them to be sure by, and
+without an effect gains stay below a fiftieth."""
 SHARE_OF_NOISE = 0.1
 """A gain below this share of one joint's noise energy does not matter: the effect is a third of the noise, and the noise is known no better."""
 SHADOW = 1e-3
@@ -170,7 +173,7 @@ def round_of(
     able = [
         one
         for one, q_one in zip(looks, q)
-        if q_one < SIGNIFICANT
+        if q_one < (SIGNIFICANT if one.held_out_gain < LARGE * held_out.rows else FEW_BLOCKS)
         and physical(one.candidate, one.coefficients)
         and matters(one.held_out_gain, len(one.coefficients), explained, held_out)
     ]
