@@ -27,7 +27,7 @@ from diagnosis.lines import order_of
 from diagnosis.link_causes import LinkSide, link_side
 from diagnosis.parameters import estimates
 from diagnosis.remainder import Structure
-from diagnosis.search import Found, Problem, search, terms_of
+from diagnosis.search import Found, Problem, search, terms_of, without
 from diagnosis.seeing import Sight, check, seen_through, with_edges
 from diagnosis.selection import Key, Pair
 from diagnosis.tracker import Tracked, tracked_causes
@@ -37,6 +37,8 @@ from diagnosis.visibility import Invisible, not_judged, not_visible
 
 Array = NDArray[np.float64]
 
+SEARCHED_AGAIN = 2
+"""Refuted causes in whose place another is looked for; what has no better name by then is left unexplained."""
 TOLD_FROM_NOTHING = 2.0
 """Standard deviations that some size of a cause must be from zero."""
 
@@ -173,15 +175,19 @@ def _named(
         sides = replace(sides[0], y=side_with(sides[0], terms)), replace(sides[1], y=side_with(sides[1], terms))
     free = list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
     problem = Problem(arm, sides, library, free, lines) if axis is None else Problem(arm, sides, {}, free)
-    refused = set(banned)
+    refused: list[Key] = []
+    found = search(problem, progress, banned)
     while True:
-        found = search(problem, progress, refused)
         progress("estimating parameters")
         causes = _of_search(problem, found)
         progress("judging in closed loop")
         if (gone := _untenable(arm, causes, held_out, runs[first:])) is None:
             break
-        refused.add(found.chosen[gone].key)  # what it stood for may have a better name
+        refused.append(found.chosen[gone].key)
+        if len(refused) <= SEARCHED_AGAIN:  # what it stood for may have a better name
+            found = search(problem, progress, banned | set(refused))
+        else:
+            found = without(found, found.chosen[gone], problem)
     return _Named(base, problem, library, found, axis, causes + of_axis, terms_of(problem, found))
 
 

@@ -105,7 +105,7 @@ def search(problem: Problem, progress: Callable[[str], None], banned: Set[Key] =
     better = polished(chosen, problem, sides)
     if better is not chosen:
         chosen, sides = better, corrected(better, problem, problem.sides)
-    chosen, sides = simplified(chosen, problem, sides, equals)
+    chosen, sides = simplified(chosen, problem, sides, equals, banned)
     progress("looking at what is left")
     remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
     while dissolved := _superfluous(chosen, problem, sides, remainder) or _outdone(chosen, problem, sides):
@@ -119,6 +119,15 @@ def _taken(chosen: Sequence[Candidate]) -> set[tuple[str, int | None]]:
     """The chosen, and their twins: both together would explain anything, as their difference is the residual itself."""
     twins = dict(TWINS) | {other: one for one, other in TWINS}
     return {c.key for c in chosen} | {(twins[c.effect], c.joint) for c in chosen if c.effect in twins}
+
+
+def without(found: Found, gone: Candidate, problem: Problem) -> Found:
+    """What was found, less one candidate; the others fitted anew."""
+    kept = [(c, alike) for c, alike in zip(found.chosen, found.equals) if c is not gone]
+    chosen = [c for c, _ in kept]
+    sides = corrected(chosen, problem, problem.sides) if chosen else problem.sides
+    remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
+    return Found(chosen, [alike for _, alike in kept], sides, remainder)
 
 
 def _superfluous(
@@ -184,6 +193,7 @@ def simplified(
     problem: Problem,
     sides: tuple[Side, Side],
     equals: dict[tuple[str, int | None], list[Look]],
+    banned: Set[Key],
 ) -> tuple[list[Candidate], tuple[Side, Side]]:
     """The chosen, with a simpler effect in the place of one that contains it where nothing that matters is lost.
 
@@ -192,7 +202,7 @@ def simplified(
     for c in list(chosen):
         for name in NESTED.get(c.effect, ()):
             simple = Candidate(name, c.joint)
-            if simple not in problem.library or simple in chosen:
+            if simple not in problem.library or simple in chosen or simple.key in banned:
                 continue
             trial = [simple if one is c else one for one in chosen]
             anew = corrected(trial, problem, problem.sides)
