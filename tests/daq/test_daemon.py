@@ -8,7 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,92 +18,10 @@ from daq.client import call
 from daq.ledger import LossReason
 from daq.mcap_file import ACTIVE
 from daq.recording import open_recording
-from daq.rig import Rig, read_rig
 from daq.rig_lock import holder_of
-from daq.session import keys_of, open_session
 from daq.subscriber import Subscriber
 from inputs import DeviceFault, InputError
-from tests.ports import free_endpoint
-
-EXPERIMENT = """
-name = "nudge"
-start = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-full_speed = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
-full_acceleration = [3.0, 3.0, 3.0, 3.0, 3.0, 3.0]
-[[segment]]
-type = "hold"
-duration = {duration}
-[[segment]]
-type = "drive"
-joint = 2
-by = 0.05
-"""
-
-
-class Lab:
-    """A rig of its own name and endpoint, and processes that use it."""
-
-    def __init__(self, root: Path, folder: Path) -> None:
-        self.root, self.folder = root, folder
-        self.processes: list[subprocess.Popen[str]] = []
-        self.endpoint = free_endpoint()
-        self.rig_file = folder / "rig.toml"
-        self.write_rig()
-        self.experiment(0.3)
-
-    def write_rig(self, more: str = "") -> None:
-        text = (self.root / "config/puma560_sim.toml").read_text()
-        text = text.replace('"puma560_sim"', f'"{self.folder.name}-{os.getpid()}"', 1)
-        text = text.replace('"models/', f'"{self.root}/config/models/')
-        self.rig_file.write_text(f'{text}\n{more}\n[zenoh]\nendpoint = "{self.endpoint}"\n')
-
-    def experiment(self, duration: float) -> None:
-        (self.folder / "experiment.toml").write_text(EXPERIMENT.format(duration=duration))
-
-    @property
-    def rig(self) -> Rig:
-        return read_rig(self.rig_file, drivers=False)
-
-    def start(self, *arguments: str, **environment: str) -> subprocess.Popen[str]:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "armscope", *arguments],
-            env=os.environ | {"PYTHONPATH": str(self.root)} | environment,
-            cwd=self.folder,
-            text=True,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
-        self.processes.append(process)
-        return process
-
-    def daemon(self, **environment: str) -> subprocess.Popen[str]:
-        process = self.start("daemon", "--rig", "rig.toml", **environment)
-        assert process.stderr is not None
-        line = process.stderr.readline()
-        assert "is open on" in line, line + process.stderr.read()
-        return process
-
-    def record(self, out: str = "run.mcap", *options: str) -> subprocess.Popen[str]:
-        return self.start(
-            "record", "--rig", "rig.toml", "--experiment", "experiment.toml", "--out", out, "--json", *options
-        )
-
-    def session(self) -> Any:
-        return open_session(self.rig, listen=False)
-
-    @property
-    def keys(self) -> Any:
-        return keys_of(self.rig.name)
-
-    def arm(self, session: Any, out: str = "run.mcap") -> dict[str, Any]:
-        text = (self.folder / "experiment.toml").read_text()
-        return call(session, self.keys, "arm", {"experiment": text, "out": str(self.folder / out)})
-
-    def until(self, session: Any, true: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
-        """Asks for the status until something is true of it."""
-        while not true(status := call(session, self.keys, "status")):
-            pass
-        return status
+from tests.daq.laboratory import Lab, finished
 
 
 @pytest.fixture
@@ -113,12 +31,6 @@ def lab(root: Path, tmp_path: Path) -> Iterator[Lab]:
     for process in lab.processes:
         process.kill()
         process.communicate()
-
-
-def finished(process: subprocess.Popen[str]) -> dict[str, Any]:
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 0, err
-    return json.loads(out)
 
 
 def test_record_without_daemon(lab: Lab) -> None:
