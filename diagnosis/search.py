@@ -7,7 +7,7 @@ Mathematik 29, 1978), so that it is not taken for another cause. Linear algebra 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -195,25 +195,33 @@ def simplified(
     equals: dict[tuple[str, int | None], list[Look]],
     banned: Set[Key],
 ) -> tuple[list[Candidate], tuple[Side, Side]]:
-    """The chosen, with a simpler effect in the place of one that contains it where nothing that matters is lost.
+    """The chosen, with fewer or simpler effects in the place of others where nothing that matters is lost.
 
-    While other causes were missing or known to first order only, the one with more coefficients may have fitted their rest.
+    Two parts of an effect at one joint are that effect. One that contains a simpler one is that simpler one, if that is enough: while other
+    causes were missing or known to first order only, the one with more coefficients may have fitted their rest.
     """
-    for c in list(chosen):
-        for name in NESTED.get(c.effect, ()):
-            simple = Candidate(name, c.joint)
-            if simple not in problem.library or simple in chosen or simple.key in banned:
-                continue
-            trial = [simple if one is c else one for one in chosen]
-            anew = corrected(trial, problem, problem.sides)
-            lost = np.sum(problem.accepted(trial, anew).held_out ** 2) - np.sum(
-                problem.accepted(chosen, sides).held_out ** 2
-            )
-            if lost < SHARE_OF_NOISE * sides[1].rows:
-                equals[simple.key] = [one for one in equals[c.key] if one.candidate.key != c.key]
-                chosen, sides = trial, anew
-                break
+    for put, gone in _simpler(chosen):
+        if put not in problem.library or put.key in banned or put in chosen or not set(gone) <= set(chosen):
+            continue
+        trial = [put if one is gone[0] else one for one in chosen if one not in gone[1:]]
+        anew = corrected(trial, problem, problem.sides)
+        before, after = problem.accepted(chosen, sides), problem.accepted(trial, anew)
+        lost = np.sum(after.held_out**2) - np.sum(before.held_out**2)
+        if lost < SHARE_OF_NOISE * sides[1].rows:
+            equals[put.key] = [one for one in equals[gone[0].key] if one.candidate.key != gone[0].key]
+            chosen, sides = trial, anew
     return chosen, sides
+
+
+def _simpler(chosen: Sequence[Candidate]) -> Iterator[tuple[Candidate, tuple[Candidate, ...]]]:
+    """An effect, and those of the chosen in whose place it may do: the whole for several of its parts, a part for the whole."""
+    for whole, parts in NESTED.items():
+        for joint in sorted({c.joint for c in chosen if c.joint}):
+            if len(own := tuple(c for c in chosen if c.joint == joint and c.effect in parts)) > 1:
+                yield Candidate(whole, joint), own
+    for c in chosen:
+        for part in NESTED.get(c.effect, ()):
+            yield Candidate(part, c.joint), (c,)
 
 
 def corrected(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, Side]) -> tuple[Side, Side]:
