@@ -53,14 +53,14 @@ def judged(case: Case, cache: Path | None) -> Outcome:
     """One case from the draw to its score."""
     with _folder(case, cache) as folder:
         start = time.perf_counter()
-        hidden = generate(case, folder)
+        where, hidden = generate(case, folder)
         generated = time.perf_counter() - start
         fit, held_out = read_recordings(folder)
         arm = read_model(MODEL)
         start = time.perf_counter()
         result = diagnose(arm, fit, held_out)
         seconds = time.perf_counter() - start
-        one = outcome(case, hidden, result, table_of(result, fit, held_out))
+        one = outcome(case, where, hidden, result, table_of(result, fit, held_out))
     one.seconds, one.generated = seconds, generated
     return one
 

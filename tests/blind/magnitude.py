@@ -1,7 +1,8 @@
 """How strong a hidden effect is: the change of the motor currents that it makes, over the noise of the currents.
 
 Measured by simulating the same motions with and without it. The noise is all that the instruments add to a current: white, and what
-is correlated. An effect that is drawn where its motions hardly show it is made stronger until they do: what nobody could see is no case.
+is correlated. An effect that is drawn where its motions hardly show it is made stronger, or hidden in another laboratory, until they do: what nobody
+could see is no case.
 """
 
 from __future__ import annotations
@@ -56,16 +57,20 @@ def strength(hidden: Hidden, experiments: Sequence[Experiment], laboratory: Labo
 
 
 def scaled(
-    at: Callable[[float], Hidden], experiments: Sequence[Experiment], laboratory: Laboratory, wanted: Wanted
+    at: Callable[[float], Hidden],
+    experiments: Sequence[Experiment],
+    laboratory: Laboratory,
+    wanted: Wanted,
+    most: float,
 ) -> tuple[float, float]:
-    """(factor, strength over the noise) of the effect ``at(factor)``; nearly proportional, so that three steps are enough."""
+    """(factor, ``most`` at most; strength over the noise) of the effect ``at(factor)``; nearly proportional: three steps are enough."""
     factor = 1.0
     reached = strength(at(factor), experiments, laboratory)
     for _ in range(3):
         goal = np.clip(reached, wanted.least, wanted.most if wanted.most is not None else np.inf)
         if reached == 0.0 or abs(reached - goal) < 0.1 * goal:
             break
-        factor *= float(goal) / reached
+        factor = min(factor * float(goal) / reached, most)
         reached = strength(at(factor), experiments, laboratory)
     return factor, reached
 

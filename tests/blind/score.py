@@ -13,6 +13,7 @@ import numpy as np
 from diagnosis.cause import Cause
 from diagnosis.diagnose import Diagnosis
 from tests.blind.cases import SAME, Case
+from tests.blind.laboratory import Laboratory
 from tests.blind.strangers import TOLD
 
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.001)
@@ -72,7 +73,9 @@ class Outcome:
         )
 
 
-def outcome(case: Case, hidden: Sequence[Mapping[str, Any]], result: Diagnosis, table: Mapping[str, Any]) -> Outcome:
+def outcome(
+    case: Case, where: Laboratory, hidden: Sequence[Mapping[str, Any]], result: Diagnosis, table: Mapping[str, Any]
+) -> Outcome:
     """``table``: the content of diagnosis.json; seconds are the caller's to fill in."""
     rest = list(result.causes)
     stranger = case.kind == "strangers"
@@ -89,7 +92,7 @@ def outcome(case: Case, hidden: Sequence[Mapping[str, Any]], result: Diagnosis, 
     unseen = {(one["effect"], one["joint"]) for one in table["not_visible"]}
     left = [[s["signal"], s["joint"], s["against"], s["share"]] for s in table["unexplained"]]
     return Outcome(
-        name=case.name, kind=case.kind, laboratory=asdict(case.laboratory),
+        name=case.name, kind=case.kind, laboratory=asdict(where),
         hidden=[[one["effect"], one["joint"]] for one in hidden], strength=[one["strength"] for one in hidden],
         values=[dict(one["parameters"]) for one in hidden],
         named=[[c.effect, c.joint] for c in result.causes], stands_for=names, found=found, superfluous=len(rest), confidence=confidence,

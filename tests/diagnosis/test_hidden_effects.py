@@ -35,7 +35,7 @@ def _case(kind: str, effect: str = "") -> Case:
 
 
 def _diagnosed(case: Case, folder: Path, most: int = 2) -> tuple[Diagnosis, list[dict]]:
-    hidden = generate(case, folder, most)
+    _, hidden = generate(case, folder, most)
     fit, held_out = read_recordings(folder)
     return diagnose(read_model(MODEL), fit, held_out), hidden
 
