@@ -19,8 +19,9 @@ from daq.recording import Recording
 from diagnosis import events as event_search
 from diagnosis.axis import AxisSide, axis_side, sharply
 from diagnosis.candidates import Candidate, candidates
-from diagnosis.cause import Cause, extend, from_axis, from_event, from_link, from_tracker, of_candidate, together
+from diagnosis.cause import Cause, extend, together
 from diagnosis.closed_loop import Compared, along_motion, compare, faithful, refuted, with_widths
+from diagnosis.current_causes import from_axis, from_event, of_candidate
 from diagnosis.evidence import Run
 from diagnosis.library import columns_of, free_columns, side_of, side_with
 from diagnosis.lines import order_of
@@ -91,10 +92,10 @@ def diagnose(
     tracked = tracked_causes(arm, fit, held_out, angles=angles, progress=progress)
     progress("comparing motor and link encoders")
     link = link_side(arm, fit, held_out)
-    of_links = [from_link(one, arm) for one in link.causes] if link else []
+    of_links = link.causes if link else []
     model, judged = arm, has_dynamics(arm)
     in_currents = [one for one in of_links if one.of_arm and judged]
-    known = [*(from_tracker(one) for one in tracked.geometry), *in_currents]
+    known = [*tracked.geometry, *in_currents]
     arm = extend(arm, known) if known else arm  # currents are judged by the arm that encoders and tracker show
     sight = seen_through(arm, everything, progress)
     parts = bool({r.path for r in fit} & {r.path for r in held_out})
@@ -108,7 +109,11 @@ def diagnose(
     causes = [from_event(event, arm, sides) for event in [*sight.found, *turned_wrist(fit, held_out)]]
     causes += named.causes
     beside = causes if judged else [*causes, *of_links]
-    extended = extend(base, together(beside, tracked.causes, tracked.geometry)) if beside or tracked.causes else arm
+    extended = (
+        extend(base, together(beside, [one for one in tracked.causes if one not in tracked.geometry]))
+        if beside or tracked.causes
+        else arm
+    )
     causes = together([*causes, *of_links], tracked.causes)
     extended = with_widths(extended, fit) if extended is not model else extended
     halves = {"fit": (fit, runs[: len(fit)]), "held_out": (held_out, runs[len(fit) :])}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm
 from daq.recording import Recording
+from diagnosis.cause import SUREST, Cause, confidence_of
 from diagnosis.link_columns import DELAY, Seen, Shape, shapes, standing_orders, turns
 from diagnosis.link_side import (
     OVER_NOISE,
@@ -45,30 +46,11 @@ LOOKALIKES = ("backlash", "joint_compliance")
 
 
 @dataclass(frozen=True)
-class LinkCause:
-    """One cause of the difference; before, after: rms of the held-out difference without and with it, rad (m).
-
-    of_arm  False: it is the link encoder's own, a fact about the recording and no part of the model
-    """
-
-    effect: str
-    joint: int | None
-    parameters: list[Estimate]
-    p: float
-    before: float
-    after: float
-    group: tuple[Key, ...]
-    evidence: str
-    of_arm: bool
-    felt_at: int
-
-
-@dataclass(frozen=True)
 class LinkSide:
     """Causes, structure left; seen: the held-out rows; without, left (m, k): their difference less its constant, and after all causes;
     remarks: what is left above the scatter, joint by joint."""
 
-    causes: list[LinkCause]
+    causes: list[Cause]
     unexplained: list[Structure]
     seen: Seen
     without: Array
@@ -98,7 +80,7 @@ def _settled(shape: Shape, sides: Sides) -> Shape:
     return shape
 
 
-def _cause(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> LinkCause:
+def _cause(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> Cause:
     others = [s for s in chosen if s is not shape]
     one = look(shape, others, sides)
     felt = [k for k, joint in enumerate(sides.fit.joints) if shape.joint in (None, joint)]
@@ -112,9 +94,9 @@ def _cause(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> LinkCau
         if shape.effect == "time_skew"
         else _sentence(shape, before, after, one.share, unit)
     )
-    return LinkCause(
-        shape.effect, shape.joint, _parameters(shape, chosen, sides, arm), one.p, before, after, group, evidence,
-        shape.effect not in ("time_skew", "encoder_ripple"), int(sides.fit.joints[most]),
+    return Cause(
+        shape.effect, shape.joint, _parameters(shape, chosen, sides, arm), confidence_of(one.p), before, after, group, None, evidence,
+        int(sides.fit.joints[most]), unit, "link angle", of_arm=shape.effect not in ("time_skew", "encoder_ripple"),
     )  # fmt: skip
 
 
@@ -261,7 +243,7 @@ def _sentence(shape: Shape, before: float, after: float, share: float, unit: str
     )
 
 
-def _offsets(chosen: list[Shape], sides: Sides, arm: Arm) -> list[LinkCause]:
+def _offsets(chosen: list[Shape], sides: Sides, arm: Arm) -> list[Cause]:
     """Constants between two encoders, as far as they are large and the same in both halves."""
     causes = []
     values, covariance = _fitted(chosen, sides)
@@ -273,19 +255,22 @@ def _offsets(chosen: list[Shape], sides: Sides, arm: Arm) -> list[LinkCause]:
         rest = residual(chosen, sides.fit, sides.held_out, sides)[:, k]
         left = float(np.sqrt(np.mean(rest**2)))
         causes.append(
-            LinkCause(
+            Cause(
                 "joint_zero_offset",
                 joint,
                 [Estimate("offset", offset, std, unit)],
-                0.0,
+                SUREST,
                 float(np.hypot(offset, left)),
                 left,
                 (("joint_zero_offset", joint),),
+                None,
                 f"the motor encoder of joint {joint} reads {abs(1e3 * offset):.3g} m{unit} {'more' if offset > 0 else 'less'} than the link encoder, "
                 "everywhere alike; "
                 "which of the two is off, a level or a tracker says, and the model stays as it is",
-                False,
                 joint,
+                unit,
+                "link angle",
+                of_arm=False,
             )
         )
     return causes

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from arm_model.description import Arm
 from arm_model.effects import described
 from daq.recording import Recording
+from diagnosis.cause import SUREST, Cause, confidence_of
 from diagnosis.events import encoder_step
 from diagnosis.parameters import Estimate
 from diagnosis.remainder import Structure
@@ -52,27 +53,11 @@ COUNTS = 2.5
 
 
 @dataclass(frozen=True)
-class TrackerCause:
-    """One accepted cause. before, after: rms of a coordinate of the held-out points without and with it, m; group: effects that
-    these points cannot tell from it, itself first; separate_by: what would."""
-
-    effect: str
-    joint: int | None
-    parameters: list[Estimate]
-    confidence: float
-    before: float
-    after: float
-    group: tuple[tuple[str, int | None], ...]
-    separate_by: str | None
-    evidence: str
-
-
-@dataclass(frozen=True)
 class Tracked:
     """What the tracker's points say. noise m, of a coordinate; rms (before, after) m and distances (before, after), (N,) m each, of "fit" and
     "held_out"."""
 
-    causes: list[TrackerCause]
+    causes: list[Cause]
     not_visible: list[Invisible]
     noise: float
     rms: dict[str, tuple[float, float]]
@@ -80,7 +65,7 @@ class Tracked:
     distances: dict[str, tuple[Array, Array]] = field(repr=False, default_factory=dict)
 
     @property
-    def geometry(self) -> list[TrackerCause]:
+    def geometry(self) -> list[Cause]:
         """Causes that say where the links are: what the currents are to be seen through as well."""
         return [one for one in self.causes if one.effect in ("joint_zero_offset", "link_geometry")]
 
@@ -231,13 +216,12 @@ def _step(candidate: Candidate, steps: Array) -> float:
     return float(steps[(candidate.joint or 1) - 1])
 
 
-def _cause(one: Named, sure: State, state: State, sides: Sequence[Side]) -> TrackerCause:
+def _cause(one: Named, sure: State, state: State, sides: Sequence[Side]) -> Cause:
     candidate = one.candidate
     values, covariance = sure.coefficients(candidate)
     after = left(state, sides[1])
     before, now = _rms(one.before), _rms(after)
     group = [c.key for c in one.equals]
-    confidence = float(np.clip(1.0 - one.look.p, 0.0, 0.99)) / len(group)
     if candidate.effect == "joint_zero_offset" and ("link_geometry", candidate.joint) not in group:
         group.append(
             ("link_geometry", candidate.joint)
@@ -256,13 +240,13 @@ def _cause(one: Named, sure: State, state: State, sides: Sequence[Side]) -> Trac
         separate = next(
             (definition.confused_with[e] for e, _ in group[1:] if e in definition.confused_with), OTHER_POSES
         )
-    return TrackerCause(
-        candidate.effect, candidate.joint, estimates(candidate, values, covariance), confidence, before, now,
-        tuple(group), separate, sentence,
+    return Cause(
+        candidate.effect, candidate.joint, estimates(candidate, values, covariance), confidence_of(one.look.p), before, now,
+        tuple(group), separate, sentence, candidate.joint or 0, "m", "tracker",
     )  # fmt: skip
 
 
-def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str]]) -> TrackerCause | None:
+def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str]]) -> Cause | None:
     """Wrong and missing points, where fit and held-out recordings together show enough of them."""
     every = [one for part in outliers for one in part]
     wrong, missing = sum(o.wrong for o in every), sum(o.missing for o in every)
@@ -276,12 +260,13 @@ def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str
     listed = ", ".join(
         name for part, files in zip(outliers, names) for one, name in zip(part, files) if one.wrong + one.missing
     )
-    return TrackerCause(
+    return Cause(
         "tracker_outliers", None,
         [Estimate("share", share, float(np.sqrt(share / expected)), "1"), Estimate("size", typical, spread, "m")],
-        0.99, typical * np.sqrt(wrong / expected / 3.0), 0.0, (("tracker_outliers", None),), None,
+        SUREST, typical * np.sqrt(wrong / expected / 3.0), 0.0, (("tracker_outliers", None),), None,
         f"{wrong} of {expected} tracked points are off by {1e3 * typical:.3g} mm from their neighbours, {missing} are missing in "
         f"{sum(o.breaks for o in every)} breaks ({listed}); they were left out",
+        0, "m", "tracker", of_arm=False,
     )  # fmt: skip
 
 

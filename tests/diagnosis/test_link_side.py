@@ -18,8 +18,9 @@ from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
 from daq.recording_file import Attachments
 from daq.table import write_table
+from diagnosis.cause import Cause
 from diagnosis.diagnose import diagnose
-from diagnosis.link_causes import LinkCause, LinkSide, link_side
+from diagnosis.link_causes import LinkSide, link_side
 from diagnosis.split import split
 from experiment import Experiment
 from tests.blind.hide import Hidden
@@ -78,7 +79,7 @@ def _found(arm: Arm, recordings: list[Recording]) -> LinkSide:
     return found
 
 
-def _value(cause: LinkCause, name: str) -> tuple[float, float]:
+def _value(cause: Cause, name: str) -> tuple[float, float]:
     parameter = next(p for p in cause.parameters if p.name == name)
     return parameter.value, parameter.std
 
