@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.description import Arm
+from arm_model.description import Arm, Joint, Pose
 from arm_model.kinematics import placement
 from arm_model.triples import Scalar, Triple, add, apply, cross, dot, floats, mul, plus, sub
 
@@ -39,16 +40,22 @@ class Chain:
 
 def chain_of(arm: Arm) -> Chain:
     """The chain of an arm; frame 0 is the base frame, in which gravity is given."""
+    return chain_from(arm.base, arm.joints)
+
+
+@lru_cache(maxsize=32)  # every evaluation of the dynamics asks for it
+def chain_from(base: Pose, joints: tuple[Joint, ...]) -> Chain:
+    """The chain of joints on a base; not to be written to: the same is handed to everybody who asks."""
     rotation, shift, link = [], [], []
-    last = np.array(arm.base)
-    for joint in arm.joints:
+    last = np.array(base)
+    for joint in joints:
         before, after = placement(joint)
         pose = last @ before
         rotation.append(pose[:3, :3])
         shift.append(pose[:3, 3])
         link.append(after)
         last = after
-    return Chain(tuple(joint.revolute for joint in arm.joints), tuple(rotation), tuple(shift), tuple(link))
+    return Chain(tuple(joint.revolute for joint in joints), tuple(rotation), tuple(shift), tuple(link))
 
 
 def into(rotation: Array, turn: tuple[Scalar, Scalar], v: Triple) -> Triple:

@@ -5,13 +5,14 @@ Shapes: q, qd, qdd, tau (N, n) rad, rad/s, rad/s2, N m (m and N for prismatic jo
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_model import hydrodynamics, newton_euler, scalar
-from arm_model.description import Arm, Joint
+from arm_model.description import Arm, Joint, Pose
 from arm_model.inertia import barycentric, transform
 from arm_model.kinematics import link_frames
 from inputs import InputError
@@ -26,8 +27,14 @@ def link_parameters(arm: Arm) -> Array:
 
 def bodies(arm: Arm) -> Array:
     """(n, 10) the same in the joint frames of ``newton_euler``."""
-    chain = newton_euler.chain_of(arm)
-    return np.array([transform(p, pose) for p, pose in zip(link_parameters(arm), chain.link)])
+    return np.array(_bodies(arm.base, arm.joints))
+
+
+@lru_cache(maxsize=32)  # every evaluation of the dynamics asks for it
+def _bodies(base: Pose, joints: tuple[Joint, ...]) -> tuple[tuple[float, ...], ...]:
+    links = newton_euler.chain_from(base, joints).link
+    own = (barycentric(joint.mass, joint.com, joint.inertia) for joint in joints)
+    return tuple(tuple(map(float, transform(p, pose))) for p, pose in zip(own, links))
 
 
 def drive_torque(joint: Joint, qd: Any, qdd: Any) -> Any:
@@ -74,7 +81,7 @@ def rigid_torque(arm: Arm, q: Array, qd: Array, qdd: Array, *, gravity: bool = T
     q, qd, qdd = samples(arm, q, qd, qdd)
     chain = newton_euler.chain_of(arm)
     state = turns(chain, q), list(q.T), list(qd.T), list(qdd.T), arm.gravity if gravity else (0.0, 0.0, 0.0)
-    tau = newton_euler.inverse_dynamics(chain, [tuple(map(float, body)) for body in bodies(arm)], *state)
+    tau = newton_euler.inverse_dynamics(chain, _bodies(arm.base, arm.joints), *state)
     total = stacked(tau, q.shape[:1])
     if wet := hydrodynamics.bodies_of(arm):
         total = total + stacked(hydrodynamics.torques(chain, wet, *state), q.shape[:1])
@@ -89,7 +96,7 @@ def mass_matrix(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
     (q,) = samples(arm, q)
     chain = newton_euler.chain_of(arm)
     state = turns(chain, q), list(q.T)
-    rigid = newton_euler.mass_matrix(chain, [tuple(map(float, body)) for body in bodies(arm)], *state)
+    rigid = newton_euler.mass_matrix(chain, _bodies(arm.base, arm.joints), *state)
     added = hydrodynamics.mass_matrix(chain, hydrodynamics.bodies_of(arm), *state)
     matrix = np.stack([stacked([*map(sum, zip(*rows))], q.shape[:1]) for rows in zip(rigid, added)], axis=-2)
     if rotors:
