@@ -208,9 +208,8 @@ def _changed(run: Run, arm: Arm, effect: Effect, joint: int | None, unit: Values
     step = 1e-4
     small = Values({k: (v * step if any(p.name == k for p in effect.linear) else v) for k, v in unit.items()})
     other = effect.change(arm, joint, small)
-    before = inverse_dynamics(arm, run.q, run.v, run.a) / arm.joint_array("drive_constant")
     after = inverse_dynamics(other, run.q, run.v, run.a) / other.joint_array("drive_constant")
-    return (after - before) / step
+    return (after - run.along) / step
 
 
 def _link_columns(run: Run, arm: Arm, joint: int) -> Array:

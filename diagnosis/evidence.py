@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from arm_model.description import Arm, EffectTerm
+from arm_model.dynamics import inverse_dynamics
 from arm_model.effects import Signals, described
 from arm_model.regressor import regressor
 from arm_model.rigid_body import mass_matrix, rigid_torque
@@ -38,8 +40,6 @@ class Run:
     second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
     rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone;
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
-    by_angle, by_speed, by_acceleration (m, n, n): d expected_j / d q_k, A/rad ..., of the links alone;
-    by_link (m, n, 10 n) N m per inertial parameter of each link;
     deviation (m, n) A: standard deviation that the residual has with nothing wrong; block (m,): block of one second, from 0;
     arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes hold the arm, and the
     currents show what their own instruments add.
@@ -58,10 +58,6 @@ class Run:
     brisk_v: Array
     brisk_rigid: Array
     inertia: Array
-    by_angle: Array
-    by_speed: Array
-    by_acceleration: Array
-    by_link: Array
     deviation: Array
     noise: Array
     block: NDArray[np.intp]
@@ -78,6 +74,42 @@ class Run:
     def rate(self, values: Array) -> Array:
         """Derivative of values (m,) by time, within each recording."""
         return np.concatenate([np.gradient(values[part], 1.0 / ROWS_PER_SECOND) for part in self.parts])
+
+    @cached_property
+    def along(self) -> Array:
+        """(m, n) A: the current that the arm wants, by first-order laws, for the very motion that columns are made of."""
+        return inverse_dynamics(self.arm, self.q, self.v, self.a) / self.arm.joint_array("drive_constant")
+
+    @cached_property
+    def by_acceleration(self) -> Array:
+        """(m, n, n) A s2/rad: derivative of the expected current of joint j by the acceleration of k, of the links alone."""
+        links = mass_matrix(described(self.arm), self.q, rotors=False)
+        return links / self.arm.joint_array("drive_constant")[:, None]
+
+    @cached_property
+    def by_angle(self) -> Array:
+        """(m, n, n) A/rad: as ``by_acceleration``, by the angle."""
+        return self._slopes(1e-5, 0.0)
+
+    @cached_property
+    def by_speed(self) -> Array:
+        """(m, n, n) A s/rad: as ``by_acceleration``, by the speed."""
+        return self._slopes(0.0, 0.5)
+
+    @cached_property
+    def by_link(self) -> Array:
+        """(m, n, 10 n) N m per inertial parameter of each link."""
+        return regressor(described(self.arm), self.q, self.v, self.a)[0][..., : 10 * len(self.arm)]
+
+    def _slopes(self, angle: float, speed: float) -> Array:
+        """(m, n, n) A: slopes of the rigid torque along each joint's angle or speed, by central differences of such a step."""
+        bent, joints = described(self.arm), np.eye(len(self.arm))
+        slopes = np.empty((len(self.t), len(joints), len(joints)))
+        for k, joint in enumerate(joints):
+            moved = ((self.q + side * angle * joint, self.v + side * speed * joint) for side in (1.0, -1.0))
+            up, down = (rigid_torque(bent, q, v, self.a) for q, v in moved)
+            slopes[..., k] = (up - down) / (2 * (angle + speed))
+        return slopes / self.arm.joint_array("drive_constant")[:, None]
 
     @property
     def residual(self) -> Array:
@@ -109,7 +141,6 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = Tr
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
     links = mass_matrix(bent, low, rotors=False)
-    by_angle, by_speed = (values / constant[:, None] for values in _partials(bent, low, slow_v, slow_a))
     # the wobble of friction near standstill, as far as the filters smear it
     coulomb = np.array([joint.ratio * max(joint.coulomb) for joint in arm.joints]) / constant
     slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
@@ -126,8 +157,6 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = Tr
         current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)), expected=expected,
         rigid=rigid_torque(bent, low, slow_v, slow_a), brisk_v=brisk[1], brisk_rigid=rigid_torque(bent, *brisk),
         inertia=links.diagonal(axis1=1, axis2=2),
-        by_angle=by_angle, by_speed=by_speed, by_acceleration=links / constant[:, None],
-        by_link=regressor(bent, low, slow_v, slow_a)[0][..., : 10 * len(arm)],
         deviation=deviation, noise=noise, block=block, arm=arm, powered=powered,
     )  # fmt: skip
 
@@ -151,26 +180,6 @@ def passed(frequency: Array) -> Array:
     """Share of an oscillation at ``frequency`` Hz that is left in the residual: the filters of motion and comparison, forwards and back."""
     share: Array = 1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) / (1.0 + (frequency / MOTION_BAND) ** 8)
     return share
-
-
-def _partials(arm: Arm, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-    """(m, n, n) each: derivatives of the rigid torque of joint j by q_k and by v_k, by central differences, all rows of all of them at once."""
-    m, n = q.shape
-    steps = np.repeat([1e-5, 0.5], n)
-    shifts = np.concatenate([np.eye(n), np.eye(n)]) * steps[:, None]
-    of_q, of_v = (np.arange(2 * n) < n)[:, None] * shifts, (np.arange(2 * n) >= n)[:, None] * shifts
-    torques = [
-        rigid_torque(
-            arm,
-            (q + sign * of_q[:, None]).reshape(-1, n),
-            (v + sign * of_v[:, None]).reshape(-1, n),
-            np.broadcast_to(a, (2 * n, m, n)).reshape(-1, n),
-        )
-        for sign in (1.0, -1.0)
-    ]
-    slopes = (torques[0] - torques[1]).reshape(2 * n, m, n) / (2 * steps[:, None, None])
-    by: Array = slopes.transpose(1, 2, 0)
-    return by[..., :n], by[..., n:]
 
 
 def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | float = 0.0) -> Array:

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_model.description import Arm
-from arm_model.dynamics import inverse_dynamics
 from arm_model.simulation import simulate
 from diagnosis.candidates import Candidate
 from diagnosis.evidence import ROWS_PER_SECOND, Run, see
@@ -183,7 +182,6 @@ def foreseen(trial: Trial, stage: Stage, noise: Array) -> Run | None:
             return None
     run = see(wanted.name, arm, t, q, current, powered=not setup.drives_off)
     unsure = np.sqrt(np.maximum(run.deviation**2 - run.noise**2, 0.0))
-    # The current that the model expects for the very motion that columns are made of: another filter on it would tell apart what is the same.
-    expected = inverse_dynamics(arm, run.q, run.v, run.a) / arm.joint_array("drive_constant") * run.powered
+    expected = run.along * run.powered  # another filter on the motion would tell apart what is the same
     rate = np.gradient(expected, 1.0 / ROWS_PER_SECOND, axis=0)
     return replace(run, current=expected, current_rate=rate, noise=noise, deviation=np.hypot(noise, unsure))
