@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,16 @@ class Stage:
     start: Array
     poses: Array
     limits: Limits
+
+    @cached_property
+    def excitations(self) -> tuple[Experiment, ...]:
+        """A slow and a brisk motion of all joints together, designed for this arm within the limits."""
+        return tuple(
+            design_excitation(
+                self.arm, duration=10.0, fundamental=0.1 * seed, limits=self.limits, candidates=32, seed=seed
+            )
+            for seed in (1, 2)
+        )
 
 
 def room(arm: Arm, visited: Array | None = None, rig: Limits | None = None) -> Limits:
@@ -201,13 +212,10 @@ def _vertical(stage: Stage, pose: Array, joint: int) -> list[float]:
 
 
 def _excitations(stage: Stage) -> Iterator[Trial]:
-    for seed in (1, 2):
-        found = design_excitation(
-            stage.arm, duration=10.0, fundamental=0.1 * seed, limits=stage.limits, candidates=32, seed=seed
-        )
+    for found, pace in zip(stage.excitations, ("slow", "brisk")):
         pose = np.array(found.start)
         moving = [segment.model_dump() for segment in found.segment if segment.type == "fourier"]
-        name = f"excitation of all joints ({'slow' if seed == 1 else 'brisk'})"
+        name = f"excitation of all joints ({pace})"
         joints = tuple(range(1, len(stage.arm) + 1))
         words = "all joints together in a sum of sines, 10 s"
         yield Trial(words, _experiment(stage, name, pose, moving), joints)
