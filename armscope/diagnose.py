@@ -121,17 +121,18 @@ def _kept(case: Case, out: Path, status: Status) -> dict[str, Any]:
     from diagnosis.separate import separations
 
     case.separate = separations(case.result, progress=status.update)
-    status.update("report")
-    return write_diagnosis(out, case.result, case.fit, case.held_out, case.separate)
+    return write_diagnosis(out, case.result, case.fit, case.held_out, case.separate, progress=status.update)
 
 
 def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, status: Status) -> dict[str, Any]:
     """The case decided as far as the rig's experiments can; every stage is written whole before the next begins."""
-    from armscope.separating_runs import Bench, go_on, rig_of
+    from armscope.separating_runs import Bench, go_on, limits_of, rig_of
     from diagnosis.diagnose import diagnose
     from diagnosis.files import write_diagnosis
 
     table: dict[str, Any] = {}
+    checked = rig_of(rig, len(arm))
+    limits = limits_of(checked, arm.joint_array("drive_constant"))
 
     def say(line: str) -> None:
         status.stop()
@@ -144,10 +145,12 @@ def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, s
     def keep(case: Case) -> None:
         table.clear()
         table.update(
-            write_diagnosis(out, case.result, case.fit, case.held_out, case.separate, experiments=case.experiments)
+            write_diagnosis(
+                out, case.result, case.fit, case.held_out, case.separate, case.experiments, limits, status.update
+            )
         )
 
-    bench = Bench(rig, rig_of(rig, len(arm)), out, yes, say, judge, keep)
+    bench = Bench(rig, checked, out, yes, say, judge, keep)
     go_on(bench, case, most, status.update)
     return table
 

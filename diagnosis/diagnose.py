@@ -129,10 +129,10 @@ def diagnose(
     unjudged = [] if judged else not_judged(arm, link.seen.joints.tolist() if link else [])
     if axis and axis.wave:
         structures = [Structure("current", 1, "position", axis.wave.share)]
-    told = {(one.effect, one.joint) for one in named.causes}
+    told = {(one.effect, one.joint) for one in named.causes} | tracked.shown
     return Diagnosis(
         model, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
-        not_visible(named.library, sides[1], accepted, told, arm) + unjudged + tracked.not_visible,
+        not_visible(named.library, problem.lines, sides[1], told, arm) + unjudged + tracked.not_visible,
         structures + (link.unexplained if link else []) + tracked.unexplained, compared, along,
         np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked, axis, judged,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))

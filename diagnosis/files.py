@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,10 @@ from diagnosis.cause import Cause
 from diagnosis.diagnose import Diagnosis
 from diagnosis.report import report
 from diagnosis.separate import Separation, named, separations
+from diagnosis.showing import Showing, shown_by
 from diagnosis.units import unit_at
-from experiment import write_experiment
+from experiment import Experiment, write_experiment
+from identification.excitation import Limits
 from inputs import make_folder, write_text
 
 SCHEMA = "armscope.diagnosis/1"
@@ -125,11 +127,14 @@ def write_diagnosis(
     held_out: list[Recording],
     separate: Mapping[int, Separation] | None = None,
     experiments: Sequence[Mapping[str, Any]] = (),
+    limits: Limits | None = None,
+    progress: Callable[[str], None] = lambda sentence: None,
 ) -> dict[str, Any]:
-    """Writes DIR/diagnosis.json, report.html, model.toml, and separate_K.toml for every cause K whose group a motion separates.
+    """Writes DIR/diagnosis.json, report.html, model.toml, separate_K.toml for every cause K whose group a motion separates, and show_K.toml for
+    motions that would show what these recordings could not.
 
     separate: ``diagnosis.separate.separations`` of the result; left out, they are looked for here. experiments: what was
-    recorded to come this far.
+    recorded to come this far; limits: of a rig, beside the model's.
     """
     make_folder(out)
     table = table_of(result, fit, held_out)
@@ -141,12 +146,26 @@ def write_diagnosis(
             write_experiment(path, found.experiment, heading=_heading(result.causes[place], found))
             row["separate_by"] = str(path)
             row["separation"] = {"motion": found.words, "distance": round(found.distance, 1), "tried": found.tried}
+    _add_showing(out, table, shown_by(result, limits, progress))
     if experiments:
         table["experiments"] = [dict(one) for one in experiments]
+    progress("report")
     write_model(out / "model.toml", result.extended)
     write_text(out / "report.html", report(result, table, held_out))
     write_text(out / "diagnosis.json", json.dumps(table, indent=2) + "\n")
     return table
+
+
+def _add_showing(out: Path, table: dict[str, Any], showing: Sequence[Showing]) -> None:
+    """What would show what was not visible; show_K.toml for every motion that does."""
+    written: list[Experiment] = []
+    for row, one in zip(table["not_visible"], showing):
+        row["experiment"] = one.invisible.experiment
+        if one.experiment is not None:
+            if one.experiment not in written:
+                written.append(one.experiment)
+                write_experiment(out / f"show_{len(written)}.toml", one.experiment)
+            row["experiment"] += f"; show_{written.index(one.experiment) + 1}.toml"
 
 
 def _heading(cause: Cause, found: Separation) -> str:

@@ -94,12 +94,12 @@ def _best(
 
     Where none tells all apart, the one that tells most pairs apart, by the largest distance of these; None where none tells any.
     """
-    best, tried, stage = _Found(0, 0.0), 0, _stage(result, joints, rig, visited=True)
+    best, tried, stage = _Found(0, 0.0), 0, stage_of(result, joints, rig, visited=True)
     for kind, visited in ((Kind.MOTION, True), (Kind.OFF, True), (Kind.PAYLOAD, True), (Kind.MOTION, False)):
         if (best.trial and not best.together) or (not visited and best.distance < HOPELESS):
             break
         if not visited:
-            stage = _stage(result, joints, rig, visited=False)
+            stage = stage_of(result, joints, rig, visited=False)
         for trial, distances in _tried(question, stage, joints, kind):
             tried += 1
             progress(f"separating experiment: {tried} motions tried")
@@ -131,11 +131,16 @@ def _tried(question: Question, stage: Stage, joints: Sequence[int], kind: Kind) 
 def _told(found: _Found, trial: Trial, tried: int) -> Separation:
     words = f"{trial.words} ({demand_of(trial.experiment).duration:.0f} s)"
     if not found.visited:
-        words += "; this goes further than the recordings did: see that the way is free"
+        words = further(words)
     if found.together:
         pairs = ", ".join(f"{named(one)} from {named(other)}" for one, other in found.together)
         words += f"; it does not tell {pairs}"
     return Separation(trial.experiment.model_copy(update={"description": words}), found.distance, words, tried)
+
+
+def further(words: str) -> str:
+    """Said of a motion that leaves where the arm was seen to move freely."""
+    return f"{words}; this goes further than the recordings did: see that the way is free"
 
 
 def named(key: Key) -> str:
@@ -144,7 +149,7 @@ def named(key: Key) -> str:
     return f"{effect.replace('_', ' ')} of joint {joint}" if joint else effect.replace("_", " ")
 
 
-def _stage(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visited: bool) -> Stage:
+def stage_of(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visited: bool) -> Stage:
     """The arm at the pose in which the recordings start; and the pose they went through that loads the joint most differently."""
     q = np.concatenate([run.q[::20] for run in result.fit])
     box = np.column_stack([q.min(axis=0), q.max(axis=0)]) if visited else None

@@ -96,14 +96,19 @@ def trials(stage: Stage, joints: Sequence[int], kind: Kind) -> Iterator[Trial]:
     if kind is Kind.OFF:
         yield _standing(stage, stage.start, off=True)  # what stands on its brakes is not moved first
         return
-    mass = {"payload": {"mass": MASS, "com": [0.0, 0.0, 0.05]}, "instruction": LOAD}
     for number, trial in enumerate(_moving(stage, joints)):
         if kind is Kind.PAYLOAD:
             if number % FEWER:
                 continue
-            loaded = Experiment.model_validate({**trial.experiment.model_dump(), "setup": mass})
-            trial = replace(trial, words=f"{trial.words}, with a known payload", experiment=loaded)
+            trial = with_payload(trial)
         yield trial
+
+
+def with_payload(trial: Trial) -> Trial:
+    """The same motion with a known mass at the flange."""
+    mass = {"payload": {"mass": MASS, "com": [0.0, 0.0, 0.05]}, "instruction": LOAD}
+    loaded = Experiment.model_validate({**trial.experiment.model_dump(), "setup": mass})
+    return replace(trial, words=f"{trial.words}, with a known payload", experiment=loaded)
 
 
 def _moving(stage: Stage, joints: Sequence[int]) -> Iterator[Trial]:

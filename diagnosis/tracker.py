@@ -24,7 +24,7 @@ from diagnosis.remainder import Structure
 from diagnosis.tracker_candidates import Candidate, State, candidates, estimates, fitted
 from diagnosis.tracker_points import Outliers, Side, points_of, side_of
 from diagnosis.tracker_selection import Named, Refit, energy, good, left, named, select
-from diagnosis.tracker_visibility import no_tracker, not_visible, structure
+from diagnosis.tracker_visibility import no_tracker, not_visible, sizes, structure, visible
 from diagnosis.visibility import Invisible
 from identification.kinematics.chain import Chain, position, position_jacobian, xyz_ypr
 from identification.kinematics.parameters import chain_of
@@ -55,7 +55,7 @@ COUNTS = 2.5
 @dataclass(frozen=True)
 class Tracked:
     """What the tracker's points say. noise m, of a coordinate; rms (before, after) m and distances (before, after), (N,) m each, of "fit" and
-    "held_out"."""
+    "held_out"; shown: effects (and joints) that these points would show."""
 
     causes: list[Cause]
     not_visible: list[Invisible]
@@ -63,6 +63,7 @@ class Tracked:
     rms: dict[str, tuple[float, float]]
     unexplained: list[Structure]
     distances: dict[str, tuple[Array, Array]] = field(repr=False, default_factory=dict)
+    shown: frozenset[tuple[str, int | None]] = frozenset()
 
     @property
     def geometry(self) -> list[Cause]:
@@ -116,12 +117,14 @@ def tracked_causes(
     ]
     strays = _strays(outliers, [[r.path.name for r in part] for part in recordings])
     nothing = refit((), None)
+    moves = sizes(every, nothing, sides)
     before = [side.xyz - position(start, side.q) for side in sides]
     after = [left(state, side) for side in sides]
     names = ("fit", "held_out")
     return Tracked(
         causes=causes + ([strays] if strays else []),
-        not_visible=not_visible(every, nothing, sides, level, {c.key for c in state.chosen}),
+        not_visible=not_visible(moves, level, {c.key for c in state.chosen}),
+        shown=visible(moves, level),
         noise=noise,
         rms={name: (_rms(b), _rms(a)) for name, b, a in zip(names, before, after)},
         unexplained=structure(sides, after, level),

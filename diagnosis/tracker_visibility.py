@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from diagnosis.tracker_selection import Linear, columns_of, good, linear
 from diagnosis.visibility import Invisible
 
 Array = NDArray[np.float64]
+Key = tuple[str, int | None]
 
 BINS = 24
 SHARE = 0.1
@@ -45,25 +46,28 @@ def no_tracker(placed: bool, fitted: bool) -> list[Invisible]:
     return [Invisible(effect, None, why, experiment) for effect in EXPERIMENTS]
 
 
-def not_visible(
-    every: Sequence[Candidate], nothing: State, sides: Sequence[Side], level: float, found: set[tuple[str, int | None]]
-) -> list[Invisible]:
-    """Effects whose largest typical size moves the held-out points by less than a third of what they can tell (``level``, m), once frame
-    and target have been fitted to them."""
+def sizes(every: Sequence[Candidate], nothing: State, sides: Sequence[Side]) -> dict[Candidate, float]:
+    """m rms: by how much the largest typical size of every effect moves the held-out points, once frame and target have been fitted to them."""
     parts = [linear(nothing, side) for side in sides]
+    return {c: float(np.sqrt(_typical_squares(c, nothing, sides, parts))) for c in every}
+
+
+def not_visible(moves: Mapping[Candidate, float], level: float, found: set[Key]) -> list[Invisible]:
+    """Effects that only a tracker shows and that move the held-out points by less than a third of what they can tell (``level``, m);
+    ``moves``: see ``sizes``."""
     invisible = []
-    for candidate in every:
-        if candidate.effect not in ONLY_HERE or candidate.key in found:
-            continue
-        size = np.sqrt(_typical_squares(candidate, nothing, sides, parts))
-        if size < level / 3.0:
+    for candidate, size in moves.items():
+        if candidate.effect in ONLY_HERE and candidate.key not in found and size < level / 3.0:
             where = f" at joint {candidate.joint}" if candidate.joint else ""
-            why = (
-                f"even {_typical(candidate)[1]}{where} would move these points by {1e3 * size:.2g} mm rms only, "
-                f"of which they tell {1e3 * level:.2g} mm"
-            )
+            by = f"by {1e3 * size:.2g} mm rms" if size > 1e-3 * level else "by nothing"
+            why = f"even {_typical(candidate)[1]}{where} would move these points {by}; they tell {1e3 * level:.2g} mm"
             invisible.append(Invisible(candidate.effect, candidate.joint, why, EXPERIMENTS[candidate.effect]))
     return invisible
+
+
+def visible(moves: Mapping[Candidate, float], level: float) -> frozenset[Key]:
+    """Effects that these points would show, whatever the currents do."""
+    return frozenset(candidate.key for candidate, size in moves.items() if size >= level / 3.0)
 
 
 def _typical_squares(candidate: Candidate, nothing: State, sides: Sequence[Side], parts: Sequence[Linear]) -> float:

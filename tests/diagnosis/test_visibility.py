@@ -1,0 +1,91 @@
+"""What recordings could not show is listed with what the joint did not do, and the motion that is asked for does show it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import cast
+
+import pytest
+
+from arm_model.description import Arm
+from arm_model.model_file import read_model
+from diagnosis.candidates import candidates
+from diagnosis.diagnose import Diagnosis
+from diagnosis.evidence import Run
+from diagnosis.library import columns_of, side_of
+from diagnosis.lines import order_of
+from diagnosis.separate_distance import foreseen
+from diagnosis.separate_motions import Stage, Trial, room
+from diagnosis.showing import shown_by
+from diagnosis.visibility import Invisible, not_visible
+from tests.diagnosis.runs import seen
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The part of a Diagnosis that the choice of a motion looks at."""
+
+    arm: Arm
+    fit: tuple[Run, ...]
+    not_visible: list[Invisible]
+    judged: bool = True
+    causes: list[object] = field(default_factory=list)
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    return read_model(root / "config/models/puma560.toml")
+
+
+@pytest.fixture(scope="module")
+def one_joint(root: Path, arm: Arm) -> Run:
+    """Joint 1 alone moves; gravity holds joint 2 on one side all the time."""
+    return seen(root, arm, [], ["thesis_01_joint1_50_forward"]).fit[0]
+
+
+def _unseen(run: Run, arm: Arm) -> dict[tuple[str, int | None], Invisible]:
+    side = side_of([run])
+    every = [c for c in candidates(arm) if c.joint in (1, 2, None)]
+    library = {c: (x, x) for c in every if order_of(c) is None for x in [columns_of(c, side, arm)]}
+    lines = [c for c in every if order_of(c) is not None]
+    return {(one.effect, one.joint): one for one in not_visible(library, lines, side, set(), arm)}
+
+
+def test_says_what_a_joint_did_not_do(one_joint: Run, arm: Arm) -> None:
+    unseen = _unseen(one_joint, arm)
+    for effect in ("viscous_friction", "stribeck_friction", "cogging", "gear_ripple", "encoder_ripple", "backlash"):
+        assert unseen[effect, 2].why.startswith("joint 2 stood still"), effect
+        assert "joint 2" in unseen[effect, 2].experiment
+    assert "is nothing" in unseen["joint_zero_offset", 1].why  # its axis is upright
+    for effect in ("viscous_friction", "coulomb_friction", "cogging"):
+        assert (effect, 1) not in unseen, effect
+
+
+def test_play_of_a_typical_size_shows_where_the_load_turns(root: Path, arm: Arm) -> None:
+    """Backlash is told by its shape: its column is the change itself, not a change per rad of gap."""
+    run = seen(root, arm, [], ["excitation"]).fit[0]
+    assert ("backlash", 1) not in _unseen(run, arm)
+
+
+def test_the_motion_asked_for_shows_it(one_joint: Run, arm: Arm) -> None:
+    unseen = _unseen(one_joint, arm)
+    asked = [unseen["viscous_friction", 2], unseen["load_friction", 2]]
+    stage = Stage(arm, one_joint.q[0], one_joint.q[:1], room(arm))
+    for showing in shown_by(cast(Diagnosis, Judged(arm, (one_joint,), asked))):
+        assert showing.experiment is not None
+        assert "the way is free" in showing.experiment.description
+        moved = foreseen(Trial("", showing.experiment, (2,)), stage, one_joint.noise)
+        assert moved is not None
+        key = showing.invisible.effect, showing.invisible.joint
+        assert key not in _unseen(moved, arm)
+
+
+def test_what_no_motion_shows_is_not_promised(one_joint: Run, arm: Arm) -> None:
+    unseen = _unseen(one_joint, arm)["joint_zero_offset", 1]
+    (showing,) = shown_by(cast(Diagnosis, Judged(arm, (one_joint,), [unseen])))
+    assert showing.experiment is None
+    assert "no motion" in showing.invisible.experiment and "tracker" in showing.invisible.experiment
+    of_nothing = replace(unseen, effect="link_geometry")
+    (same,) = shown_by(cast(Diagnosis, Judged(arm, (one_joint,), [of_nothing])))
+    assert same.invisible == of_nothing
