@@ -164,31 +164,19 @@ def _same(one: Recording, other: Recording) -> bool:
 
 
 def _print(result: Diagnosis, report: dict[str, Any], out: Path) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from diagnosis.report import sentence, title
     from diagnosis.separate import named
+    from diagnosis.words import estimate, gain, sentence, title
 
-    console = Console(highlight=False)
-    console.print(sentence(result), markup=False, soft_wrap=True)
-    for warning in result.warnings:
-        console.print(f"warning: {warning}", markup=False, soft_wrap=True)
-    if result.causes:
-        table = Table(box=None, pad_edge=False)
-        for heading in ("cause", "parameters", "held-out error", "confidence"):
-            table.add_column(heading)
-        for cause in result.causes:
-            values = ", ".join(
-                f"{p.name} {p.value:.4g} ± {2 * p.std:.2g}{'' if p.unit == '1' else ' ' + p.unit}"
-                for p in cause.parameters
-            )
-            table.add_row(
-                title(cause), values, f"{cause.before:.3g} -> {cause.after:.3g} {cause.unit}", f"{cause.confidence:.0%}"
-            )
-        console.print(table)
-    for cause, row in zip(result.causes, report["causes"]):
+    said = [sentence(result), *(f"warning: {warning}" for warning in result.warnings)]
+    for number, (cause, row) in enumerate(zip(result.causes, report["causes"]), 1):
+        where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
+        said += ["", f"{number}. {title(cause)}"]
+        said += [f"   {estimate(p)}" for p in cause.parameters]
+        said.append(
+            f"   held-out error of {where} without -> with it: {gain(cause)}; confidence {cause.confidence:.0%}"
+        )
         if len(cause.group) > 1:
-            text = f"{title(cause)} may as well be {', '.join(map(named, cause.group[1:]))}; what would tell: {row['separate_by']}"
-            console.print(text, markup=False, soft_wrap=True)
-    console.print(f"{out / 'report.html'}", markup=False, soft_wrap=True)
+            said.append(f"   may as well be {', '.join(map(named, cause.group[1:]))}; what tells: {row['separate_by']}")
+    unseen = len(report["not_visible"])
+    said += ["", f"{out / 'report.html'}{f' (and {unseen} effects that could not have been seen)' if unseen else ''}"]
+    print("\n".join(said))

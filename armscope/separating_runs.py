@@ -15,8 +15,8 @@ from daq.arming import check_motion
 from daq.recording import Recording, open_recording
 from daq.rig import Rig, read_rig
 from diagnosis.diagnose import Diagnosis
-from diagnosis.report import title
 from diagnosis.separate import Separation, named, separations
+from diagnosis.words import title
 from experiment import write_experiment
 from identification.excitation import Limits
 from inputs import DeviceFault, InputError

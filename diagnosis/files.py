@@ -13,6 +13,8 @@ from arm_model.model_file import write_model
 from daq.recording import Recording
 from diagnosis.cause import Cause
 from diagnosis.diagnose import Diagnosis
+from diagnosis.library import side_of
+from diagnosis.predictable import predictable
 from diagnosis.report import report
 from diagnosis.separate import Separation, named, separations
 from diagnosis.showing import Showing, shown_by
@@ -48,6 +50,12 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
 def _signals(result: Diagnosis) -> list[dict[str, Any]]:
     """Errors of simulated current and position, in the band and at the rows of ``closed_loop``, beside the instruments' noise."""
     rows, in_loop = [], result.in_closed_loop
+    fit, held_out = side_of(result.fit), side_of(result.held_out)
+    shares = [
+        predictable(fit, held_out, *residuals, result.arm).round(4)
+        for residuals in ((fit.y, held_out.y), result.left)
+        if result.judged
+    ]
     noise = np.mean([run.noise for run in result.held_out], axis=0)
     of_loop = {
         signal: {
@@ -74,7 +82,10 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
                 here = unit_at(result.arm.joints[j], unit)
                 row = {"signal": name, "joint": j + 1, "unit": here, "error_rms": told}
                 along = "demands" if in_loop or name == "position" else "measured motion"
-                rows.append(row | {"noise_rms": float(own[j]), "along": along})
+                row |= {"noise_rms": float(own[j]), "along": along}
+                if name == "current" and result.judged:
+                    row["predictable"] = {"before": float(shares[0][j]), "after": float(shares[1][j])}
+                rows.append(row)
     return rows + _link_signals(result) + _tracker_signal(result)
 
 

@@ -10,16 +10,19 @@ from numpy.typing import NDArray
 from diagnosis.axis_plots import axis_figure
 from diagnosis.cause import Cause
 from diagnosis.diagnose import Diagnosis
+from diagnosis.evidence import ROWS_PER_SECOND
 from diagnosis.library import side_of
 from diagnosis.link_plots import link_figure
+from diagnosis.residual_plots import SURE, unit_of
 from diagnosis.tracker_plots import tracker_figure
+from diagnosis.words import small
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
-MEASURED, BEFORE, AFTER = "#8fa1b3", "#c8501e", "#1f5fa8"
+BEFORE, AFTER, NOISE = "#c8501e", "#1f5fa8", "#e3e8ee"
 
 
 def overview(result: Diagnosis) -> tuple[Figure, str]:
@@ -28,12 +31,15 @@ def overview(result: Diagnosis) -> tuple[Figure, str]:
 
     joints = len(result.arm)
     side = side_of(result.held_out)
-    figure = Figure(figsize=(10.5, 0.8 + 1.35 * joints), layout="constrained")
+    height = 0.9 + 1.3 * joints
+    figure = Figure(figsize=(10.5, height))
+    figure.subplots_adjust(left=0.075, right=0.99, bottom=0.5 / height, top=1.0 - 0.55 / height, hspace=0.12)
     axes = figure.subplots(joints, 1, sharex=True, squeeze=False)[:, 0]
-    t = np.arange(side.rows) / 100.0
+    t = np.arange(side.rows) / ROWS_PER_SECOND
     for j, axis in enumerate(axes, 1):
         noise = np.concatenate([run.noise[j - 1] / run.deviation[:, j - 1] for run in result.held_out])
         shown = noise > 1 / 3  # elsewhere, near standstill, the current is not determined
+        axis.axhspan(-2.0, 2.0, color=NOISE, lw=0.0, label="noise")
         lines = [(side.y, BEFORE, "before"), (result.left[1], AFTER, "after")]
         for values, colour, label in lines if result.causes else [(result.left[1], AFTER, "residual")]:
             axis.plot(t, np.where(shown, values[side.of(j)] / noise, np.nan), color=colour, lw=0.7, label=label)
@@ -41,14 +47,16 @@ def overview(result: Diagnosis) -> tuple[Figure, str]:
         axis.set_ylim(-top, top)
         axis.set_ylabel(f"joint {j}")
         axis.grid(color="#e6eaef")
-    edges = np.cumsum([len(run.t) for run in result.held_out]) / 100.0
+    edges = np.cumsum([len(run.t) for run in result.held_out]) / ROWS_PER_SECOND
     for run, edge in zip(result.held_out, edges):
-        axes[0].text(edge - len(run.t) / 100.0, axes[0].get_ylim()[1], run.name, fontsize="small", va="bottom")
+        axes[0].text(
+            edge - len(run.t) / ROWS_PER_SECOND, axes[0].get_ylim()[1], run.name, fontsize="small", va="bottom"
+        )
         for axis in axes:
             axis.axvline(edge, color="#b8c2cc", lw=0.8)
-    axes[0].legend(loc="upper right", ncols=2, fontsize="small")
-    axes[-1].set_xlabel("held-out recordings, s")
-    figure.suptitle("measured less expected current, times the noise", x=0.01, ha="left", fontsize="medium")
+    axes[0].legend(loc="upper right", ncols=3, fontsize="small")
+    axes[-1].set_xlabel("held-out recordings one after the other, s")
+    figure.suptitle("measured less expected current, times the noise", x=0.01, y=0.995, ha="left", fontsize="medium")
     return figure, "held-out residuals of all joints before and after"
 
 
@@ -87,15 +95,20 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
     name = view_of(cause.effect)
     x = dict(variables(side, result.arm, joint))[name]
     deviation = np.concatenate([run.deviation[:, joint - 1] for run in result.held_out])
-    certain = deviation < 3 * np.concatenate([np.full(len(r.t), r.noise[joint - 1]) for r in result.held_out])
-    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
+    noise = float(np.mean([run.noise[joint - 1] for run in result.held_out]))
+    certain = deviation < SURE * np.concatenate([np.full(len(r.t), r.noise[joint - 1]) for r in result.held_out])
+    residuals = [(y[side.of(joint)] * deviation)[certain] for y in (side.y, result.left[1])]
+    largest = max((float(np.abs(values).max()) for values in residuals if len(values)), default=1.0)
+    factor, unit = small(result.arm.joints[joint - 1].current_unit, [largest])
+    figure = Figure(figsize=(10.5, 3.2))
+    figure.subplots_adjust(left=0.085, right=0.99, bottom=0.16, top=0.9, wspace=0.05)
     axes = figure.subplots(1, 2, sharey=True)
-    for axis, values, colour, title in zip(
-        axes, (side.y, result.left[1]), (BEFORE, AFTER), ("before", "after all causes")
-    ):
-        axis.plot(x[certain], (values[side.of(joint)] * deviation)[certain], ".", ms=1.6, color=colour)
+    for axis, values, colour, title in zip(axes, residuals, (BEFORE, AFTER), ("without any cause", "with all causes")):
+        axis.axhspan(-2 * factor * noise, 2 * factor * noise, color=NOISE, lw=0.0, label="noise")
+        axis.plot(x[certain], factor * values, ".", ms=1.6, color=colour)
         axis.set_title(title, loc="left", fontsize="medium")
-        axis.set_xlabel(f"{name} of joint {joint}")
+        axis.set_xlabel(f"{name} of joint {joint}, {unit_of(result, joint, name)}")
         axis.grid(color="#e6eaef")
-    axes[0].set_ylabel(f"measured less expected\ncurrent of joint {joint}, {result.arm.joints[joint - 1].current_unit}")
+    axes[0].set_ylabel(f"measured less expected\ncurrent of joint {joint}, {unit}")
+    axes[1].legend(loc="upper right", fontsize="small")
     return figure, f"residual current of joint {joint} against {name}"

@@ -12,6 +12,7 @@ from daq.recording import Recording
 from diagnosis.closed_loop import Compared
 from diagnosis.diagnose import Diagnosis
 from diagnosis.library import Side, side_of
+from diagnosis.reading import COMPARE_BAND, low_pass
 from diagnosis.shapes import variables
 from diagnosis.units import unit_at
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MEASURED, BEFORE, AFTER, PALE = "#8fa1b3", "#c8501e", "#1f5fa8", ("#f0cdbd", "#bcd2ea")
+MEASURED, BEFORE, AFTER, PALE, NOISE = "#8fa1b3", "#c8501e", "#1f5fa8", ("#f0cdbd", "#bcd2ea"), "#e3e8ee"
 SHOWN = ("time", "position", "motor angle", "velocity", "load torque")
 UNITS = {
     "time": "s", "position": "rad", "motor angle": "rad", "velocity": "rad/s", "acceleration": "rad/s2", "load torque": "N m",
@@ -53,6 +54,7 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
     figure.subplots_adjust(left=0.06, right=0.99, bottom=0.24 / rows, top=1.0 - 0.16 / rows, wspace=0.06, hspace=0.42)
     axes = figure.subplots(rows, 3, squeeze=False, sharey=True).ravel()
     for axis, (name, x) in zip(axes, panels):
+        axis.axhspan(-2.0, 2.0, color=NOISE, lw=0.0)
         clouds = [(before, PALE[0], BEFORE, "before"), (after, PALE[1], AFTER, "after")]
         for values, pale, colour, label in clouds if result.causes else [(after, PALE[1], AFTER, "mean in bins")]:
             _cloud(axis, x[sure], values[sure], pale, colour, label)
@@ -80,6 +82,7 @@ def left_against(result: Diagnosis, joint: int, name: str) -> tuple[Figure, str]
     _, after, sure = in_noise(result, joint)
     figure = Figure(figsize=(10.5, 3.2), layout="constrained")
     axis = figure.subplots()
+    axis.axhspan(-2.0, 2.0, color=NOISE, lw=0.0, label="noise")
     _cloud(axis, found[name][sure], after[sure], PALE[1], AFTER, "mean in bins")
     _limit(axis, after[sure])
     axis.set_xlabel(_with_unit(result, joint, name))
@@ -128,8 +131,15 @@ def _limit(axis: Axes, values: Array) -> None:
     axis.set_ylim(-top, top)
 
 
+def unit_of(result: Diagnosis, joint: int, name: str) -> str:
+    """The unit of a variable at a joint (from 1), or at the other one that it names: ``position of joint 3``."""
+    variable, _, other = name.partition(" of joint ")
+    return unit_at(result.arm.joints[int(other or joint) - 1], UNITS[variable]) if variable in UNITS else ""
+
+
 def _with_unit(result: Diagnosis, joint: int, name: str) -> str:
-    return f"{name}, {unit_at(result.arm.joints[joint - 1], UNITS[name])}" if name in UNITS else name
+    unit = unit_of(result, joint, name)
+    return f"{name}, {unit}" if unit else name
 
 
 def side_by_side(before: Compared, after: Compared, extended: bool, units: Sequence[str]) -> tuple[Figure, str]:
@@ -141,21 +151,31 @@ def side_by_side(before: Compared, after: Compared, extended: bool, units: Seque
     figure = Figure(figsize=(10.5, height))
     figure.subplots_adjust(left=0.08, right=0.99, bottom=0.5 / height, top=1.0 - 0.3 / height, wspace=0.12, hspace=0.12)
     axes = figure.subplots(joints, 2, sharex=True, squeeze=False)
+    rate = 1.0 / float(np.median(np.diff(before.t)))
     thin = slice(None, None, max(1, len(before.t) // POINTS))
     t = before.t[thin]
+    measured = low_pass(before.current, COMPARE_BAND, rate)[thin]
+    lines = [(before, BEFORE, "simulated, before" if extended else "simulated")]
+    lines += [(after, AFTER, "simulated, after")] if extended else []
+    shown = [
+        (
+            low_pass(one.simulated_current, COMPARE_BAND, rate)[thin],
+            low_pass(one.angle - one.simulated_angle, COMPARE_BAND, rate)[thin],
+        )
+        for one, _, _ in lines
+    ]
     for j, (left, right) in enumerate(axes):
-        left.plot(t, before.current[thin, j], color=MEASURED, lw=1.8, label="measured")
-        lines = [(before, BEFORE, "simulated, before" if extended else "simulated")]
-        lines += [(after, AFTER, "simulated, after")] if extended else []
-        for one, colour, label in lines:
-            left.plot(t, one.simulated_current[thin, j], color=colour, lw=0.8, label=label)
-            right.plot(t, 1e3 * (one.angle - one.simulated_angle)[thin, j], color=colour, lw=0.8)
+        left.plot(t, measured[:, j], color=MEASURED, lw=2.4, label="measured")
+        for (current, error), (_, colour, label) in zip(shown, lines):
+            left.plot(t, current[:, j], color=colour, lw=0.8, label=label)
+            right.plot(t, 1e3 * error[:, j], color=colour, lw=0.8)
         left.set_ylabel(f"joint {j + 1}")
         for axis in (left, right):
             axis.grid(color="#e6eaef")
             axis.locator_params(nbins=5)
-    axes[0, 0].set_title(f"motor current, {' or '.join(units)}", loc="left", fontsize="medium")
-    axes[0, 1].set_title("measured less simulated angle, mrad (mm)", loc="left", fontsize="medium")
+    band = f"below {COMPARE_BAND:g} Hz"
+    axes[0, 0].set_title(f"motor current {band}, {' or '.join(units)}", loc="left", fontsize="medium")
+    axes[0, 1].set_title(f"measured less simulated angle {band}, mrad (mm)", loc="left", fontsize="medium")
     axes[0, 0].legend(loc="upper right", ncols=3, fontsize="x-small")
     for axis in axes[-1]:
         axis.set_xlabel("time, s")

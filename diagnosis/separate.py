@@ -185,4 +185,4 @@ def in_words(group: Sequence[Key]) -> str:
     """What the catalogue knows to separate the members of a group; none of it is a motion."""
     names = [effect for effect, _ in group]
     said = [CATALOGUE[a].confused_with[b] for a in names for b in names if b in CATALOGUE[a].confused_with]
-    return "; ".join(dict.fromkeys(said)) or "no motion of this arm separates them"
+    return "; ".join(dict.fromkeys(said)) or "nothing that is known to the catalogue"

@@ -37,7 +37,10 @@ BACKLASH = Effect(
     ),
     equation="q_motor - q = +b where the load pushes, -b where it pulls",
     shows="lost motion at reversal and where the load changes sign: a current jump, felt by resting neighbours",
-    confused_with={"joint_compliance": "a load bias closes the gap; compliance stays"},
+    confused_with={
+        "joint_compliance": "a load bias closes the gap; compliance stays",
+        "joint_zero_offset": "the joint slowly through the place where its load changes sign: play jumps there, a zero stays",
+    },
     deflection=lambda p, s: p.half_gap * s.load / scalar.sqrt(s.load**2 + 1e-2),
     spring=_teeth,
 )
