@@ -9,7 +9,7 @@ Errors are compared in the band of ``evidence`` and where friction is known: at 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from daq.recording import Recording
 from diagnosis.evidence import Run, kept, residual_under
 from diagnosis.reading import COMPARE_BAND, low_pass
 from diagnosis.setup import loaded, setup_of
+from identification.demands import demand_of_run
 from inputs import InputError
 
 Array = NDArray[np.float64]
@@ -73,25 +74,15 @@ def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     if recording.qref is None or arm.controller is None or np.isnan(recording.qref).any() or setup.drives_off:
         return None
     arm = loaded(arm, setup.payload)
-    knots, demand = recording.t, _demand(recording)
+    knots, (demand, sampled) = recording.t, demand_of_run(recording, arm)
     try:
         motion = simulate(
-            arm, demand, duration=float(knots[-1]), rate=1.0 / recording.dt, times=knots - knots[0], sampled=True
+            arm, demand, duration=float(knots[-1]), rate=1.0 / recording.dt, times=knots - knots[0], sampled=sampled
         )
     except InputError:  # it left all bounds: a loop that cannot judge
         return None
     shown = recorded(arm, motion)
     return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q, known_rows(run))
-
-
-def _demand(recording: Recording) -> Callable[[Array], Array]:
-    demanded = recording.qref
-    assert demanded is not None
-
-    def demand(times: Array) -> Array:
-        return np.column_stack([np.interp(times, recording.t, column) for column in demanded.T])
-
-    return demand
 
 
 def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
@@ -122,9 +113,10 @@ def with_widths(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     for recording in able:
         carrying = loaded(arm, setup_of(recording).payload)
         lanes = {f"joint{j + 1}.sign_velocity": arm.joints[j].sign_velocity * WIDTHS for j in moving}
+        demand, sampled = demand_of_run(recording, carrying)
         motion = simulate_batch(
-            carrying, _demand(recording), duration=float(recording.t[-1]), rate=1.0 / recording.dt,
-            times=recording.t - recording.t[0], sampled=True, parameters=lanes,
+            carrying, demand, duration=float(recording.t[-1]), rate=1.0 / recording.dt,
+            times=recording.t - recording.t[0], sampled=sampled, parameters=lanes,
         )  # fmt: skip
         shown = recorded(carrying, motion).current
         rate = 1.0 / recording.dt

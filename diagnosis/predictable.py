@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,33 +21,26 @@ RIDGE = 1e-3
 
 def predictable(fit: Side, held_out: Side, fitted: Array, held: Array, arm: Arm) -> Array:
     """(n,) share of the variance of every joint's held-out residual that a sum of smooth functions of its ``FROM``, fitted to the other
-    recordings, predicts: 0 for noise. fitted, held (n * rows,): whitened residuals in the layout of ``Side``."""
+    recordings, predicts where these have been: 0 for noise. fitted, held (n * rows,): whitened residuals in the layout of ``Side``."""
     shares = np.zeros(len(arm))
     for joint in range(1, len(arm) + 1):
-        columns = _columns(fit, held_out, arm, joint)
-        if columns is None:
-            continue
-        x, x_held = columns
-        y, y_held = fitted[fit.of(joint)], held[held_out.of(joint)]
+        known = [dict(variables(side, arm, joint)) for side in (fit, held_out)]
+        knots = [np.unique(np.quantile(known[0][name], np.linspace(0.0, 1.0, KNOTS))) for name in FROM]
+        if any(len(one) < KNOTS for one in knots):
+            continue  # it stood
+        x, x_held = (_hats(values, knots, side, joint) for values, side in zip(known, (fit, held_out)))
+        inside = np.all([(known[1][n] >= k[0]) & (known[1][n] <= k[-1]) for n, k in zip(FROM, knots)], axis=0)
         gram = x.T @ x
         ridge = RIDGE * np.trace(gram) / len(gram)
-        predicted = x_held @ np.linalg.solve(gram + ridge * np.eye(len(gram)), x.T @ y)
-        shares[joint - 1] = max(0.0, 1.0 - float(np.sum((y_held - predicted) ** 2) / np.sum(y_held**2)))
+        c = np.linalg.solve(gram + ridge * np.eye(len(gram)), x.T @ fitted[fit.of(joint)])
+        y = held[held_out.of(joint)][inside]
+        if len(y):
+            shares[joint - 1] = max(0.0, 1.0 - float(np.sum((y - x_held[inside] @ c) ** 2) / np.sum(y**2)))
     return shares
 
 
-def _columns(fit: Side, held_out: Side, arm: Arm, joint: int) -> tuple[Array, Array] | None:
-    """Hat functions of every variable over the deviation of each row, on both sides; None of a joint that stood."""
-    sides = []
-    known = [dict(variables(side, arm, joint)) for side in (fit, held_out)]
-    for side, values in zip((fit, held_out), known):
-        over = 1.0 / np.concatenate([run.deviation[:, joint - 1] for run in side.runs])
-        hats = []
-        for name in FROM:
-            knots = np.unique(np.quantile(known[0][name], np.linspace(0.0, 1.0, KNOTS)))
-            if len(knots) < KNOTS:
-                return None
-            inside = (values[name] >= knots[0]) & (values[name] <= knots[-1])
-            hats += [np.interp(values[name], knots, one) * inside * over for one in np.eye(len(knots))]
-        sides.append(np.stack(hats, axis=1))
-    return sides[0], sides[1]
+def _hats(values: Mapping[str, Array], knots: Sequence[Array], side: Side, joint: int) -> Array:
+    """(rows, len(FROM) * KNOTS) hat functions of every variable over the deviation of each row."""
+    over = 1.0 / np.concatenate([run.deviation[:, joint - 1] for run in side.runs])
+    hats = [np.interp(values[name], at, one) * over for name, at in zip(FROM, knots) for one in np.eye(len(at))]
+    return np.stack(hats, axis=1)

@@ -1,0 +1,87 @@
+"""A diagnosis in words and numbers: groups are said to be groups, numbers have as many digits as they deserve, structure is told from noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pytest
+
+from arm_model.model_file import read_model
+from diagnosis.diagnose import Diagnosis
+from diagnosis.library import side_of
+from diagnosis.parameters import Estimate
+from diagnosis.predictable import predictable
+from diagnosis.remainder import Structure
+from diagnosis.words import either, estimate, gain, sentence
+from tests.diagnosis.runs import group_of, seen
+
+
+@dataclass
+class Verdict:
+    """The part of a Diagnosis that its sentence is made of."""
+
+    verdict: str
+    causes: list = field(default_factory=list)
+    unexplained: list = field(default_factory=list)
+    warnings: tuple[str, ...] = ()
+
+
+@pytest.mark.parametrize(
+    ("one", "said"),
+    [
+        (Estimate("half_gap", 0.00102117, 3.3e-6, "rad"), "half gap 0.0010212 ± 6.6e-06 rad"),
+        (Estimate("error", 0.09981, 0.002, "1"), "error 0.0998 ± 0.004"),
+        (Estimate("pole_pairs", 4.0, 0.0, "1"), "pole pairs 4"),
+        (Estimate("offset", 0.003, 0.4, "A"), "offset 0.003 ± 0.8 A"),
+        (Estimate("amplitude", 1.25, float("inf"), "N m"), "amplitude 1.25 N m"),
+    ],
+)
+def test_numbers_have_the_digits_that_their_doubt_leaves(one: Estimate, said: str) -> None:
+    assert estimate(one) == said
+
+
+def test_a_group_is_never_told_as_one_lucky_member() -> None:
+    twins = group_of(("torque_constant", 2), ("current_gain", 2), felt_at=2)
+    assert either(twins) == "torque constant or current gain of joint 2"
+    apart = group_of(("payload", None), ("link_inertia", 6), felt_at=6)
+    assert either(apart) == "payload or link inertia of joint 6"
+    alone = group_of(("backlash", 3), felt_at=3)
+    result = Verdict("explained", [twins, alone])
+    told = "Explained: torque constant or current gain of joint 2; backlash of joint 3. What is left is noise."
+    assert sentence(cast(Diagnosis, result)) == told
+
+
+def test_what_is_left_is_said_with_its_place() -> None:
+    left = [
+        Structure("current", 3, "position", 0.8),
+        Structure("current", 1, "no single variable (4.0 times the noise)", 0.0),
+    ]
+    said = sentence(cast(Diagnosis, Verdict("unexplained", [], left)))
+    assert "the current of joint 3 against position, the current of joint 1, no single variable" in said
+
+
+def test_small_errors_are_told_in_thousandths() -> None:
+    cause = group_of(("backlash", 2), felt_at=2)
+    assert gain(replace(cause, before=0.154, after=0.00416)) == "154 -> 4.2 mA"
+    assert gain(replace(cause, before=1.54, after=0.2)) == "1.54 -> 0.2 A"
+
+
+def test_structure_is_predictable_and_noise_is_not(root: Path) -> None:
+    """A function of joint 2's angle is foretold on the other recording, in noise by its share of the variance; noise by nothing."""
+    arm = read_model(root / "config/models/puma560.toml")
+    fit, held_out = (side_of([run]) for run in seen(root, arm, [], ["excitation", "excitation"]).fit)
+    rng = np.random.default_rng(3)
+    wrong = []
+    for side in (fit, held_out):
+        y = rng.normal(size=len(side.y))
+        run, where = side.runs[0], side.of(2)
+        structure = np.sin(3.0 * run.q[:, 1])
+        y[where] += 2.0 * structure / np.std(structure) * run.noise[1] / run.deviation[:, 1]
+        wrong.append(y)
+    shares = predictable(fit, held_out, wrong[0], wrong[1], arm)
+    signal = np.mean((wrong[1][held_out.of(2)]) ** 2) - 1.0
+    assert shares[1] == pytest.approx(signal / (signal + 1.0), abs=0.05)
+    assert np.all(np.delete(shares, 1) < 0.02)
