@@ -26,6 +26,7 @@ from diagnosis.evidence import Run
 from diagnosis.library import columns_of, free_columns, side_of, side_with
 from diagnosis.lines import order_of
 from diagnosis.link_causes import LinkSide, link_side
+from diagnosis.mixups import check_motion, mixed_up
 from diagnosis.parameters import estimates
 from diagnosis.remainder import Structure
 from diagnosis.search import Found, Problem, search, terms_of, without
@@ -87,6 +88,8 @@ def diagnose(
     """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm."""
     everything = [*fit, *held_out]
     check(arm, everything)
+    check_motion(arm, fit, "fitted")
+    check_motion(arm, held_out, "held-out")
     jumped = event_search.jumps(everything, arm)
     angles = [event_search.without_jumps(recording, index, jumped) for index, recording in enumerate(everything)]
     tracked = tracked_causes(arm, fit, held_out, angles=angles, progress=progress)
@@ -136,6 +139,7 @@ def diagnose(
         structures + (link.unexplained if link else []) + tracked.unexplained, compared, along,
         np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked, axis, judged,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
+        + (mixed_up(runs) if judged else ())
         + (_of_width(arm, base))
         + (_beside_causes(axis, model) if axis else ())
         + (link.remarks if link else ()),

@@ -1,0 +1,59 @@
+"""Recordings that were mixed up are refused or warned of, rather than explained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pytest
+
+from arm_model.description import Arm, EffectTerm
+from arm_model.model_file import read_model
+from daq.recording import Recording
+from diagnosis.evidence import Run
+from diagnosis.mixups import check_motion, mixed_up
+from inputs import InputError
+from tests.diagnosis.runs import seen
+
+
+@dataclass
+class Angles:
+    """The part of a Recording that is looked at."""
+
+    path: Path
+    q: np.ndarray
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    return read_model(root / "config/models/puma560.toml")
+
+
+@pytest.fixture(scope="module")
+def run(root: Path, arm: Arm) -> Run:
+    wrong = [EffectTerm("torque_constant", 2, {"error": 0.3}), EffectTerm("viscous_friction", 1, {"viscous": 8.0})]
+    return seen(root, arm, wrong).fit[0]
+
+
+def test_a_wrong_model_is_no_mixup(run: Run) -> None:
+    assert mixed_up([run]) == ()
+
+
+@pytest.mark.parametrize(("factor", "word"), [(-1.0, "sign"), (1e3, "unit"), (-1e3, "sign"), (0.01, "unit")])
+def test_currents_of_another_sign_or_unit(run: Run, factor: float, word: str) -> None:
+    (said,) = mixed_up([replace(run, current=factor * run.current, noise=abs(factor) * run.noise)])
+    assert word in said and run.name in said
+
+
+def _recording(q: np.ndarray) -> Recording:
+    return cast(Recording, Angles(Path("run.mcap"), q))
+
+
+def test_angles_in_degrees_and_arms_at_rest_are_refused(run: Run, arm: Arm) -> None:
+    check_motion(arm, [_recording(run.q), _recording(0.0 * run.q)], "fitted")
+    with pytest.raises(InputError, match="degrees"):
+        check_motion(arm, [_recording(np.degrees(run.q))], "fitted")
+    with pytest.raises(InputError, match="no joint moves in the held-out"):
+        check_motion(arm, [_recording(0.0 * run.q)], "held-out")
