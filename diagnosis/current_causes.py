@@ -17,7 +17,7 @@ from diagnosis.events import Event, Gain
 from diagnosis.library import Side
 from diagnosis.parameters import Estimate
 from diagnosis.projection import confusability, span_of
-from diagnosis.search import Found, Problem
+from diagnosis.search import NESTED, Found, Problem
 from diagnosis.selection import Look, look
 from diagnosis.units import unit_at
 
@@ -45,7 +45,7 @@ def of_candidate(
     group = [candidate.key]
     basis = span_of(others.basis) if others.basis.shape[1] else span_of(np.zeros((len(fit.y), 1)))
     for other in alike:
-        if other.candidate.key != candidate.key:
+        if other.candidate.key != candidate.key and candidate.effect not in NESTED.get(other.candidate.effect, ()):
             pair = library[candidate][0], library[other.candidate][0]
             if confusability(basis, *(_full(c.x, c.where, len(fit.y)) for c in pair)) > GROUP_ABOVE:
                 group.append(other.candidate.key)

@@ -42,7 +42,9 @@ Array = NDArray[np.float64]
 SEARCHED_AGAIN = 2
 """Refuted causes in whose place another is looked for; what has no better name by then is left unexplained."""
 TOLD_FROM_NOTHING = 2.0
-"""Standard deviations that some size of a cause must be from zero."""
+"""Standard deviations that some size of a cause must be from zero ..."""
+MANY = 5
+"""... if there are not so many that they cannot be told from one another."""
 
 
 @dataclass(frozen=True)
@@ -254,11 +256,14 @@ def _of_search(problem: Problem, found: Found) -> list[Cause]:
 
 
 def _indistinct(causes: Sequence[Cause]) -> int | None:
-    """The first cause none of whose sizes is told from nothing: it follows something, but is not there."""
+    """The first cause none of whose sizes is told from nothing: it follows something, but is not there.
+
+    A link's many parameters need not be told from nothing one by one: together they are.
+    """
     for index, cause in enumerate(causes):
         sizes = {p.name for p in CATALOGUE[cause.effect].linear}
         values = [p for p in cause.parameters if p.name in sizes]
-        if values and all(abs(p.value) < TOLD_FROM_NOTHING * p.std for p in values):
+        if 0 < len(values) < MANY and all(abs(p.value) < TOLD_FROM_NOTHING * p.std for p in values):
             return index
     return None
 

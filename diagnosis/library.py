@@ -33,6 +33,15 @@ class Side:
         """Where joint (1-based) stands in ``y``."""
         return slice((joint - 1) * self.rows, joint * self.rows)
 
+    def by_block(self, values: Array) -> Array:
+        """(blocks,) sums of values (n * rows,), all joints together."""
+        return np.bincount(self.block, weights=values).astype(float)
+
+    def by_joint(self, values: Array) -> Array:
+        """(n,) sums of values (n * rows,)."""
+        sums: Array = values.reshape(-1, self.rows).sum(axis=1)
+        return sums
+
 
 @dataclass(frozen=True)
 class Columns:

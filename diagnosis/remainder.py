@@ -81,7 +81,7 @@ def structure_left(fit: Side, held_out: Side, accepted: Accepted, arm: Arm) -> R
 def _likeliest(shapes: Sequence[Shape], accepted: Accepted, held_out: Side, joint: int, loud: float) -> Structure:
     """What a residual that is no noise hangs on most probably: only which variable it is, not whether there is one, is left to chance."""
     before = float(np.sum(accepted.held_out[held_out.of(joint)] ** 2))
-    gains = [gain_of(shape.pair, accepted, held_out)[2] for shape in shapes]
+    gains = [held_out.by_block(gain_of(shape.pair, accepted, held_out)[2]) for shape in shapes]
     able = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > HALF * before]
     p, best = min(able, default=(1.0, 0))
     if p > PROBABLE:
@@ -136,7 +136,7 @@ def _strongest(
     shapes: Sequence[Shape], accepted: Accepted, fit: Side, held_out: Side, joint: int
 ) -> tuple[str, Pair, float] | None:
     """The variable whose function explains most of a joint's held-out residual: name, columns, share of the residual's variance."""
-    gains = [gain_of(shape.pair, accepted, held_out)[2] for shape in shapes]
+    gains = [held_out.by_block(gain_of(shape.pair, accepted, held_out)[2]) for shape in shapes]
     q = benjamini_hochberg(np.array([p_value(one) for one in gains]))
     rows = held_out.of(joint)
     before = float(np.sum(accepted.held_out[rows] ** 2))

@@ -19,7 +19,19 @@ from diagnosis.library import Columns, Side, columns_of, side_with
 from diagnosis.lines import audible, order_of
 from diagnosis.parameters import parameters_of, physical, sharpened
 from diagnosis.remainder import DEAFENING, Remainder, beside, better_than_causes, loud, structure_left
-from diagnosis.selection import SHARE_OF_NOISE, Accepted, Key, Look, Pair, accept, look, matters, round_of, simplest
+from diagnosis.selection import (
+    SHARE_OF_NOISE,
+    Accepted,
+    Key,
+    Look,
+    Pair,
+    accept,
+    explained,
+    look,
+    matters,
+    round_of,
+    simplest,
+)
 from diagnosis.twos import two_of
 
 Array = NDArray[np.float64]
@@ -162,13 +174,12 @@ def _outdone(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, S
     for joint in sorted({c.joint for c in chosen if c.joint}):
         own = [c for c in chosen if c.joint == joint]
         without = problem.accepted([c for c in chosen if c not in own], sides)
-        explained, left = (float(np.sum(one.held_out[sides[1].of(joint)] ** 2)) for one in (without, having))
-        explained -= left
+        before, left = (float(np.sum(one.held_out[sides[1].of(joint)] ** 2)) for one in (without, having))
         allowed = 0.0
         if len(own) > 1 and sum(problem.library[c][0].x.shape[1] for c in own) >= MANY:
             allowed = 0.2 * left
         if len(own) > 3 and _cancelling(own, chosen, problem, having) > MAKESHIFT:
-            allowed = max(allowed, 0.1 * explained)
+            allowed = max(allowed, 0.1 * (before - left))
         if better_than_causes(*sides, without, having, problem.arm, joint, allowed):
             return own
     return []
@@ -298,9 +309,9 @@ def weeded(chosen: list[Candidate], problem: Problem, sides: tuple[Side, Side]) 
             look(c, problem.library[c], problem.accepted([o for o in chosen if o is not c], sides), sides[1])
             for c in chosen
         ]
-        total = float(np.sum(sides[1].y ** 2) - np.sum(problem.accepted(chosen, sides).held_out ** 2))
+        so_far = explained(sides[1], problem.accepted(chosen, sides))
         least = min(gains, key=lambda one: one.held_out_gain)
-        if matters(least.held_out_gain, len(least.coefficients), total, sides[1]):
+        if matters(least.by_joint, len(least.coefficients), so_far, sides[1]):
             break
         chosen = [c for c in chosen if c is not least.candidate]
     return chosen

@@ -29,7 +29,7 @@ without an effect gains stay below a fiftieth."""
 SHARE_OF_NOISE = 0.1
 """A gain below this share of one joint's noise energy does not matter: the effect is a third of the noise, and the noise is known no better."""
 SHADOW = 1e-3
-"""A gain below this share of what is already explained may be the rest of a first-order column: 3 % of its amplitude."""
+"""A gain below this share of what is already explained at a joint may be the rest of a first-order column: 3 % of its amplitude."""
 ALIKE = 0.005
 """Candidates whose gains differ by less than this share of the best, for every coefficient that it has more, are the same to this data."""
 
@@ -43,7 +43,7 @@ NEAR, SURE = 0.8, 0.01
 
 @dataclass(frozen=True)
 class Look:
-    """One candidate beside the accepted ones: its coefficients, gains in units of noise variance, and the held-out gain by block."""
+    """One candidate beside the accepted ones: its coefficients, gains in units of noise variance, and the held-out gain by block and by joint."""
 
     candidate: Candidate
     coefficients: Array
@@ -51,6 +51,7 @@ class Look:
     held_out_gain: float
     p: float
     blocks: Array = field(repr=False)
+    by_joint: Array = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -106,12 +107,13 @@ def fit_gain(columns: Columns, accepted: Accepted) -> tuple[float, Array]:
 
 def look(candidate: Candidate, pair: Pair, accepted: Accepted, held_out: Side) -> Look:
     """What one candidate adds beside the accepted ones."""
-    gain, c, blocks = gain_of(pair, accepted, held_out)
+    gain, c, fall = gain_of(pair, accepted, held_out)
+    blocks = held_out.by_block(fall)
     p = p_value(blocks)
     if candidate.effect in EVENTS and p > 1e-4 and blocks.sum() > 0.0:
         predicted = pair[1].spread(c, len(held_out.y))
         p = min(p, shift_p_value(by_recording(predicted, held_out), by_recording(accepted.held_out, held_out)))
-    return Look(candidate, c, gain, float(blocks.sum()), p, blocks)
+    return Look(candidate, c, gain, float(fall.sum()), p, blocks, held_out.by_joint(fall))
 
 
 def by_recording(values: Array, side: Side) -> list[Array]:
@@ -121,12 +123,11 @@ def by_recording(values: Array, side: Side) -> list[Array]:
 
 
 def gain_of(pair: Pair, accepted: Accepted, held_out: Side) -> tuple[float, Array, Array]:
-    """Fall of the squared fit error by columns beside the accepted ones, their coefficients (k,), fall of the held-out one by block."""
+    """Fall of the squared fit error by columns beside the accepted ones, their coefficients (k,), fall of the held-out one row by row."""
     gain, c = fit_gain(pair[0], accepted)
     inside = pair[0].dot(accepted.basis).T @ c
     after = accepted.held_out - pair[1].spread(c, len(held_out.y)) + accepted.to_held_out @ inside
-    blocks = np.bincount(held_out.block, weights=accepted.held_out**2 - after**2).astype(float)
-    return gain, c, blocks
+    return gain, c, accepted.held_out**2 - after**2
 
 
 def best_shapes(library: Mapping[Candidate, Pair], accepted: Accepted, fit: Side, taken: set[Key]) -> list[Candidate]:
@@ -150,12 +151,18 @@ def at_joint(columns: Columns, joint: int | None, side: Side) -> Columns:
     return Columns(columns.x[side.of(joint)], side.of(joint))
 
 
-def matters(gain: float, coefficients: int, explained: float, held_out: Side) -> bool:
-    """Whether a held-out gain is large against the noise, and against the shadow of what is already explained.
+def explained(held_out: Side, accepted: Accepted) -> Array:
+    """(n,) squared held-out error of each joint's currents that is explained so far."""
+    return held_out.by_joint(held_out.y**2 - accepted.held_out**2)
 
-    An effect with k coefficients is given the shadow k times: it has k ways to follow it.
+
+def matters(gain: Array, coefficients: int, so_far: Array, held_out: Side) -> bool:
+    """Whether held-out gains (n,) of the joints are large against the noise, above the shadows of what is explained ``so_far`` (n,) there.
+
+    An effect with k coefficients is given the shadows k times: it has k ways to follow them.
     """
-    return gain > max(SHARE_OF_NOISE * held_out.rows, SHADOW * explained * coefficients)
+    above = np.maximum(gain - SHADOW * coefficients * so_far, 0.0)
+    return bool(min(above.sum(), gain.sum()) > SHARE_OF_NOISE * held_out.rows)
 
 
 def round_of(
@@ -169,13 +176,13 @@ def round_of(
     """One round: every candidate looked at; those that may enter (and are ``physical``), best held-out gain first."""
     looks = [look(c, library[c], accepted, held_out) for c in best_shapes(library, accepted, fit, taken)]
     q = benjamini_hochberg(np.array([one.p for one in looks]))
-    explained = float(np.sum(held_out.y**2) - np.sum(accepted.held_out**2))
+    so_far = explained(held_out, accepted)
     able = [
         one
         for one, q_one in zip(looks, q)
         if q_one < (SIGNIFICANT if one.held_out_gain < LARGE * held_out.rows else FEW_BLOCKS)
         and physical(one.candidate, one.coefficients)
-        and matters(one.held_out_gain, len(one.coefficients), explained, held_out)
+        and matters(one.by_joint, len(one.coefficients), so_far, held_out)
     ]
     return sorted(able, key=lambda one: -one.held_out_gain)
 

@@ -14,7 +14,18 @@ from numpy.typing import NDArray
 
 from diagnosis.candidates import TWINS, Candidate
 from diagnosis.library import Columns, Side
-from diagnosis.selection import ALIKE, SIGNIFICANT, Accepted, Key, Pair, at_joint, best_shapes, gain_of, matters
+from diagnosis.selection import (
+    ALIKE,
+    SIGNIFICANT,
+    Accepted,
+    Key,
+    Pair,
+    at_joint,
+    best_shapes,
+    explained,
+    gain_of,
+    matters,
+)
 from diagnosis.significance import benjamini_hochberg, p_value
 
 Array = NDArray[np.float64]
@@ -43,15 +54,15 @@ def two_of(
             two for two in itertools.combinations(able, 2) if not any({c.effect for c in two} == set(t) for t in TWINS)
         ]
         looks = [_gain(one, other, library, accepted, fit, held_out) for one, other in pairs]
-        q = benjamini_hochberg(np.array([p_value(blocks) for _, blocks in looks]))
-        explained = float(np.sum(held_out.y**2) - np.sum(accepted.held_out**2))
+        q = benjamini_hochberg(np.array([p_value(held_out.by_block(fall)) for _, fall in looks]))
+        so_far = explained(held_out, accepted)
         most = MOST * float(np.sum(accepted.held_out[held_out.of(joint)] ** 2))
         good = []
-        for (one, other), (coefficients, blocks), q_one in zip(pairs, looks, q):
+        for (one, other), (coefficients, fall), q_one in zip(pairs, looks, q):
             first = library[one][0].x.shape[1]
             fits = physical(one, coefficients[:first]) and physical(other, coefficients[first:])
-            gain = float(blocks.sum())
-            if q_one < SIGNIFICANT and fits and gain > most and matters(gain, len(coefficients), explained, held_out):
+            gain, by_joint = float(fall.sum()), held_out.by_joint(fall)
+            if q_one < SIGNIFICANT and fits and gain > most and matters(by_joint, len(coefficients), so_far, held_out):
                 good.append((gain * (1.0 - ALIKE * len(coefficients)), one, other))
         if good:
             _, one, other = max(good, key=lambda each: each[0])
@@ -62,10 +73,10 @@ def two_of(
 def _gain(
     one: Candidate, other: Candidate, library: Mapping[Candidate, Pair], accepted: Accepted, fit: Side, held_out: Side
 ) -> tuple[Array, Array]:
-    """Coefficients of both (k,) and the fall of the squared held-out error of their joint by block."""
+    """Coefficients of both (k,) and the fall of the squared held-out error of their joint, row by row."""
     sides = []
     for which, side in enumerate((fit, held_out)):
         columns = [at_joint(library[c][which], one.joint, side) for c in (one, other)]
         sides.append(Columns(np.hstack([c.x for c in columns]), columns[0].where))
-    _, coefficients, blocks = gain_of((sides[0], sides[1]), accepted, held_out)
-    return coefficients, blocks
+    _, coefficients, fall = gain_of((sides[0], sides[1]), accepted, held_out)
+    return coefficients, fall
