@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 
 SYSTEMATIC = 0.02
 """Share of a value added to its deviation: columns are first order in the effect, and seen through filters."""
+INFERRED = {"breakaway": 0.1, "half_gap": 0.1}
+"""... and of values that are inferred from what the data does not show itself: friction at rest from friction while moving, where the law of its turn
+is not known, and a gap from the flight through it, where the spring of the teeth is not known."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,8 @@ def estimates(
     left (N,): whitened residual with all of them fitted; free: columns that were fitted beside them.
 
     Covariance: the sandwich B (sum over blocks of g_b g_b^T) B with g_b = X_b^T e_b and B = (X^T X)^+, X with a column more for every continuous
-    shape parameter (derivative of its columns): right for residuals correlated within a block (Liang & Zeger, Biometrika 73, 1986).
+    shape parameter (derivative of its columns): right for residuals correlated within a block (Liang & Zeger, Biometrika 73, 1986). Beside the
+    residual e, the share ``SYSTEMATIC`` of what is explained is in doubt in every block for itself.
     """
     columns = [columns_of(candidate, fit, arm) for candidate in chosen]
     parts = np.split(coefficients, np.cumsum([c.x.shape[1] for c in columns])[:-1])
@@ -121,9 +125,9 @@ def estimates(
             moves.append((index, {name: 1.0}))
             sizes.append(value)
     sizes += [0.0] * len(free)
-    covariance = _sandwich(
-        np.column_stack(wide + [_spread(c, np.ones(1), fit) for c in free]), left, fit, np.array(sizes)
-    )
+    explained = np.sum([_spread(column, part, fit) for column, part in zip(columns, parts)], axis=0)
+    x = np.column_stack(wide + [_spread(c, np.ones(1), fit) for c in free])
+    covariance = _sandwich(x, (left, SYSTEMATIC * explained), fit, np.array(sizes))
     covariance = covariance[: len(moves), : len(moves)]
     result = []
     for index, (candidate, part) in enumerate(zip(chosen, parts)):
@@ -136,7 +140,7 @@ def estimates(
                 continue
             slope = np.array([move.get(name, 0.0) if owner == index else 0.0 for owner, move in moves])
             std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
-            systematic = 0.0 if _whole(candidate, name) else SYSTEMATIC * abs(value)
+            systematic = 0.0 if _whole(candidate, name) else INFERRED.get(name, SYSTEMATIC) * abs(value)
             rows.append(Estimate(name, value, float(np.hypot(std, systematic)), units[name]))
         result.append(rows)
     return result
@@ -160,17 +164,21 @@ def _by_coefficient(candidate: Candidate, part: Array, k: int) -> dict[str, floa
     return {name: (after[name] - before[name]) / (2 * step) for name in after}
 
 
-def _sandwich(wide: Array, left: Array, fit: Side, sizes: Array) -> Array:
-    """Covariance of the coefficients of columns ``wide`` (N, k); in directions that the data does not show, it is that of ``sizes`` (k,)."""
+def _sandwich(wide: Array, doubts: Sequence[Array], fit: Side, sizes: Array) -> Array:
+    """Covariance of the coefficients of columns ``wide`` (N, k) by ``doubts`` (N,) that are independent from block to block.
+
+    In directions that the data does not show, it is that of ``sizes`` (k,).
+    """
     scale = np.linalg.norm(wide, axis=0)
     scale[scale == 0.0] = 1.0
     x = wide / scale
     values, vectors = np.linalg.eigh(x.T @ x)
     seen = values > INDEPENDENT**2
     bread = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
-    scores = np.stack([np.bincount(fit.block, weights=column * left) for column in x.T], axis=1)
-    blocks = len(scores)
-    meat = scores.T @ scores * blocks / max(blocks - len(scale), 1)
+    meat = np.zeros_like(bread)
+    for doubt in doubts:
+        scores = np.stack([fit.by_block(column * doubt) for column in x.T], axis=1)
+        meat += scores.T @ scores * len(scores) / max(len(scores) - len(scale), 1)
     unseen = vectors[:, ~seen] @ vectors[:, ~seen].T
     covariance: Array = (bread @ meat @ bread + unseen * (sizes * scale) ** 2 @ unseen) / np.outer(scale, scale)
     return covariance
