@@ -70,10 +70,9 @@ def known_rows(run: Run) -> NDArray[np.bool_]:
 
 def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     """The recording's demands run through the model's closed loop; None without a demand, a controller or a stable loop."""
-    setup = setup_of(recording)
-    if recording.qref is None or arm.controller is None or np.isnan(recording.qref).any() or setup.drives_off:
+    if arm.controller is None or not able(recording):
         return None
-    arm = loaded(arm, setup.payload)
+    arm = loaded(arm, setup_of(recording).payload)
     knots, (demand, sampled) = recording.t, demand_of_run(recording, arm)
     try:
         motion = simulate(
@@ -83,6 +82,11 @@ def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
         return None
     shown = recorded(arm, motion)
     return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q, known_rows(run))
+
+
+def able(recording: Recording) -> bool:
+    """Whether a recording tells the whole demand of arms whose drives were on."""
+    return recording.qref is not None and not np.isnan(recording.qref).any() and not setup_of(recording).drives_off
 
 
 def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
@@ -105,12 +109,12 @@ def with_widths(arm: Arm, recordings: Sequence[Recording]) -> Arm:
 
     No data sheet has them, and every simulation has its own; a joint keeps its own where no other takes a tenth off its squared error.
     """
-    able = [r for r in recordings if r.qref is not None and not np.isnan(r.qref).any() and not setup_of(r).drives_off]
+    those = [r for r in recordings if able(r)]
     moving = [j for j, joint in enumerate(arm.joints) if max(joint.coulomb) > 0.0]
-    if arm.controller is None or not able or not moving:
+    if arm.controller is None or not those or not moving:
         return arm
     errors = np.zeros((len(WIDTHS), len(arm)))
-    for recording in able:
+    for recording in those:
         carrying = loaded(arm, setup_of(recording).payload)
         lanes = {f"joint{j + 1}.sign_velocity": arm.joints[j].sign_velocity * WIDTHS for j in moving}
         demand, sampled = demand_of_run(recording, carrying)

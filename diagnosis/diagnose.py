@@ -17,6 +17,7 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.effects import CATALOGUE
 from daq.recording import Recording
 from diagnosis import events as event_search
+from diagnosis import resonance
 from diagnosis.axis import AxisSide, axis_side, sharply
 from diagnosis.candidates import Candidate, candidates
 from diagnosis.cause import Cause, extend, together
@@ -108,18 +109,21 @@ def diagnose(
     named = _named(arm, sight, held_out, parts, banned, progress)
     if (behind := with_edges(sight, named.terms)) is not sight:
         sight, named = behind, _named(arm, behind, held_out, parts, banned, progress)
+    progress("looking for what swings")
+    swung = _swung(named, fit, held_out) if judged else None
+    if swung is not None:  # the others are then judged by the arm that swings
+        known, banned = [*known, swung], banned | {(effect, swung.joint) for effect in resonance.FIRST}
+        arm = extend(model, known)
+        sight = with_edges(seen_through(arm, everything, progress), named.terms)
+        named = _named(arm, sight, held_out, parts, banned, progress)
     problem, search_result, base, axis = named.problem, named.found, named.base, named.axis
     runs, sides = [*search_result.sides[0].runs, *search_result.sides[1].runs], search_result.sides
     accepted = problem.accepted(search_result.chosen, sides)
     causes = [from_event(event, arm, sides) for event in [*sight.found, *turned_wrist(fit, held_out)]]
     causes += named.causes
-    beside = causes if judged else [*causes, *of_links]
-    extended = (
-        extend(base, together(beside, [one for one in tracked.causes if one not in tracked.geometry]))
-        if beside or tracked.causes
-        else arm
-    )
-    causes = together([*causes, *of_links], tracked.causes)
+    beside = together(causes if judged else [*causes, *of_links], [one for one in tracked.causes if one not in known])
+    extended = extend(base, beside) if beside else arm
+    causes = together([*([] if swung is None else [swung]), *causes, *of_links], tracked.causes)
     extended = with_widths(extended, fit) if extended is not model else extended
     halves = {"fit": (fit, runs[: len(fit)]), "held_out": (held_out, runs[len(fit) :])}
     compared = {
@@ -134,7 +138,7 @@ def diagnose(
     unjudged = [] if judged else not_judged(arm, link.seen.joints.tolist() if link else [])
     if axis and axis.wave:
         structures = [Structure("current", 1, "position", axis.wave.share)]
-    told = {(one.effect, one.joint) for one in named.causes} | tracked.shown
+    told = {(one.effect, one.joint) for one in [*named.causes, *known]} | tracked.shown
     return Diagnosis(
         model, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
         not_visible(named.library, problem.lines, sides[1], told, arm) + unjudged + tracked.not_visible,
@@ -200,6 +204,17 @@ def _named(
         else:
             found = without(found, found.chosen[gone], problem)
     return _Named(base, problem, library, found, axis, causes + of_axis, terms_of(problem, found))
+
+
+def _swung(named: _Named, fit: Sequence[Recording], held_out: Sequence[Recording]) -> Cause | None:
+    """A spring or play that closed loops show, in the place of one that the search named or beside all that it named."""
+    springs: list[Cause | None] = [one for one in named.causes if one.effect in resonance.FIRST]
+    for spring in springs or [None]:
+        arm = with_widths(extend(named.base, [one for one in named.causes if one is not spring]), fit)
+        joints = [spring.joint] if spring and spring.joint else range(1, len(arm) + 1)
+        if (cause := resonance.swinging(arm, fit, held_out, joints)) is not None:
+            return cause
+    return None
 
 
 def _of_width(arm: Arm, base: Arm) -> tuple[str, ...]:
