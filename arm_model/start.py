@@ -13,6 +13,9 @@ from arm_model.tape import evaluate
 
 Array = NDArray[np.float64]
 
+SETTLED = 1e-13
+"""rad: links that move less from one substitution to the next hang where they are."""
+
 
 def standing(system: System, inputs: Mapping[str, Array], theta: Array) -> tuple[dict[str, Array], Array]:
     """States (name -> (lanes,)) at rest with the motors at ``theta`` (lanes, n) rad, and the currents (lanes, n) A that hold it.
@@ -30,10 +33,13 @@ def standing(system: System, inputs: Mapping[str, Array], theta: Array) -> tuple
     for _ in range(50 if system.flexible else 1):
         torques = evaluate(system.tape, [*system.carried, *system.drag], {**inputs, **states, **still})
         carried, drag = torques[:n], torques[n:]
+        moved = 0.0
         for j in system.flexible:
-            states[f"phi{j}"] = theta[:, j] - _twist(
-                system, j, {**inputs, **still}, np.broadcast_to(carried[j], (lanes,))
-            )
+            twist = _twist(system, j, {**inputs, **still}, np.broadcast_to(carried[j], (lanes,)))
+            moved = max(moved, float(np.max(np.abs(theta[:, j] - twist - states[f"phi{j}"]))))
+            states[f"phi{j}"] = theta[:, j] - twist
+        if moved < SETTLED:
+            break
     current = np.zeros((lanes, n))
     for j in range(n):
         current[:, j] = (carried[j] + drag[j]) / inputs[f"drive{j}"]
