@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 from arm_model.description import Arm, EffectTerm
 from arm_model.effects import CATALOGUE
 from daq.recording import Recording
-from diagnosis import events as event_search
 from diagnosis import resonance
 from diagnosis.axis import AxisSide, axis_side, sharply
 from diagnosis.candidates import Candidate, candidates
 from diagnosis.cause import Cause, extend, together
 from diagnosis.closed_loop import Compared, along_motion, compare, faithful, refuted, with_widths
 from diagnosis.current_causes import from_axis, from_event, of_candidate
+from diagnosis.events import encoder_step
 from diagnosis.evidence import Run
+from diagnosis.jumps import jumps, without_jumps
 from diagnosis.library import columns_of, free_columns, side_of, side_with
 from diagnosis.lines import order_of
 from diagnosis.link_causes import LinkSide, link_side
@@ -93,8 +94,8 @@ def diagnose(
     check(arm, everything)
     check_motion(arm, fit, "fitted")
     check_motion(arm, held_out, "held-out")
-    jumped = event_search.jumps(everything, arm)
-    angles = [event_search.without_jumps(recording, index, jumped) for index, recording in enumerate(everything)]
+    jumped = jumps(everything, arm)
+    angles = [without_jumps(recording, index, jumped) for index, recording in enumerate(everything)]
     tracked = tracked_causes(arm, fit, held_out, angles=angles, progress=progress)
     progress("comparing motor and link encoders")
     link = link_side(arm, fit, held_out)
@@ -143,7 +144,7 @@ def diagnose(
         model, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
         not_visible(named.library, problem.lines, sides[1], told, arm) + unjudged + tracked.not_visible,
         structures + (link.unexplained if link else []) + tracked.unexplained, compared, along,
-        np.array([event_search.encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked, axis, judged,
+        np.array([encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked, axis, judged,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
         + (mixed_up(runs) if judged else ())
         + (_of_width(arm, base))

@@ -1,4 +1,4 @@
-"""Effects that are events or lines rather than columns: hum in the current, counts that jump, a current that is clipped.
+"""Effects that are events or lines rather than columns: hum in the current, a current that is clipped (``jumps``: counts).
 
 Each is looked for in the raw rows of every recording, before any filter would smear it, and taken away before the rest is judged.
 """
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, signal
 
-from arm_model.description import Arm, Joint
 from daq.recording import Recording
 from diagnosis.noise import scatter, still_noise
 from diagnosis.parameters import Estimate
@@ -25,10 +24,6 @@ HUM_BAND = (45.0, 65.0)
 """Hz: where the floor beside the line is taken."""
 HUM_OVER_FLOOR = 40.0
 """Power of a line over the median of its neighbours; white noise exceeds 40 once in e^28 bins."""
-JUMP_IN_STEPS = 2.4
-"""Steps of the encoder that a jump must exceed."""
-JUMP_OVER_OTHERS = 2.4
-"""Times what one row in a hundred jumps that a jump must exceed."""
 AVERAGED, FLAT_SECONDS, PILED = 0.01, 0.03, 3.0
 """A current averaged over the first is clipped if it lies flat for the second, and if of the rows near its top this many times more lie at it
 than below it."""
@@ -128,86 +123,11 @@ def without_hum(recording: Recording, events: list[Event]) -> Array:
     return current
 
 
-def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
-    """Angles that jump by several steps of the encoder between two rows and stay there; one event a joint, told by its largest jump."""
-    events = []
-    for j in range(recordings[0].joints):
-        found = [(index, jump) for index, r in enumerate(recordings) if (jump := _jump(r, j)) is not None]
-        if not found:
-            continue
-        index, (row, size) = max(found, key=lambda one: abs(one[1][1]))
-        step = _count(recordings[index].q[:, j], arm.joints[j])
-        t, dt, name = recordings[index].t[row], recordings[index].dt, recordings[index].path.name
-        events.append(
-            Event(
-                "missed_counts",
-                j + 1,
-                [
-                    Estimate("counts", float(np.round(size / step)), max(1.0, 0.01 * abs(size / step)), "1"),
-                    Estimate("time", float(t), dt, "s"),
-                    Estimate("resolution", step, 0.01 * step, "rad"),
-                ],
-                f"the angle of joint {j + 1} jumps by {size:.3g} rad between two rows at {t:.3f} s of {name} and stays there "
-                f"({len(found)} of {len(recordings)} recordings show a jump)",
-                tuple(index for index, _ in found),
-                Gain(abs(size), abs(size - step * np.round(size / step)), "rad", j + 1),
-            )
-        )
-    return events
-
-
 def encoder_step(q: Array) -> float:
     """rad: smallest step that occurs often in an angle (n,)."""
     steps = np.abs(np.diff(q))
     steps = steps[steps > 1e-9]
     return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
-
-
-def _count(q: Array, joint: Joint) -> float:
-    """rad: one count of an encoder: the step in which its angle (n,) comes, or, if noise hides that, the one of the model's encoder."""
-    step = encoder_step(q)
-    in_steps = float(scatter(q[:, None])[0]) < 2.0 * step / np.sqrt(12)
-    if in_steps or joint.encoder_lines is None:
-        return step
-    return 2 * np.pi / (4 * joint.encoder_lines * abs(joint.ratio))
-
-
-def _jump(recording: Recording, j: int) -> tuple[int, float] | None:
-    """Row after the largest jump that stays, and its size, rad."""
-    q, dt = recording.q[:, j], recording.dt
-    step = encoder_step(q)
-    near = max(3, round(0.01 / dt))
-    if step == 0.0 or len(q) < 8 * near:
-        return None
-    bend = np.diff(q)
-    usual = signal.medfilt(bend, 2 * (near // 2) + 1)
-    row = int(np.argmax(np.abs(bend - usual)))
-    size = float(bend[row] - usual[row])
-    if abs(size) < JUMP_IN_STEPS * step or not near < row < len(q) - 2 * near:
-        return None
-    if abs(size) < JUMP_OVER_OTHERS * float(np.quantile(np.abs(bend - usual), 0.99)):
-        return None  # an angle that is not counted in steps wobbles
-    # it stays: lines through the rows before and after are apart by the jump
-    before, after = slice(max(row - 5 * near, 0), row + 1), slice(row + 1, row + 1 + 5 * near)
-    t = recording.t - recording.t[row]
-    apart = np.polyval(np.polyfit(t[after], q[after], 2), dt / 2) - np.polyval(
-        np.polyfit(t[before], q[before], 2), dt / 2
-    )
-    if abs(apart - size) > 0.3 * abs(size):
-        return None
-    return row + 1, float(apart)
-
-
-def without_jumps(recording: Recording, index: int, events: list[Event]) -> Array:
-    """(n, J) rad: the angles of recording ``index`` with its jumps taken out."""
-    q = recording.q.copy()
-    for event in events:
-        if event.effect == "missed_counts" and index in event.recordings:
-            found = _jump(recording, event.joint - 1)
-            if found is not None:
-                row, size = found
-                q[row:, event.joint - 1] -= size
-    return q
 
 
 def clipped(recordings: list[Recording]) -> list[Event]:

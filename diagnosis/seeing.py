@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from arm_model.description import Arm, EffectTerm
 from daq.recording import Recording
-from diagnosis import events as event_search
 from diagnosis.closed_loop import known_rows, rms_where
-from diagnosis.events import Event, Gain
+from diagnosis.events import Event, Gain, clipped, hum, without_hum
 from diagnosis.evidence import Run, residual_with, see
+from diagnosis.jumps import jumps, without_jumps
 from diagnosis.lost_edges import event_of, lost_edges, put_back
 from diagnosis.noise import still_noise
 from diagnosis.setup import loaded, setup_of
@@ -48,16 +48,16 @@ def seen_through(
     check(arm, recordings)
     progress("looking for events")
     found = [
-        *event_search.hum(recordings),
-        *event_search.jumps(recordings, arm),
-        *(one for one in event_search.clipped(recordings) if not _its_own(arm, one)),
+        *hum(recordings),
+        *jumps(recordings, arm),
+        *(one for one in clipped(recordings) if not _its_own(arm, one)),
     ]
     runs, samples = [], []
     still = still_noise([r for r in recordings if not setup_of(r).drives_off])
     for index, recording in enumerate(recordings):
         progress(f"seeing {recording.path.name} through the model")
-        q = event_search.without_jumps(recording, index, found)
-        setup, i = setup_of(recording), event_search.without_hum(recording, found)
+        q = without_jumps(recording, index, found)
+        setup, i = setup_of(recording), without_hum(recording, found)
         of_run = loaded(arm, setup.payload)
         runs.append(see(recording.path.name, of_run, recording.t, q, i, powered=not setup.drives_off, still=still))
         samples.append((recording.t, q, i))

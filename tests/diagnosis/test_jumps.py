@@ -11,7 +11,7 @@ from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
 from daq.recording_file import Attachments
 from daq.table import write_table
-from diagnosis.events import jumps
+from diagnosis.jumps import jumps, without_jumps
 
 ARM = read_model(Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml")
 COUNT = 2 * np.pi / (4 * (ARM.joints[0].encoder_lines or 0) * abs(ARM.joints[0].ratio))
@@ -37,3 +37,22 @@ def test_a_jump_is_told_in_counts(tmp_path: Path, counts: float, noise: float) -
 @pytest.mark.parametrize("noise", [0.0, 0.3 * COUNT])
 def test_an_angle_without_a_jump_has_none(tmp_path: Path, noise: float) -> None:
     assert jumps([_recorded(tmp_path / "a.mcap", counts=0.0, noise=noise)], ARM) == []
+
+
+def test_missing_rows_of_the_counters_are_no_missed_counts(tmp_path: Path) -> None:
+    """Three rows missing: every joint that moves jumps as far as it turns in three; put back, the angles run on as they did."""
+    t, missing = np.arange(0.0, 8.0, 1e-3), 3
+    seen = np.where(t >= 5.0, t + missing * 1e-3, t)
+    q = np.column_stack([np.sin(0.9 * seen), 0.8 * np.cos(0.7 * seen), 0.3 * np.sin(seen), *np.zeros((3, len(t)))])
+    q = np.round(q / COUNT) * COUNT
+    write_table(tmp_path / "run.mcap", t, {"q": q, "i": np.cos(q)}, Attachments())
+    recording = open_recording(tmp_path / "run.mcap")
+
+    events = jumps([recording], ARM)
+
+    assert [(event.effect, event.joint) for event in events] == [("dropped_trigger", 0)]
+    assert {p.name: p.value for p in events[0].parameters} == pytest.approx(
+        {"row": 5000, "count": -missing, "period": 1e-3}
+    )
+    put_right = without_jumps(recording, 0, events)
+    assert np.max(np.abs(put_right[:, 0] - np.sin(0.9 * t))) < 2 * COUNT
