@@ -23,8 +23,9 @@ from diagnosis.units import unit_at
 
 Array = NDArray[np.float64]
 
-WITHIN = {"current_offset": "friction_asymmetry"}
-"""Effects that are the simplest case of another one as long as the drives are on: friction that is more by the same one way and less the other."""
+WITHIN = {"current_offset": "friction_asymmetry", "cogging": "gear_ripple"}
+"""Effects that are the simplest case of another one as long as the drives are on: friction that is more by the same one way and less the other; a
+torque that goes with the motor's angle, which uneven teeth make as well as magnets do."""
 GROUP_ABOVE = 0.98
 """Canonical correlation above which two effects are one to this data."""
 

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 KNOTS = 16
 """Of a function of one variable: enough for three cycles over the range of a joint."""
+PLACES = 100
+"""Over the range of a joint, of the function that shows what is at one place only."""
 CYCLES = (0.5, 40.0)
 """Cycles a motor revolution between which a ripple is looked for."""
 BINS_PER_TURN = 256
@@ -87,8 +89,27 @@ def shapes_of(fit: Side, held_out: Side, residual: Array, arm: Arm, joint: int) 
                 for values, factor, side in zip(splines, factors, (fit, held_out))
             )
             yield Shape(name, (one, other), known)
+    yield from _places(fit, held_out, joint)
     yield from _waves(fit, held_out, residual, arm, joint)
     yield from _past(fit, held_out, arm, joint)
+
+
+def _places(fit: Side, held_out: Side, joint: int) -> Iterator[Shape]:
+    """What is there at a place and nowhere else (a detent, a damaged tooth): narrow functions of the position, side by side."""
+    x, x_held_out = _gathered(fit, "q", joint), _gathered(held_out, "q", joint)
+    edges = np.linspace(x.min(), x.max(), PLACES)
+    if not np.ptp(x):
+        return
+    known = (x_held_out >= edges[0]) & (x_held_out <= edges[-1])
+    one, other = (
+        Columns(
+            np.maximum(1.0 - np.abs(values[:, None] - edges) / (edges[1] - edges[0]), 0.0)
+            / _gathered(side, "deviation", joint)[:, None],
+            side.of(joint),
+        )
+        for values, side in ((x, fit), (x_held_out, held_out))
+    )
+    yield Shape("position", (one, other), known)
 
 
 def _splines(x: Array, knots: Array) -> Array:

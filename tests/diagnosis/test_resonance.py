@@ -1,0 +1,55 @@
+"""Springs and play found in closed loop, in recordings of a plant that shares no code with the finder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from arm_model.model_file import read_model
+from daq.recording import Recording
+from diagnosis.resonance import swinging
+from tests.blind.hide import Hidden
+from tests.blind.laboratory import Laboratory
+from tests.blind.motions import fourier
+from tests.blind.record import MODEL, recorded, truth
+from tests.blind.recordings import read_recordings, write_recording
+
+LABORATORY = Laboratory("mixed", route="table")
+
+
+def _recordings(folder: Path, hidden: tuple[Hidden, ...]) -> tuple[list[Recording], list[Recording]]:
+    for side, seeds in (("fit", (1, 2)), ("held_out", (3,))):
+        for number, seed in enumerate(seeds):
+            motion = fourier("run", seed, 0.12, 0.9, 8.0)
+            rows = recorded(truth(motion, hidden, LABORATORY), LABORATORY, seed)
+            write_recording(folder / f"{side}_{number}.mcap", rows, LABORATORY)
+    return read_recordings(folder)
+
+
+def test_a_spring_too_fast_for_the_currents_along_the_motion(tmp_path: Path) -> None:
+    """8000 N m/rad behind the elbow: 25 Hz, above the band in which encoder steps leave anything to be seen."""
+    fit, held_out = _recordings(tmp_path, (Hidden("joint_compliance", 3, {"stiffness": 8000.0, "damping": 8.0}),))
+
+    cause = swinging(read_model(MODEL), fit, held_out, range(1, 7))
+
+    assert cause is not None and (cause.effect, cause.joint) == ("joint_compliance", 3)
+    stiffness, damping = cause.parameters
+    assert abs(stiffness.value - 8000.0) < 2 * stiffness.std < 1000.0
+    assert abs(damping.value - 8.0) < 3.0
+    assert cause.after < cause.before / 3
+
+
+def test_stiff_joints_do_not_swing(tmp_path: Path) -> None:
+    fit, held_out = _recordings(tmp_path, ())
+    assert swinging(read_model(MODEL), fit, held_out, range(1, 7)) is None
+
+
+@pytest.mark.slow
+def test_servos_that_are_not_the_model_s_are_no_spring(tmp_path: Path) -> None:
+    fit, held_out = _recordings(tmp_path, ())
+    arm = read_model(MODEL)
+    assert arm.controller is not None
+    other = replace(arm.controller, current_lag=3.0 * arm.controller.current_lag)
+    assert swinging(replace(arm, controller=other), fit, held_out, range(1, 7)) is None
