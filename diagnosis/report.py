@@ -68,7 +68,7 @@ _HOW_ENCODERS = (
     "<p class=note>How to read this. The model has gear ratios only. Held against it is the angle of each motor over its gear less that of the"
     " link's own encoder: zero on a stiff arm whose encoders are read at one instant. ± is two standard deviations.</p>"
 )
-MOST_PICTURES = 2
+MOST_PICTURES = {"held_out": 2, "fit": 1}
 """Recordings of a side that are drawn; the tables have all."""
 
 
@@ -121,7 +121,7 @@ def _simulated(result: Diagnosis) -> list[str]:
     units = tuple(dict.fromkeys(joint.current_unit for joint in result.arm.joints))
     for side, words in (("held_out", "held out"), ("fit", "fitted")):
         pairs = result.compared.get(side) or []
-        for number, (before, after) in enumerate(pairs[:MOST_PICTURES]):
+        for number, (before, after) in enumerate(pairs[: MOST_PICTURES[side]]):
             picture = _picture(*side_by_side(before, after, bool(result.causes), units))
             opened = " open" if side == "held_out" and number == 0 else ""
             parts.append(f"<details{opened}><summary>{escape(before.name)} ({words})</summary>{picture}</details>")

@@ -114,7 +114,7 @@ def with_payload(trial: Trial) -> Trial:
 def _moving(stage: Stage, joints: Sequence[int]) -> Iterator[Trial]:
     for pose in stage.poses:
         for joint in joints:
-            yield from _of_joint(stage, pose, joint)
+            yield from of_joint(stage, pose, joint)
         yield _standing(stage, pose, off=False)
     yield from _excitations(stage)
 
@@ -143,7 +143,8 @@ def _standing(stage: Stage, pose: Array, *, off: bool) -> Trial:
     return Trial(f"{name}, for 5 s", _experiment(stage, name, pose, held, setup=setup), ())
 
 
-def _of_joint(stage: Stage, pose: Array, joint: int) -> Iterator[Trial]:
+def of_joint(stage: Stage, pose: Array, joint: int) -> Iterator[Trial]:
+    """All families of motions of one joint (from 1) about a pose (n,) rad."""
     low, high = stage.limits.position[joint - 1]
     full, unit = float(stage.limits.speed[joint - 1]), "rad" if stage.arm.joints[joint - 1].revolute else "m"
     at = float(np.clip(pose[joint - 1], low, high))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.candidates import candidates
 from diagnosis.diagnose import Diagnosis
@@ -13,10 +14,12 @@ from diagnosis.library import columns_of, side_of
 from diagnosis.selection import Key
 from diagnosis.separate import further, stage_of
 from diagnosis.separate_distance import foreseen
-from diagnosis.separate_motions import Kind, Stage, Trial, trials, with_payload
+from diagnosis.separate_motions import Stage, Trial, of_joint, with_payload
 from diagnosis.visibility import BY_ENCODERS, Invisible, felt, need_of, times_noise
 from experiment import Experiment, demand_of
 from identification.excitation import Limits
+
+Array = NDArray[np.float64]
 
 ENOUGH = 1.0
 """Times the noise that an effect of the largest typical size has to change the currents by: three times what is called visible."""
@@ -51,39 +54,39 @@ def shown_by(
         return [Showing(one) for one in result.not_visible]
     stage = stage_of(result, [1], rig, visited=False)
     noise = np.mean([run.noise for run in result.fit], axis=0)
-    several: dict[int, list[Trial]] = {}
-    seen: dict[tuple[int, str], list[tuple[Trial, dict[Key, float]]]] = {}
+    known = {c.key for c in candidates(result.arm)}
+    tried: dict[tuple[int, str], list[tuple[Trial, dict[Key, float]]]] = {}
     found = []
     for one in result.not_visible:
-        joint = one.joint
-        wanted = {(e.effect, e.joint) for e in result.not_visible if e.joint == joint}
-        if joint is None or not any(c.key == (one.effect, joint) for c in candidates(result.arm)):
+        if one.joint is None or (one.effect, one.joint) not in known:
             found.append(Showing(one))
             continue
-        progress(f"what would show {one.effect.replace('_', ' ')} of joint {joint}")
-        if joint not in several:
-            several[joint] = list(trials(stage, [joint], Kind.MOTION))
-        trial = _of_family(several[joint], joint, FAMILIES[need_of(one.effect)])
-        if trial is None:
-            found.append(Showing(one))
-            continue
-        at = joint, trial.experiment.name
-        if at not in seen:
-            seen[at] = [(which, _strengths(which, stage, noise, wanted)) for which in (trial, with_payload(trial))]
-        found.append(_best(one, seen[at]))
+        progress(f"what would show {one.effect.replace('_', ' ')} of joint {one.joint}")
+        at = one.joint, FAMILIES[need_of(one.effect)]
+        if at not in tried:
+            alike: set[Key] = {(e.effect, e.joint) for e in result.not_visible if e.joint == at[0]}
+            alike = {key for key in alike if FAMILIES[need_of(key[0])] == at[1]}
+            tried[at] = list(_tried(stage, noise, *at, alike))
+        found.append(_best(one, tried[at]))
     return found
 
 
-def _of_family(several: Sequence[Trial], joint: int, family: str) -> Trial | None:
-    """The motion of a family, or the one that does instead; from the pose of the recordings that loads the joint most differently."""
-    for name in (family, OTHERWISE):
-        of_name = [trial for trial in several if trial.experiment.name == f"joint {joint} {name}"]
-        if of_name:
-            return of_name[-1]
-    return None
+def _tried(
+    stage: Stage, noise: Array, joint: int, family: str, wanted: set[Key]
+) -> Iterator[tuple[Trial, dict[Key, float]]]:
+    """A joint's motion of a family (or the one that does instead), from the pose of the recordings that loads it most differently; and if that
+    does not show all that is ``wanted``, the same with a known payload. With each, how much it shows of what."""
+    named = {trial.experiment.name: trial for trial in of_joint(stage, stage.poses[-1], joint)}
+    trial = next((named[name] for one in (family, OTHERWISE) if (name := f"joint {joint} {one}") in named), None)
+    if trial is None:
+        return
+    strengths = _strengths(trial, stage, noise, wanted)
+    yield trial, strengths
+    if any(strengths.get(key, 0.0) < ENOUGH for key in wanted):
+        yield with_payload(trial), _strengths(with_payload(trial), stage, noise, wanted)
 
 
-def _strengths(trial: Trial, stage: Stage, noise: np.ndarray, wanted: set[Key]) -> dict[Key, float]:
+def _strengths(trial: Trial, stage: Stage, noise: Array, wanted: set[Key]) -> dict[Key, float]:
     """Times the noise: how much effects of the largest typical size change the currents of a simulated motion; empty where it cannot be made."""
     run = foreseen(trial, stage, noise)
     if run is None:
