@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 class Side:
     """Whitened residuals of all recordings of one side (fit or held out), joint after joint: y (n * rows,); block (n * rows,).
 
-    together: the same recordings, those with one setup after the other merged.
+    together: the same recordings, those with one setup after the other merged; corrected (n,): energy, by joint, of what an exact model has put
+    right in y since it was first computed.
     """
 
     runs: tuple[Run, ...]
@@ -28,6 +29,7 @@ class Side:
     y: Array
     block: NDArray[np.intp]
     rows: int
+    corrected: Array | float = 0.0
 
     def of(self, joint: int) -> slice:
         """Where joint (1-based) stands in ``y``."""

@@ -37,6 +37,10 @@ BAND = (10.0, 100.0)
 """Hz."""
 LOUD = 2.0
 """Times the transducers' noise in the band: a joint that the loop does not follow."""
+MOVES = 0.01
+"""rad (m) that a joint moves at least."""
+FOLLOWED = 0.7
+"""Share of moving joints that may be loud: where nearly all are, the servos are not those of the arm."""
 PROMISING, MOST = 0.4, 0.75
 """Share of the energy above the noise that the best of the first values must explain at the joint, and the best of all at all joints held out."""
 ALIKE = 0.05
@@ -79,16 +83,19 @@ def swinging(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], 
     noise = np.sqrt(np.mean([scatter(r.i) ** 2 * _white_share(r) for r in fit], axis=0))
     missed = [_errors(arm, r)[0] for r in fit]
     loud = np.sqrt(np.mean(np.concatenate(missed) ** 2, axis=0)) / noise
-    if not np.isfinite(loud).all() or loud.max() < LOUD:
+    moving = np.any([np.ptp(r.q, axis=0) > MOVES for r in fit], axis=0)
+    if not np.isfinite(loud).all() or loud.max() < LOUD or np.mean(loud[moving] > LOUD) > FOLLOWED:
         return None
     worst = sorted(range(len(fit)), key=lambda k: -float(np.sum(missed[k] ** 2)))[:SEARCHED_IN]
     few = [fit[k] for k in worst]
+    loudest = [
+        joint for joint in np.argsort(-loud)[:3] + 1 if joint in joints and loud[joint - 1] > max(LOUD, loud.max() / 2)
+    ]
     found = [
         one
-        for joint in joints
-        if loud[joint - 1] > max(LOUD, loud.max() / 2)
+        for joint in loudest
         for effect in FIRST
-        if (one := _searched(arm, effect, joint, few, noise)) is not None
+        if (one := _searched(arm, effect, int(joint), few, noise)) is not None
     ]
     if not found:
         return None
@@ -105,7 +112,7 @@ def _searched(
     trials = [Trial(effect, joint, dict(zip(grid, values))) for values in itertools.product(*grid.values())]
     share, best = 0.0, trials[0]
     for turn in range(1 + ROUNDS):
-        shares = _shares(arm, trials, recordings, noise)
+        shares = _shares(arm, trials, recordings[: 1 + turn], noise)  # the first values in the worst recording
         place = int(np.nanargmax(shares))
         if turn == 0 and not shares[place] > PROMISING:
             return None

@@ -26,10 +26,10 @@ from diagnosis.selection import (
     Look,
     Pair,
     accept,
-    explained,
     look,
     matters,
     round_of,
+    shadows,
     simplest,
 )
 from diagnosis.twos import two_of
@@ -246,7 +246,11 @@ def corrected(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, 
         terms = _terms(chosen, parts)
         exact = [side_with(side, terms) for side in problem.sides]
         linear = [_spread(chosen, parts, problem, which) for which in (0, 1)]
-        trial = replace(sides[0], y=exact[0] + linear[0]), replace(sides[1], y=exact[1] + linear[1])
+        first, second = (
+            replace(side, y=y, corrected=side.by_joint((y - side.y) ** 2))
+            for side, y in zip(problem.sides, (exact[0] + linear[0], exact[1] + linear[1]))
+        )
+        trial = first, second
         if np.sum(problem.accepted(chosen, trial).fit ** 2) > WORSE * np.sum(accepted.fit**2):
             return sides
         sides = trial
@@ -309,9 +313,9 @@ def weeded(chosen: list[Candidate], problem: Problem, sides: tuple[Side, Side]) 
             look(c, problem.library[c], problem.accepted([o for o in chosen if o is not c], sides), sides[1])
             for c in chosen
         ]
-        so_far = explained(sides[1], problem.accepted(chosen, sides))
+        shadow = shadows(sides[1], problem.accepted(chosen, sides))
         least = min(gains, key=lambda one: one.held_out_gain)
-        if matters(least.by_joint, len(least.coefficients), so_far, sides[1]):
+        if matters(least.by_joint, len(least.coefficients), shadow, sides[1]):
             break
         chosen = [c for c in chosen if c is not least.candidate]
     return chosen

@@ -28,8 +28,9 @@ FEW_BLOCKS, LARGE = 0.15, 0.25
 without an effect gains stay below a fiftieth."""
 SHARE_OF_NOISE = 0.1
 """A gain below this share of one joint's noise energy does not matter: the effect is a third of the noise, and the noise is known no better."""
-SHADOW = 1e-3
-"""A gain below this share of what is already explained at a joint may be the rest of a first-order column: 3 % of its amplitude."""
+SHADOW, OF_CORRECTED = 1e-5, 0.01
+"""A gain below the first share of what is already explained at a joint, or the second of what an exact model had to put right there, may be the rest
+of what columns of the first order have wrong: 0.3 % of an effect, a tenth of its second order."""
 ALIKE = 0.005
 """Candidates whose gains differ by less than this share of the best, for every coefficient that it has more, are the same to this data."""
 
@@ -151,17 +152,18 @@ def at_joint(columns: Columns, joint: int | None, side: Side) -> Columns:
     return Columns(columns.x[side.of(joint)], side.of(joint))
 
 
-def explained(held_out: Side, accepted: Accepted) -> Array:
-    """(n,) squared held-out error of each joint's currents that is explained so far."""
-    return held_out.by_joint(held_out.y**2 - accepted.held_out**2)
+def shadows(held_out: Side, accepted: Accepted) -> Array:
+    """(n,) squared held-out error of each joint's currents that what is accepted may have left for every coefficient of another effect."""
+    explained = held_out.by_joint(held_out.y**2 - accepted.held_out**2)
+    return SHADOW * explained + OF_CORRECTED * held_out.corrected
 
 
-def matters(gain: Array, coefficients: int, so_far: Array, held_out: Side) -> bool:
-    """Whether held-out gains (n,) of the joints are large against the noise, above the shadows of what is explained ``so_far`` (n,) there.
+def matters(gain: Array, coefficients: int, shadow: Array, held_out: Side) -> bool:
+    """Whether held-out gains (n,) of the joints are large against the noise, above the ``shadows`` (n,) of what is accepted.
 
     An effect with k coefficients is given the shadows k times: it has k ways to follow them.
     """
-    above = np.maximum(gain - SHADOW * coefficients * so_far, 0.0)
+    above = np.maximum(gain - coefficients * shadow, 0.0)
     return bool(min(above.sum(), gain.sum()) > SHARE_OF_NOISE * held_out.rows)
 
 
@@ -176,13 +178,13 @@ def round_of(
     """One round: every candidate looked at; those that may enter (and are ``physical``), best held-out gain first."""
     looks = [look(c, library[c], accepted, held_out) for c in best_shapes(library, accepted, fit, taken)]
     q = benjamini_hochberg(np.array([one.p for one in looks]))
-    so_far = explained(held_out, accepted)
+    shadow = shadows(held_out, accepted)
     able = [
         one
         for one, q_one in zip(looks, q)
         if q_one < (SIGNIFICANT if one.held_out_gain < LARGE * held_out.rows else FEW_BLOCKS)
         and physical(one.candidate, one.coefficients)
-        and matters(one.by_joint, len(one.coefficients), so_far, held_out)
+        and matters(one.by_joint, len(one.coefficients), shadow, held_out)
     ]
     return sorted(able, key=lambda one: -one.held_out_gain)
 

@@ -22,9 +22,9 @@ from diagnosis.selection import (
     Pair,
     at_joint,
     best_shapes,
-    explained,
     gain_of,
     matters,
+    shadows,
 )
 from diagnosis.significance import benjamini_hochberg, p_value
 
@@ -55,14 +55,14 @@ def two_of(
         ]
         looks = [_gain(one, other, library, accepted, fit, held_out) for one, other in pairs]
         q = benjamini_hochberg(np.array([p_value(held_out.by_block(fall)) for _, fall in looks]))
-        so_far = explained(held_out, accepted)
+        shadow = shadows(held_out, accepted)
         most = MOST * float(np.sum(accepted.held_out[held_out.of(joint)] ** 2))
         good = []
         for (one, other), (coefficients, fall), q_one in zip(pairs, looks, q):
             first = library[one][0].x.shape[1]
             fits = physical(one, coefficients[:first]) and physical(other, coefficients[first:])
             gain, by_joint = float(fall.sum()), held_out.by_joint(fall)
-            if q_one < SIGNIFICANT and fits and gain > most and matters(by_joint, len(coefficients), so_far, held_out):
+            if q_one < SIGNIFICANT and fits and gain > most and matters(by_joint, len(coefficients), shadow, held_out):
                 good.append((gain * (1.0 - ALIKE * len(coefficients)), one, other))
         if good:
             _, one, other = max(good, key=lambda each: each[0])
