@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model.description import Arm
+from arm_model.description import Arm, Joint
 from arm_model.dynamics import inverse_dynamics
 from arm_model.parameters import parameter, with_parameters
 from daq.recording import Recording
@@ -26,6 +26,7 @@ from diagnosis.evidence import ROWS_PER_SECOND, Run
 from diagnosis.library import free_columns, side_of
 from diagnosis.selection import SHARE_OF_NOISE
 from diagnosis.significance import p_value
+from diagnosis.units import unit_at
 from inputs import InputError
 
 Array = NDArray[np.float64]
@@ -54,11 +55,13 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Distortion:
-    """parameter, its joint, unit and value in the model; paths, one a recording; strength of the walk per square root of a second, 0 where
+    """parameter, its joint (from 1) and what drives it, unit and value in the model; paths, one a recording;
+    strength of the walk per square root of a second, 0 where
     it stays as it is as far as one can tell; constant: best value that does not vary, with its deviation; shares, largest first."""
 
     parameter: str
     joint: int
+    drive: Joint
     unit: str
     model: float
     paths: tuple[Path, ...]
@@ -113,8 +116,9 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
     if not foretold and not any(one.p < CERTAIN and one.gain > enough for one in shares):
         ratio, scale, shares = 0.0, likelihood(steps, 0.0)[1], ()
         paths = paths_of(ratio, scale)
+    drive = arm.joints[joint - 1]
     return Distortion(
-        own, joint, UNITS.get(own.rpartition(".")[2], ""), model, paths, float(np.sqrt(scale * ratio / STEP)),
+        own, joint, drive, unit_at(drive, UNITS.get(own.rpartition(".")[2], "")), model, paths, float(np.sqrt(scale * ratio / STEP)),
         (model + constant, float(np.sqrt(scale / information))), shares,
     )  # fmt: skip
 

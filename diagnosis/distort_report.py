@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.distort import Distortion, sentence
+from diagnosis.units import unit_at
 from identification.plots import image
 from identification.report import STYLE
 from inputs import make_folder, write_text
@@ -107,7 +108,7 @@ def against(result: Distortion) -> tuple[Figure, str]:
         axis.plot(shown, value, ".", ms=2.5, color=BAND)
         axis.errorbar(*_means(x, value, std), fmt="o-", ms=4, lw=1.2, color=LINE, capsize=2)
         axis.axhline(result.model, color=MODEL, ls="--", lw=1.0)
-        unit = f", {UNITS[name]}" if UNITS[name] else ""
+        unit = f", {unit_at(result.drive, UNITS[name])}" if UNITS[name] else ""
         share = explained.get(name)
         axis.set_title(
             "" if share is None else f"explains {share.share:.0%} (p = {share.p:.2g})", loc="left", fontsize="medium"

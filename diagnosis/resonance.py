@@ -94,6 +94,7 @@ def swinging(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], 
     found = [
         one
         for joint in loudest
+        if arm.joints[joint - 1].rotor_inertia > 0.0  # all the mass behind the spring: no motor to swing against it
         for effect in FIRST
         if (one := _searched(arm, effect, int(joint), few, noise)) is not None
     ]
