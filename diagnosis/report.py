@@ -77,6 +77,8 @@ def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
     names = f"{_counted(len(result.fit))} fitted, {_counted(len(result.held_out))} held out"
     if set(table["fit"]) & set(table["held_out"]):
         names = f"{_counted(len(result.fit))}, split by time: the first part fitted, the second held out"
+    if not result.judged:
+        return f"Asked: what do two encoders a joint show that gear ratios do not? {names}."
     return (
         f"Asked: what is missing from this model? Its masses, inertias and constants were trusted, not fitted anew; one that is wrong is named as a"
         f" cause like any other. {names}."

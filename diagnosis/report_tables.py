@@ -116,15 +116,17 @@ def unseen(table: dict[str, Any]) -> str:
     for one in table["not_visible"]:
         key = str(one["joint"] or ""), one["why"], one["experiment"]
         alike.setdefault(key, []).append(one["effect"].replace("_", " "))
-    rows, last = [], ("", "")
+    joints: dict[tuple[str, str, str], list[str]] = {}
     for (joint, why, experiment), effects in alike.items():
-        here = escape(", ".join(effects)), escape(experiment)
-        told = [
-            "" if one == before else one for one, before in zip(here, last)
-        ]  # said once for all joints of an effect
+        joints.setdefault((", ".join(effects), why, experiment), []).append(joint)
+    rows, last = [], ("", "")
+    for (names, why, experiment), several in joints.items():
+        here = escape(names), escape(experiment)
+        # said once for all joints of an effect
+        told = ["" if one == before else one for one, before in zip(here, last)]
         if told[0]:
             told[1] = here[1]
-        rows.append([told[0], joint, escape(why), told[1] or "as above"])
+        rows.append([told[0], ", ".join(several), escape(why), told[1] or "as above"])
         last = here
     return "<p>These were neither found nor ruled out. Sizes are the largest that are typical.</p>" + rows_of(
         rows, ("effect", "joint", "why not", "what would show it"), (1,)

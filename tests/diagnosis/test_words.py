@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import cast
@@ -15,6 +16,7 @@ from diagnosis.library import side_of
 from diagnosis.parameters import Estimate
 from diagnosis.predictable import predictable
 from diagnosis.remainder import Structure
+from diagnosis.report_tables import unseen
 from diagnosis.words import either, estimate, gain, sentence
 from tests.diagnosis.runs import group_of, seen
 
@@ -85,3 +87,23 @@ def test_structure_is_predictable_and_noise_is_not(root: Path) -> None:
     signal = np.mean((wrong[1][held_out.of(2)]) ** 2) - 1.0
     assert shares[1] == pytest.approx(signal / (signal + 1.0), abs=0.05)
     assert np.all(np.delete(shares, 1) < 0.02)
+
+
+def test_joints_alike_share_a_line_and_no_effect_is_left_out() -> None:
+    rows = [
+        ("backlash", 4, "a", "x"),
+        ("backlash", 5, "b", "x"),
+        ("cogging", 1, "c", "y"),
+        ("cogging", 2, "c", "y"),
+        ("link_sag", None, "d", "z"),
+    ]
+    names = ("effect", "joint", "why", "experiment")
+    page = unseen({"not_visible": [dict(zip(names, row)) for row in rows]})
+    lines = re.findall("<tr>(.*?)</tr>", page)[1:]
+    cells = [re.findall("<td.*?>(.*?)</td>", line) for line in lines]
+    assert cells == [
+        ["backlash", "4", "a", "x"],
+        ["", "5", "b", "as above"],
+        ["cogging", "1, 2", "c", "y"],
+        ["link sag", "", "d", "z"],
+    ]
