@@ -36,7 +36,7 @@ class Cause:
     evidence: str
     felt_at: int
     unit: str
-    signal: Literal["current", "angle", "link angle", "tracker"] = "current"
+    signal: Literal["current", "angle", "link angle", "tracker", "closed loop"] = "current"
     of_arm: bool = True
 
     @property

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from arm_model.description import Arm, Joint
 from arm_model.effects import CATALOGUE
 from diagnosis.axis import AxisCause
-from diagnosis.candidates import Candidate
+from diagnosis.candidates import TWINS, Candidate
 from diagnosis.cause import Cause, confidence_of
 from diagnosis.events import Event, Gain
 from diagnosis.library import Side
@@ -50,9 +50,10 @@ def of_candidate(
             pair = library[candidate][0], library[other.candidate][0]
             if confusability(basis, *(_full(c.x, c.where, len(fit.y)) for c in pair)) > GROUP_ABOVE:
                 group.append(other.candidate.key)
-    within = WITHIN.get(candidate.effect)
-    if within and (within, joint) not in group and all(run.powered for side in found.sides for run in side.runs):
-        group.append((within, candidate.joint))
+    twins = [other for pair in TWINS for other in pair if candidate.effect in pair and other != candidate.effect]
+    if candidate.effect in WITHIN and all(run.powered for side in found.sides for run in side.runs):
+        twins.append(WITHIN[candidate.effect])
+    group += [(twin, candidate.joint) for twin in twins if (twin, candidate.joint) not in group]
     definition = candidate.definition
     where, unit = (
         f"joint {candidate.joint}" if candidate.joint else "all joints",

@@ -13,6 +13,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.evidence import ROWS_PER_SECOND
 from diagnosis.library import side_of
 from diagnosis.link_plots import link_figure
+from diagnosis.loop_plots import loop_figure
 from diagnosis.residual_plots import SURE, unit_of
 from diagnosis.tracker_plots import tracker_figure
 from diagnosis.words import small
@@ -86,6 +87,8 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
         return tracker_figure(result.tracked)
     if result.link is not None and cause.signal == "link angle":
         return link_figure(result.link, result.arm, cause.effect, cause.felt_at)
+    if cause.signal == "closed loop":
+        return loop_figure(result.compared["held_out"], cause.felt_at, cause.unit)
 
     if result.axis is not None and any(one.effect == cause.effect for one in result.axis.causes):
         return axis_figure(result.axis, cause.effect, result.arm.joints[0])

@@ -211,7 +211,7 @@ def _judged(
     key = (trial.effect, trial.joint)
     return Cause(
         trial.effect, trial.joint, _estimates(arm, trial, fit, noise), confidence_of(p), float(before[j]), float(after[j]), (key,), None,
-        sentence, trial.joint, unit,
+        sentence, trial.joint, unit, "closed loop",
     )  # fmt: skip
 
 
