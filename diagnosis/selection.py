@@ -26,8 +26,9 @@ SIGNIFICANT = 0.05
 FEW_BLOCKS, LARGE = 0.15, 0.25
 """... and at which one may that gains more than this share of a joint's noise energy: what shows in few blocks has no more of them to be sure by, and
 without an effect gains stay below a fiftieth."""
-SHARE_OF_NOISE = 0.1
-"""A gain below this share of one joint's noise energy does not matter: the effect is a third of the noise, and the noise is known no better."""
+SHARE_OF_NOISE, FOLLOWS = 0.1, 4
+"""A gain below this share of one joint's noise energy, for every so many coefficients, does not matter: the effect is a third of the noise, the noise
+is known no better, and many coefficients follow something."""
 SHADOW, OF_CORRECTED = 1e-5, 0.01
 """A gain below the first share of what is already explained at a joint, or the second of what an exact model had to put right there, may be the rest
 of what columns of the first order have wrong: 0.3 % of an effect, a tenth of its second order."""
@@ -164,7 +165,8 @@ def matters(gain: Array, coefficients: int, shadow: Array, held_out: Side) -> bo
     An effect with k coefficients is given the shadows k times: it has k ways to follow them.
     """
     above = np.maximum(gain - coefficients * shadow, 0.0)
-    return bool(min(above.sum(), gain.sum()) > SHARE_OF_NOISE * held_out.rows)
+    least = SHARE_OF_NOISE * max(1.0, coefficients / FOLLOWS) * held_out.rows
+    return bool(min(above.sum(), gain.sum()) > least)
 
 
 def round_of(
