@@ -24,6 +24,8 @@ HUM_BAND = (45.0, 65.0)
 """Hz: where the floor beside the line is taken."""
 HUM_OVER_FLOOR = 40.0
 """Power of a line over the median of its neighbours; white noise exceeds 40 once in e^28 bins."""
+RUNS_AWAY = 1.5
+"""Times as far from its demand as ever before, of a joint whose current is clipped."""
 AVERAGED, FLAT_SECONDS, PILED = 0.01, 0.03, 3.0
 """A current averaged over the first is clipped if it lies flat for the second, and if of the rows near its top this many times more lie at it
 than below it."""
@@ -134,7 +136,8 @@ def clipped(recordings: list[Recording]) -> list[Event]:
     """Currents that pile up at one extreme value, in either direction.
 
     Of a current that turns round by itself as many rows lie within 2 widths of its top as in the 6 widths below (a parabola); of one that is
-    clipped, nearly all of them. The width is what noise and converter leave of a value averaged over ``AVERAGED`` s.
+    clipped, nearly all of them: in all recordings together, or in one in which the joint runs away from its demand meanwhile. The width is what
+    noise and converter leave of a value averaged over ``AVERAGED`` s.
     """
     events = []
     smooth = [_averaged(r) for r in recordings]
@@ -148,7 +151,11 @@ def clipped(recordings: list[Recording]) -> list[Event]:
         below = [float(np.sum(values[:, j] > top - 8 * width)) * r.dt for values, r in zip(smooth, recordings)]
         moving = [k for k, r in enumerate(recordings) if near[k] > 0.0 and np.ptp(r.q[:, j]) > 0.01]
         flat = _longest_of([values[:, j] > top - 2 * width for values in smooth], recordings)
-        if top > 10 * width and moving and flat > FLAT_SECONDS and sum(near) > PILED * (sum(below) - sum(near)):
+        piled = sum(near) > PILED * (sum(below) - sum(near)) or any(
+            near[k] > PILED * (below[k] - near[k]) and _runs_away(recordings[k], j, smooth[k][:, j] > top - 2 * width)
+            for k in moving
+        )
+        if top > 10 * width and moving and flat > FLAT_SECONDS and piled:
             events.append(
                 Event(
                     "current_limit",
@@ -166,11 +173,28 @@ def _averaged(recording: Recording) -> Array:
     return np.asarray(np.abs(ndimage.uniform_filter1d(recording.i, rows, axis=0)), float)
 
 
+def _runs_away(recording: Recording, j: int, flat: NDArray[np.bool_]) -> bool:
+    """Whether a joint is farther from its demand at the end of the longest stretch of ``flat`` (m,) current than ever before."""
+    starts, ends = _stretches(flat)
+    if recording.qref is None or len(starts) == 0:
+        return False
+    longest = int(np.argmax(ends - starts))
+    start, end = int(starts[longest]), int(ends[longest])
+    error = np.abs(recording.qref[:, j] - recording.q[:, j])
+    return (end - start) * recording.dt > FLAT_SECONDS and bool(error[end - 1] > RUNS_AWAY * error[: start + 1].max())
+
+
 def _longest_of(flags: list[NDArray[np.bool_]], recordings: list[Recording]) -> float:
     return max(_longest(one) * r.dt for one, r in zip(flags, recordings))
 
 
 def _longest(flags: NDArray[np.bool_]) -> int:
     """Length of the longest run of True."""
+    starts, ends = _stretches(flags)
+    return int(np.max(ends - starts, initial=0))
+
+
+def _stretches(flags: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First rows of all runs of True, and those after their last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.view(np.int8), [0]])))
-    return int(np.max(edges[1::2] - edges[::2])) if len(edges) else 0
+    return edges[::2], edges[1::2]
