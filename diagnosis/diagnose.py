@@ -22,10 +22,11 @@ from diagnosis.current_causes import from_event
 from diagnosis.events import encoder_step
 from diagnosis.evidence import Run
 from diagnosis.jumps import jumps, without_jumps
+from diagnosis.library import Side
 from diagnosis.link_causes import LinkSide, link_side
 from diagnosis.mixups import check_motion, mixed_up
 from diagnosis.naming import has_dynamics, named_causes
-from diagnosis.remainder import Structure
+from diagnosis.remainder import LOUD, Structure, loudness
 from diagnosis.seeing import check
 from diagnosis.tracker import Tracked, tracked_causes
 from diagnosis.turned import turned_wrist
@@ -121,10 +122,23 @@ def diagnose(
         np.array([encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked, axis, judged,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
         + (mixed_up(runs) if judged else ())
+        + (not_held_out(accepted.fit, found.sides[0], structures, arm) if judged else ())
         + (_of_width(known_arm, named.base))
         + (_beside_causes(axis, arm) if axis else ())
         + (link.remarks if link else ()),
     )  # fmt: skip
+
+
+def not_held_out(left: Array, fit: Side, structures: Sequence[Structure], arm: Arm) -> tuple[str, ...]:
+    """Says where only the fitted recordings show that something is missing: what they alone show is not named."""
+    told = {one.joint for one in structures}
+    by_joint = {joint: loudness(left, fit, joint) for joint in range(1, len(arm) + 1) if joint not in told}
+    return tuple(
+        f"in the fitted recordings the current of joint {joint} is left at {loud:.1f} times the noise; the held-out ones do not show it: "
+        "hold out a recording that moves it the same way"
+        for joint, loud in by_joint.items()
+        if loud > LOUD
+    )
 
 
 def _of_width(arm: Arm, base: Arm) -> tuple[str, ...]:

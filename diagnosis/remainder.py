@@ -73,7 +73,7 @@ def structure_left(fit: Side, held_out: Side, accepted: Accepted, arm: Arm) -> R
             here.append(pair)
             shapes = [one for one in shapes if one.name != name]
         pairs += here
-        if not here and (loud := _loudness(accepted, held_out, joint)) > LOUD:
+        if not here and (loud := loudness(accepted.held_out, held_out, joint)) > LOUD:
             found.append(_likeliest(shapes, accepted, held_out, joint, loud))
     return Remainder(found, pairs)
 
@@ -91,21 +91,21 @@ def _likeliest(shapes: Sequence[Shape], accepted: Accepted, held_out: Side, join
 
 def loud(accepted: Accepted, held_out: Side, arm: Arm) -> list[int]:
     """Joints where what is left of the currents is no noise, the loudest first."""
-    by_joint = {joint: _loudness(accepted, held_out, joint) for joint in range(1, len(arm) + 1)}
+    by_joint = {joint: loudness(accepted.held_out, held_out, joint) for joint in range(1, len(arm) + 1)}
     return sorted((joint for joint, value in by_joint.items() if value > LOUD), key=lambda joint: -by_joint[joint])
 
 
-def _loudness(accepted: Accepted, held_out: Side, joint: int) -> float:
-    """Rms of what is left of a joint over its deviation, where that is the instruments' and the joint moves; 1 where it may be noise.
+def loudness(left: Array, side: Side, joint: int) -> float:
+    """Rms of what is ``left`` (n * rows,) of a joint over its deviation, where that is the instruments' and the joint moves; 1 where it may be noise.
 
     Noise that is correlated for longer than an arm stands is told too small. It is as loud in the quietest seconds as in all others.
     """
-    known = np.concatenate([(run.deviation[:, joint - 1] < 3.0 * run.noise[joint - 1]) for run in held_out.runs])
+    known = np.concatenate([(run.deviation[:, joint - 1] < 3.0 * run.noise[joint - 1]) for run in side.runs])
     if not known.any():
         return 1.0
-    left, block = accepted.held_out[held_out.of(joint)], held_out.block[held_out.of(joint)]
-    loud = float(np.sqrt(np.mean(left[known] ** 2)))
-    quiet = float(quiet_noise(left[:, None], known[:, None], block)[0])
+    own, block = left[side.of(joint)], side.block[side.of(joint)]
+    loud = float(np.sqrt(np.mean(own[known] ** 2)))
+    quiet = float(quiet_noise(own[:, None], known[:, None], block)[0])
     return loud if loud > DEAFENING or loud > 1.5 * quiet else 1.0
 
 
