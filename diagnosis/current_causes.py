@@ -23,9 +23,11 @@ from diagnosis.units import unit_at
 
 Array = NDArray[np.float64]
 
-WITHIN = {"current_offset": "friction_asymmetry", "cogging": "gear_ripple"}
-"""Effects that are the simplest case of another one as long as the drives are on: friction that is more by the same one way and less the other; a
-torque that goes with the motor's angle, which uneven teeth make as well as magnets do."""
+WITHIN = {"current_offset": "friction_asymmetry"}
+"""Effects that are the simplest case of another one as long as the drives are on: friction that is more by the same one way and less the other."""
+SAME = dict(TWINS) | {other: one for one, other in TWINS} | {"cogging": "gear_ripple"}
+"""Effects that are another one by another name, whatever is recorded: a torque that goes with the motor's angle is made by uneven teeth as well as by
+magnets."""
 GROUP_ABOVE = 0.98
 """Canonical correlation above which two effects are one to this data."""
 
@@ -50,10 +52,10 @@ def of_candidate(
             pair = library[candidate][0], library[other.candidate][0]
             if confusability(basis, *(_full(c.x, c.where, len(fit.y)) for c in pair)) > GROUP_ABOVE:
                 group.append(other.candidate.key)
-    twins = [other for pair in TWINS for other in pair if candidate.effect in pair and other != candidate.effect]
+    namesakes = [SAME[candidate.effect]] if candidate.effect in SAME else []
     if candidate.effect in WITHIN and all(run.powered for side in found.sides for run in side.runs):
-        twins.append(WITHIN[candidate.effect])
-    group += [(twin, candidate.joint) for twin in twins if (twin, candidate.joint) not in group]
+        namesakes.append(WITHIN[candidate.effect])
+    group += [(name, candidate.joint) for name in namesakes if (name, candidate.joint) not in group]
     definition = candidate.definition
     where, unit = (
         f"joint {candidate.joint}" if candidate.joint else "all joints",

@@ -5,7 +5,7 @@ Looked for in the raw rows of every recording, before any filter would smear it,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 JUMP_IN_STEPS = 2.4
 """Steps of the encoder that a jump must exceed."""
+STEPS_OFF = 3.0
+"""Steps of the encoder by which a jump may differ from what missing rows make of it."""
 JUMP_OVER_OTHERS = 2.4
 """Times what one row in a hundred jumps that a jump must exceed."""
 
@@ -32,6 +34,8 @@ def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
     """
     each = [[_jump(r, j) for j in range(r.joints)] for r in recordings]
     lost = [_rows_missing(r, of_joint) for r, of_joint in zip(recordings, each)]
+    known = {instant for instant in lost if instant is not None}
+    lost = [one or _as_elsewhere(r, of, known) for one, r, of in zip(lost, recordings, each)]
     events = [_lost_edges(recordings, lost)] if any(lost) else []
     for j in range(recordings[0].joints):
         found = [(index, jump) for index, of in enumerate(each) if not lost[index] and (jump := of[j]) is not None]
@@ -64,11 +68,29 @@ def _rows_missing(recording: Recording, jumps: Sequence[tuple[int, float] | None
     if len(found) < 2 or len({row for _, (row, _) in found}) > 1:
         return None
     row, near = found[0][1][0], max(3, round(0.01 / recording.dt))
-    q = recording.q[:, [j for j, _ in found]]
-    a_row = (q[row - 1] - q[row - near] + q[row + near - 1] - q[row]) / (2 * (near - 1))
-    rows = np.array([size for _, (_, size) in found]) / np.where(a_row == 0.0, np.inf, a_row)
+    turned = np.array([_turned(recording.q[:, j], row, near) for j, _ in found])
+    rows = np.array([size for _, (_, size) in found]) / np.where(turned == 0.0, np.inf, turned)
     count = round(float(np.median(rows)))
-    return (row, count) if count > 0 and np.all(np.abs(rows - count) < 0.2 * count) else None
+    apart = np.abs(rows - count) * np.abs(turned)  # rad
+    doubt = 0.2 * count * np.abs(turned) + [STEPS_OFF * encoder_step(recording.q[:, j]) for j, _ in found]
+    return (row, count) if count > 0 and np.all(apart < doubt) else None
+
+
+def _turned(q: Array, row: int, near: int) -> float:
+    """rad: what an angle (m,) turns in a row about one, without the step there."""
+    return float(q[row - 1] - q[row - near] + q[row + near - 1] - q[row]) / (2 * (near - 1))
+
+
+def _as_elsewhere(
+    recording: Recording, jumps: Sequence[tuple[int, float] | None], known: Set[tuple[int, int]]
+) -> tuple[int, int] | None:
+    """Rows missing where other recordings miss them, in one that has a single small jump, as so few rows make of a slow joint."""
+    found = [(j, *jump) for j, jump in enumerate(jumps) if jump is not None]
+    if len(found) != 1:
+        return None
+    j, row, size = found[0]
+    turned, step = _turned(recording.q[:, j], row, max(3, round(0.01 / recording.dt))), encoder_step(recording.q[:, j])
+    return next((one for one in known if one[0] == row and abs(size - one[1] * turned) < STEPS_OFF * step), None)
 
 
 def _lost_edges(recordings: Sequence[Recording], lost: Sequence[tuple[int, int] | None]) -> Event:

@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 
 SYSTEMATIC = 0.02
 """Share of a value added to its deviation: columns are first order in the effect, and seen through filters."""
-INFERRED = {"breakaway": 0.1, "half_gap": 0.1}
-"""... and of values that are inferred from what the data does not show itself: friction at rest from friction while moving, where the law of its turn
-is not known, and a gap from the flight through it, where the spring of the teeth is not known."""
+INFERRED = {"stribeck_friction": 0.1, "presliding_friction": 0.1, "backlash": 0.1}
+"""... and to those of effects that are inferred from what the data does not show itself: friction at rest and in reversal from friction while moving,
+where the law of its turn is not known, and a gap from the flight through it, where the spring of the teeth is not known."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def estimates(
                 continue
             slope = np.array([move.get(name, 0.0) if owner == index else 0.0 for owner, move in moves])
             std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
-            systematic = 0.0 if _whole(candidate, name) else INFERRED.get(name, SYSTEMATIC) * abs(value)
+            systematic = 0.0 if _whole(candidate, name) else INFERRED.get(candidate.effect, SYSTEMATIC) * abs(value)
             rows.append(Estimate(name, value, float(np.hypot(std, systematic)), units[name]))
         result.append(rows)
     return result

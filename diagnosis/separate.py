@@ -33,6 +33,8 @@ ENOUGH = 10.0
 NOTHING, ONE_IN = 0.1, 3
 """Standard deviations below which predictions are the same; where they are in one motion out of so many, the others of the kind are not tried."""
 
+BY_NO_MOTION = [{"cogging", "gear_ripple"}]
+"""Groups of the same torque by two names: of magnets or of uneven teeth."""
 HOPELESS = 3.0
 """Standard deviations below which going further than the recordings did is not tried."""
 
@@ -66,9 +68,8 @@ def separation(
     keys = [key for key in cause.group if _shapes(result, key)]
     others = _nuisances(result, set(cause.group))
     nothing = Separation(None, 0.0, in_words(cause.group), 0)
-    if (
-        len(keys) < 2 or cause.signal != "current"
-    ):  # what encoders or a tracker show: predictions of currents do not decide it
+    # of what encoders, a tracker or a closed loop show, predictions of currents do not decide
+    if len(keys) < 2 or cause.signal != "current" or {effect for effect, _ in keys} in BY_NO_MOTION:
         return nothing
     rivals = [rival_of(_shapes(result, key), others, result.fit, result.arm) for key in keys]
     joints = sorted({joint or cause.felt_at for _, joint in keys})

@@ -25,12 +25,19 @@ COGGING = Effect(
     parameters=(
         Parameter("amplitude", "N m", (0.05, 5.0), True, "amplitude at the joint"),
         Parameter("pole_pairs", "1", (1, 60), False, "cycles a motor revolution", whole=True),
-        Parameter("phase", "rad", (-3.15, 3.15), False, "phase at motor angle 0", signed=True),
+        Parameter(
+            "phase",
+            "rad",
+            (-3.15, 3.15),
+            False,
+            "phase at motor angle 0 (the motor's angle is abs(gear) q)",
+            signed=True,
+        ),
     ),
     equation="tau = A sin(Np q_motor + phi)",
     shows="a fixed order of the motor angle, also without load",
     confused_with={
-        "gear_ripple": "load and speed: ripple of position grows with the square of speed, cogging does not"
+        "gear_ripple": "the motor off its gear: the torque of uneven teeth is gone then, that of magnets is not"
     },
     torque=lambda p, s: p.amplitude * scalar.sin(p.pole_pairs * s.motor + p.phase),
 )

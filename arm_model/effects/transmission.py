@@ -68,7 +68,14 @@ GEAR_RIPPLE = Effect(
     parameters=(
         Parameter("amplitude", "rad", (1e-5, 2e-3), True, "amplitude of the link's position error"),
         Parameter("order", "1", (1, 60), False, "cycles a motor revolution", whole=True),
-        Parameter("phase", "rad", (-3.15, 3.15), False, "phase at motor angle 0", signed=True),
+        Parameter(
+            "phase",
+            "rad",
+            (-3.15, 3.15),
+            False,
+            "phase at motor angle 0 (the motor's angle is abs(gear) q)",
+            signed=True,
+        ),
     ),
     equation="q_motor - q = -A sin(n q_motor + phi)",
     shows="a fixed order of the motor angle at any speed, growing with the square of speed",
