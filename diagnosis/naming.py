@@ -129,7 +129,7 @@ def _swung(named: Named, fit: Sequence[Recording], held_out: Sequence[Recording]
     for spring in springs or [None]:
         arm = with_widths(extend(named.base, [one for one in named.causes if one is not spring]), fit)
         joints = [spring.joint] if spring and spring.joint else range(1, len(arm) + 1)
-        if (cause := resonance.swinging(arm, fit, held_out, joints)) is not None:
+        if (cause := resonance.swinging(arm, fit, held_out, joints, spring)) is not None:
             return cause
     return None
 

@@ -75,8 +75,17 @@ class Trial:
         return replace(arm, effects=(*arm.effects, EffectTerm(self.effect, self.joint, dict(self.values))))
 
 
-def swinging(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], joints: Sequence[int]) -> Cause | None:
-    """The spring or the play of one of ``joints`` (from 1) for which ``arm``, with all else that is known of it, does not follow the demands."""
+def swinging(
+    arm: Arm,
+    fit: Sequence[Recording],
+    held_out: Sequence[Recording],
+    joints: Sequence[int],
+    near: Cause | None = None,
+) -> Cause | None:
+    """The spring or the play of one of ``joints`` (from 1) for which ``arm``, with all else that is known of it, does not follow the demands.
+
+    near: one that the currents along the motion show, of which the loop has the exact values.
+    """
     fit, held_out = [r for r in fit if able(r)], [r for r in held_out if able(r)]
     if arm.controller is None or not fit or not held_out:
         return None
@@ -96,7 +105,7 @@ def swinging(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], 
         for joint in loudest
         if arm.joints[joint - 1].rotor_inertia > 0.0  # all the mass behind the spring: no motor to swing against it
         for effect in FIRST
-        if (one := _searched(arm, effect, int(joint), few, noise)) is not None
+        if (one := _searched(arm, effect, int(joint), few, noise, near)) is not None
     ]
     if not found:
         return None
@@ -106,10 +115,12 @@ def swinging(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], 
 
 
 def _searched(
-    arm: Arm, effect: str, joint: int, recordings: Sequence[Recording], noise: Array
+    arm: Arm, effect: str, joint: int, recordings: Sequence[Recording], noise: Array, near: Cause | None
 ) -> tuple[float, Trial] | None:
     """(share explained at the joint, values) of an effect where its loops follow the recordings best; None where none is promising."""
-    grid = FIRST[effect]
+    grid = dict(FIRST[effect])
+    if near is not None and near.effect == effect:
+        grid |= {p.name: [*grid[p.name], p.value] for p in near.parameters}
     trials = [Trial(effect, joint, dict(zip(grid, values))) for values in itertools.product(*grid.values())]
     share, best = 0.0, trials[0]
     for turn in range(1 + ROUNDS):
