@@ -26,7 +26,7 @@ SIGNIFICANT = 0.05
 FEW_BLOCKS, LARGE = 0.15, 0.25
 """... and at which one may that gains more than this share of a joint's noise energy: what shows in few blocks has no more of them to be sure by, and
 without an effect gains stay below a fiftieth."""
-SHARE_OF_NOISE, FOLLOWS = 0.1, 4
+SHARE_OF_NOISE, FOLLOWS = 0.1, 8
 """A gain below this share of one joint's noise energy, for every so many coefficients, does not matter: the effect is a third of the noise, the noise
 is known no better, and many coefficients follow something."""
 SHADOW, OF_CORRECTED = 1e-5, 0.01
