@@ -118,6 +118,8 @@ def search(problem: Problem, progress: Callable[[str], None], banned: Set[Key] =
     if better is not chosen:
         chosen, sides = better, corrected(better, problem, problem.sides)
     chosen, sides = simplified(chosen, problem, sides, equals, banned)
+    if len(fewer := weeded(chosen, problem, sides)) < len(chosen):
+        chosen, sides = fewer, corrected(fewer, problem, problem.sides)
     progress("looking at what is left")
     remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
     while dissolved := _superfluous(chosen, problem, sides, remainder) or _outdone(chosen, problem, sides):
@@ -245,7 +247,10 @@ def corrected(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, 
         parts = problem.parts(chosen, accepted)
         terms = _terms(chosen, parts)
         exact = [side_with(side, terms) for side in problem.sides]
-        linear = [_spread(chosen, parts, problem, which) for which in (0, 1)]
+        once = [
+            np.ones_like(part) if c.by_shape else part for c, part in zip(chosen, parts)
+        ]  # as the exact model has them
+        linear = [_spread(chosen, once, problem, which) for which in (0, 1)]
         first, second = (
             replace(side, y=y, corrected=side.by_joint((y - side.y) ** 2))
             for side, y in zip(problem.sides, (exact[0] + linear[0], exact[1] + linear[1]))
