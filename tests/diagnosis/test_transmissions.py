@@ -72,5 +72,7 @@ def test_backlash_of_joint_2_at_the_vertical_is_found_from_currents_and_motor_an
     (cause,) = result.causes
     assert (cause.effect, cause.joint) == ("backlash", 2)
     (gap,) = [p for p in cause.parameters if p.name == "half_gap"]
-    assert abs(gap.value - 0.002) < 3 * gap.std and gap.std < 2e-4
+    assert (
+        abs(gap.value - 0.002) < min(1e-4, 2 * gap.std) and gap.std < 3e-4
+    )  # without a demand: a tenth of it is in doubt
     assert cause.after < 0.4 * cause.before
