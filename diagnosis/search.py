@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 MOST_CAUSES = 8
 NESTED = {"friction_asymmetry": ("viscous_friction", "coulomb_friction", "current_offset")}
 """Effects that contain simpler ones."""
+NEARLY = {"link_inertia": ("rotor_inertia",)}
+"""Effects that come near to containing simpler ones, as long as poses differ little."""
 CORRECTIONS = 2
 """Evaluations of the exact model a round: the second-order part of a strong effect is a tenth of it, that of the rest a hundredth."""
 
@@ -233,7 +235,7 @@ def _simpler(chosen: Sequence[Candidate]) -> Iterator[tuple[Candidate, tuple[Can
             if len(own := tuple(c for c in chosen if c.joint == joint and c.effect in parts)) > 1:
                 yield Candidate(whole, joint), own
     for c in chosen:
-        for part in NESTED.get(c.effect, ()):
+        for part in (*NESTED.get(c.effect, ()), *NEARLY.get(c.effect, ())):
             yield Candidate(part, c.joint), (c,)
 
 
