@@ -19,9 +19,10 @@ Array = NDArray[np.float64]
 
 SYSTEMATIC = 0.02
 """Share of a value added to its deviation: columns are first order in the effect, and seen through filters."""
-INFERRED = {"stribeck_friction": 0.1, "presliding_friction": 0.1, "backlash": 0.1}
+INFERRED = {"stribeck_friction": 0.1, "presliding_friction": 0.1, "backlash": 0.1, "current_nonlinearity": 0.05}
 """... and to those of effects that are inferred from what the data does not show itself: friction at rest and in reversal from friction while moving,
-where the law of its turn is not known, and a gap from the flight through it, where the spring of the teeth is not known."""
+where the law of its turn is not known; a gap from the flight through it, where the spring of the teeth is not known; a transducer's cubic, where the
+current has kicks that the motion does not show."""
 
 
 @dataclass(frozen=True)
