@@ -50,7 +50,7 @@ SEARCHED_IN = 2
 END_SECONDS = 0.2
 """Left out at both ends of a recording: those of the filters."""
 FIRST: Mapping[str, Mapping[str, Sequence[float]]] = {
-    "joint_compliance": {"stiffness": np.geomspace(1e3, 2e5, 16).tolist(), "damping": [20.0]},
+    "joint_compliance": {"stiffness": np.geomspace(1e3, 1e6, 19).tolist(), "damping": [20.0, 80.0]},
     "backlash": {
         "half_gap": [1e-4, 3e-4, 1e-3, 3e-3],
         "contact_stiffness": [5e4, 1e5, 2e5, 4e5],
@@ -107,11 +107,12 @@ def swinging(
         for effect in FIRST
         if (one := _searched(arm, effect, int(joint), few, noise, near)) is not None
     ]
-    if not found:
-        return None
-    most = max(share for share, _ in found)
-    simplest = min((one for one in found if one[0] > most - ALIKE), key=lambda one: len(one[1].values))
-    return _judged(arm, simplest[1], fit, held_out, noise)
+    most = max((share for share, _ in found), default=0.0)
+    # the simpler first of those that do as well; what its own joint would have, the other joints may refuse
+    for _, trial in sorted(found, key=lambda one: (one[0] < most - ALIKE, len(one[1].values), -one[0])):
+        if (cause := _judged(arm, trial, fit, held_out, noise)) is not None:
+            return cause
+    return None
 
 
 def _searched(
@@ -126,12 +127,11 @@ def _searched(
     for turn in range(1 + ROUNDS):
         shares = _shares(arm, trials, recordings[: 1 + turn], noise)  # the first values in the worst recording
         place = int(np.nanargmax(shares))
-        if turn == 0 and not shares[place] > PROMISING:
+        share, best = float(shares[place]), trials[place]
+        if turn == 0 and not share > PROMISING:
             return None
-        if shares[place] >= share:
-            share, best = float(shares[place]), trials[place]
         steps = STEPS ** (0.6**turn)
-        trials = [
+        trials = [best] + [
             replace(best, values={**best.values, name: value * float(by)})
             for name, value in best.values.items()
             for by in (steps**3 if "damping" in name else steps)
