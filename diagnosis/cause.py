@@ -10,8 +10,8 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.servo import fixed_gains
 from diagnosis.parameters import Estimate
 
-SUREST = 0.99
-"""Confidence that no recording lifts a cause above: the catalogue may lack what was there."""
+SUREST = 0.98
+"""Confidence that no recording lifts a cause above: of 120 names on a bank of cases that were as sure of themselves, 117 were right."""
 
 
 @dataclass(frozen=True)
