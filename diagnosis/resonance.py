@@ -18,6 +18,7 @@ from scipy import signal
 
 from arm_model.description import Arm, EffectTerm
 from arm_model.effects import CATALOGUE
+from arm_model.rigid_body import mass_matrix
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate_batch
 from daq.recording import Recording
@@ -35,6 +36,8 @@ Array = NDArray[np.float64]
 
 BAND = (10.0, 100.0)
 """Hz."""
+FASTEST = 300.0
+"""Hz: no spring is tried that swings its link faster: nothing of it is left in the band, and its loop takes ever longer."""
 LOUD = 2.0
 """Times the transducers' noise in the band: a joint that the loop does not follow."""
 MOVES = 0.01
@@ -122,6 +125,12 @@ def _searched(
     grid = dict(FIRST[effect])
     if near is not None and near.effect == effect:
         grid |= {p.name: [*grid[p.name], p.value] for p in near.parameters}
+    j = joint - 1
+    link = float(np.mean([mass_matrix(arm, r.q[:1], rotors=False)[0, j, j] for r in recordings]))
+    stiffest = link * (2 * np.pi * FASTEST) ** 2
+    grid = {name: [v for v in values if "stiffness" not in name or v < stiffest] for name, values in grid.items()}
+    if not all(grid.values()):
+        return None
     trials = [Trial(effect, joint, dict(zip(grid, values))) for values in itertools.product(*grid.values())]
     share, best = 0.0, trials[0]
     for turn in range(1 + ROUNDS):
