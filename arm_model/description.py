@@ -20,11 +20,11 @@ from dataclasses import field
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 from pydantic.dataclasses import dataclass
 
-Array = NDArray[np.float64]
+from arm_io.types import Array
+
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -40,7 +40,7 @@ STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 @dataclass(frozen=True, config=STRICT)
 class Cylinder:
-    """The body of one link as the water meets it, and what the water does to it (``arm_model.hydrodynamics``).
+    """The body of one link as the water meets it, and what the water does to it (``arm_model.rigid_body.hydrodynamics``).
 
     start, end (3,) m in the link's frame; radius m; density kg/m3 of the water. The coefficients are of Morison's equation: drag C_d of
     rho C_d R |v| v, added mass C_a of rho C_a pi R^2 a, both per length and across the axis; buoyancy: the share of the displaced

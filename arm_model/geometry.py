@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from arm_io import InputError
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, values_of
 from arm_model.servo import fixed_gains
-from inputs import InputError
 
 
 def relinked(arm: Arm, *, zeros: bool = False) -> Arm:

@@ -8,11 +8,11 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from arm_io import InputError, check_table, read_toml, write_toml
+from arm_io.toml import one_line
 from arm_model.description import IDENTITY, Arm, Controller, EffectTerm, Joint, Pose, Vector
 from arm_model.effects import check_terms
-from arm_model.inertia import unphysical
-from inputs import InputError, check_table, read_toml, write_toml
-from inputs.toml import one_line
+from arm_model.rigid_body.inertia import unphysical
 
 
 class _ModelFile(BaseModel):

@@ -17,11 +17,11 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import TypeVar
 
+from arm_io import InputError
 from arm_model.description import Arm, Cylinder, Joint
-from arm_model.hydrodynamics import COEFFICIENTS
-from arm_model.inertia import PARAMETERS, about_com, barycentric
+from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
+from arm_model.rigid_body.inertia import PARAMETERS, about_com, barycentric
 from arm_model.servo import fixed_gains
-from inputs import InputError
 
 _DIRECT = ("drag", "theta", "d", "a", "alpha", "beta", "torque_constant", "torque_limit", "sign_velocity")
 _DRIVE = {"rotor_inertia": 2, "offset": 1}  # powers of the gear ratio from motor to joint

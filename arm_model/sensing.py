@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io import InputError
+from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, Effect, Signals, Values, values_of
 from arm_model.motion import Motion
-from inputs import InputError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

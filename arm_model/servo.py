@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io import InputError
+from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.rigid_body import mass_matrix
-from inputs import InputError
-
-Array = NDArray[np.float64]
+from arm_model.rigid_body.numeric import mass_matrix
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, Signals, described, values_of
-from arm_model.kinematics import link_frames
-from arm_model.rigid_body import rigid_torque
-
-Array = NDArray[np.float64]
+from arm_model.rigid_body.kinematics import link_frames
+from arm_model.rigid_body.numeric import rigid_torque
 
 
 def target_at(arm: Arm, q: Array, point: Sequence[float] | Array) -> Array:

@@ -10,14 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io import InputError
+from arm_io.types import Array
 from arm_model.description import Arm, Joint, Pose
-from arm_model.inertia import about_com, barycentric, transform, unphysical
-from arm_model.kinematics import placement, roll_pitch_yaw
-from inputs import InputError
+from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
+from arm_model.rigid_body.kinematics import placement, roll_pitch_yaw
 
-Array = NDArray[np.float64]
 _MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _LIMITS = ("lower", "upper")
 

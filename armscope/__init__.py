@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> object:
-    """``armscope.open(path)`` reads a recording (``daq.recording.open_recording``), imported when it is first used."""
+    """``armscope.open(path)`` reads a recording (``daq.recording.reader.open_recording``), imported when it is first used."""
     if name == "open":
         from daq.recording import open_recording
 

@@ -1,7 +1,7 @@
 """The front door: finds the command, and turns the ways it can end into one line and the exit status of the contract.
 
 0 done; 2 unusable input; 3 a device failed; 4 done, but samples were lost. A command is a function ``command`` in
-``armscope/NAME.py``, with typer's annotations; it returns None or an exit status. Only the chosen one is imported.
+``armscope/commands/NAME.py``, with typer's annotations; it returns None or an exit status. Only the chosen one is imported.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import keyword
 import sys
 from collections.abc import Sequence
 
+from arm_io import DeviceFault, InputError
 from armscope import __version__
-from inputs import DeviceFault, InputError
 
 DONE, UNUSABLE_INPUT, DEVICE_FAILED, SAMPLES_LOST = 0, 2, 3, 4
 
@@ -71,7 +71,7 @@ def _call(name: str, arguments: list[str]) -> int:
     import typer
     from typer.exceptions import TyperException
 
-    module = importlib.import_module(f"armscope.{name.replace('-', '_')}{'_' * keyword.iskeyword(name)}")
+    module = importlib.import_module(f"armscope.commands.{name.replace('-', '_')}{'_' * keyword.iskeyword(name)}")
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.command(name, help=COMMANDS[name])(module.command)
     try:

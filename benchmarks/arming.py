@@ -17,11 +17,11 @@ from pathlib import Path
 
 import tomli_w
 
+from arm_io import read_toml
 from benchmarks.end_to_end import CONFIG
 from benchmarks.report import report
 from benchmarks.zenoh_pair import free_endpoint
-from daq.mcap_file import ACTIVE
-from inputs import read_toml
+from daq.recording.mcap_writer import ACTIVE
 
 ROUNDS = 7
 

@@ -23,12 +23,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.report import report
-from daq.ledger import LossReason
-from daq.recorder import Recorder, rows_layout
+from daq.acquisition.ledger import LossReason
+from daq.acquisition.rows import Rows
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.recover import recover
-from daq.rows import Rows
+from daq.recording.parts import Attachments
+from daq.recording.recorder import Recorder, rows_layout
+from daq.recording.recover import recover
 
 TRIALS, AT_ONCE = 100, 2
 RATE, BLOCK_SECONDS = 5000, 0.01

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from drivers.can_bus import frame_bits
-from drivers.shapes import Block, EdgeSource, Plan, Quality
+from drivers.protocols import Block, EdgeSource, Plan, Quality
 
 SECONDS = 3.0
 SET_TIMER_SLACK = 29  # prctl(2)
@@ -128,7 +128,7 @@ def labjack_t7() -> dict[str, float]:
 
 def labjack_t7_decode() -> dict[str, float]:
     """Stream bytes to scans, in memory, against 100 000 samples/s."""
-    from drivers import labjack_t7_protocol as t7
+    from drivers.labjack_t7 import protocol as t7
 
     scan = t7.ScanList(tuple(range(8)), (0, 2, 6))
     samples = np.random.default_rng(1).integers(0, 65535, 32 * scan.slots).astype(np.uint16)
@@ -141,7 +141,7 @@ def labjack_t7_decode() -> dict[str, float]:
 
 def us_digital_qsb() -> dict[str, float]:
     """All that a QSB can send at 230400 baud; polled 1000 times a second for its newest count."""
-    from drivers import us_digital_qsb_protocol as qsb
+    from drivers.us_digital_qsb import protocol as qsb
 
     with tempfile.TemporaryDirectory() as folder, device("us_digital_qsb", port=f"{folder}/qsb") as counter:
         counter.arm(Plan(EdgeSource.POLL, 1000.0, None))
@@ -164,7 +164,7 @@ def us_digital_qsb() -> dict[str, float]:
 
 def us_digital_ad4b() -> dict[str, float]:
     """Question and answer at 9600 baud."""
-    from drivers import us_digital_ad4b_protocol as ad4b
+    from drivers.us_digital_ad4b import protocol as ad4b
 
     with tempfile.TemporaryDirectory() as folder, device("us_digital_ad4b", port=f"{folder}/ad4b") as counter:
         counter.arm(Plan(EdgeSource.POLL, 100.0, None))
@@ -248,7 +248,7 @@ def isabellenhuette_ivts() -> dict[str, float]:
 
 def isabellenhuette_ivts_decode() -> dict[str, float]:
     """Results a second through the .dbc, against a 1 Mbit/s bus full of them."""
-    from drivers import isabellenhuette_ivts_protocol as ivt
+    from drivers.isabellenhuette_ivts import protocol as ivt
 
     results, begun, count = ivt.Results(), time.perf_counter(), 0
     frames = [bytes([0, k % 16, 0, 0, 3, k % 256]) for k in range(1600)]

@@ -24,14 +24,14 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from arm_io import read_toml
 from benchmarks.report import report
 from benchmarks.zenoh_pair import free_endpoint
-from daq.bench import Bench
-from daq.daemon import Service
-from daq.rig import read_rig
-from daq.session import keys_of, open_session
-from daq.subscriber import Subscriber
-from inputs import read_toml
+from daq.rig.bench import Bench
+from daq.rig.rig_file import read_rig
+from daq.service.service import Service
+from daq.service.subscriber import Subscriber
+from daq.service.zenoh_session import keys_of, open_session
 
 CONFIG = Path(__file__).resolve().parent.parent / "config"
 RATES = (1000, 5000, 20000)

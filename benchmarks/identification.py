@@ -31,24 +31,23 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.motion import Motion as Simulated
-from arm_model.simulation import simulate
+from arm_model.simulation.simulation import simulate
 from benchmarks import sysid_peer
 from benchmarks.report import report
 from experiment import Experiment, demand_of
-from identification.base_parameters import base_parameters
-from identification.equations import Equations, equations, model_values, structural_base
-from identification.excitation import design_excitation
-from identification.least_squares import joint_triangles, least_squares, relative_error, weighted_by_joint
-from identification.setpoint_ripple import folded_torque
-from identification.signals import Motion, smooth_motion, with_reversals
-from identification.uncertainty import uncertainty
+from identification.experiment_design.excitation import design_excitation
+from identification.preprocessing.aliased_ripple import folded_torque
+from identification.preprocessing.signals import Motion, smooth_motion, with_reversals
+from identification.regression.base_parameters import base_parameters
+from identification.regression.equations import Equations, equations, model_values, structural_base
+from identification.regression.least_squares import joint_triangles, least_squares, relative_error, weighted_by_joint
+from identification.regression.uncertainty import uncertainty
 
-Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = Path(os.environ.get("ARMSCOPE_SHARED", ROOT.parent / "shared"))
 TURNS = np.array([10, 10, 10, 20, 20, 20])  # through the Hall transducers' cores

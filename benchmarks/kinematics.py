@@ -18,27 +18,26 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.kinematics import forward, link_frames
 from arm_model.model_file import read_model
-from arm_model.rigid_body import rigid_torque
+from arm_model.rigid_body.kinematics import forward, link_frames
+from arm_model.rigid_body.numeric import rigid_torque
 from benchmarks.report import report
 from experiment import demand_of
-from identification.kinematics.axes import circle_point_model
-from identification.kinematics.calibration import calibrate
-from identification.kinematics.chain import Chain, position
-from identification.kinematics.extensions import deflections
-from identification.kinematics.iso_cube import cube_targets, posture_of
-from identification.kinematics.least_squares import Points, fit
-from identification.kinematics.parameters import Trust, chain_of, parameters_of
-from identification.kinematics.poses import experiment_of, select_poses
-from identification.kinematics.recordings import gravity_of
-from identification.kinematics.runs import Run
-from identification.kinematics.sweeps import circles_of
+from identification.kinematics.data.recordings import gravity_of
+from identification.kinematics.data.runs import Run
+from identification.kinematics.data.sweeps import circles_of
+from identification.kinematics.estimation.axes import circle_point_model
+from identification.kinematics.estimation.calibration import calibrate
+from identification.kinematics.estimation.extensions import deflections
+from identification.kinematics.estimation.map_estimation import Points, fit
+from identification.kinematics.models.chain import Chain, position
+from identification.kinematics.models.parameters import Trust, chain_of, parameters_of
+from identification.kinematics.use.iso_cube import cube_targets, posture_of
+from identification.kinematics.use.poses import experiment_of, select_poses
 
-Array = NDArray[np.float64]
 MODEL = Path(__file__).resolve().parent.parent / "config/models/puma560.toml"
 TARGET = (0.05, 0.0, 0.10)
 NOISE = 1e-4

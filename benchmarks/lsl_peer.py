@@ -21,10 +21,10 @@ import numpy as np
 
 from benchmarks.report import report
 from benchmarks.zenoh_pair import free_endpoint
-from daq.publisher import Publisher
-from daq.rig import Rig
-from daq.session import keys_of, open_session
-from daq.subscriber import Subscriber
+from daq.rig.rig_file import Rig
+from daq.service.publisher import Publisher
+from daq.service.subscriber import Subscriber
+from daq.service.zenoh_session import keys_of, open_session
 
 RATE, BLOCK, CHANNELS = 20_000, 200, 14
 PACED, SUSTAINED, ROUNDS = 10 * RATE, 2_000_000, 3

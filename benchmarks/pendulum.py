@@ -9,11 +9,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from arm_model.description import Arm
 
-Array = NDArray[np.float64]
 START = np.array([0.0, 0.3, -0.2])
 STEP, DURATION = 0.001, 5.0
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from pydantic import BaseModel
 
+from drivers.protocols import Block, CounterMode, Identity, Plan
 from drivers.registry import World
-from drivers.shapes import Block, CounterMode, Identity, Plan
 
 
 class OwnTime:
-    """A sleep is over at once (drivers.shapes.HostClock)."""
+    """A sleep is over at once (drivers.protocols.HostClock)."""
 
     def __init__(self) -> None:
         self.now = 10**12
@@ -36,7 +36,7 @@ class Config(BaseModel):
 
 
 class Replayed:
-    """drivers.shapes: Device, Latched, and what its Config makes of it."""
+    """drivers.protocols: Device, Latched, and what its Config makes of it."""
 
     def __init__(self, name: str, config: Config, world: World) -> None:
         self.name, self.config = name, config

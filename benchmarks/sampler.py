@@ -16,9 +16,9 @@ import time
 from typing import Any
 
 from benchmarks.report import report
-from daq.bench import open_bench
-from daq.rig import Rig
-from daq.sampler import Acquisition
+from daq.acquisition.acquisition import Acquisition
+from daq.rig.bench import open_bench
+from daq.rig.rig_file import Rig
 
 SECONDS = 20.0
 
@@ -33,7 +33,7 @@ def rig_at(rate: float, tracker_rate: float = 1000.0) -> Rig:
             "trigger": {"source": "timer", "device": "analog", "rate": rate},
             "device": [
                 {"name": "counter", **driver, "counters": 3},
-                {"name": "analog", **driver, "inputs": 8},
+                {"name": "analog", **driver, "arm_io": 8},
                 {"name": "tracker", **driver, "tracker": True, "rate": tracker_rate},
             ],
             "joint": [

@@ -13,11 +13,11 @@ from pathlib import Path
 import tomli_w
 
 from benchmarks.report import report
-from daq.acquire import Run, order_of
-from daq.bench import Bench, open_bench
-from daq.rig import Rig, read_rig
-from daq.sampler import Acquisition
-from drivers.shapes import EdgeSource, Latched, Plan
+from daq.acquisition.acquisition import Acquisition
+from daq.rig.bench import Bench, open_bench
+from daq.rig.rig_file import Rig, read_rig
+from daq.service.run import Run, order_of
+from drivers.protocols import EdgeSource, Latched, Plan
 from experiment import Experiment, demand_of
 
 CONFIG = Path(__file__).resolve().parent.parent / "config"

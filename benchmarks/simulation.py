@@ -21,17 +21,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.engine import cores
 from arm_model.model_file import read_model
-from arm_model.simulation import references, servo_period, simulate, simulate_batch
+from arm_model.simulation.engine import cores
+from arm_model.simulation.simulation import references, servo_period, simulate, simulate_batch
 from benchmarks import pendulum
 from benchmarks import simulation_peers as peers
 from benchmarks.report import report
 
-Array = NDArray[np.float64]
 MODELS = Path(__file__).resolve().parent.parent / "config" / "models"
 SETS = 1000
 
@@ -152,7 +151,7 @@ import numpy as np
 from arm_model.model_file import read_model
 arm = read_model(sys.argv[1])
 import llvmlite.binding
-from arm_model import simulation
+from arm_model.simulation import simulation
 begin = time.perf_counter()
 simulation.simulate(arm, lambda t: np.zeros((len(t), len(arm))), duration=0.001, rate=1000)
 print(time.perf_counter() - begin)

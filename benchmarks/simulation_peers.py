@@ -12,19 +12,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_model import newton_euler
+from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.dynamics import inverse_dynamics
-from arm_model.inertia import about_com, tensor
-from arm_model.numbers import numbers
-from arm_model.printing import python_function
-from arm_model.rigid_body import bodies
+from arm_model.rigid_body import newton_euler
+from arm_model.rigid_body.inertia import about_com, tensor
+from arm_model.rigid_body.numeric import bodies
 from arm_model.servo import servo_gains
-from arm_model.simulation import simulate_batch, system_of
-
-Array = NDArray[np.float64]
+from arm_model.simulation.simulation import simulate_batch, system_of
+from arm_model.symbolic.printing import python_function
+from arm_model.system.dynamics import inverse_dynamics
+from arm_model.system.kernel_inputs import numbers
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,9 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from arm_model.description import Arm
-
-Array = NDArray[np.float64]
 
 NAMES = ("link1.mass", "joint1.viscous", "joint1.coulomb", "joint1.offset")
 START, LEAST, MOST = 0.5, 0.2, 3.0  # of the published values: where the search begins, and its bounds

@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.report import report
-from daq.publisher import Publisher
-from daq.rig import Rig
-from daq.row_block import Columns, columns_of, describe, encode
-from daq.rows import Rows
-from daq.session import keys_of, open_session
-from daq.subscriber import QUEUE_BLOCKS, Subscriber
+from daq.acquisition.rows import Rows
+from daq.rig.rig_file import Rig
+from daq.service.publisher import Publisher
+from daq.service.row_block import Columns, columns_of, describe, encode
+from daq.service.subscriber import QUEUE_BLOCKS, Subscriber
+from daq.service.zenoh_session import keys_of, open_session
 
 if TYPE_CHECKING:
     import zenoh

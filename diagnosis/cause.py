@@ -8,7 +8,7 @@ from typing import Literal
 
 from arm_model.description import Arm, EffectTerm
 from arm_model.servo import fixed_gains
-from diagnosis.parameters import Estimate
+from diagnosis.measurements.currents.estimates import Estimate
 
 SUREST = 0.98
 """Confidence that no recording lifts a cause above: of 120 names on a bank of cases that were as sure of themselves, 117 were right."""

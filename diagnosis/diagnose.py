@@ -11,29 +11,27 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from arm_model.description import Arm
 from daq.recording import Recording
-from diagnosis.axis import AxisSide
 from diagnosis.cause import Cause, extend, together
-from diagnosis.closed_loop import Compared, along_motion, compare, faithful, with_widths
-from diagnosis.current_causes import from_event
-from diagnosis.events import encoder_step
-from diagnosis.evidence import Run
-from diagnosis.jumps import jumps, without_jumps
-from diagnosis.library import Side
-from diagnosis.link_causes import LinkSide, link_side
-from diagnosis.mixups import check_motion, mixed_up
-from diagnosis.naming import has_dynamics, named_causes
-from diagnosis.remainder import LOUD, Structure, loudness
-from diagnosis.seeing import check
-from diagnosis.tracker import Tracked, tracked_causes
-from diagnosis.turned import turned_wrist
+from diagnosis.closed_loop.comparison import Compared, along_motion, compare, faithful, with_widths
+from diagnosis.find_causes import has_dynamics, named_causes
+from diagnosis.measurements.currents.causes import from_event
+from diagnosis.measurements.currents.design_matrix import Side
+from diagnosis.measurements.currents.detectability import Invisible, not_judged, not_visible
+from diagnosis.measurements.currents.unexplained import LOUD, Structure, loudness
+from diagnosis.measurements.demands.wrist_coupling import turned_wrist
+from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
+from diagnosis.measurements.single_axis.causes import AxisSide
+from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
+from diagnosis.residual.run import Run
+from diagnosis.screening.cleaned import check
+from diagnosis.screening.encoder_jumps import jumps, without_jumps
+from diagnosis.screening.events import encoder_step
+from diagnosis.screening.plausibility import check_motion, mixed_up
 from diagnosis.units import unit_at
-from diagnosis.visibility import Invisible, not_judged, not_visible
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

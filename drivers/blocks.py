@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drivers.shapes import Block, Quality
+from drivers.protocols import Block, Quality
 
 
 def empty(counters: int = 0, inputs: int = 0, *, points: bool = False) -> Block:

@@ -6,7 +6,7 @@ import time
 
 
 class SystemClock:
-    """CLOCK_MONOTONIC, CLOCK_REALTIME and a plain sleep (drivers.shapes.HostClock)."""
+    """CLOCK_MONOTONIC, CLOCK_REALTIME and a plain sleep (drivers.protocols.HostClock)."""
 
     def monotonic_ns(self) -> int:
         return time.monotonic_ns()

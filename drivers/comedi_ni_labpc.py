@@ -16,12 +16,12 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from arm_io import DeviceFault
 from drivers.blocks import join
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
+from drivers.protocols import Block, EdgeSource, HostClock, Identity, Plan, Quality
 from drivers.registry import World
-from drivers.shapes import Block, EdgeSource, HostClock, Identity, Plan, Quality
-from inputs import DeviceFault
 
 SAMPLES_PER_SECOND = 83_333.0
 PORT_LINES = 8  # of the first digital port

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from inputs import DeviceFault
+from arm_io import DeviceFault
 
 
 def extend(raw: NDArray[np.int64], width: int, last: int) -> NDArray[np.int64]:

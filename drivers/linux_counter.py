@@ -14,13 +14,13 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from arm_io import DeviceFault
 from drivers.blocks import one_row
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
+from drivers.protocols import Block, CounterMode, HostClock, Identity, Plan, Quality
 from drivers.reconnect import Reconnect, or_fault
 from drivers.registry import World
-from drivers.shapes import Block, CounterMode, HostClock, Identity, Plan, Quality
-from inputs import DeviceFault
 
 ADVICE = "is the counter's kernel module loaded?"
 SYSFS = "/sys/bus/counter/devices"

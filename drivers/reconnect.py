@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from arm_io import DeviceFault
 from drivers.blocks import missing_row
-from drivers.shapes import Block, HostClock
-from inputs import DeviceFault
+from drivers.protocols import Block, HostClock
 
 Columns = tuple[int, int]  # counters, inputs
 

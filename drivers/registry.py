@@ -4,7 +4,7 @@ A driver module offers ``Config`` (a pydantic model of the device's table, witho
 ``make(name, config, world) -> Device``, which touches no hardware. It may offer ``find(config) -> list[str]``: what there is of its
 kind on this machine, for ``doctor`` to tell where a device does not answer.
 
-``world`` is one dict a rig. ``daq.rig.make_world`` puts into it ``simulation`` (the rig file's table of that name), ``model``
+``world`` is one dict a rig. ``daq.rig.rig_file.make_world`` puts into it ``simulation`` (the rig file's table of that name), ``model``
 (path of the arm's model, or None) and ``folder`` (of the rig file). Drivers that share something (one simulated arm, one TCP
 connection) keep it there under their own key. A backend that runs on a time of its own leaves a ``HostClock`` at
 ``world["host_clock"]``, at the latest when its devices have been opened.
@@ -18,8 +18,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from drivers.shapes import Device
-from inputs import InputError, check_table
+from arm_io import InputError, check_table
+from drivers.protocols import Device
 
 World = dict[str, Any]
 

@@ -21,14 +21,14 @@ import numpy as np
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.parameters import parameter
-from armscope.simulate import command as simulate
+from armscope.commands.simulate import command as simulate
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
-from diagnosis.coupling import Coupling, coupling_at
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
 from experiment import Experiment, write_experiment
-from identification.problem import motion_of
-from identification.whole_arm import identify
+from identification.methods.coupling import Coupling, coupling_at
+from identification.methods.inverse_dynamics import identify
+from identification.regression.problem import motion_of
 
 MODEL = Path(__file__).resolve().parent.parent / "config/models/puma560.toml"
 START = [0.0, -0.4, -0.9, 0.0, 0.5, 0.0]

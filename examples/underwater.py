@@ -18,19 +18,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from arm_model.control.computed_torque import ComputedTorque, Wanted
 from arm_model.control.decoupling import DisturbanceDecoupling
-from arm_model.control.driven import Run, TorqueController, controlled
 from arm_model.control.time_scaling import TimeScaling
+from arm_model.control.torque_control import Run, TorqueController, controlled
 from arm_model.description import Arm, Joint
 from arm_model.model_file import read_model
 from arm_model.motion import Motion
-from arm_model.simulation import simulate
-from arm_model.two_links import reversal
-
-Array = NDArray[np.float64]
+from arm_model.rigid_body.two_links import reversal
+from arm_model.simulation.simulation import simulate
 
 MODEL = Path(__file__).resolve().parent.parent / "config/models/underwater.toml"
 LENGTHS = (1.0, 1.0)  # m

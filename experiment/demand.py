@@ -10,12 +10,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from experiment.file import Experiment
 from experiment.segments import Chirp, Drive, Fourier, Hold, Move, Repeat, Segment, Setpoints
 
-Array = NDArray[np.float64]
 Piece = Callable[[Array], Array]
 NOTHING = 1e-12  # rad (m): a distance that no encoder shows, and whose reciprocal is still a number
 

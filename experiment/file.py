@@ -7,8 +7,8 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from arm_io import check_table, read_toml, write_toml
 from experiment.segments import Chirp, Drive, Fourier, Move, Repeat, Segment, Setpoints
-from inputs import check_table, read_toml, write_toml
 
 
 class Payload(BaseModel):

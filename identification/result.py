@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.hydrodynamics import COEFFICIENTS
-from identification.effects import definition, is_effect
-from identification.readiness import RunReadiness
-from identification.spectrum import Band
-
-Array = NDArray[np.float64]
+from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
+from identification.preprocessing.readiness import RunReadiness
+from identification.preprocessing.spectrum import Band
+from identification.regression.effect_columns import definition, is_effect
 
 SURPRISE = 3.0  # times what noise and doubt account for: at constant speed an encoder's steps make tones, and no noise
 

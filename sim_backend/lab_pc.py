@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from arm_io import DeviceFault
 from drivers import registry
-from drivers.shapes import Block, EdgeSource, Identity, Plan, Quality
-from inputs import DeviceFault
-from sim_backend import converter, noise
-from sim_backend.converter import Converter
-from sim_backend.faults import StuckChannel
-from sim_backend.latch import TICK_RATE, Latch
-from sim_backend.trigger_line import Seen, TriggerLine
-from sim_backend.world import World, world_of
+from drivers.protocols import Block, EdgeSource, Identity, Plan, Quality
+from sim_backend.electronics import adc, noise
+from sim_backend.electronics.adc import Converter
+from sim_backend.rig.faults import StuckChannel
+from sim_backend.rig.latch import TICK_RATE, Latch
+from sim_backend.rig.trigger_line import Seen, TriggerLine
+from sim_backend.rig.world import World, world_of
 
 START = "start"
 
@@ -39,7 +39,7 @@ class Config(BaseModel):
 
 
 class Card:
-    """drivers.shapes: Device, Latched, Polled, AnalogInput, TriggerInput, DigitalOutput, AnalogOutput."""
+    """drivers.protocols: Device, Latched, Polled, AnalogInput, TriggerInput, DigitalOutput, AnalogOutput."""
 
     numbered = True
     output_range = ((-5.0, 5.0), (-5.0, 5.0))
@@ -142,10 +142,10 @@ class Card:
                 column = at[:, fault.channel]
                 column[(column >= begin) & (column < end)] = begin
         its_noise = noise.normals(self._noise, at - self._world.epoch_ns(), 1)[0]
-        codes = converter.codes(self._converter, self._wires(at), its_noise)
-        quality = np.where(converter.saturated(self._converter, codes), np.uint8(Quality.SATURATED), np.uint8(0))
+        codes = adc.codes(self._converter, self._wires(at), its_noise)
+        quality = np.where(adc.saturated(self._converter, codes), np.uint8(Quality.SATURATED), np.uint8(0))
         none = np.empty(0, np.int64)
-        return Block(none, none, none, quality, volts=converter.reported(self._converter, codes))
+        return Block(none, none, none, quality, volts=adc.reported(self._converter, codes))
 
     def _wires(self, at: NDArray[np.int64]) -> NDArray[np.float64]:
         """(k, inputs) V at the inputs, each at its own time."""

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from arm_io import DeviceFault
 from drivers import registry
-from drivers.shapes import Block, CounterMode, Identity, Plan, Quality
-from inputs import DeviceFault
-from sim_backend import quadrature
-from sim_backend.faults import DeviceReset, EmiCounts, StuckChannel
-from sim_backend.latch import TICK_RATE, Latch
-from sim_backend.register import Register
-from sim_backend.trigger_line import Seen
-from sim_backend.world import World, world_of
+from drivers.protocols import Block, CounterMode, Identity, Plan, Quality
+from sim_backend.electronics import quadrature
+from sim_backend.electronics.counter_register import Register
+from sim_backend.rig.faults import DeviceReset, EmiCounts, StuckChannel
+from sim_backend.rig.latch import TICK_RATE, Latch
+from sim_backend.rig.trigger_line import Seen
+from sim_backend.rig.world import World, world_of
 
 NEVER = np.iinfo(np.int64).max
 
@@ -41,7 +41,7 @@ class Config(BaseModel):
 
 
 class Card:
-    """drivers.shapes: Device, Latched, Polled, QuadratureCounter."""
+    """drivers.protocols: Device, Latched, Polled, QuadratureCounter."""
 
     def __init__(self, name: str, config: Config, world: World) -> None:
         self.name, self.config, self._world = name, config, world

@@ -10,19 +10,18 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from arm_io import DeviceFault
+from arm_io.types import Array
 from drivers import registry
-from drivers.shapes import Block, EdgeSource, Identity, Plan, Quality
-from inputs import DeviceFault
-from sim_backend import noise
-from sim_backend.faults import BeamBreak, TrackerStops
-from sim_backend.latch import TICK_RATE, Latch, joined, rows_of
-from sim_backend.trigger_line import Seen, TriggerLine
-from sim_backend.world import World, world_of
+from drivers.protocols import Block, EdgeSource, Identity, Plan, Quality
+from sim_backend.electronics import noise
+from sim_backend.rig.faults import BeamBreak, TrackerStops
+from sim_backend.rig.latch import TICK_RATE, Latch, joined, rows_of
+from sim_backend.rig.trigger_line import Seen, TriggerLine
+from sim_backend.rig.world import World, world_of
 
-Array = NDArray[np.float64]
 IDENTITY = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 NotNegative = Annotated[float, Field(ge=0)]
 
@@ -63,7 +62,7 @@ class Config(BaseModel):
 
 
 class Tracker:
-    """drivers.shapes: Device, PositionTracker. ``StreamingTracker`` is also Latched."""
+    """drivers.protocols: Device, PositionTracker. ``StreamingTracker`` is also Latched."""
 
     def __init__(self, name: str, config: Config, world: World) -> None:
         self.name, self.config, self._world = name, config, world

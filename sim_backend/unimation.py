@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
+from arm_io import DeviceFault
 from drivers import registry
-from drivers.shapes import Identity, Plan
+from drivers.protocols import Identity, Plan
 from experiment import Demand, Experiment, demand_of
-from inputs import DeviceFault
-from sim_backend.run import Mover
-from sim_backend.stopping import StoppedDemand
-from sim_backend.world import World, world_of
+from sim_backend.arm.signals import Mover
+from sim_backend.arm.stopping import StoppedDemand
+from sim_backend.rig.world import World, world_of
 
 
 class Config(BaseModel):
@@ -23,7 +23,7 @@ class Config(BaseModel):
 
 
 class Controller:
-    """drivers.shapes: Device, ArmController."""
+    """drivers.protocols: Device, ArmController."""
 
     def __init__(self, name: str, config: Config, world: World) -> None:
         self.name, self.config, self._world = name, config, world

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.dynamics import inverse_dynamics
-
-Array = NDArray[np.float64]
+from arm_model.system.dynamics import inverse_dynamics
 
 
 @dataclass(frozen=True)

@@ -24,14 +24,12 @@ Added mass that the model lacks is in d as -Ma q''; that of the thesis's arm is 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io import InputError
+from arm_io.types import Array
 from arm_model.control.computed_torque import ComputedTorque, Wanted
-from arm_model.dynamics import inverse_dynamics
-from arm_model.rigid_body import mass_matrix
-from inputs import InputError
-
-Array = NDArray[np.float64]
+from arm_model.rigid_body.numeric import mass_matrix
+from arm_model.system.dynamics import inverse_dynamics
 
 STEP = 1e-5
 """s over which the change of the mass matrix along the motion is differenced; the error is of its square."""

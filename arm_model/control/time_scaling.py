@@ -14,13 +14,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io import InputError
+from arm_io.types import Array
 from arm_model.control.computed_torque import Wanted
-from arm_model.control.driven import TorqueController
-from inputs import InputError
-
-Array = NDArray[np.float64]
+from arm_model.control.torque_control import TorqueController
 
 
 class TimeScaling:

@@ -1,6 +1,6 @@
 """What an effect is: one definition that serves simulation, estimation, plot labels and report equations.
 
-The law of an effect is written once, with the functions of ``arm_model.scalar``: called with numpy arrays it evaluates recorded data, with
+The law of an effect is written once, with the functions of ``arm_model.rigid_body.scalar``: called with numpy arrays it evaluates recorded data, with
 nodes of the expression tape it becomes part of the compiled simulation, with sympy symbols it becomes the printed equation.
 
 An effect has exactly one law, and which one says where in the chain it sits:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from arm_model import scalar
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
+from arm_model.rigid_body import scalar
 
 VISCOUS_FRICTION = Effect(
     name="viscous_friction",

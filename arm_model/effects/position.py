@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from arm_model import scalar
 from arm_model.effects.definition import Effect, Parameter, Place
+from arm_model.rigid_body import scalar
 
 GRAVITY_SPRING = Effect(
     name="gravity_spring",

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from arm_io import InputError
 from arm_model.description import Arm, EffectTerm
 from arm_model.effects.catalogue import CATALOGUE, values_of
 from arm_model.effects.definition import Effect, Parameter
-from inputs import InputError
 
 DERIVED = frozenset({"contact_stiffness", "contact_damping"})
-"""Parameters that follow from the joint where they are not given (``arm_model.stiffness``)."""
+"""Parameters that follow from the joint where they are not given (``arm_model.system.step_size``)."""
 
 
 def check_terms(arm: Arm, where: str | Path | None = None) -> None:

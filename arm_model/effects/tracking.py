@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from arm_model import scalar
 from arm_model.effects.definition import Effect, Parameter, Place, Values
+from arm_model.rigid_body import scalar
 
 if TYPE_CHECKING:
     from arm_model.description import Arm

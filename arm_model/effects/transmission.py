@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from arm_model import scalar
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
+from arm_model.rigid_body import scalar
 
 
 def across_gap(half_gap: Any, twist: Any, rate: Any, spring: Callable[[Any, Any], Any]) -> Any:

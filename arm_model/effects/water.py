@@ -1,4 +1,4 @@
-"""Water that a description knows nothing of, or too little: Morison's forces along a link (``arm_model.hydrodynamics``)."""
+"""Water that a description knows nothing of, or too little: Morison's forces along a link (``arm_model.rigid_body.hydrodynamics``)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from arm_model.effects.definition import Effect, Parameter, Place, Values
-from arm_model.hydrodynamics import own_drag
+from arm_model.rigid_body.hydrodynamics import own_drag
 
 if TYPE_CHECKING:
     from arm_model.description import Arm, Joint

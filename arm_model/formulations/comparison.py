@@ -12,18 +12,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_model import newton_euler, scalar
+from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import described
 from arm_model.formulations import kane, lagrange
 from arm_model.formulations.links import Symbols, symbols_of
-from arm_model.hydrodynamics import dry
-from arm_model.rigid_body import rigid_torque
-from arm_model.tape import Expr, derivative, evaluate, operations
-
-Array = NDArray[np.float64]
+from arm_model.rigid_body import newton_euler, scalar
+from arm_model.rigid_body.hydrodynamics import dry
+from arm_model.rigid_body.numeric import rigid_torque
+from arm_model.symbolic.tape import Expr, derivative, evaluate, operations
 
 SYMPY_JOINTS = 3
 """sympy's methods are asked for arms of up to so many joints; it takes them seconds there, and minutes beyond."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm_model.formulations.links import Link, Symbols, Vector, cross, links, tensor
-from arm_model.tape import Expr, derivative, rate
+from arm_model.symbolic.tape import Expr, derivative, rate
 
 
 def torques(symbols: Symbols) -> list[Expr]:

@@ -1,7 +1,7 @@
 """What Lagrange's and Kane's equations start from: velocities of the links and gravity, on a tape, in the joint frames.
 
 Inputs of the tape: q{j}, qd{j}, qdd{j} (from 0; rad, rad/s, rad/s2, or m) and the arm's numbers, body{j}.{k} and gravity{k}, as
-``arm_model.numbers`` names them. What is zero in the arm is the constant zero, as in the equations that are compiled. Vectors are
+``arm_model.system.kernel_inputs`` names them. What is zero in the arm is the constant zero, as in the equations that are compiled. Vectors are
 (3,) numpy arrays of expressions.
 """
 
@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_model import newton_euler
+from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import described
-from arm_model.numbers import numbers
-from arm_model.tape import Expr, Tape
+from arm_model.rigid_body import newton_euler
+from arm_model.symbolic.tape import Expr, Tape
+from arm_model.system.kernel_inputs import numbers
 
-Array = NDArray[np.float64]
 Vector = NDArray[Any]
 
 

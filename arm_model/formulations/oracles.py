@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import described
-from arm_model.kinematics import placement
-
-Array = NDArray[np.float64]
+from arm_model.rigid_body.kinematics import placement
 
 
 @dataclass(frozen=True)

@@ -14,17 +14,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.dynamics import inverse_dynamics
-from arm_model.kinematics import inverse
 from arm_model.model_file import read_model
-from arm_model.regressor import regressor
+from arm_model.rigid_body.kinematics import inverse
+from arm_model.rigid_body.regressor import regressor
+from arm_model.system.dynamics import inverse_dynamics
 from experiment import Experiment, demand_of, write_experiment
 
 HERE = Path(__file__).resolve().parent
-Array = NDArray[np.float64]
 
 FULL_SPEED = np.deg2rad([82.0, 74.0, 122.0, 228.0, 241.0, 228.0]).round(4).tolist()
 # What leaves room for gravity, friction and the other joints' torques below the motors' limits (checked in tests/experiment).

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from arm_io import InputError
 from drivers.linux_counter import FUNCTIONS, SYSFS, Config
-from drivers.shapes import CounterMode
-from inputs import InputError
+from drivers.protocols import CounterMode
 from sim_backend.protocol.serving import Loop
 from sim_backend.protocol.wires import Wires
 

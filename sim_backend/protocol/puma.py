@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_io.types import Array
 from experiment import Experiment, demand_of
 from sim_backend.protocol.wires import Times, TriggerLine, Wires
-from sim_backend.settings import electronics_of
-from sim_backend.world import World
+from sim_backend.rig.settings import electronics_of
+from sim_backend.rig.world import World
 
-Array = NDArray[np.float64]
 IN_POSITION = 0.1  # s after the demand's end at which the controller says that the arm has arrived
 
 

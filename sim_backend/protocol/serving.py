@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Protocol
 
-from inputs import DeviceFault
+from arm_io import DeviceFault
 
 AWAKE = 0.0003  # s before and after the end of an answer
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_model.description import Arm, Cylinder, Joint
-from arm_model.kinematics import roll_pitch_yaw
+from arm_model.rigid_body.kinematics import roll_pitch_yaw
 
 
 def random_joint(rng: np.random.Generator, *, friction: bool = True) -> Joint:

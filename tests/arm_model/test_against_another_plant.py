@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm, EffectTerm
-from arm_model.simulation import simulate
+from arm_model.simulation.simulation import simulate
 from tests.arm_model.pumas import swing
 
 pytest.importorskip("numba")

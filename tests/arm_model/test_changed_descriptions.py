@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from arm_model import Arm, EffectTerm
-from arm_model.dynamics import inverse_dynamics
 from arm_model.effects import CATALOGUE, values_of
-from arm_model.simulation import simulate
+from arm_model.simulation.simulation import simulate
+from arm_model.system.dynamics import inverse_dynamics
 
 VALUES = {
     "payload": (None, {"mass": 1.2, "x": 0.02, "y": -0.01, "z": 0.08}),

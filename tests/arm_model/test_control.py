@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from arm_io import InputError
 from arm_model.control.computed_torque import ComputedTorque, Wanted
 from arm_model.control.decoupling import DisturbanceDecoupling
-from arm_model.control.driven import controlled
 from arm_model.control.time_scaling import TimeScaling
+from arm_model.control.torque_control import controlled
 from arm_model.description import Arm
-from arm_model.hydrodynamics import dry
 from arm_model.model_file import read_model
-from arm_model.two_links import TwoLinks
-from inputs import InputError
+from arm_model.rigid_body.hydrodynamics import dry
+from arm_model.rigid_body.two_links import TwoLinks
 
 POINT = np.array([0.5, -0.4])
 

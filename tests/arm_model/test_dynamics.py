@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model import dynamics, kinematics, rigid_body
 from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from arm_model.parameters import parameter, with_parameters
-from arm_model.regressor import parameter_vector, regressor
+from arm_model.rigid_body import kinematics, numeric
+from arm_model.rigid_body.regressor import parameter_vector, regressor
+from arm_model.system import dynamics
 from tests.arm_model.random_arms import in_water, random_arm, random_states
 
 SEEDS = range(12)
@@ -41,7 +42,7 @@ def test_forward_undoes_inverse_and_mass_matrix_is_positive(seed: int, wet: bool
     q, qd, qdd = random_states(seed, len(arm))
     tau = dynamics.inverse_dynamics(arm, q, qd, qdd)
     np.testing.assert_allclose(dynamics.forward_dynamics(arm, q, qd, tau), qdd, atol=1e-8)
-    matrix = rigid_body.mass_matrix(arm, q)
+    matrix = numeric.mass_matrix(arm, q)
     np.testing.assert_allclose(matrix, np.swapaxes(matrix, 1, 2), atol=1e-12)
     assert (np.linalg.eigvalsh(matrix) > 0).all()
 
@@ -51,9 +52,9 @@ def test_forward_undoes_inverse_and_mass_matrix_is_positive(seed: int, wet: bool
 def test_mass_matrix_is_what_accelerations_cost(seed: int, wet: bool) -> None:
     arm = an_arm(seed, wet)
     q, qd, qdd = random_states(seed, len(arm))
-    still = rigid_body.rigid_torque(arm, q, qd, 0 * qdd)
-    inertial = np.einsum("nij,nj->ni", rigid_body.mass_matrix(arm, q, rotors=False), qdd)
-    np.testing.assert_allclose(rigid_body.rigid_torque(arm, q, qd, qdd) - still, inertial, atol=1e-9)
+    still = numeric.rigid_torque(arm, q, qd, 0 * qdd)
+    inertial = np.einsum("nij,nj->ni", numeric.mass_matrix(arm, q, rotors=False), qdd)
+    np.testing.assert_allclose(numeric.rigid_torque(arm, q, qd, qdd) - still, inertial, atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -62,8 +63,8 @@ def test_power_balance(seed: int) -> None:
     arm = random_arm(seed, friction=False)
     q, qd, qdd = random_states(seed, len(arm))
     step = 1e-5
-    ahead = rigid_body.energy(arm, q + step * qd + step**2 / 2 * qdd, qd + step * qdd)
-    behind = rigid_body.energy(arm, q - step * qd + step**2 / 2 * qdd, qd - step * qdd)
+    ahead = numeric.energy(arm, q + step * qd + step**2 / 2 * qdd, qd + step * qdd)
+    behind = numeric.energy(arm, q - step * qd + step**2 / 2 * qdd, qd - step * qdd)
     power = np.sum(dynamics.inverse_dynamics(arm, q, qd, qdd) * qd, axis=1)
     np.testing.assert_allclose((ahead - behind) / (2 * step), power, rtol=1e-5, atol=1e-4)
 
@@ -121,7 +122,7 @@ def test_mujoco_agrees(seed: int) -> None:
     model = _mujoco(arm)
     data = mujoco.MjData(model)
     states = random_states(seed, len(arm), 5)
-    ours = rigid_body.rigid_torque(arm, *states)
+    ours = numeric.rigid_torque(arm, *states)
     for q, qd, qdd, expected in zip(*states, ours):
         data.qpos, data.qvel, data.qacc = q, qd, qdd
         mujoco.mj_inverse(model, data)

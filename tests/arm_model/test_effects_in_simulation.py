@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from arm_model import dynamics, rigid_body
 from arm_model.description import Arm, Controller, Cylinder, EffectTerm, Joint
 from arm_model.effects import CATALOGUE
 from arm_model.parameters import parameter
+from arm_model.rigid_body import numeric
 from arm_model.sensing import recorded
-from arm_model.simulation import simulate, simulate_batch
+from arm_model.simulation.simulation import simulate, simulate_batch
+from arm_model.system import dynamics
 from arm_model.tracking import tracked
 from tests.arm_model.pumas import swing, three_links
 
@@ -157,7 +158,7 @@ def test_load_friction_is_mu_times_the_transmitted_torque(puma: Arm) -> None:
     motion = simulate(arm, lambda t: np.tile(pull / drive, (len(t), 1)), duration=0.4, rate=2000, start=np.zeros(3))
     qdd = np.gradient(motion.qd, motion.t, axis=0)
     without = dynamics.inverse_dynamics(replace(arm, effects=()), motion.q, motion.qd, qdd)[:, 1]
-    load = rigid_body.rigid_torque(arm, motion.q, motion.qd, qdd)[:, 1]
+    load = numeric.rigid_torque(arm, motion.q, motion.qd, qdd)[:, 1]
     sign = motion.qd[:, 1] / np.hypot(motion.qd[:, 1], 0.01)
     expected = 0.1 * np.abs(load) * sign
     assert np.ptp(expected) > 3.0

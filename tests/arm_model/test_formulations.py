@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_model import latex
 from arm_model.description import Arm, EffectTerm
 from arm_model.effects import described
 from arm_model.formulations import kane, lagrange, oracles
 from arm_model.formulations.comparison import compare
 from arm_model.formulations.links import symbols_of
-from arm_model.kinematics import link_frames
 from arm_model.model_file import read_model
-from arm_model.simulation import system_of
-from arm_model.tape import derivative, evaluate, rate
+from arm_model.rigid_body.kinematics import link_frames
+from arm_model.simulation.simulation import system_of
+from arm_model.symbolic import latex
+from arm_model.symbolic.tape import derivative, evaluate, rate
 from armscope.cli import run
 from tests.arm_model.pumas import three_links
 from tests.arm_model.random_arms import random_arm, random_states

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from arm_model import kinematics
 from arm_model.description import Arm, Cylinder, EffectTerm
-from arm_model.dynamics import forward_dynamics, inverse_dynamics
-from arm_model.hydrodynamics import COEFFICIENTS, dry, own_drag, water_of
 from arm_model.model_file import read_model
-from arm_model.regressor import regressor
-from arm_model.rigid_body import energy, rigid_torque
-from arm_model.simulation import simulate, simulate_batch
-from arm_model.two_links import TwoLinks, reversal
+from arm_model.rigid_body import kinematics
+from arm_model.rigid_body.hydrodynamics import COEFFICIENTS, dry, own_drag, water_of
+from arm_model.rigid_body.numeric import energy, rigid_torque
+from arm_model.rigid_body.regressor import regressor
+from arm_model.rigid_body.two_links import TwoLinks, reversal
+from arm_model.simulation.simulation import simulate, simulate_batch
+from arm_model.system.dynamics import forward_dynamics, inverse_dynamics
 from tests.arm_model.random_arms import in_water, random_arm, random_states
 
 RESISTANCE = 1025.0 * 0.025  # rho C_d R, kg/m2

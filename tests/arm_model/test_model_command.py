@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model import rigid_body
+from arm_io import InputError
 from arm_model.effects import CATALOGUE
 from arm_model.model_file import read_model
+from arm_model.rigid_body import numeric
 from armscope.cli import run
-from inputs import InputError
 from tests.arm_model.random_arms import random_states
 
 MODEL = "config/models/puma560.toml"
@@ -65,7 +65,7 @@ def test_through_urdf(root: Path, tmp_path: Path) -> None:
     assert run(["model", str(root / MODEL), "--out", str(urdf)]) == 0
     assert run(["model", str(urdf), "--out", str(model)]) == 0
     states = random_states(0, 6)
-    ours, back = (rigid_body.rigid_torque(read_model(path), *states) for path in (root / MODEL, model))
+    ours, back = (numeric.rigid_torque(read_model(path), *states) for path in (root / MODEL, model))
     np.testing.assert_allclose(back, ours, atol=1e-8)
 
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import tomli_w
 
+from arm_io import InputError
 from arm_model.description import EffectTerm
 from arm_model.model_file import read_model, write_model
-from inputs import InputError
 
 
 def test_every_model_reads_and_writes_back(root: Path, tmp_path: Path) -> None:

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model import dynamics, kinematics, rigid_body
+from arm_io import InputError
 from arm_model.description import Arm
 from arm_model.model_file import read_model
-from arm_model.simulation import simulate
+from arm_model.rigid_body import kinematics, numeric
+from arm_model.simulation.simulation import simulate
+from arm_model.system import dynamics
 from arm_model.urdf import read_urdf, write_urdf
-from inputs import InputError
 from tests.arm_model.random_arms import random_arm, random_states
 
 
@@ -34,7 +35,7 @@ def test_three_link_puma_of_the_thesis(root: Path, shared: Path) -> None:
         ("M11", "M12", "M13", "M22", "M23", "M33"),
     )
     np.testing.assert_allclose(dynamics.forward_dynamics(arm, q, qd, tau), qdd, rtol=0, atol=1e-8)
-    matrix = rigid_body.mass_matrix(arm, q)
+    matrix = numeric.mass_matrix(arm, q)
     upper = np.stack([matrix[:, i, j] for i in range(3) for j in range(i, 3)], axis=1)
     np.testing.assert_allclose(upper, entries, rtol=0, atol=1e-8)
 
@@ -117,7 +118,7 @@ def test_mujoco_reads_our_urdf(root: Path, tmp_path: Path) -> None:
     data = mujoco.MjData(model)
     model.dof_damping[:] = model.dof_frictionloss[:] = 0.0
     q, qd, qdd = random_states(1, 6, 5)
-    expected = rigid_body.rigid_torque(replace(arm, gravity=(0.0, 0.0, -9.81)), q, qd, qdd)
+    expected = numeric.rigid_torque(replace(arm, gravity=(0.0, 0.0, -9.81)), q, qd, qdd)
     for row in range(5):
         data.qpos, data.qvel, data.qacc = q[row], qd[row], qdd[row]
         mujoco.mj_inverse(model, data)
@@ -133,7 +134,7 @@ def test_fixed_links_are_merged(tmp_path: Path) -> None:
     )
     arm = read_urdf(tmp_path / "arm.urdf")
     assert len(arm) == 1 and arm.joints[0].mass == 3.0
-    assert rigid_body.mass_matrix(arm, np.zeros(1))[0, 0, 0] == pytest.approx(1 + 0.1 + 0.25)
+    assert numeric.mass_matrix(arm, np.zeros(1))[0, 0, 0] == pytest.approx(1 + 0.1 + 0.25)
     assert arm.tool[0][3] == 0.5
 
 

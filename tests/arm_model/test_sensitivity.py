@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from arm_io import InputError
 from arm_model.description import Arm, Joint
 from arm_model.parameters import parameter, with_parameters
-from arm_model.sensitivity import sensitivities
-from arm_model.simulation import simulate
-from inputs import InputError
+from arm_model.simulation.sensitivity import sensitivities
+from arm_model.simulation.simulation import simulate
 from tests.arm_model.pumas import swing, three_links
 
 

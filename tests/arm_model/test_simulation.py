@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from arm_model import dynamics, rigid_body
+from arm_io import InputError
 from arm_model.description import Arm, Controller
 from arm_model.parameters import with_parameters
+from arm_model.rigid_body import numeric
 from arm_model.servo import servo_gains
-from arm_model.simulation import Stepper, references, simulate, simulate_batch
-from inputs import InputError
+from arm_model.simulation.simulation import Stepper, references, simulate, simulate_batch
+from arm_model.system import dynamics
 from tests.arm_model.pumas import swing, three_links
 from tests.arm_model.random_arms import in_water, random_arm
 
@@ -43,8 +44,8 @@ def test_energy_of_an_undriven_frictionless_arm_stays(puma: Arm) -> None:
     arm = replace(arm, joints=joints, controller=None)
     motion = simulate(arm, lambda t: np.zeros((len(t), 3)), duration=10.0, rate=100, start=np.array([0.0, 0.4, -0.2]))
     # It hangs on its motors at the start, so let the currents go: the demand is zero from the first instant.
-    energy = rigid_body.energy(arm, motion.q, motion.qd)
-    swing_energy = np.ptp(rigid_body.energy(arm, motion.q, 0 * motion.qd))
+    energy = numeric.energy(arm, motion.q, motion.qd)
+    swing_energy = np.ptp(numeric.energy(arm, motion.q, 0 * motion.qd))
     assert swing_energy > 10.0
     assert np.ptp(energy) < 1e-6 * swing_energy
 
@@ -55,7 +56,7 @@ def test_power_balance_under_servo(puma: Arm) -> None:
     motion = simulate(arm, swing(3), duration=1.5, rate=10000)
     friction = sum_of_friction(arm, motion.qd)
     power = np.sum((motion.torque - friction) * motion.qd, axis=1)
-    gained = rigid_body.energy(arm, motion.q, motion.qd)
+    gained = numeric.energy(arm, motion.q, motion.qd)
     work = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2 * np.diff(motion.t))])
     assert np.ptp(gained) > 5.0
     np.testing.assert_allclose(gained - gained[0], work, atol=2e-4 * np.ptp(gained))
@@ -105,7 +106,7 @@ def test_standing_arm_stays(puma: Arm) -> None:
     pose = np.array([0.3, 0.5, -1.0, 0.2, 0.5, -0.3])
     motion = simulate(puma, lambda t: np.tile(pose, (len(t), 1)), duration=1.0, rate=100)
     np.testing.assert_allclose(motion.q, np.tile(pose, (len(motion.t), 1)), atol=1e-9)
-    held = rigid_body.rigid_torque(puma, pose, 0 * pose, 0 * pose)[0]
+    held = numeric.rigid_torque(puma, pose, 0 * pose, 0 * pose)[0]
     np.testing.assert_allclose(motion.torque[-1], held, atol=1e-6)
 
 

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from llvmlite import ir
 
-from arm_model import scalar
-from arm_model.codegen import DOUBLE, Vector, emit
 from arm_model.description import Arm
-from arm_model.numbers import numbers
-from arm_model.printing import c_function, equations, python_function
-from arm_model.simulation import system_of
-from arm_model.tape import Tape, derivative, evaluate, operations
+from arm_model.rigid_body import scalar
+from arm_model.simulation.codegen import DOUBLE, Vector, emit
+from arm_model.simulation.simulation import system_of
+from arm_model.symbolic.printing import c_function, equations, python_function
+from arm_model.symbolic.tape import Tape, derivative, evaluate, operations
+from arm_model.system.kernel_inputs import numbers
 
 
 def test_trivial_operations_cost_nothing() -> None:

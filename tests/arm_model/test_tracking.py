@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from arm_io import InputError
 from arm_model.description import Arm, EffectTerm, Joint
-from arm_model.dynamics import inverse_dynamics
 from arm_model.geometry import relinked
-from arm_model.simulation import simulate
+from arm_model.simulation.simulation import simulate
+from arm_model.system.dynamics import inverse_dynamics
 from arm_model.tracking import latency, target_at, tracked
-from inputs import InputError
 from tests.arm_model.pumas import swing, three_links
 
 POINT = (0.05, 0.0, 0.10)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from arm_model.model_file import read_model
 from diagnosis.diagnose import diagnose
-from diagnosis.files import table_of
+from diagnosis.report.write import table_of
 from tests.blind.cases import KINDS, Case, cases
 from tests.blind.generate import cache_name, generate
 from tests.blind.record import MODEL

@@ -10,13 +10,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from arm_io.types import Array
 from tests.blind import strangers
 from tests.blind.plant import Plant
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
 

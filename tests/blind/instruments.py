@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from daq.calibration import Calibration, calibration_of, counts_at, currents, positions
-from daq.columns import Columns
-from daq.rig import Rig, read_rig
-from daq.rows import Rows
+from daq.acquisition.rows import Rows
+from daq.rig.calibration import Calibration, calibration_of, counts_at, currents, positions
+from daq.rig.channels import Columns
+from daq.rig.rig_file import Rig, read_rig
 from drivers.counting import extend
-from drivers.shapes import CounterMode
-from sim_backend import converter, hall_transducer, quadrature, sine_encoder
-from sim_backend.converter import Converter
-from sim_backend.noise import LARGEST
-from sim_backend.settings import Electronics, Simulation, electronics_of
+from drivers.protocols import CounterMode
+from sim_backend.electronics import adc, hall_transducer, quadrature, sine_encoder
+from sim_backend.electronics.adc import Converter
+from sim_backend.electronics.noise import LARGEST
+from sim_backend.rig.settings import Electronics, Simulation, electronics_of
 from tests.blind.hide import Signals
 
 RIG = Path(__file__).resolve().parents[2] / "config" / "puma560_sim.toml"
@@ -65,7 +65,7 @@ def rows_of(signals: Signals, current: CubicSpline, rng: np.random.Generator, de
     skew = np.arange(len(gear)) / CONVERSIONS
     true = np.column_stack([current(signals.t + late)[:, j] for j, late in enumerate(skew)]) * np.sign(gear)
     hall = hall_transducer.volts(its.electronics.transducer, true, _normal(rng, true.shape))
-    volts = converter.reported(its.converter, converter.codes(its.converter, hall, _normal(rng, true.shape)))
+    volts = adc.reported(its.converter, adc.codes(its.converter, hall, _normal(rng, true.shape)))
     m, n = signals.angle.shape
     ns = np.rint(signals.t * 1e9).astype(np.int64)
     quality = np.zeros((m, 2 * n), np.uint8)

@@ -14,11 +14,9 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from tests.blind.rigid_body import mass_matrix, newton_euler, turned
-
-Array = NDArray[np.float64]
 
 
 class Plant(NamedTuple):

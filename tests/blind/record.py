@@ -8,20 +8,18 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from daq.rows import Rows
+from arm_io.types import Array
+from daq.acquisition.rows import Rows
 from experiment import Experiment, demand_of
 from tests.blind.hide import Hidden, Signals, hide_in_plant, hide_in_signals
 from tests.blind.instruments import rows_of
 from tests.blind.laboratory import WHITE, Laboratory
 from tests.blind.plant import Plant, run
 from tests.blind.rigid_body import mass_matrix, turned
-
-Array = NDArray[np.float64]
 
 MODEL = Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml"
 SETPOINTS = 0.028

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.csv_table import read_csv
-from daq.recorder import Recorder, rows_layout
+from daq.acquisition.rows import Rows
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.rows import Rows
-from daq.table import write_table
+from daq.recording.csv_table import read_csv
+from daq.recording.parts import Attachments
+from daq.recording.recorder import Recorder, rows_layout
+from daq.recording.table import write_table
 from tests.blind.instruments import RIG, instruments
 from tests.blind.laboratory import Laboratory
 

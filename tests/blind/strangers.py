@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from tests.blind.plant import Plant
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
 

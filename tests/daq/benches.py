@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from daq.bench import Bench, open_bench
-from daq.rig import Rig
-from daq.rows import Rows
-from daq.sampler import Acquisition
+from daq.acquisition.acquisition import Acquisition
+from daq.acquisition.rows import Rows
+from daq.rig.bench import Bench, open_bench
+from daq.rig.rig_file import Rig
 from tests.daq.instruments import STEP
 
 

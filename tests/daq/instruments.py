@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
+from arm_io import DeviceFault
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
+from drivers.protocols import Block, CounterMode, Device, HostClock, Identity, Plan, Quality
 from drivers.registry import World
-from drivers.shapes import Block, CounterMode, Device, HostClock, Identity, Plan, Quality
 from experiment import Demand, Experiment, demand_of
-from inputs import DeviceFault
 
 STEP = 3  # counts an edge on channel 0
 

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from daq.client import call
-from daq.rig import Rig, read_rig
-from daq.session import keys_of, open_session
+from daq.rig.rig_file import Rig, read_rig
+from daq.service.client import call
+from daq.service.zenoh_session import keys_of, open_session
 from tests.ports import free_endpoint
 
 EXPERIMENT = """

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from daq.recorder import rows_layout
-from daq.rows import Rows
+from daq.acquisition.rows import Rows
+from daq.recording.recorder import rows_layout
 
 JOINTS, COUNTERS, INPUTS = 3, 2, 4
 LAYOUT = rows_layout(

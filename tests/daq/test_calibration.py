@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.calibration import calibration_of, counts_at, currents, from_table, positions
-from daq.columns import Columns
-from daq.rig import Rig
-from drivers.shapes import Quality
+from daq.rig.calibration import calibration_of, counts_at, currents, from_table, positions
+from daq.rig.channels import Columns
+from daq.rig.rig_file import Rig
+from drivers.protocols import Quality
 
 COLUMNS = Columns((("card", 0), ("card", 1), ("card", 2)), (24, 24, 24), (("analog", 0), ("analog", 1)), None)
 GOOD = np.zeros((1, 5), np.uint8)

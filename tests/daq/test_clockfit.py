@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.clockfit import ArrivalClock, fit_clock
+from daq.acquisition.clock_fit import ArrivalClock, fit_clock
 
 
 @given(st.integers(0, 10_000), st.floats(-200e-6, 200e-6), st.floats(1e3, 1e8))

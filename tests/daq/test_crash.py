@@ -11,17 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.ledger import LossReason
+from arm_io import InputError
+from daq.acquisition.ledger import LossReason
 from daq.recording import open_recording
-from daq.recover import recover
-from inputs import InputError
+from daq.recording.recover import recover
 from tests.daq.recorded import COLUMNS, make_rows
 
 # Records blocks of 10 rows, and says after each how many rows have been handed over. Goes on until it is killed.
 WRITER = """
 import sys, time
-from daq.recorder import Recorder
-from daq.recording_file import Attachments
+from daq.recording.recorder import Recorder
+from daq.recording.parts import Attachments
 from tests.daq.recorded import LAYOUT, make_rows
 recorder = Recorder(sys.argv[1], LAYOUT, Attachments(), chunk_seconds=0.02)
 for block in range(10**9):
@@ -33,9 +33,9 @@ for block in range(10**9):
 # Fills its file up to the limit. Chunks do not fit then; the short end of the file may.
 FULL = """
 import resource, sys
-from daq.recorder import Recorder
-from daq.recording_file import Attachments
-from inputs import DeviceFault
+from daq.recording.recorder import Recorder
+from daq.recording.parts import Attachments
+from arm_io import DeviceFault
 from tests.daq.recorded import LAYOUT, make_rows
 limit = int(sys.argv[2])
 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))

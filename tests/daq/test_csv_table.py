@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.csv_table import read_csv, write_csv
+from arm_io import InputError
 from daq.recording import open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
-from inputs import InputError
+from daq.recording.csv_table import read_csv, write_csv
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
 
 GOOD = "t,q1,i1,q2,i2\n0,0.1,1,0.2,2\n0.01,0.3,3,0.4,4\n0.02,0.5,5,0.6,6\n"
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import pytest
 
-from daq.client import call
-from daq.ledger import LossReason
-from daq.mcap_file import ACTIVE
+from arm_io import DeviceFault, InputError
+from daq.acquisition.ledger import LossReason
 from daq.recording import open_recording
-from daq.rig_lock import holder_of
-from daq.subscriber import Subscriber
-from inputs import DeviceFault, InputError
+from daq.recording.mcap_writer import ACTIVE
+from daq.service.client import call
+from daq.service.rig_lock import holder_of
+from daq.service.subscriber import Subscriber
 from tests.daq.laboratory import Lab, finished
 
 
@@ -258,7 +258,7 @@ def test_wrong_input_leaves_nothing_behind(lab: Lab) -> None:
 def test_wedged_subscriber_does_not_cost_a_row(lab: Lab) -> None:
     lab.experiment(2)
     lab.daemon()
-    code = "import sys, time; from daq.rig import read_rig; from daq.session import *; from daq.subscriber import *\n"
+    code = "import sys, time; from daq.rig.rig_file import read_rig; from daq.service.zenoh_session import *; from daq.service.subscriber import *\n"
     code += "rig = read_rig('rig.toml', drivers=False); s = Subscriber(open_session(rig, listen=False), keys_of(rig.name))\n"
     code += "print('ready', flush=True)\nwhile True: s.receive()"
     wedged = subprocess.Popen(

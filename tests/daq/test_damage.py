@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.layout import format_of
-from daq.ledger import Loss, LossReason
-from daq.recorder import Recorder
+from arm_io import InputError
+from daq.acquisition.ledger import Loss, LossReason
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.recover import recover
-from inputs import InputError
+from daq.recording.parts import Attachments
+from daq.recording.recorder import Recorder
+from daq.recording.recover import recover
+from daq.recording.row_format import format_of
 from tests.daq.recorded import COLUMNS, LAYOUT, make_rows
 
 ROWS, LOST, CHUNK = 240, (100, 120), 20
@@ -37,7 +37,7 @@ class Original:
 def original(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Original]:
     folder = tmp_path_factory.mktemp("damage")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("daq.recorder.CHUNK_BYTES", CHUNK * len(format_of(LAYOUT.to_json()).template))
+        patch.setattr("daq.recording.recorder.CHUNK_BYTES", CHUNK * len(format_of(LAYOUT.to_json()).template))
         patch.setattr("os.fsync", lambda handle: None)
         patch.setattr("os.fdatasync", lambda handle: None)
         recorder = Recorder(folder / "run.mcap", LAYOUT, Attachments(rig='name = "bench"'))

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from daq.arming import End
-from daq.bench import Bench, open_bench
-from daq.rig import Rig
-from daq.sampler import Acquisition
-from drivers import labjack_t7, us_digital_qsb
-from drivers.shapes import Quality
+from daq.acquisition.acquisition import Acquisition
+from daq.acquisition.states import End
+from daq.rig.bench import Bench, open_bench
+from daq.rig.rig_file import Rig
+from drivers.labjack_t7 import device as labjack_t7
+from drivers.protocols import Quality
+from drivers.us_digital_qsb import device as us_digital_qsb
 from sim_backend.protocol import labjack_t7 as simulated_t7
 from sim_backend.protocol import us_digital_qsb as simulated_qsb
 from tests.daq.benches import joined

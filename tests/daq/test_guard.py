@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.arming import FAULTS, SENTENCES, End, Ending, State
-from daq.bench import Bench, open_bench
-from daq.rig import Rig
-from daq.sampler import Acquisition
+from arm_io import DeviceFault, InputError
+from daq.acquisition.acquisition import Acquisition
+from daq.acquisition.states import FAULTS, SENTENCES, End, Ending, State
+from daq.rig.bench import Bench, open_bench
+from daq.rig.rig_file import Rig
 from experiment import Experiment
-from inputs import DeviceFault, InputError
 from tests.daq.benches import make_rig, run
 
 ARM = {"name": "arm", "kind": "controller", "channels": 2}

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.recorder import Recorder
-from daq.recording_file import Attachments
-from daq.rows import Rows
-from daq.table import write_table
+from daq.acquisition.rows import Rows
+from daq.recording.parts import Attachments
+from daq.recording.recorder import Recorder
+from daq.recording.table import write_table
 from tests.daq.recorded import LAYOUT, make_rows
 
 N = 300
@@ -29,7 +29,7 @@ def rows() -> Rows:
 def file(tmp_path_factory: pytest.TempPathFactory, rows: Rows) -> Path:
     path = tmp_path_factory.mktemp("mcap") / "run.mcap"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("daq.recorder.CHUNK_BYTES", 100_000)
+        patch.setattr("daq.recording.recorder.CHUNK_BYTES", 100_000)
         with Recorder(path, LAYOUT, Attachments(rig='name = "bench"')) as recorder:
             recorder.append(rows)
     return path

@@ -8,13 +8,13 @@ import time
 import numpy as np
 import pytest
 
-from daq.columns import Columns
-from daq.polling import Poller
-from daq.streams import Stream
+from arm_io import DeviceFault
+from daq.acquisition.device_stream import Stream
+from daq.acquisition.polling import Poller
+from daq.rig.channels import Columns
 from drivers.blocks import missing_row, one_row
 from drivers.clock import SystemClock
-from drivers.shapes import Block, Quality
-from inputs import DeviceFault
+from drivers.protocols import Block, Quality
 
 
 class Asked:

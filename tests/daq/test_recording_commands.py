@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from armscope.cli import run
-from daq.csv_table import read_csv
-from daq.ledger import Loss, LossReason
-from daq.recorder import Recorder
+from daq.acquisition.ledger import Loss, LossReason
 from daq.recording import open_recording
-from daq.recording_file import Attachments
+from daq.recording.csv_table import read_csv
+from daq.recording.parts import Attachments
+from daq.recording.recorder import Recorder
 from tests.daq.recorded import LAYOUT, make_rows
 
 RIG = 'name = "bench"\n[[joint]]\nname = "carriage"\ntype = "prismatic"\n'

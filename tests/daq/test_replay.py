@@ -14,14 +14,14 @@ from rosbags.typesys import Stores, get_typestore
 from websockets.sync.client import connect
 
 from daq.recording import open_recording
-from daq.replay import blocks_of, columns_of, paced
+from daq.service.replay import blocks_of, columns_of, paced
 from tests.ports import free_endpoint
 
 LISTENER = """
 import sys, zenoh, json, numpy as np
-from daq.rig import Rig
-from daq.session import keys_of, open_session
-from daq.subscriber import Subscriber
+from daq.rig.rig_file import Rig
+from daq.service.zenoh_session import keys_of, open_session
+from daq.service.subscriber import Subscriber
 rig = Rig.model_validate({"name": sys.argv[1], "joint": [{}], "zenoh": {"endpoint": sys.argv[2]}})
 while True:
     try:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from daq.rig import read_rig
-from inputs import InputError, write_toml
+from arm_io import InputError, write_toml
+from daq.rig.rig_file import read_rig
 
 GOOD: dict = {
     "name": "bench",

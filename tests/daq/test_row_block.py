@@ -9,9 +9,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.row_block import columns_of, decode, describe, encode
-from daq.rows import Rows
-from daq.subscriber import Tally
+from daq.acquisition.rows import Rows
+from daq.service.row_block import columns_of, decode, describe, encode
+from daq.service.subscriber import Tally
 
 JOINTS = ("shoulder", "elbow")
 

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.arming import End, State
-from daq.bench import open_bench
-from daq.ledger import LossReason
-from daq.sampler import Acquisition
-from drivers.shapes import Block, Quality
+from arm_io import DeviceFault, InputError
+from daq.acquisition.acquisition import Acquisition
+from daq.acquisition.ledger import LossReason
+from daq.acquisition.states import End, State
+from daq.rig.bench import open_bench
+from drivers.protocols import Block, Quality
 from experiment import Experiment
-from inputs import DeviceFault, InputError
 from tests.daq.benches import assert_no_row_is_shifted, make_rig, run, take
 from tests.daq.instruments import STEP
 

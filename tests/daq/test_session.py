@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from daq import client
-from daq.commands import CommandServer
-from daq.rig import Rig
-from daq.session import Keys, keys_of, open_session, read_passwords
-from inputs import DeviceFault, InputError
+from arm_io import DeviceFault, InputError
+from daq.rig.rig_file import Rig
+from daq.service import client
+from daq.service.command_server import CommandServer
+from daq.service.zenoh_session import Keys, keys_of, open_session, read_passwords
 from tests.ports import free_endpoint
 
 KEYS = keys_of("Test rig 1")

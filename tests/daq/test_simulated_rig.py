@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.arming import End
-from daq.ledger import LossReason
-from daq.rig import Rig, read_rig
+from daq.acquisition.ledger import LossReason
+from daq.acquisition.states import End
+from daq.rig.rig_file import Rig, read_rig
 from experiment import Experiment, read_experiment
 from tests.daq.benches import run
 

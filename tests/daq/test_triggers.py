@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.triggers import SETTLE, Indexer
+from daq.acquisition.trigger_index import SETTLE, Indexer
 
 
 def _card(seed: int, edges: int, missed: list[int], jitter: float, drift: float, ticks: bool) -> tuple[np.ndarray, ...]:

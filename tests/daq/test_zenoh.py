@@ -16,15 +16,15 @@ import pytest
 import zenoh
 from rosbags.typesys import Stores, get_typestore
 
-from daq import client, ros2_keys
-from daq.commands import CommandServer
-from daq.publisher import Publisher
-from daq.rig import Rig
-from daq.row_block import columns_of
-from daq.rows import Rows
-from daq.session import keys_of, open_session
-from daq.subscriber import Subscriber
-from inputs import DeviceFault, InputError
+from arm_io import DeviceFault, InputError
+from daq.acquisition.rows import Rows
+from daq.rig.rig_file import Rig
+from daq.service import client, ros2_keys
+from daq.service.command_server import CommandServer
+from daq.service.publisher import Publisher
+from daq.service.row_block import columns_of
+from daq.service.subscriber import Subscriber
+from daq.service.zenoh_session import keys_of, open_session
 from tests.ports import free_endpoint
 
 JOINTS = ("shoulder", "elbow")
@@ -145,9 +145,9 @@ def await_watched_key(server: zenoh.Session, key: str, _: zenoh.Session) -> None
 
 SLEEPER = """
 import sys, zenoh, json
-from daq.rig import Rig
-from daq.session import open_session, keys_of
-from daq.subscriber import Subscriber
+from daq.rig.rig_file import Rig
+from daq.service.zenoh_session import open_session, keys_of
+from daq.service.subscriber import Subscriber
 rig = Rig.model_validate(json.loads(sys.argv[1]))
 session = open_session(rig, listen=False)
 subscriber = Subscriber(session, keys_of(rig.name))

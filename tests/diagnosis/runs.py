@@ -10,9 +10,9 @@ import numpy as np
 
 from arm_model.description import Arm, EffectTerm
 from arm_model.sensing import recorded
-from arm_model.simulation import simulate
+from arm_model.simulation.simulation import simulate
 from diagnosis.cause import Cause
-from diagnosis.evidence import Run, see
+from diagnosis.residual.run import Run, see
 from experiment import demand_of, read_experiment
 
 NOISE = 0.01

@@ -10,9 +10,9 @@ import pytest
 
 from arm_model.description import Arm, Joint
 from armscope.cli import run
-from daq.recording_file import Attachments
-from daq.table import write_table
-from diagnosis.axis import AxisCause, axis_side
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
+from diagnosis.measurements.single_axis.causes import AxisCause, axis_side
 
 MASS, FORCE = 90.0, 35.0  # kg; N per unit of command
 VISCOUS, COULOMB = 200.0, 20.0

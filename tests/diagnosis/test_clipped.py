@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
-from diagnosis.events import clipped
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
+from diagnosis.screening.events import clipped
 
 
 def _recorded(path: Path, current: np.ndarray, noise: float, seed: int) -> Recording:

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from scipy import linalg
 
+from arm_io import InputError
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from daq.recording import Recording
-from diagnosis.distort import Distortion, distort, named_parameter, sentence
-from diagnosis.distort_report import write_distortion
-from diagnosis.distort_walk import smoothed
-from diagnosis.evidence import Run
-from inputs import InputError
+from diagnosis.distortion.distortion import Distortion, distort, named_parameter, sentence
+from diagnosis.distortion.random_walk import smoothed
+from diagnosis.distortion.report import write_distortion
+from diagnosis.residual.run import Run
 from tests.diagnosis.runs import seen
 
 EXPERIMENTS = ("excitation", "excitation_held_out")

@@ -9,9 +9,9 @@ import pytest
 
 from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
-from diagnosis.jumps import jumps, without_jumps
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
+from diagnosis.screening.encoder_jumps import jumps, without_jumps
 
 ARM = read_model(Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml")
 COUNT = 2 * np.pi / (4 * (ARM.joints[0].encoder_lines or 0) * abs(ARM.joints[0].ratio))

@@ -16,12 +16,12 @@ from scipy.interpolate import CubicSpline
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
 from diagnosis.cause import Cause
 from diagnosis.diagnose import diagnose
-from diagnosis.link_causes import LinkSide, link_side
-from diagnosis.split import split
+from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
+from diagnosis.screening.time_split import split
 from experiment import Experiment
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory

@@ -10,9 +10,9 @@ import pytest
 
 from arm_model.description import EffectTerm
 from arm_model.model_file import read_model
-from diagnosis.evidence import Run, see
-from diagnosis.lost_edges import Loss, event_of, lost_edges, put_back
-from diagnosis.seeing import Sight, with_edges
+from diagnosis.residual.run import Run, see
+from diagnosis.screening.cleaned import Sight, with_edges
+from diagnosis.screening.lost_triggers import Loss, event_of, lost_edges, put_back
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier

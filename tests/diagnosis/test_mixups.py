@@ -9,12 +9,12 @@ from typing import cast
 import numpy as np
 import pytest
 
+from arm_io import InputError
 from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from daq.recording import Recording
-from diagnosis.evidence import Run
-from diagnosis.mixups import check_motion, mixed_up
-from inputs import InputError
+from diagnosis.residual.run import Run
+from diagnosis.screening.plausibility import check_motion, mixed_up
 from tests.diagnosis.runs import seen
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from diagnosis.noise import angle_noise, scatter, still_noise
-from diagnosis.reading import COMPARE_BAND, low_pass
+from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
+from diagnosis.residual.noise import angle_noise, scatter, still_noise
 
 RATE, ROWS = 1000.0, 15000
 

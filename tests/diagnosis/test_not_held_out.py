@@ -10,8 +10,8 @@ import numpy as np
 
 from arm_model.model_file import read_model
 from diagnosis.diagnose import not_held_out
-from diagnosis.library import Side
-from diagnosis.remainder import Structure
+from diagnosis.measurements.currents.design_matrix import Side
+from diagnosis.measurements.currents.unexplained import Structure
 
 ARM = read_model(Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml")
 ROWS = 1200

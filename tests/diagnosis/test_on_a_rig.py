@@ -13,16 +13,16 @@ from typing import Any, cast
 
 import pytest
 
+from arm_io import read_toml, write_toml
 from arm_model.description import EffectTerm
 from arm_model.model_file import read_model, write_model
-from armscope import separating_runs
-from armscope.separating_runs import Bench, Case, go_on, limits_of
+from armscope import adaptive_diagnosis
+from armscope.adaptive_diagnosis import Bench, Case, go_on, limits_of
 from daq.recording import open_recording
-from daq.rig import read_rig
+from daq.rig.rig_file import read_rig
 from diagnosis.diagnose import Diagnosis
-from diagnosis.separate import Separation
-from diagnosis.separate_motions import Kind, Stage, room, trials
-from inputs import read_toml, write_toml
+from diagnosis.experiments.discriminating import Separation
+from diagnosis.experiments.motions import Kind, Stage, room, trials
 from tests.diagnosis.runs import group_of, seen
 from tests.sim_backend.recordings import record
 
@@ -133,7 +133,7 @@ def test_a_real_arm_is_not_moved_unasked(root: Path, tmp_path: Path, monkeypatch
     stage = Stage(arm, data.fit[0].q[0], data.fit[0].q[:1], room(arm))
     chosen = next(iter(trials(stage, [1], Kind.OFF)))
     found = Separation(chosen.experiment, 100.0, chosen.words, 1)
-    monkeypatch.setattr(separating_runs, "separations", lambda *_: {0: found})
+    monkeypatch.setattr(adaptive_diagnosis, "separations", lambda *_: {0: found})
     kept: list[Case] = []
     said: list[str] = []
 

@@ -9,7 +9,7 @@ import pytest
 
 from arm_model.model_file import read_model
 from daq.recording import Recording
-from diagnosis.resonance import swinging
+from diagnosis.closed_loop.resonance import swinging
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier

@@ -10,14 +10,14 @@ import pytest
 
 from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
-from arm_model.simulation import simulate
-from diagnosis.candidates import Candidate, candidates
+from arm_model.simulation.simulation import simulate
 from diagnosis.diagnose import Diagnosis
-from diagnosis.evidence import COMPARE_BAND, ROWS_PER_SECOND, Run
-from diagnosis.library import free_columns, side_of
-from diagnosis.separate import Separation, separation
-from diagnosis.separate_distance import Question, foreseen, rival_of
-from diagnosis.separate_motions import Kind, Stage, room, trials
+from diagnosis.experiments.discriminating import Separation, separation
+from diagnosis.experiments.motions import Kind, Stage, room, trials
+from diagnosis.experiments.t_optimality import Question, foreseen, rival_of
+from diagnosis.measurements.currents.columns import Candidate, candidates
+from diagnosis.measurements.currents.design_matrix import free_columns, side_of
+from diagnosis.residual.run import COMPARE_BAND, ROWS_PER_SECOND, Run
 from experiment import demand_of, read_experiment, write_experiment
 from tests.diagnosis.runs import Seen, group_of, seen
 

@@ -10,10 +10,10 @@ import pytest
 
 from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
-from arm_model.simulation import simulate
-from diagnosis.candidates import Candidate, candidates
-from diagnosis.evidence import see
-from diagnosis.setup import loaded
+from arm_model.simulation.simulation import simulate
+from diagnosis.measurements.currents.columns import Candidate, candidates
+from diagnosis.residual.run import see
+from diagnosis.residual.run_setup import loaded
 from experiment.file import Payload
 
 

@@ -11,7 +11,7 @@ import pytest
 from arm_model.description import Arm, Joint
 from arm_model.model_file import read_model
 from daq.recording import Recording
-from diagnosis.tracker import Tracked, tracked_causes
+from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
 from tests.diagnosis.tracked_arm import NOISE, Puma, Wrong, record, recordings
 
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from arm_model import read_model
 from daq.recording import Recording, open_recording
 from diagnosis.diagnose import diagnose
-from diagnosis.reading import through_gap, wound_up
+from diagnosis.residual.expected_current import through_gap, wound_up
 from experiment import Experiment
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
-from diagnosis.turned import turned_wrist
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
+from diagnosis.measurements.demands.wrist_coupling import turned_wrist
 
 STEP = 2 * np.pi / 1000 / 76.0
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from diagnosis.candidates import Candidate
-from diagnosis.library import Columns, Side
-from diagnosis.selection import Pair, accept
-from diagnosis.twos import two_of
+from diagnosis.measurements.currents.columns import Candidate
+from diagnosis.measurements.currents.design_matrix import Columns, Side
+from diagnosis.measurements.currents.pairs import two_of
+from diagnosis.selection.regression import Pair, accept
 
 ROWS, BLOCK = 3000, 100
 HIDING = Candidate("load_friction", 1), Candidate("current_nonlinearity", 1)

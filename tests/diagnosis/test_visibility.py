@@ -10,15 +10,15 @@ import pytest
 
 from arm_model.description import Arm
 from arm_model.model_file import read_model
-from diagnosis.candidates import candidates
 from diagnosis.diagnose import Diagnosis
-from diagnosis.evidence import Run
-from diagnosis.library import columns_of, side_of
-from diagnosis.lines import order_of
-from diagnosis.separate_distance import foreseen
-from diagnosis.separate_motions import Stage, Trial, room
-from diagnosis.showing import shown_by
-from diagnosis.visibility import Invisible, not_visible
+from diagnosis.experiments.motions import Stage, Trial, room
+from diagnosis.experiments.revealing import shown_by
+from diagnosis.experiments.t_optimality import foreseen
+from diagnosis.measurements.currents.columns import candidates
+from diagnosis.measurements.currents.design_matrix import columns_of, side_of
+from diagnosis.measurements.currents.detectability import Invisible, not_visible
+from diagnosis.measurements.currents.ripple_orders import order_of
+from diagnosis.residual.run import Run
 from tests.diagnosis.runs import seen
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from arm_model.description import Arm, Cylinder
-from arm_model.hydrodynamics import own_drag
 from arm_model.model_file import read_model
-from arm_model.simulation import simulate
-from diagnosis.candidates import Candidate, candidates
-from diagnosis.evidence import see
+from arm_model.rigid_body.hydrodynamics import own_drag
+from arm_model.simulation.simulation import simulate
+from diagnosis.measurements.currents.columns import Candidate, candidates
+from diagnosis.residual.run import see
 from tests.arm_model.pumas import three_links
 
 

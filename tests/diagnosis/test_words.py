@@ -12,12 +12,12 @@ import pytest
 
 from arm_model.model_file import read_model
 from diagnosis.diagnose import Diagnosis
-from diagnosis.library import side_of
-from diagnosis.parameters import Estimate
-from diagnosis.predictable import predictable
-from diagnosis.remainder import Structure
-from diagnosis.report_tables import unseen
-from diagnosis.words import either, estimate, gain, sentence
+from diagnosis.measurements.currents.design_matrix import side_of
+from diagnosis.measurements.currents.estimates import Estimate
+from diagnosis.measurements.currents.structure_share import predictable
+from diagnosis.measurements.currents.unexplained import Structure
+from diagnosis.report.tables import unseen
+from diagnosis.report.wording import either, estimate, gain, sentence
 from tests.diagnosis.runs import group_of, seen
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from arm_model.model_file import read_model
-from daq.rig import read_rig
+from daq.rig.rig_file import read_rig
 
 
 def test_worn_arm_is_the_nominal_one_with_effects(root: Path) -> None:

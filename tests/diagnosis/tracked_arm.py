@@ -11,12 +11,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_io.types import Array
 from armscope.cli import run
 from daq.recording import Recording, open_recording
 
-Array = NDArray[np.float64]
 TARGET = np.array([0.05, 0.0, 0.10])
 NOISE = 6e-5
 """m a coordinate: a tracker good to 0.1 mm in space."""

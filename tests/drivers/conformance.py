@@ -1,4 +1,4 @@
-"""What every driver of a shape must do: one function a promise of ``drivers.shapes``, for simulated devices and hardware alike.
+"""What every driver of a shape must do: one function a promise of ``drivers.protocols``, for simulated devices and hardware alike.
 
 ``check(specimen)`` asks a device for every shape it has. A laboratory's own driver is checked the same way::
 
@@ -11,8 +11,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from arm_io import DeviceFault
 from drivers.blocks import join
-from drivers.shapes import (
+from drivers.protocols import (
     AnalogInput,
     AnalogOutput,
     ArmController,
@@ -26,7 +27,6 @@ from drivers.shapes import (
     QuadratureCounter,
     TriggerInput,
 )
-from inputs import DeviceFault
 from tests.drivers.conformance_channels import (
     counters_refuse_what_they_do_not_have,
     lines_are_known_and_made_safe,

@@ -6,9 +6,10 @@ from functools import partial
 
 import numpy as np
 
+from arm_io import DeviceFault
 from drivers.blocks import join
 from drivers.counting import extend
-from drivers.shapes import (
+from drivers.protocols import (
     AnalogInput,
     AnalogOutput,
     ArmController,
@@ -23,7 +24,6 @@ from drivers.shapes import (
     QuadratureCounter,
     Quality,
 )
-from inputs import DeviceFault
 from tests.drivers.specimen import Specimen, assert_well_formed, latched_rows, open_one, refuses, shape_of
 
 # Counters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from drivers import labjack_t7
+from drivers.labjack_t7 import device as labjack_t7
 from tests.ports import free_port
 
 RIG = """

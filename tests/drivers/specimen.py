@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from arm_io import DeviceFault
 from drivers.blocks import join
-from drivers.shapes import (
+from drivers.protocols import (
     AnalogInput,
     Block,
     Device,
@@ -20,7 +21,6 @@ from drivers.shapes import (
     QuadratureCounter,
     Quality,
 )
-from inputs import DeviceFault
 
 ALL_BITS = int(sum(Quality))
 
@@ -80,7 +80,7 @@ def shape_of(device: object) -> tuple[int, int, bool]:
 
 
 def assert_well_formed(block: Block, device: object) -> None:
-    """Dtypes, shapes and marks of ``drivers.shapes.Block``."""
+    """Dtypes, shapes and marks of ``drivers.protocols.Block``."""
     n, (counters, inputs, points) = len(block), shape_of(device)
     for name in ("number", "host", "tick"):
         column = getattr(block, name)

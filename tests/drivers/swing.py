@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.shapes import Block
+from drivers.protocols import Block
 from sim_backend.protocol.wires import TriggerLine, Wires
 
 AMPLITUDE = 20_000.0  # counts

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers import can_bus, cia406, isabellenhuette_ivts
+from arm_io import DeviceFault
+from drivers import can_bus
 from drivers.blocks import join
-from drivers.cia406_protocol import ABSENT, Rounds
-from drivers.shapes import Block, CounterMode, EdgeSource, Plan, Quality
-from inputs import DeviceFault
+from drivers.cia406 import device as cia406
+from drivers.cia406.protocol import ABSENT, Rounds
+from drivers.isabellenhuette_ivts import device as isabellenhuette_ivts
+from drivers.protocols import Block, CounterMode, EdgeSource, Plan, Quality
 from sim_backend.protocol import cia406 as sim_cia406
 from sim_backend.protocol import isabellenhuette_ivts as sim_ivts
 from tests.drivers.swing import counts, swing_wires, volts

@@ -14,12 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers import cia406
-from drivers import cia406_protocol as cia
+from arm_io import DeviceFault
 from drivers.blocks import join
-from drivers.cia406_protocol import Heard, Round
-from drivers.shapes import Block, EdgeSource, Latched, Plan, Polled, Quality, Reconnecting
-from inputs import DeviceFault
+from drivers.cia406 import device as cia406
+from drivers.cia406 import protocol as cia
+from drivers.cia406.protocol import Heard, Round
+from drivers.protocols import Block, EdgeSource, Latched, Plan, Polled, Quality, Reconnecting
 from sim_backend.protocol import cia406 as simulator
 from tests.drivers.swing import counts, swing_wires
 

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from arm_io import DeviceFault
 from drivers import comedi_ni_labpc as driver
-from drivers.shapes import EdgeSource, Plan, Quality
-from inputs import DeviceFault
+from drivers.protocols import EdgeSource, Plan, Quality
 
 CONSTANTS = [
     *("COMEDI_SUBD_AI", "COMEDI_SUBD_AO", "COMEDI_SUBD_DIO", "COMEDI_OUTPUT", "AREF_GROUND", "SDF_LSAMPL"),

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from armscope import doctor
-from drivers import cia406, labjack_t7, linux_counter
+from arm_io import InputError
+from armscope.commands import doctor
+from drivers import linux_counter
+from drivers.cia406 import device as cia406
+from drivers.labjack_t7 import device as labjack_t7
 from drivers.registry import find_devices
-from inputs import InputError
 from sim_backend.protocol import cia406 as sim_cia406
 from sim_backend.protocol import labjack_t7 as sim_t7
 from sim_backend.protocol import linux_counter as sim_counter

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.bench import open_bench
-from daq.rig import read_rig
-from daq.sampler import Acquisition
-from drivers.labjack_t7_protocol import CORE_TIMER_HZ
+from daq.acquisition.acquisition import Acquisition
+from daq.rig.bench import open_bench
+from daq.rig.rig_file import read_rig
+from drivers.labjack_t7.protocol import CORE_TIMER_HZ
 from sim_backend.protocol import labjack_t7 as simulator
 from tests.drivers.lab_rig import write_rig
 from tests.drivers.swing import swing_wires

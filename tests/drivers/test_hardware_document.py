@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.rig import read_rig
-from drivers.shapes import EdgeSource
+from daq.rig.rig_file import read_rig
+from drivers.protocols import EdgeSource
 from sim_backend.protocol.serving import Loop, Terminal
 from tests.drivers.conformance import Specimen, check
 from tests.drivers.swing import counts

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from drivers import labjack_t7 as driver
-from drivers import labjack_t7_protocol as t7
+from arm_io import DeviceFault
 from drivers.blocks import join
 from drivers.counting import extend
-from drivers.shapes import Block, CounterMode, EdgeSource, Plan, Quality
-from inputs import DeviceFault
+from drivers.labjack_t7 import device as driver
+from drivers.labjack_t7 import protocol as t7
+from drivers.protocols import Block, CounterMode, EdgeSource, Plan, Quality
 from sim_backend.protocol import labjack_t7 as simulator
 from sim_backend.protocol.wires import Wires
 from tests.drivers.swing import AMPLITUDE, counts, read_rows, swing_wires, volts

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from arm_io import DeviceFault, InputError
 from drivers import linux_counter as driver
 from drivers.blocks import join
 from drivers.counting import extend
-from drivers.shapes import CounterMode, EdgeSource, Plan, Quality
-from inputs import DeviceFault, InputError
+from drivers.protocols import CounterMode, EdgeSource, Plan, Quality
 from sim_backend.protocol import linux_counter as simulator
 from tests.drivers.swing import counts, swing_wires
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.bench import open_bench
-from daq.ledger import LossReason
-from daq.rig import read_rig
-from daq.sampler import Acquisition
-from drivers import labjack_t7_protocol as t7
+from daq.acquisition.acquisition import Acquisition
+from daq.acquisition.ledger import LossReason
+from daq.rig.bench import open_bench
+from daq.rig.rig_file import read_rig
+from drivers.labjack_t7 import protocol as t7
 from sim_backend.protocol import labjack_t7 as simulator
 from tests.drivers.lab_rig import write_rig
 from tests.drivers.swing import swing_wires

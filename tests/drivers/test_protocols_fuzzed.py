@@ -12,15 +12,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers import cia406_protocol as cia
-from drivers import isabellenhuette_ivts_protocol as ivt
-from drivers import labjack_t7_protocol as t7
 from drivers import modbus_tcp as modbus
-from drivers import us_digital_ad4b_protocol as ad4b
-from drivers import us_digital_qsb_protocol as qsb
-from drivers import val_terminal_protocol as val
+from drivers.cia406 import protocol as cia
+from drivers.isabellenhuette_ivts import protocol as ivt
+from drivers.labjack_t7 import protocol as t7
 from drivers.linux_counter import parse_count
-from drivers.tracker_stream_protocol import Lines, format_line
+from drivers.tracker_stream.protocol import Lines, format_line
+from drivers.us_digital_ad4b import protocol as ad4b
+from drivers.us_digital_qsb import protocol as qsb
+from drivers.val_terminal import protocol as val
 
 bounded = settings(max_examples=40, deadline=None)
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.arming import End
-from daq.bench import open_bench
-from daq.ledger import LossReason
-from daq.rig import read_rig
-from daq.sampler import Acquisition
+from daq.acquisition.acquisition import Acquisition
+from daq.acquisition.ledger import LossReason
+from daq.acquisition.states import End
+from daq.rig.bench import open_bench
+from daq.rig.rig_file import read_rig
 from sim_backend.protocol import labjack_t7 as simulator
 from tests.drivers.lab_rig import write_rig
 from tests.drivers.swing import counts, swing_wires

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.client import call
-from daq.rig import read_rig
-from daq.session import keys_of, open_session
+from daq.rig.rig_file import read_rig
+from daq.service.client import call
+from daq.service.zenoh_session import keys_of, open_session
 from sim_backend.protocol import labjack_t7 as simulator
 from sim_backend.protocol.wires import Wires
 from tests.drivers.lab_rig import write_rig

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.arming import End
-from daq.bench import open_bench
-from daq.ledger import LossReason
-from daq.rig import read_rig
-from daq.sampler import Acquisition
-from drivers import us_digital_ad4b, us_digital_qsb
-from drivers.shapes import Quality
+from daq.acquisition.acquisition import Acquisition
+from daq.acquisition.ledger import LossReason
+from daq.acquisition.states import End
+from daq.rig.bench import open_bench
+from daq.rig.rig_file import read_rig
+from drivers.protocols import Quality
+from drivers.us_digital_ad4b import device as us_digital_ad4b
+from drivers.us_digital_qsb import device as us_digital_qsb
 from sim_backend.protocol import us_digital_ad4b as sim_ad4b
 from sim_backend.protocol import us_digital_qsb as sim_qsb
 from tests.drivers.swing import swing_wires

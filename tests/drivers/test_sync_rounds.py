@@ -7,7 +7,7 @@ import struct
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.cia406_protocol import Rounds
+from drivers.cia406.protocol import Rounds
 
 PERIOD = 2_000_000  # ns
 LATEST = 0.01  # s: five periods

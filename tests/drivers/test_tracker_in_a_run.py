@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.arming import End
-from daq.bench import open_bench
-from daq.rig import read_rig
-from daq.rows import Rows
-from daq.sampler import Acquisition
-from drivers import labjack_t7, tracker_stream
+from daq.acquisition.acquisition import Acquisition
+from daq.acquisition.rows import Rows
+from daq.acquisition.states import End
+from daq.rig.bench import open_bench
+from daq.rig.rig_file import read_rig
+from drivers.labjack_t7 import device as labjack_t7
+from drivers.tracker_stream import device as tracker_stream
 from sim_backend.protocol import labjack_t7 as sim_t7
 from sim_backend.protocol import tracker_stream as sim_tracker
 from sim_backend.protocol.wires import TriggerLine

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.tracker_merge import align
+from drivers.tracker_stream.merge import align
 
 FRAMES = 300
 

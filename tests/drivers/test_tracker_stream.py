@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers import tracker_stream as driver
+from arm_io import DeviceFault
 from drivers.blocks import join
-from drivers.shapes import Block, EdgeSource, Plan, PositionTracker, Quality
-from drivers.tracker_merge import align
-from drivers.tracker_stream_protocol import Lines
-from inputs import DeviceFault
+from drivers.protocols import Block, EdgeSource, Plan, PositionTracker, Quality
+from drivers.tracker_stream import device as driver
+from drivers.tracker_stream.merge import align
+from drivers.tracker_stream.protocol import Lines
 from sim_backend.protocol import tracker_stream as simulator
 from sim_backend.protocol.serving import Terminal
 from tests.drivers.swing import points, read_rows, swing_wires

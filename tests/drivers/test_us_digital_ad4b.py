@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers import us_digital_ad4b, us_digital_ad4b_protocol, us_digital_qsb
+from arm_io import DeviceFault
 from drivers.counting import extend
-from drivers.shapes import CounterMode, EdgeSource, Plan, Quality
-from inputs import DeviceFault
+from drivers.protocols import CounterMode, EdgeSource, Plan, Quality
+from drivers.us_digital_ad4b import device as us_digital_ad4b
+from drivers.us_digital_ad4b import protocol
+from drivers.us_digital_qsb import device as us_digital_qsb
 from sim_backend.protocol import us_digital_ad4b as sim_ad4b
 from sim_backend.protocol.serving import Terminal
 from tests.drivers.swing import counts, swing_wires
@@ -73,7 +75,7 @@ def test_ad4b_truncated_answer_is_no_position(ad4b: tuple[Any, Any]) -> None:
     start = preset(device, 0)
     device.arm(POLL)
     poll_for(device, 0.05)
-    box.corrupt = lambda data: data[:-1] if len(data) == us_digital_ad4b_protocol.POSITION_BYTES else data
+    box.corrupt = lambda data: data[:-1] if len(data) == protocol.POSITION_BYTES else data
     assert missing(device.poll())
     box.corrupt = lambda data: data
     poll_until(device, lambda row: not missing(row))

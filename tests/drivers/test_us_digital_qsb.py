@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers import us_digital_qsb, us_digital_qsb_protocol
+from arm_io import DeviceFault
 from drivers.blocks import join
+from drivers.protocols import EdgeSource, Plan, Quality
 from drivers.serial_port import SerialPort
-from drivers.shapes import EdgeSource, Plan, Quality
-from inputs import DeviceFault
+from drivers.us_digital_qsb import device as us_digital_qsb
+from drivers.us_digital_qsb import protocol
 from sim_backend.protocol import us_digital_qsb as sim_qsb
 from sim_backend.protocol.serving import Loop, Terminal
 from tests.drivers.swing import swing_wires
@@ -176,7 +177,7 @@ class SlowWire:
 
     def __init__(self, behind: Path, path: Path) -> None:
         self.delay = 0.0
-        self._far, self._near = SerialPort(str(behind), us_digital_qsb_protocol.BAUD), Terminal("wire", str(path))
+        self._far, self._near = SerialPort(str(behind), protocol.BAUD), Terminal("wire", str(path))
         self._on_the_way: deque[tuple[int, bytes]] = deque()
         self._loop = Loop(self._step, lambda: [self._near.fileno(), self._far._alive().fileno()], 0.001)
 

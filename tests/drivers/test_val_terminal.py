@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from drivers import val_terminal as driver
+from arm_io import DeviceFault
+from drivers.val_terminal import device as driver
 from experiment import Experiment, demand_of
 from experiment.file import read_experiment
-from inputs import DeviceFault
 from sim_backend.protocol import val_terminal as simulator
 from sim_backend.protocol.wires import Wires
 from tests.drivers.swing import counts, volts

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from daq.ledger import LossReason
+from daq.acquisition.ledger import LossReason
 from daq.recording import Recording, open_recording
 from experiment import Experiment, write_experiment
 from experiment.file import read_experiment

@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.blocks import join
 from drivers.counting import extend
-from drivers.shapes import Block, EdgeSource, Plan, Quality
+from drivers.protocols import Block, EdgeSource, Plan, Quality
 from tests.drivers.swing import AMPLITUDE, counts, swing_wires
 
 POLL = Plan(EdgeSource.POLL, 100.0, None)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from arm_io import InputError
 from experiment import Experiment, demand_of, read_experiment, write_experiment
-from inputs import InputError
 
 
 def _experiment(segments: list[dict]) -> Experiment:

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm
-from arm_model.kinematics import forward
 from arm_model.model_file import read_model
-from arm_model.regressor import regressor
-from daq.arming import check_motion
-from daq.rig import read_rig
+from arm_model.rigid_body.kinematics import forward
+from arm_model.rigid_body.regressor import regressor
+from daq.acquisition.states import check_motion
+from daq.rig.rig_file import read_rig
 from experiment import demand_of, read_experiment
 
 

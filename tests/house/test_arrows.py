@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 MAY_IMPORT = {
-    "armscope": {"diagnosis", "identification", "daq", "sim_backend", "arm_model", "drivers", "experiment", "inputs"},
-    "diagnosis": {"identification", "arm_model", "daq", "experiment", "inputs"},
-    "identification": {"arm_model", "daq", "experiment", "inputs"},
-    "sim_backend": {"drivers", "arm_model", "experiment", "inputs"},
-    "daq": {"drivers", "experiment", "inputs"},
-    "drivers": {"experiment", "inputs"},
-    "arm_model": {"experiment", "inputs"},
-    "experiment": {"inputs"},
-    "inputs": set(),
+    "armscope": {"diagnosis", "identification", "daq", "sim_backend", "arm_model", "drivers", "experiment", "arm_io"},
+    "diagnosis": {"identification", "arm_model", "daq", "experiment", "arm_io"},
+    "identification": {"arm_model", "daq", "experiment", "arm_io"},
+    "sim_backend": {"drivers", "arm_model", "experiment", "arm_io"},
+    "daq": {"drivers", "experiment", "arm_io"},
+    "drivers": {"experiment", "arm_io"},
+    "arm_model": {"experiment", "arm_io"},
+    "experiment": {"arm_io"},
+    "arm_io": set(),
 }
 # Of daq, identification and diagnosis take recordings, and nothing else.
 READER = "daq.recording"

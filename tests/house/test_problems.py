@@ -6,7 +6,7 @@ import pickle
 
 import pytest
 
-from inputs import DeviceFault, InputError
+from arm_io import DeviceFault, InputError
 
 
 @pytest.mark.parametrize("problem", [InputError("a.toml", "is wrong"), DeviceFault("t7", "does not answer")])

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm
-from arm_model.dynamics import inverse_dynamics
 from arm_model.model_file import read_model
+from arm_model.system.dynamics import inverse_dynamics
 from armscope.cli import run
-from daq.recording_file import Attachments
-from daq.table import write_table
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
 
 
 @pytest.fixture(scope="module")

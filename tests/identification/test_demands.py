@@ -9,15 +9,15 @@ import pytest
 
 from arm_model.description import Arm
 from arm_model.model_file import read_model
-from arm_model.simulation import simulate
+from arm_model.simulation.simulation import simulate
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
 from experiment import demand_of
-from identification.demands import demand_of_run
-from identification.equations import model_values, structural_base
-from identification.excitation import design_excitation
-from identification.methods import identify_by
+from identification.experiment_design.excitation import design_excitation
+from identification.identify import identify_by
+from identification.preprocessing.demands import demand_of_run
+from identification.regression.equations import model_values, structural_base
 from tests.arm_model.pumas import three_links
 
 RATE = 14.4 / 0.028  # Hz, no multiple of the setpoints' rate

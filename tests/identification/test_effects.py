@@ -14,11 +14,11 @@ import pytest
 
 from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model, write_model
-from arm_model.rigid_body import rigid_torque
+from arm_model.rigid_body.numeric import rigid_torque
 from armscope.cli import run
-from daq.recording_file import Attachments
-from daq.table import write_table
-from identification.effects import repeated
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
+from identification.regression.effect_columns import repeated
 from tests.arm_model.pumas import three_links
 
 RATE, SECONDS = 250.0, 30.0

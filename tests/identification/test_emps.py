@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from armscope.cli import run
-from daq.recording_file import Attachments
-from daq.table import write_table
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
 
 
 @pytest.fixture(scope="module")

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from arm_model.description import EffectTerm
-from arm_model.dynamics import inverse_dynamics
 from arm_model.model_file import read_model
+from arm_model.system.dynamics import inverse_dynamics
 from armscope.cli import run
-from daq.arming import check_motion
-from daq.rig import read_rig
+from daq.acquisition.states import check_motion
+from daq.rig.rig_file import read_rig
 from experiment import demand_of, read_experiment
-from identification.equations import structural_base
-from identification.excitation import Limits, design_excitation, excitation_scores
+from identification.experiment_design.excitation import Limits, design_excitation, excitation_scores
+from identification.regression.equations import structural_base
 from tests.arm_model.pumas import three_links
 
 

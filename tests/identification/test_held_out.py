@@ -11,15 +11,15 @@ import pytest
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.parameters import with_parameters
-from arm_model.simulation import simulate
+from arm_model.simulation.simulation import simulate
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
 from experiment import Experiment, demand_of
-from identification.excitation import design_excitation
-from identification.report import report, verdict
+from identification.experiment_design.excitation import design_excitation
+from identification.methods.inverse_dynamics import identify
+from identification.report.html import report, verdict
 from identification.result import Identification
-from identification.whole_arm import identify
 from tests.arm_model.pumas import three_links
 
 RATE = 14.4 / 0.028  # Hz, no multiple of the setpoints' rate

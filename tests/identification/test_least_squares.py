@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal
 
-from identification.equations import Equations
-from identification.least_squares import joint_triangles, least_squares, relative_error, weighted_by_joint
-from identification.uncertainty import correlation_time, uncertainty
+from identification.regression.equations import Equations
+from identification.regression.least_squares import joint_triangles, least_squares, relative_error, weighted_by_joint
+from identification.regression.uncertainty import correlation_time, uncertainty
 
 
 def rows(noise: np.ndarray, columns: np.ndarray, truth: np.ndarray) -> Equations:

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm
-from arm_model.dynamics import inverse_dynamics
 from arm_model.model_file import read_model
 from arm_model.parameters import parameter, with_parameters
-from arm_model.simulation import simulate
+from arm_model.simulation.simulation import simulate
+from arm_model.system.dynamics import inverse_dynamics
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
-from identification.methods import identify_by
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
+from identification.identify import identify_by
 
 TRUTH = {"link1.mass": 103.0, "joint1.viscous": 180.0, "joint1.coulomb": 25.0, "joint1.offset": 2.0}
 

@@ -10,10 +10,10 @@ from scipy.integrate import solve_ivp
 
 from arm_model.description import Arm, Joint
 from daq.recording import open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
-from identification.joint_by_joint import identify_joints
-from identification.motor_link import motor_link
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
+from identification.methods.joint_by_joint import identify_joints
+from identification.methods.motor_link import motor_link
 
 INERTIA, VISCOUS, WEIGHT, FRICTION = 2.0950, 1.0, 9.3163, 2.0  # kg m2 about the axis, N m s/rad, N m, N m
 

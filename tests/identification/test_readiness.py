@@ -13,10 +13,10 @@ from arm_model.description import Arm
 from arm_model.model_file import read_model
 from armscope.cli import run
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
-from drivers.shapes import Quality
-from identification.methods import check_runs
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
+from drivers.protocols import Quality
+from identification.identify import check_runs
 from tests.arm_model.pumas import three_links
 from tests.identification.test_effects import currents, motor_motion
 

@@ -10,14 +10,14 @@ import pytest
 
 from arm_model.description import Arm
 from arm_model.model_file import read_model
-from arm_model.simulation import simulate
+from arm_model.simulation.simulation import simulate
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
-from identification.methods import identify_by
-from identification.problem import resting
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
+from identification.identify import identify_by
+from identification.preprocessing.signals import smooth_motion
+from identification.regression.problem import resting
 from identification.result import Identification
-from identification.signals import smooth_motion
 
 RATE, DURATION = 487.0, 12.0  # Hz, s
 POSE = np.array([0.0, -0.8, 1.9, 0.3, 0.4, 0.0])

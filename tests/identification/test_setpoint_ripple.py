@@ -10,16 +10,16 @@ import pytest
 
 from arm_model.description import Arm
 from arm_model.model_file import read_model
-from arm_model.simulation import simulate
+from arm_model.simulation.simulation import simulate
 from experiment import demand_of
-from identification.equations import equations, model_values, structural_base
-from identification.excitation import design_excitation
-from identification.joint_by_joint import WAYS
-from identification.least_squares import least_squares
-from identification.motor_link import motor_link_of
-from identification.setpoint_ripple import folded_torque, rate_beside, rows_a_setpoint
-from identification.signals import Motion, smooth_motion
-from identification.uncertainty import uncertainty
+from identification.experiment_design.excitation import design_excitation
+from identification.methods.joint_by_joint import WAYS
+from identification.methods.motor_link import motor_link_of
+from identification.preprocessing.aliased_ripple import folded_torque, rate_beside, rows_a_setpoint
+from identification.preprocessing.signals import Motion, smooth_motion
+from identification.regression.equations import equations, model_values, structural_base
+from identification.regression.least_squares import least_squares
+from identification.regression.uncertainty import uncertainty
 from tests.arm_model.pumas import three_links
 
 PHASES = (0.1, 0.35, 0.6, 0.85)  # of a row, of the samples against the setpoints

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.signals import (
+from identification.preprocessing.signals import (
     equation_rows,
     equation_weight,
     flat_tops,

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm, EffectTerm
-from arm_model.dynamics import inverse_dynamics
 from arm_model.model_file import read_model
+from arm_model.system.dynamics import inverse_dynamics
 from daq.recording import Recording, open_recording
-from daq.recording_file import Attachments
-from daq.table import write_table
-from identification.methods import identify_by
+from daq.recording.parts import Attachments
+from daq.recording.table import write_table
+from identification.identify import identify_by
 from tests.arm_model.pumas import three_links
 from tests.identification.test_effects import RATE, motor_motion
 

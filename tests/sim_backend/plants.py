@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_io.types import Array
 from experiment import Demand, Experiment, demand_of
 from experiment.segments import Chirp
-from sim_backend.run import CHUNK_ROWS, Mover, Steps
-from sim_backend.stopping import StoppedDemand
-
-Array = NDArray[np.float64]
+from sim_backend.arm.signals import CHUNK_ROWS, Mover, Steps
+from sim_backend.arm.stopping import StoppedDemand
 
 GEAR = np.array([-62.6111, 107.815, -53.7063, 76.0364, 71.923, 76.686])
 LINES = np.array([250.0, 200.0, 250.0, 250.0, 250.0, 250.0])
@@ -23,7 +22,7 @@ def current_of(demand: Demand | StoppedDemand, t: Array) -> Array:
 
 
 class Follower:
-    """sim_backend.run.Mover."""
+    """sim_backend.arm.signals.Mover."""
 
     step_ns = STEP_NS
     current_lag = np.inf
@@ -59,7 +58,7 @@ class Follower:
 
 
 class FollowerPlant:
-    """sim_backend.world.Plant with the Puma's gears and encoders. The tracker's target moves along x by joint 1's angle."""
+    """sim_backend.rig.world.Plant with the Puma's gears and encoders. The tracker's target moves along x by joint 1's angle."""
 
     encoder_lines = LINES
     rest = np.zeros(6)

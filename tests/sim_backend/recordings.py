@@ -7,9 +7,9 @@ from pathlib import Path
 
 import tomli_w
 
-from daq.acquire import Run, order_of
-from daq.bench import open_bench
-from daq.rig import Rig, read_rig
+from daq.rig.bench import open_bench
+from daq.rig.rig_file import Rig, read_rig
+from daq.service.run import Run, order_of
 from experiment import Experiment
 
 BLOCK = 0.2  # s between two reads: nobody waits for rows, and long blocks cost less

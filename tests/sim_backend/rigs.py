@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from drivers.shapes import Block, EdgeSource, Plan
+from drivers.protocols import Block, EdgeSource, Plan
 from experiment import Experiment
 from sim_backend import lab_pc, mit_c12, optotrak, unimation
-from sim_backend.faults import Fault
-from sim_backend.latch import joined
-from sim_backend.pace import FastClock
-from sim_backend.settings import Simulation
-from sim_backend.world import World
+from sim_backend.rig.clock import FastClock
+from sim_backend.rig.faults import Fault
+from sim_backend.rig.latch import joined
+from sim_backend.rig.settings import Simulation
+from sim_backend.rig.world import World
 from tests.sim_backend.plants import FollowerPlant, chirps
 
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_model.kinematics import link_frames
 from arm_model.model_file import read_model
-from arm_model.simulation import simulate
-from daq.bench import open_bench
-from daq.rig import Rig, read_rig
-from daq.rows import Rows
-from daq.sampler import Acquisition
-from drivers.shapes import Quality
+from arm_model.rigid_body.kinematics import link_frames
+from arm_model.simulation.simulation import simulate
+from daq.acquisition.acquisition import Acquisition
+from daq.acquisition.rows import Rows
+from daq.rig.bench import open_bench
+from daq.rig.rig_file import Rig, read_rig
+from drivers.protocols import Quality
 from experiment import Experiment, demand_of
 from tests.daq.benches import joined
 from tests.sim_backend.recordings import fast_rig
@@ -170,7 +170,7 @@ def test_hidden_arm_moves_under_the_servos_of_the_known_one(root: Path, tmp_path
     ],
 )
 def test_a_wrong_simulation_table_gets_one_line(root: Path, table: dict, line: str) -> None:
-    from inputs import InputError
+    from arm_io import InputError
 
     rig = _fast(root, **table)
     with pytest.raises(InputError, match=line) as error, open_bench(rig):

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from sim_backend import converter, hall_transducer
-from sim_backend.converter import Converter
-from sim_backend.hall_transducer import HallTransducer
+from sim_backend.electronics import adc, hall_transducer
+from sim_backend.electronics.adc import Converter
+from sim_backend.electronics.hall_transducer import HallTransducer
 
 LAB_PC = Converter(12, -10.0, 10.0)
 
@@ -41,10 +41,10 @@ def test_one_code_is_a_tenth_of_an_ampere_through_the_core() -> None:
 @given(volts=st.floats(-12, 12), bits=st.integers(8, 16))
 def test_conversion_is_right_to_half_a_step_inside_the_range_and_marks_its_ends(volts: float, bits: int) -> None:
     card = Converter(bits, -10.0, 10.0)
-    code = converter.codes(card, np.array([volts]), np.zeros(1))
+    code = adc.codes(card, np.array([volts]), np.zeros(1))
     assert 0 <= code[0] < 1 << bits
-    shown = converter.reported(card, code)[0]
-    if converter.saturated(card, code)[0]:
+    shown = adc.reported(card, code)[0]
+    if adc.saturated(card, code)[0]:
         assert abs(volts) > 10 - 1.5 * card.step
     else:
         assert abs(shown - volts) <= card.step / 2 + 1e-12

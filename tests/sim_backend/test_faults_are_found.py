@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq.arming import End
-from daq.ledger import LossReason
-from daq.rows import Rows
-from daq.sampler import Acquisition
-from drivers.shapes import Quality
+from daq.acquisition.acquisition import Acquisition
+from daq.acquisition.ledger import LossReason
+from daq.acquisition.rows import Rows
+from daq.acquisition.states import End
+from drivers.protocols import Quality
 from tests.sim_backend.test_chain import _experiment, _fast, _record
 
 

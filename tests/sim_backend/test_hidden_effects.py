@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from arm_io import InputError
 from arm_model.description import EffectTerm
 from arm_model.model_file import read_model, write_model
-from daq.rig import read_rig
-from daq.rows import Rows
-from inputs import InputError
+from daq.acquisition.rows import Rows
+from daq.rig.rig_file import read_rig
 from tests.sim_backend.test_chain import _experiment, _fast, _record
 
 EVERY_COUNT = 2 * np.pi / (4 * 200 * 107.815)  # rad of joint 2

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from sim_backend import noise
-from sim_backend.faults import ExtraEdge, LostEdge, LostRow
-from sim_backend.history import History
-from sim_backend.trigger_line import TriggerLine, seen
+from sim_backend.arm.history import History
+from sim_backend.electronics import noise
+from sim_backend.rig.faults import ExtraEdge, LostEdge, LostRow
+from sim_backend.rig.trigger_line import TriggerLine, seen
 
 
 def test_noise_is_normal_white_and_unrelated_between_streams() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from daq.recording import open_recording
-from sim_backend.slow_disk import slow_disk
+from sim_backend.rig.slow_disk import slow_disk
 from tests.sim_backend.recordings import record
 from tests.sim_backend.test_chain import _experiment
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers import shapes
+from arm_io import DeviceFault
+from drivers import protocols
 from drivers.counting import extend
-from drivers.shapes import CounterMode, EdgeSource, Plan, Quality
+from drivers.protocols import CounterMode, EdgeSource, Plan, Quality
 from experiment import Experiment, demand_of
-from inputs import DeviceFault
-from sim_backend import mit_c12, quadrature
-from sim_backend.faults import (
+from sim_backend import mit_c12
+from sim_backend.electronics import quadrature
+from sim_backend.rig.clock import FastClock
+from sim_backend.rig.faults import (
     BeamBreak,
     ClockDrift,
     DeviceReset,
@@ -23,7 +25,6 @@ from sim_backend.faults import (
     TrackerStops,
     Unplugged,
 )
-from sim_backend.pace import FastClock
 from tests.sim_backend.plants import GEAR, LINES, chirps, current_of
 from tests.sim_backend.rigs import begin, make_rig, read_for
 
@@ -39,14 +40,20 @@ def _true_times(rig, block) -> np.ndarray:
 def test_devices_have_the_shapes_they_say() -> None:
     rig = make_rig()
     for device in (*rig.acquiring, rig.arm):
-        assert isinstance(device, shapes.Device)
-    assert isinstance(rig.counter, shapes.QuadratureCounter | shapes.Latched | shapes.Polled)
-    for shape in (shapes.AnalogInput, shapes.TriggerInput, shapes.DigitalOutput, shapes.AnalogOutput, shapes.Latched):
+        assert isinstance(device, protocols.Device)
+    assert isinstance(rig.counter, protocols.QuadratureCounter | protocols.Latched | protocols.Polled)
+    for shape in (
+        protocols.AnalogInput,
+        protocols.TriggerInput,
+        protocols.DigitalOutput,
+        protocols.AnalogOutput,
+        protocols.Latched,
+    ):
         assert isinstance(rig.analog, shape)
-    assert isinstance(rig.tracker, shapes.PositionTracker) and isinstance(rig.tracker, shapes.Latched)
-    assert not isinstance(make_rig(tracker={"stream": 0}).tracker, shapes.Latched)
-    assert isinstance(rig.arm, shapes.ArmController)
-    assert isinstance(FastClock(), shapes.HostClock)
+    assert isinstance(rig.tracker, protocols.PositionTracker) and isinstance(rig.tracker, protocols.Latched)
+    assert not isinstance(make_rig(tracker={"stream": 0}).tracker, protocols.Latched)
+    assert isinstance(rig.arm, protocols.ArmController)
+    assert isinstance(FastClock(), protocols.HostClock)
 
 
 @pytest.mark.parametrize(("rate", "source"), [(1000.0, EdgeSource.TRACKER), (20e3, EdgeSource.TIMER)])

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from drivers.counting import extend
-from drivers.shapes import CounterMode
-from sim_backend import noise, quadrature, sine_encoder
-from sim_backend.sine_encoder import SineEncoder
+from drivers.protocols import CounterMode
+from sim_backend.electronics import noise, quadrature, sine_encoder
+from sim_backend.electronics.sine_encoder import SineEncoder
 
 LINES = 250.0
 

@@ -1,0 +1,73 @@
+"""TOML files checked by a pydantic model, with errors that a person can act on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from arm_io.errors import InputError
+from arm_io.results import write_text
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel, ValidationError
+
+M = TypeVar("M", bound="BaseModel")
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """The table in a TOML file. Raises InputError where it is absent, unreadable, or not TOML (with line and column)."""
+    import tomllib
+
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(path, "no such file") from None
+    except IsADirectoryError:
+        raise InputError(path, "is a folder; a TOML file is wanted") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, f"cannot be read as UTF-8 text: {error}") from None
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(path, f"not valid TOML: {error}") from None
+
+
+def check_table(where: str | Path, table: Mapping[str, Any], model: type[M]) -> M:
+    """``table`` as ``model``; InputError naming the first wrong entry (joints and channels as the file counts them)."""
+    from pydantic import ValidationError
+
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        raise InputError(where, one_line(error)) from None
+
+
+def one_line(error: ValidationError) -> str:
+    """The first complaint of a pydantic error as ``joint[2].mass: input should be greater than 0 (is -1)``.
+
+    Entries of arrays are numbered from 1, as everywhere in armscope. Where more is wrong, the number follows.
+    """
+    complaints = error.errors(include_url=False)
+    first = complaints[0]
+    place = ""
+    for part in first["loc"]:
+        place += f"[{part + 1}]" if isinstance(part, int) else ("." if place else "") + str(part)
+    message = first["msg"].removeprefix("Value error, ")
+    message = message[:1].lower() + message[1:]
+    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        message = "unknown entry"
+    elif first["type"] == "missing":
+        message = "is missing"
+    elif not isinstance(first["input"], dict | list) and first["type"] != "value_error":
+        message += f" (is {first['input']!r})"
+    more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
+    return f"{place}: {message}{more}" if place else f"{message}{more}"
+
+
+def write_toml(path: str | Path, table: Mapping[str, Any], *, heading: str = "") -> None:
+    """Writes ``table``, whole or not at all (temporary file, then rename); ``heading`` becomes comment lines on top."""
+    import tomli_w
+
+    comment = "".join(f"# {line}".rstrip() + "\n" for line in heading.splitlines())
+    write_text(path, comment + ("\n" if comment else "") + tomli_w.dumps(table))

@@ -1,0 +1,70 @@
+"""An arm under a torque controller, simulated by the compiled engine: in air or water, with all effects of its model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.control.computed_torque import Wanted
+from arm_model.description import Arm
+from arm_model.simulation.simulation import Stepper
+
+
+class TorqueController(Protocol):
+    """What decides torques: ``torque`` at every tick, then ``told`` what the drives made of it."""
+
+    def torque(self, q: Array, qd: Array, wanted: Wanted) -> Array: ...
+
+    def told(self, q: Array, qd: Array, applied: Array) -> None: ...
+
+
+@dataclass(frozen=True)
+class Run:
+    """(R,) s, and (R, n) each: motor angle over gear, its rate, torque given from then on, demanded position; rad, rad/s, N m."""
+
+    t: Array
+    q: Array
+    qd: Array
+    torque: Array
+    demand: Array
+
+
+def controlled(
+    arm: Arm,
+    controller: TorqueController,
+    demand: Callable[[float], Wanted],
+    *,
+    duration: float,
+    period: float,
+    start: Array | None = None,
+) -> Run:
+    """The arm under a controller that is called every ``period`` s with what the motors' encoders tell, from rest at ``start``.
+
+    Torques are cut at each joint's torque_limit and held for a period, a whole number of the engine's steps. The servos of the
+    model, if it has any, are out of play.
+    """
+    n = len(arm)
+    stepper = Stepper(replace(arm, controller=None), demand(0.0).q if start is None else np.asarray(start, float))
+    steps = round(period / stepper.period)
+    if steps < 1 or abs(steps * stepper.period - period) > 1e-9:
+        raise InputError("period", f"is {period:g} s; a whole number of steps of {stepper.period:g} s is wanted")
+    limits = np.array([np.inf if joint.torque_limit is None else joint.torque_limit for joint in arm.joints])
+    drive = arm.joint_array("drive_constant")
+    count = int(np.floor(duration / period + 1e-9)) + 1
+    t: Array = period * np.arange(count, dtype=np.float64)
+    q, qd, given, asked = np.empty((4, count, n))
+    for k in range(count):
+        q[k], qd[k] = stepper.motors
+        if not (np.isfinite(q[k]).all() and np.isfinite(qd[k]).all()):
+            raise InputError(arm.name, f"runs away at {t[k]:.3g} s; a shorter period or lower gains are wanted")
+        wanted = demand(float(t[k]))
+        asked[k] = wanted.q
+        given[k] = np.clip(controller.torque(q[k], qd[k], wanted), -limits, limits)
+        controller.told(q[k], qd[k], given[k])
+        stepper.advance(np.tile(given[k] / drive, (steps, 1)), np.empty(0))
+    return Run(t, q, qd, given, asked)

@@ -1,0 +1,1 @@
+"""Rigid links in space: kinematics, inertia, the Newton-Euler recursion, its regressor, and the water around them."""

@@ -1,0 +1,119 @@
+"""The rigid links of an arm and their drives, vectorised over N samples with plain numpy: torques, mass matrix, energy.
+
+Shapes: q, qd, qdd, tau (N, n) rad, rad/s, rad/s2, N m (m and N for prismatic joints).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm, Joint, Pose
+from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
+from arm_model.rigid_body.inertia import barycentric, transform
+from arm_model.rigid_body.kinematics import link_frames
+
+
+def link_parameters(arm: Arm) -> Array:
+    """(n, 10) barycentric inertial parameters of every link, in its link frame (order: arm_model.rigid_body.inertia.PARAMETERS)."""
+    return np.array([barycentric(joint.mass, joint.com, joint.inertia) for joint in arm.joints])
+
+
+def bodies(arm: Arm) -> Array:
+    """(n, 10) the same in the joint frames of ``newton_euler``."""
+    return np.array(_bodies(arm.base, arm.joints))
+
+
+@lru_cache(maxsize=32)  # every evaluation of the dynamics asks for it
+def _bodies(base: Pose, joints: tuple[Joint, ...]) -> tuple[tuple[float, ...], ...]:
+    links = newton_euler.chain_from(base, joints).link
+    own = (barycentric(joint.mass, joint.com, joint.inertia) for joint in joints)
+    return tuple(tuple(map(float, transform(p, pose))) for p, pose in zip(own, links))
+
+
+def drive_torque(joint: Joint, qd: Any, qdd: Any) -> Any:
+    """Joint torque that the drive itself takes: reflected rotor inertia, viscous and Coulomb friction, offset.
+
+    Coulomb friction: with s = v / sqrt(v^2 + sign_velocity^2), (F+ + F-)/2 s + (F+ - F-)/2 s^2: F+ forwards, -F- backwards,
+    nothing at rest. Viscous friction: (B+ + B-)/2 v + (B+ - B-)/2 |v|: B+ v forwards, B- v backwards. ``qd`` and
+    ``qdd`` are scalars of any kind, of the motor over the gear ratio.
+    """
+    ratio = joint.ratio
+    forwards, backwards = (ratio**2 * viscous for viscous in joint.viscous)
+    torque = ratio**2 * joint.rotor_inertia * qdd + (forwards + backwards) / 2 * qd
+    if forwards != backwards:
+        torque = torque + (forwards - backwards) / 2 * scalar.absolute(qd)
+    sign = scalar.smooth_sign(qd, joint.sign_velocity)
+    positive, negative = joint.coulomb
+    mean, difference = ratio * (positive + negative) / 2, ratio * (positive - negative) / 2
+    return torque + mean * sign + difference * sign * sign + ratio * joint.offset
+
+
+def samples(arm: Arm, *arrays: Array) -> list[Array]:
+    """The arrays as (N, n) float64; one sample (n,) becomes (1, n). InputError where the joints do not fit."""
+    found = []
+    for array in arrays:
+        array = np.atleast_2d(np.asarray(array, float))
+        if array.ndim != 2 or array.shape[1] != len(arm):
+            raise InputError("samples", f"have shape {array.shape}; (N, {len(arm)}) is wanted for this arm")
+        found.append(array)
+    return found
+
+
+def turns(chain: newton_euler.Chain, q: Array) -> list[tuple[Any, Any]]:
+    """(cos q, sin q) of every joint, (N,) each, for q (N, n)."""
+    return newton_euler.turns(chain, list(q.T), np.cos, np.sin)
+
+
+def stacked(columns: list[Any], shape: tuple[int, ...]) -> Array:
+    """(*shape, columns) from numbers and arrays."""
+    return np.stack([np.broadcast_to(np.asarray(column, float), shape) for column in columns], axis=-1)
+
+
+def rigid_torque(arm: Arm, q: Array, qd: Array, qdd: Array, *, gravity: bool = True) -> Array:
+    """(N, n) torque of the rigid links and the water round them: no rotors, no friction, no effects."""
+    q, qd, qdd = samples(arm, q, qd, qdd)
+    chain = newton_euler.chain_of(arm)
+    state = turns(chain, q), list(q.T), list(qd.T), list(qdd.T), arm.gravity if gravity else (0.0, 0.0, 0.0)
+    tau = newton_euler.inverse_dynamics(chain, _bodies(arm.base, arm.joints), *state)
+    total = stacked(tau, q.shape[:1])
+    if wet := hydrodynamics.bodies_of(arm):
+        total = total + stacked(hydrodynamics.torques(chain, wet, *state), q.shape[:1])
+    if any(joint.drag for joint in arm.joints):
+        total = total + np.array([joint.drag or 0.0 for joint in arm.joints]) * np.abs(qd) * qd
+    return total
+
+
+def mass_matrix(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
+    """(N, n, n) mass matrix, with the water's added mass, and with the reflected rotor inertias on the diagonal unless ``rotors`` is
+    False."""
+    (q,) = samples(arm, q)
+    chain = newton_euler.chain_of(arm)
+    state = turns(chain, q), list(q.T)
+    rigid = newton_euler.mass_matrix(chain, _bodies(arm.base, arm.joints), *state)
+    added = hydrodynamics.mass_matrix(chain, hydrodynamics.bodies_of(arm), *state)
+    matrix = np.stack([stacked([*map(sum, zip(*rows))], q.shape[:1]) for rows in zip(rigid, added)], axis=-2)
+    if rotors:
+        matrix = matrix + np.diag(arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia"))
+    return matrix
+
+
+def energy(arm: Arm, q: Array, qd: Array) -> Array:
+    """(N,) kinetic (links and rotors) plus potential energy, J; potential zero where the base frame's origin is.
+    With the energies of the water, added mass and buoyancy."""
+    q, qd = samples(arm, q, qd)
+    kinetic = 0.5 * np.einsum("ni,nij,nj->n", qd, mass_matrix(arm, q), qd)
+    frames = link_frames(arm, q)[:, 1:]
+    parameters = link_parameters(arm)
+    first, mass = parameters[:, 1:4].copy(), parameters[:, :1].copy()
+    for j, joint in enumerate(arm.joints):
+        if joint.cylinder is not None:  # displaced water falls where the link rises
+            displaced = hydrodynamics.water_of(joint.cylinder).displaced
+            mass[j] -= displaced
+            first[j] -= displaced * np.add(joint.cylinder.start, joint.cylinder.end) / 2
+    moment = np.einsum("nkij,kj->nki", frames[..., :3, :3], first) + mass * frames[..., :3, 3]
+    return kinetic - moment.sum(axis=1) @ np.array(arm.gravity)

@@ -1,0 +1,141 @@
+"""The torques of an arm as a linear function of its parameters: Y(q, q', q'') p = tau.
+
+Atkeson, An, Hollerbach, "Estimation of inertial parameters of manipulator loads and links", IJRR 5(3), 1986.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
+from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
+from arm_model.rigid_body.inertia import PARAMETERS, transform_matrix
+from arm_model.rigid_body.numeric import link_parameters, samples, stacked, turns
+
+Friction = Literal["asymmetric", "symmetric"]
+
+
+def parameter_names(arm: Arm, *, friction: Friction = "asymmetric") -> list[str]:
+    """Names in the order of the regressor's columns: ten a link, then the drive's of each joint, then what water there is."""
+    directions = ("_positive", "_negative") if friction == "asymmetric" else ("",)
+    rubbing = [f"{kind}{direction}" for kind in ("viscous", "coulomb") for direction in directions]
+    drive = ("rotor_inertia", *rubbing, "offset")
+    links = [f"link{j}.{name}" for j in range(1, len(arm) + 1) for name in PARAMETERS]
+    drives = [f"joint{j}.{name}" for j in range(1, len(arm) + 1) for name in drive]
+    return links + drives + [name for name, _ in _described_water(arm)]
+
+
+def _described_water(arm: Arm) -> Iterator[tuple[str, float]]:
+    """Names and values of the water's parameters: only what the model describes has any."""
+    for number, joint in enumerate(arm.joints, 1):
+        if joint.cylinder is not None:
+            yield from ((f"link{number}.{name}", getattr(joint.cylinder, name)) for name in COEFFICIENTS)
+    for number, joint in enumerate(arm.joints, 1):
+        if joint.drag is not None:
+            yield f"joint{number}.drag", joint.drag
+
+
+def parameter_vector(arm: Arm, *, friction: Friction = "asymmetric") -> Array:
+    """(p,) the arm's values in that order: barycentric inertial parameters in the link frame about its origin; rotor inertia,
+    viscous, Coulomb and offset at the JOINT side. ``friction`` "symmetric" gives the means of the two directions."""
+    values = [link_parameters(arm).ravel()]
+    for joint in arm.joints:
+        n = joint.ratio
+        rubbing = np.array([np.multiply(joint.viscous, n**2), np.multiply(joint.coulomb, n)])  # kind, direction
+        if friction == "symmetric":
+            rubbing = rubbing.mean(axis=1, keepdims=True)
+        values.append(np.array([n**2 * joint.rotor_inertia, *rubbing.ravel(), n * joint.offset]))
+    return np.concatenate([*values, [value for _, value in _described_water(arm)]])
+
+
+def regressor(
+    arm: Arm, q: Array, qd: Array, qdd: Array, *, friction: Friction = "asymmetric"
+) -> tuple[Array, list[str]]:
+    """(Y (N, n, p), names): Y @ parameter_vector(arm) = inverse_dynamics(arm, q, qd, qdd), whatever the values.
+
+    With ``friction`` "symmetric" one column joint{j}.viscous and one joint{j}.coulomb stand for both directions.
+    """
+    q, qd, qdd = samples(arm, q, qd, qdd)
+    blocks = [_link_columns(arm, q, qd, qdd)] + [
+        _drive_columns(arm, j, qd[:, j], qdd[:, j], friction) for j in range(len(arm))
+    ]
+    blocks.append(_water_columns(arm, q, qd, qdd))
+    return np.concatenate(blocks, axis=2), parameter_names(arm, friction=friction)
+
+
+def _drive_columns(arm: Arm, j: int, qd: Array, qdd: Array, friction: Friction) -> Array:
+    sign = scalar.smooth_sign(qd, arm.joints[j].sign_velocity)
+    if friction == "asymmetric":
+        rubbing = [np.maximum(qd, 0.0), np.minimum(qd, 0.0), (sign + sign**2) / 2, (sign - sign**2) / 2]
+    else:
+        rubbing = [qd, sign]
+    columns = np.stack([qdd, *rubbing, np.ones_like(qd)], axis=-1)
+    block = np.zeros((len(qd), len(arm), columns.shape[-1]))
+    block[:, j] = columns
+    return block
+
+
+def _water_columns(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
+    """(N, n, w) torques of unit coefficients of the cylinders, then of unit drag of whole links."""
+    chain, columns = newton_euler.chain_of(arm), []
+    state = turns(chain, q), list(q.T), list(qd.T), list(qdd.T), arm.gravity
+    for j, joint in enumerate(arm.joints):
+        if joint.cylinder is not None:
+            shape, unit = hydrodynamics.shape_of(chain, j, joint.cylinder), hydrodynamics.unit_water(joint.cylinder)
+            for share in np.eye(3) * (unit.resistance, unit.added, unit.displaced):
+                water = {j: (shape, hydrodynamics.Water(*map(float, share)))}
+                columns.append(stacked(hydrodynamics.torques(chain, water, *state), q.shape[:1]))
+    columns += [np.eye(len(arm))[j] * np.abs(qd) * qd for j, joint in enumerate(arm.joints) if joint.drag is not None]
+    return np.stack(columns, axis=-1) if columns else np.zeros((*q.shape, 0))
+
+
+def _link_columns(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
+    """(N, n, 10 n) torques of unit inertial parameters, link by link carried inwards through the joints."""
+    samples_, n = q.shape
+    chain = newton_euler.chain_of(arm)
+    turn = turns(chain, q)
+    moving = newton_euler.motions(chain, turn, list(q.T), list(qd.T), list(qdd.T), arm.gravity)
+    columns = np.zeros((samples_, n, 10 * n))
+    for link, motion in enumerate(moving):
+        force, moment = _unit_wrenches(motion, samples_)
+        to_joint_frame = transform_matrix(chain.link[link])
+        force, moment = force @ to_joint_frame, moment @ to_joint_frame
+        here = slice(10 * link, 10 * link + 10)
+        for j in reversed(range(link + 1)):
+            columns[:, j, here] = moment[:, 2] if chain.revolute[j] else force[:, 2]
+            if j:
+                force, moment = _carry(chain, j, turn[j], q[:, j], force, moment)
+    return columns
+
+
+def _unit_wrenches(motion: newton_euler.Motion, count: int) -> tuple[Array, Array]:
+    """(N, 3, 10) force and moment about the joint frame's origin for each unit inertial parameter in the joint frame."""
+    force, moment = np.zeros((count, 3, 10)), np.zeros((count, 3, 10))
+    for k in range(10):
+        unit = tuple(1.0 if k == i else 0.0 for i in range(10))
+        f, m = newton_euler.wrench(unit, motion)
+        for axis in range(3):
+            force[:, axis, k] = f[axis]
+            moment[:, axis, k] = m[axis]
+    return force, moment
+
+
+def _carry(
+    chain: newton_euler.Chain, j: int, turn: tuple[Array, Array], q: Array, force: Array, moment: Array
+) -> tuple[Array, Array]:
+    """Wrenches of joint frame j as seen in joint frame j-1."""
+    rotation = np.zeros((len(q), 3, 3))
+    c, s = turn
+    rotation[:, 0, 0] = rotation[:, 1, 1] = c
+    rotation[:, 1, 0], rotation[:, 0, 1], rotation[:, 2, 2] = s, -np.asarray(s), 1.0
+    rotation = chain.rotation[j] @ rotation
+    arm_length = np.broadcast_to(chain.shift[j], (len(q), 3))
+    if not chain.revolute[j]:
+        arm_length = arm_length + q[:, None] * chain.rotation[j][:, 2]
+    force = rotation @ force
+    return force, rotation @ moment + np.cross(arm_length[:, :, None], force, axis=1)

@@ -1,0 +1,1 @@
+"""Systems of equations compiled to vector code and integrated, one arm or thousands at once."""

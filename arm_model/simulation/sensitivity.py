@@ -1,0 +1,49 @@
+"""How a simulated motion changes with the parameters of its arm: two lanes a parameter, all in one batch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.motion import Motion
+from arm_model.parameters import parameter
+from arm_model.simulation.simulation import Demand, simulate_batch, single
+
+
+def sensitivities(
+    arm: Arm,
+    demand: Demand,
+    steps: Mapping[str, float],
+    *,
+    duration: float,
+    rate: float,
+    start: Array | None = None,
+    sampled: bool = False,
+    times: Array | None = None,
+) -> tuple[Motion, Motion]:
+    """The motion, and its derivatives by the parameters that ``steps`` names (``arm_model.parameters``), in their order on the leading axis
+    of every entry of the second Motion but t and demand: rad/(N m s/rad), A/kg, ...
+
+    Central differences over +-step, in the parameter's unit; their error is of the square of the step. The other arguments are those of
+    ``simulate``.
+    """
+    for name, step in steps.items():
+        if not step > 0:
+            raise InputError(name, f"has a step of {step:g}; a positive one is wanted")
+    count, names = len(steps), list(steps)
+    lanes = {name: np.full(2 * count + 1, parameter(arm, name)) for name in names}
+    for k, (name, step) in enumerate(steps.items()):
+        lanes[name][1 + 2 * k] += step
+        lanes[name][2 + 2 * k] -= step
+    batch = simulate_batch(
+        arm, demand, duration=duration, rate=rate, parameters=lanes, start=start, sampled=sampled, times=times
+    )
+    widths = 2 * np.array(list(steps.values()))[:, None, None]
+    changing = [field.name for field in fields(Motion) if field.name not in ("t", "demand")]
+    slopes = {name: (getattr(batch, name)[1::2] - getattr(batch, name)[2::2]) / widths for name in changing}
+    return single(batch), replace(batch, **slopes)

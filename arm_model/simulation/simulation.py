@@ -1,0 +1,349 @@
+"""Simulations of an arm under its servos: one, many at once (lanes = parameter sets), or block by block for a simulated rig."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.effects import check_terms
+from arm_model.geometry import relinked
+from arm_model.motion import Motion
+from arm_model.simulation.engine import LANES, Program, aligned, program_of, run_blocks
+from arm_model.symbolic.tape import evaluate
+from arm_model.system.closed_loop_system import System, build
+from arm_model.system.initial_state import standing, start_memories
+from arm_model.system.kernel_inputs import numbers
+from arm_model.system.step_size import fastest
+
+Demand = Callable[[Array], Array]
+"""t (k,) s -> demanded positions (k, n) rad (m); motor currents for an arm without controller."""
+
+OPEN_LOOP_PERIOD = 0.001
+"""s between the values that are taken of the demanded currents of an arm without controller."""
+
+
+@dataclass
+class _Run:
+    """Lanes in the middle of a simulation: everything blocked as (blocks, ..., width)."""
+
+    arm: Arm
+    program: Program
+    inputs: dict[str, Array]
+    params: Array
+    states: Array
+    memories: Array
+    currents: Array
+    period: float
+    substeps: int
+    lanes: int
+    tick: int = 0
+
+    @property
+    def step(self) -> float:
+        return self.period / self.substeps
+
+
+def servo_period(arm: Arm) -> float:
+    """s between two ticks of the servos; of the current table for an arm without controller."""
+    return OPEN_LOOP_PERIOD if arm.controller is None else arm.controller.servo_period
+
+
+def references(arm: Arm, demand: Demand, first: int, count: int, *, sampled: bool = False) -> Array:
+    """(count, n) what the servos are given at ticks first, first + 1, ...
+
+    The host sends demand(k setpoint_period); the servos interpolate linearly in between. With ``sampled`` (a recorded demand,
+    which is interpolated already) demand is taken at the ticks themselves.
+    """
+    times: Array = np.arange(first, first + count, dtype=np.float64) * servo_period(arm)
+    if arm.controller is None or sampled:
+        return np.asarray(demand(times), dtype=np.float64)
+    period = arm.controller.setpoint_period
+    start, end = math.floor(times[0] / period + 1e-9), math.ceil(times[-1] / period + 1e-9) + 1
+    knots = np.arange(start, end + 1) * period
+    setpoints = np.asarray(demand(knots), dtype=np.float64)
+    return np.column_stack([np.interp(times, knots, setpoints[:, j]) for j in range(setpoints.shape[1])])
+
+
+_kept: dict[str, Program] = {}
+KEPT = 128
+"""Programs that are kept in memory."""
+
+
+def _program(arm: Arm, inputs: Mapping[str, Array], lanes: int) -> Program:
+    """The arm's equations, compiled; kept from an arm that differs from it in numbers only."""
+    zero = _zeros(inputs)
+    joints = [
+        (
+            j.type,
+            j.convention,
+            j.theta,
+            j.d,
+            j.a,
+            j.alpha,
+            j.beta,
+            j.xyz,
+            j.rpy,
+            j.axis,
+            j.ratio,
+            j.torque_limit is None,
+            None if j.cylinder is None else (j.cylinder.start, j.cylinder.end),
+        )
+        for j in arm.joints
+    ]
+    terms = [(term.name, term.joint) for term in arm.effects]
+    width = 1 if lanes == 1 else LANES
+    key = repr((width, joints, arm.base, arm.controller, terms, sorted(zero)))
+    if key not in _kept:
+        if len(_kept) >= KEPT:
+            _kept.pop(next(iter(_kept)))
+        _kept[key] = program_of(build(arm, zero), width)
+    return _kept[key]
+
+
+def _zeros(inputs: Mapping[str, Array]) -> frozenset[str]:
+    return frozenset(name for name, value in inputs.items() if not value.any())
+
+
+def _prepared(arm: Arm, variations: Mapping[str, Array] | None, start: Array, substeps: int | None) -> _Run:
+    """Lanes standing still at ``start`` ((n,) or (lanes, n) rad of the motors), held by their motors."""
+    check_terms(arm)
+    arm = relinked(arm)
+    inputs = numbers(arm, variations)
+    lanes = len(inputs["gravity0"])
+    start = np.array(np.broadcast_to(start, (lanes, len(arm))), dtype=np.float64)
+    program = _program(arm, inputs, lanes)
+    system, width = program.system, program.width
+    states, current = standing(system, inputs, start)
+    memories = start_memories(arm, start, current)
+    period = servo_period(arm)
+    if substeps is None:
+        substeps = needed_substeps(arm, inputs, period)
+    blocks = -(-lanes // width)
+
+    def blocked(columns: list[Array]) -> Array:
+        """(lanes,) each -> (blocks, columns, width); spare lanes repeat the last."""
+        room = aligned(blocks, max(len(columns), 1), width)
+        order = np.minimum(np.arange(blocks * width), lanes - 1)
+        for k, column in enumerate(columns):
+            room[:, k] = np.broadcast_to(column, (lanes,))[order].reshape(blocks, width)
+        return room
+
+    params = evaluate(system.tape, program.params, inputs)
+    flowing = [current[:, j] for j in range(len(arm))]
+    return _Run(
+        arm=arm,
+        program=program,
+        inputs=inputs,
+        params=blocked([np.asarray(value, float) for value in params]),
+        states=blocked([states[name] for name in system.states]),
+        memories=blocked([memories[name] for name in system.memories]),
+        currents=blocked([*flowing, *flowing]),
+        period=period,
+        substeps=substeps,
+        lanes=lanes,
+    )
+
+
+def needed_substeps(arm: Arm, inputs: Mapping[str, Array], period: float) -> int:
+    """Runge-Kutta steps per servo tick: as many as the fastest spring or bristle of the arm asks for (1 without any).
+
+    A spring k between inertias a and b with damper c swings at sqrt(k (1/a + 1/b)) and decays at c (1/a + 1/b); the step keeps
+    both products with it below 0.4 and 1. A bristle of stiffness s on friction F relaxes at s v / F at speed v: below 1.
+    """
+    return max(1, math.ceil(period * fastest(arm, inputs)))
+
+
+def _advance(run: _Run, demands: Array, times: Array) -> Array:
+    """Runs len(demands) ticks; ``times`` (R,) s from the start, within them. Returns (lanes, R, X + n): states, then currents.
+
+    ``demands`` (ticks, n) for all lanes or (lanes, ticks, n).
+    """
+    program, system = run.program, run.program.system
+    width, n = program.width, system.joints
+    ticks = demands.shape[-2]
+    if demands.ndim == 2:
+        blocked = aligned(1, ticks, n, width)
+        blocked[:] = demands[None, :, :, None]
+    else:
+        blocks = run.states.shape[0]
+        blocked = aligned(blocks, ticks, n, width)
+        order = np.minimum(np.arange(blocks * width), run.lanes - 1)
+        blocked[:] = np.moveaxis(demands[order].reshape(blocks, width, ticks, n), 1, -1)
+    lag = 0.0 if run.arm.controller is None else run.arm.controller.current_lag
+    half_decay = math.exp(-run.step / 2 / lag) if lag > 0 else 0.0
+    timing = np.array([run.step, half_decay, run.tick * run.period, ticks, run.substeps], float)
+    rows = _row_table(times, run.tick, ticks, run.period, run.substeps, lag)
+    out = aligned(run.states.shape[0], len(times), len(system.states) + n, width)
+    run_blocks(program, timing, run.params, run.states, run.memories, run.currents, blocked, rows, out)
+    run.tick += ticks
+    lanes_first = np.moveaxis(out, -1, 1).reshape(out.shape[0] * width, *out.shape[1:3])
+    return lanes_first[: run.lanes]
+
+
+def _row_table(
+    times: Array, tick: int, ticks: int, period: float, substeps: int, lag: float
+) -> tuple[NDArray[np.int64], Array]:
+    """Substep of every output row (and one that never comes), and its weights: see ``arm_model.simulation.kernel``."""
+    step = period / substeps
+    place = times / step - tick * substeps
+    substep = np.floor(place + 1e-9).astype(np.int64)
+    if len(times) and (substep[0] < 0 or substep[-1] >= ticks * substeps or (np.diff(substep) < 0).any()):
+        raise InputError("times", "must increase, and lie within the ticks that are run")
+    u = np.maximum(place - substep, 0.0)
+    u = np.where(u < 1e-9, 0.0, u)
+    decay = np.exp(-u * step / lag) if lag > 0 else np.where(u > 0, 0.0, 1.0) * 0.0
+    weights = np.stack(
+        [
+            (1 + 2 * u) * (1 - u) ** 2,
+            step * u * (1 - u) ** 2,
+            u**2 * (3 - 2 * u),
+            step * u**2 * (u - 1),
+            decay,
+        ],
+        axis=1,
+    )
+    return np.append(substep, -1), np.ascontiguousarray(weights)
+
+
+def _motion(run: _Run, rows: Array, times: Array, demand: Array) -> Motion:
+    system, n = run.program.system, len(run.arm)
+    lanes = {name: value[:, None] for name, value in run.inputs.items()}
+    states = {name: rows[..., k] for k, name in enumerate(system.states)}
+    values = evaluate(system.tape, [*system.q, *system.qd], {**lanes, **states})
+    current = rows[..., len(system.states) :]
+    drive = np.stack([run.inputs[f"drive{j}"] for j in range(n)], axis=-1)[:, None]
+    return Motion(
+        t=times,
+        q=np.stack(values[:n], axis=-1),
+        qd=np.stack(values[n:], axis=-1),
+        qm=rows[..., :n],
+        qmd=rows[..., n : 2 * n],
+        current=current,
+        torque=current * drive,
+        demand=demand,
+    )
+
+
+def simulate_batch(
+    arm: Arm,
+    demand: Demand,
+    *,
+    duration: float,
+    rate: float,
+    parameters: Mapping[str, Array] | None = None,
+    start: Array | None = None,
+    sampled: bool = False,
+    times: Array | None = None,
+    substeps: int | None = None,
+) -> Motion:
+    """One simulation per lane, all of the same demand: ``parameters`` maps names (``arm_model.parameters``) to (lanes,) values.
+
+    duration s; rate rows/s, the first at t = 0 (or ``times`` (R,), s, increasing); the arm starts at rest at ``start`` (n,) or
+    (lanes, n), by default demand(0), held by its motors. ``sampled``: see ``references``.
+    Returns a Motion with a leading axis of lanes.
+    """
+    if times is None:
+        times = np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate
+    times = np.asarray(times, float)
+    period = servo_period(arm)
+    ticks = int(np.floor(max(duration, times[-1] if len(times) else 0.0) / period + 1e-9)) + 1
+    given = references(arm, demand, 0, ticks, sampled=sampled)
+    if given.shape != (ticks, len(arm)):
+        raise InputError("demand", f"gives {given.shape[-1]} positions at a time, the arm has {len(arm)} joints")
+    if start is None:
+        start = np.zeros(len(arm)) if arm.controller is None else given[0]
+    run = _prepared(arm, parameters, start, substeps)
+    rows = _advance(run, given, times)
+    grid = np.arange(ticks) * period
+    shown = np.column_stack([np.interp(times, grid, given[:, j]) for j in range(len(arm))])
+    return _motion(run, rows, times, shown)
+
+
+def simulate(
+    arm: Arm,
+    demand: Demand,
+    *,
+    duration: float,
+    rate: float,
+    start: Array | None = None,
+    sampled: bool = False,
+    times: Array | None = None,
+    substeps: int | None = None,
+) -> Motion:
+    """One simulation; as ``simulate_batch`` with one lane, without its axis. InputError where it diverges (a batch gives NaN)."""
+    motion = simulate_batch(
+        arm, demand, duration=duration, rate=rate, start=start, sampled=sampled, times=times, substeps=substeps
+    )
+    there = np.isfinite(motion.q[0]).all(axis=-1)
+    if not there.all():
+        began = motion.t[int(np.argmin(there))]
+        raise InputError(
+            arm.name, f"its simulation left all bounds before t = {began:.4g} s; are servo and effects possible?"
+        )
+    return single(motion)
+
+
+def single(motion: Motion, lane: int = 0) -> Motion:
+    """One lane of a batch."""
+    names = ("q", "qd", "qm", "qmd", "current", "torque")
+    return replace(motion, **{name: getattr(motion, name)[lane] for name in names})
+
+
+class Stepper:
+    """A simulation that is run on block by block, for a simulated rig. The same however time is cut into blocks.
+
+    Starts at rest at q0 (n,) rad, held by its motors. Time is counted in servo ticks of ``period`` s.
+    """
+
+    def __init__(self, arm: Arm, q0: Array, *, substeps: int | None = None) -> None:
+        self.arm = arm
+        self._run = _prepared(arm, None, np.asarray(q0, float), substeps)
+        self.period = self._run.period
+
+    @property
+    def tick(self) -> int:
+        """Ticks run so far; time is tick period."""
+        return self._run.tick
+
+    @property
+    def motors(self) -> tuple[Array, Array]:
+        """(n,) rad (m), (n,) rad/s: where the motors stand now, over their gear ratios, and their speeds."""
+        n = len(self.arm)
+        now = self._run.states[0, :, 0]
+        return now[:n].copy(), now[n : 2 * n].copy()
+
+    def copy(self) -> Stepper:
+        """Another that goes on from here by itself; the machine code is shared."""
+        other, run = copy(self), self._run
+        states, memories, currents = (aligned(*array.shape) for array in (run.states, run.memories, run.currents))
+        states[:], memories[:], currents[:] = run.states, run.memories, run.currents
+        other._run = replace(run, states=states, memories=memories, currents=currents)
+        return other
+
+    def advance(self, demands: Array, times: Array) -> Motion:
+        """Runs len(demands) ticks with the servos given ``demands`` (ticks, n) rad (``references``), and returns rows at ``times``.
+
+        times (R,) s from the start of the simulation, increasing, from tick period up to (tick + len(demands)) period, exclusive.
+        """
+        demands, times = np.asarray(demands, float), np.asarray(times, float)
+        if demands.ndim != 2 or demands.shape[1] != len(self.arm):
+            raise InputError("demands", f"have shape {demands.shape}; (ticks, {len(self.arm)}) is wanted")
+        first = self._run.tick
+        rows = _advance(self._run, demands, times)
+        shown = demands[np.clip((times / self.period + 1e-9).astype(int) - first, 0, len(demands) - 1)]
+        return single(_motion(self._run, rows, times, shown))
+
+
+def system_of(arm: Arm, variations: Mapping[str, Array] | None = None) -> System:
+    """The equations of an arm (and of its ``variations``) as they are compiled, for printing and counting."""
+    check_terms(arm)
+    arm = relinked(arm)
+    return build(arm, _zeros(numbers(arm, variations)))

@@ -1,0 +1,1 @@
+"""Expressions as tapes of single operations, and tapes as text: equations, LaTeX, Python, C."""

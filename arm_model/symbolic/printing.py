@@ -1,0 +1,121 @@
+"""A tape as source: straight-line Python or C, or equations for people.
+
+What is used more than once gets a name of its own (t1, t2, ...); everything else stands where it is used.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from arm_model.rigid_body.inertia import PARAMETERS
+from arm_model.symbolic.tape import Expr, Tape, needed
+
+_INFIX = {"add": ("+", 1), "sub": ("-", 1), "mul": ("*", 2), "div": ("/", 2)}
+_SUM, _PRODUCT, _ATOM = 1, 2, 4
+
+
+def shown(name: str) -> str:
+    """A name of a generated system (``arm_model.system.closed_loop_system``, ``arm_model.system.kernel_inputs``), which counts from 0, as people read it: joints and
+    effects from 1, parameters of bodies and axes of gravity by their letters. theta0 -> theta1, body1.4 -> body2.ixx."""
+    if body := re.fullmatch(r"body(\d+)\.(\d)", name):
+        return f"body{int(body[1]) + 1}.{PARAMETERS[int(body[2])]}"
+    if gravity := re.fullmatch(r"gravity(\d)", name):
+        return f"gravity_{'xyz'[int(gravity[1])]}"
+    counted = re.fullmatch(r"([a-z_]+)(\d+)(\.\w+)?", name)
+    return f"{counted[1]}{int(counted[2]) + 1}{counted[3] or ''}" if counted else name
+
+
+@dataclass(frozen=True)
+class Language:
+    """Names of the functions of a tape, and how an assignment reads. rsqrt is written as 1 / sqrt."""
+
+    functions: Mapping[str, str]
+    assign: str = "{name} = {value}"
+
+
+PYTHON = Language(
+    {"sin": "sin", "cos": "cos", "sqrt": "sqrt", "exp": "exp", "abs": "abs", "min": "minimum", "max": "maximum"}
+)
+C = Language(
+    {"sin": "sin", "cos": "cos", "sqrt": "sqrt", "exp": "exp", "abs": "fabs", "min": "fmin", "max": "fmax"},
+    "const double {name} = {value};",
+)
+
+
+def assignments(
+    tape: Tape, outputs: Mapping[str, Expr], language: Language = PYTHON, names: Mapping[str, str] | None = None
+) -> tuple[list[str], dict[str, str]]:
+    """(lines, value of each output): ``lines`` assign t1, t2, ... in order, the outputs are expressions in them.
+
+    ``names`` renames inputs: input of the tape -> text in the source.
+    """
+    order = needed(tape, outputs.values())
+    uses = Counter(a for index in order for a in tape.nodes[index].arguments)
+    uses.update(expr.index for expr in outputs.values())
+    lines: list[str] = []
+    text: dict[int, tuple[str, int]] = {}
+    for index in order:
+        value = _value(tape, index, text, language, names or {})
+        if uses[index] > 1 and tape.nodes[index].operation not in ("const", "input"):
+            name = f"t{len(lines) + 1}"
+            lines.append(language.assign.format(name=name, value=value[0]))
+            value = (name, _ATOM)
+        text[index] = value
+    return lines, {name: text[expr.index][0] for name, expr in outputs.items()}
+
+
+def _value(
+    tape: Tape, index: int, text: Mapping[int, tuple[str, int]], language: Language, names: Mapping[str, str]
+) -> tuple[str, int]:
+    """Source of one node and how tightly it binds."""
+    node = tape.nodes[index]
+    if node.operation == "const":
+        return repr(node.value), _ATOM if node.value >= 0 else _SUM
+    if node.operation == "input":
+        return names.get(node.name, node.name), _ATOM
+    values = [text[a] for a in node.arguments]
+    if node.operation in _INFIX:
+        sign, binds = _INFIX[node.operation]
+        left = _bound(values[0], binds)
+        right = _bound(values[1], binds + (node.operation in ("sub", "div")))
+        return f"{left} {sign} {right}", binds
+    if node.operation == "neg":
+        return f"-{_bound(values[0], _PRODUCT)}", _SUM
+    if node.operation == "rsqrt":
+        return f"1.0 / {language.functions['sqrt']}({values[0][0]})", _PRODUCT
+    return f"{language.functions[node.operation]}({', '.join(value for value, _ in values)})", _ATOM
+
+
+def _bound(value: tuple[str, int], at_least: int) -> str:
+    return value[0] if value[1] >= at_least else f"({value[0]})"
+
+
+def python_function(
+    name: str, arguments: Sequence[str], tape: Tape, outputs: Sequence[Expr], names: Mapping[str, str] | None = None
+) -> str:
+    """Source of a Python function that returns the outputs as a tuple.
+
+    It wants sin, cos, sqrt, exp, abs, minimum and maximum in its namespace: numpy's, math's or another library's.
+    """
+    lines, values = assignments(tape, {str(k): expr for k, expr in enumerate(outputs)}, PYTHON, names)
+    body = [*lines, f"return ({', '.join(values.values())},)"]
+    return f"def {name}({', '.join(arguments)}):\n" + "".join(f"    {line}\n" for line in body)
+
+
+def c_function(
+    name: str, arguments: Sequence[str], tape: Tape, outputs: Sequence[Expr], names: Mapping[str, str] | None = None
+) -> str:
+    """Source of a C function (C99, <math.h>) that writes the outputs to ``double *out``; ``arguments`` are declarations."""
+    lines, values = assignments(tape, {str(k): expr for k, expr in enumerate(outputs)}, C, names)
+    body = [*lines, *(f"out[{k}] = {value};" for k, value in values.items())]
+    head = f"void {name}({', '.join([*arguments, 'double *out'])})\n{{\n"
+    return head + "".join(f"    {line}\n" for line in body) + "}\n"
+
+
+def equations(tape: Tape, outputs: Mapping[str, Expr], names: Mapping[str, str] | None = None) -> str:
+    """The outputs as lines of text for people, common parts first; ``names`` as of ``assignments``."""
+    lines, values = assignments(tape, outputs, names=names)
+    return "\n".join([*lines, *(f"{name} = {value}" for name, value in values.items())])

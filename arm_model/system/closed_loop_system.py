@@ -1,0 +1,222 @@
+"""An arm under its servos as a system of expressions: rates of the states, the servo's tick, what comes out.
+
+Coordinates: theta_j the motor's angle over its gear ratio; phi_j the output of the transmission, the same unless the joint has a
+two-mass transmission; q = f(phi) the joint angles, the same unless the gear or the wrist distorts it, with F = df/dphi. Then
+
+    (F^T M F + Jr) phi'' = tau - drag - F^T (h(q, q', F' phi') + tau_link)          rigid transmission
+    F^T M F phi'' = tau_s - F^T (...),   Jr theta'' = tau - drag - tau_s            two masses
+
+with tau = drive i the motor's torque at the joint side, drag and tau_link as in ``arm_model.system.mechanics``, and in M and h the water
+that the links' cylinders are in (``arm_model.rigid_body.hydrodynamics``). Friction that grows with the transmitted torque depends on the
+accelerations: they are solved for once with the torque at rest, and again with that torque corrected, which leaves an error of
+the order mu^2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_model.description import Arm
+from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
+from arm_model.symbolic.tape import Expr, Tape
+from arm_model.system.mechanics import Drag, Joints, Matrix, Mechanics
+
+
+@dataclass(frozen=True)
+class System:
+    """A generated arm. Values per lane: states, then memories of the servo; all on one tape.
+
+    rates[k] is the derivative of states[k]; a servo tick maps memories to ``next_memories`` and gives ``commands`` (A); q, qd are what
+    the joints do, in terms of the states.
+    """
+
+    tape: Tape
+    joints: int
+    states: tuple[str, ...]
+    rates: tuple[Expr, ...]
+    memories: tuple[str, ...]
+    next_memories: tuple[Expr, ...]
+    commands: tuple[Expr, ...]
+    q: tuple[Expr, ...]
+    qd: tuple[Expr, ...]
+    carried: tuple[
+        Expr, ...
+    ]  # torque of the links on each transmission's output, accelerations apart, N m at the joint side
+    drag: tuple[Expr, ...]  # torque that resists each motor, likewise
+    passed: tuple[Expr, ...]  # torque that each transmission passes on
+    flexible: tuple[int, ...] = ()  # joints (from 0) with two masses
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """Inputs of the tape; those whose value is zero in every lane are the constant zero, and cost nothing."""
+
+    tape: Tape
+    zero: frozenset[str]
+
+    def __call__(self, name: str) -> Expr:
+        return self.tape.constant(0.0) if name in self.zero else self.tape.input(name)
+
+
+@dataclass(frozen=True)
+class Links:
+    """The rigid links in transmission coordinates: torque without acceleration, and the mass matrix."""
+
+    carried: list[Expr]
+    matrix: Matrix
+
+
+def rigid_links(arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Joints) -> Links:
+    """Links of the arm at ``joints`` (their load is not looked at), with the water round them and the effects that act on them."""
+    n, tape, shape = len(arm), symbol.tape, joints.shape
+    chain = newton_euler.chain_of(arm)
+    q = [shape.q[j] + symbol(f"zero{j}") for j in range(n)]
+    turn = newton_euler.turns(chain, q, scalar.cos, scalar.sin)
+    bodies = [tuple(symbol(f"body{j}.{k}") for k in range(10)) for j in range(n)]
+    gravity = [symbol(f"gravity{k}") for k in range(3)]
+    wet = _cylinders(arm, symbol, chain)
+    bias = newton_euler.inverse_dynamics(chain, bodies, turn, q, shape.qd, shape.bias, gravity)
+    water = hydrodynamics.torques(chain, wet, turn, q, shape.qd, shape.bias, gravity)
+    rigid, added = newton_euler.mass_matrix(chain, bodies, turn, q), hydrodynamics.mass_matrix(chain, wet, turn, q)
+    matrix = [[tape.expr(a) + b for a, b in zip(*rows)] for rows in zip(rigid, added)]
+    drag = [symbol(f"drag{j}") * abs(shape.qd[j]) * shape.qd[j] for j in range(n)]
+    acting = mechanics.link_torques(joints)
+    torque = [tape.expr(bias[j]) + water[j] + drag[j] + acting[j] for j in range(n)]
+    return Links(shape.pulled(torque), shape.congruent(matrix))
+
+
+def _cylinders(arm: Arm, symbol: Symbols, chain: newton_euler.Chain) -> hydrodynamics.Bodies:
+    """The cylinders of the arm that any lane has water round."""
+    found = {}
+    for j, joint in enumerate(arm.joints):
+        if joint.cylinder is not None:
+            water = [symbol(f"{name}{j}") for name in ("resistance", "added", "displaced")]
+            if any(coefficient.value != 0.0 for coefficient in water):
+                found[j] = hydrodynamics.shape_of(chain, j, joint.cylinder), hydrodynamics.Water(*water)
+    return found
+
+
+def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
+    """The system of an arm; ``zero``: parameters (names as ``arm_model.system.kernel_inputs`` gives them) that are zero throughout."""
+    tape = Tape()
+    symbol = Symbols(tape, zero)
+    n = len(arm)
+    mechanics = Mechanics(arm, symbol)
+    flexible = mechanics.flexible
+    theta = [tape.input(f"theta{j}") for j in range(n)]
+    speed = [tape.input(f"speed{j}") for j in range(n)]
+    phi = [tape.input(f"phi{j}") if j in flexible else theta[j] for j in range(n)]
+    phi_speed = [tape.input(f"phi_speed{j}") if j in flexible else speed[j] for j in range(n)]
+    passed = {j: mechanics.twist_torque(j, theta[j] - phi[j], speed[j] - phi_speed[j]) for j in flexible}
+
+    unloaded = [tape.constant(0.0)] * n
+    joints = Joints(theta, speed, mechanics.shape(phi, phi_speed), unloaded, tape.input("time"))
+    links = rigid_links(arm, symbol, mechanics, joints)
+    carried = links.carried
+    rotor = [symbol(f"rotor{j}") for j in range(n)]
+    matrix = [
+        [links.matrix[i][j] + (rotor[i] if i == j and i not in flexible else 0.0) for j in range(n)] for i in range(n)
+    ]
+    solve = _Solver(matrix)
+    drive = [symbol(f"drive{j}") * tape.input(f"current{j}") for j in range(n)]
+
+    def moved(load: list[Expr]) -> tuple[Drag, list[Expr]]:
+        drag = mechanics.drag(replace(joints, load=load))
+        reached = [passed[j] if j in passed else drive[j] - drag.torque[j] for j in range(n)]
+        return drag, solve([reached[j] - carried[j] for j in range(n)])
+
+    drag, acceleration = moved([passed.get(j, carried[j]) for j in range(n)])
+    inertial = [sum((links.matrix[j][k] * acceleration[k] for k in range(n)), carried[j]) for j in range(n)]
+    drag, acceleration = moved([passed.get(j, inertial[j]) for j in range(n)])
+    at_motor = [
+        (drive[j] - drag.torque[j] - passed[j]) / rotor[j] if j in passed else acceleration[j] for j in range(n)
+    ]
+
+    states = [f"theta{j}" for j in range(n)] + [f"speed{j}" for j in range(n)]
+    rates = [*speed, *at_motor]
+    for j in flexible:
+        states += [f"phi{j}", f"phi_speed{j}"]
+        rates += [phi_speed[j], acceleration[j]]
+    servo = _servo(arm, symbol, mechanics, theta)
+    return System(
+        tape=tape,
+        joints=n,
+        states=(*states, *drag.states),
+        rates=(*rates, *drag.rates),
+        memories=servo.memories,
+        next_memories=servo.next_memories,
+        commands=servo.commands,
+        q=tuple(joints.shape.q),
+        qd=tuple(joints.shape.qd),
+        carried=tuple(carried),
+        drag=tuple(drag.torque),
+        passed=tuple(passed.get(j, carried[j]) for j in range(n)),
+        flexible=tuple(flexible),
+    )
+
+
+class _Solver:
+    """matrix = L D L^T, without pivoting: symmetric and positive definite. Called with a right side, gives the solution."""
+
+    def __init__(self, matrix: Matrix) -> None:
+        n = len(matrix)
+        self.lower: Matrix = [list(row) for row in matrix]
+        self.inverse: list[Expr] = []
+        for j in range(n):
+            row = [matrix[j][k] for k in range(j)]
+            for k in range(j):
+                for m in range(k):
+                    row[k] = row[k] - row[m] * self.lower[k][m]
+            pivot = matrix[j][j]
+            for k in range(j):
+                self.lower[j][k] = row[k] * self.inverse[k]
+                pivot = pivot - row[k] * self.lower[j][k]
+            self.inverse.append(1.0 / pivot)
+
+    def __call__(self, right: list[Expr]) -> list[Expr]:
+        n, x = len(right), list(right)
+        for j in range(n):
+            for k in range(j):
+                x[j] = x[j] - self.lower[j][k] * x[k]
+        x = [x[j] * self.inverse[j] for j in range(n)]
+        for j in reversed(range(n)):
+            for k in range(j + 1, n):
+                x[j] = x[j] - self.lower[k][j] * x[k]
+        return x
+
+
+@dataclass(frozen=True)
+class _Servo:
+    memories: tuple[str, ...]
+    next_memories: tuple[Expr, ...]
+    commands: tuple[Expr, ...]
+
+
+def _servo(arm: Arm, symbol: Symbols, mechanics: Mechanics, theta: list[Expr]) -> _Servo:
+    """One tick of the independent-joint servos (``arm_model.description.Controller``); input demand{j} rad.
+
+    Without a controller the demands are the drives' currents themselves, A.
+    """
+    tape, controller = symbol.tape, arm.controller
+    if controller is None:
+        return _Servo((), (), tuple(tape.input(f"demand{j}") for j in range(len(arm))))
+    period = controller.servo_period
+    share = 1.0 if controller.velocity_bandwidth is None else 1.0 - np.exp(-controller.velocity_bandwidth * period)
+    memories, following, commands = [], [], []
+    for j in range(len(arm)):
+        demand = tape.input(f"demand{j}")
+        integral, last = tape.input(f"integral{j}"), tape.input(f"last{j}")
+        filtered, last_demand = tape.input(f"filtered{j}"), tape.input(f"last_demand{j}")
+        error = demand - theta[j]
+        integral = integral + symbol(f"ki{j}") * period * error
+        velocity = filtered + share * ((theta[j] - last) / period - filtered)
+        ahead = controller.velocity_reference * (demand - last_demand) / period
+        current = symbol(f"kp{j}") * error + integral + symbol(f"kd{j}") * (ahead - velocity)
+        for bound in mechanics.current_bounds(j):
+            current = scalar.maximum(-bound, scalar.minimum(bound, current))
+        commands.append(current)
+        memories += [f"integral{j}", f"last{j}", f"filtered{j}", f"last_demand{j}"]
+        following += [integral, theta[j], velocity, demand]
+    return _Servo(tuple(memories), tuple(following), tuple(commands))

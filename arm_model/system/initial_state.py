@@ -1,0 +1,78 @@
+"""An arm standing still, held by its motors: where a simulation starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.symbolic.tape import evaluate
+from arm_model.system.closed_loop_system import System
+
+SETTLED = 1e-13
+"""rad: links that move less from one substitution to the next hang where they are."""
+
+
+def standing(system: System, inputs: Mapping[str, Array], theta: Array) -> tuple[dict[str, Array], Array]:
+    """States (name -> (lanes,)) at rest with the motors at ``theta`` (lanes, n) rad, and the currents (lanes, n) A that hold it.
+
+    Links behind a two-mass transmission hang where its torque carries them: found by repeated substitution, which converges
+    while the spring is stiffer than gravity. Bristles are unloaded.
+    """
+    lanes, n = theta.shape
+    states = {name: np.zeros(lanes) for name in system.states}
+    for j in range(n):
+        states[f"theta{j}"] = theta[:, j].copy()
+    for j in system.flexible:
+        states[f"phi{j}"] = theta[:, j].copy()
+    still = {f"current{j}": np.zeros(lanes) for j in range(n)} | {"time": np.zeros(lanes)}
+    for _ in range(50 if system.flexible else 1):
+        torques = evaluate(system.tape, [*system.carried, *system.drag], {**inputs, **states, **still})
+        carried, drag = torques[:n], torques[n:]
+        moved = 0.0
+        for j in system.flexible:
+            twist = _twist(system, j, {**inputs, **still}, np.broadcast_to(carried[j], (lanes,)))
+            moved = max(moved, float(np.max(np.abs(theta[:, j] - twist - states[f"phi{j}"]))))
+            states[f"phi{j}"] = theta[:, j] - twist
+        if moved < SETTLED:
+            break
+    current = np.zeros((lanes, n))
+    for j in range(n):
+        current[:, j] = (carried[j] + drag[j]) / inputs[f"drive{j}"]
+    return states, current
+
+
+def start_memories(arm: Arm, theta: Array, current: Array) -> dict[str, Array]:
+    """Memories of servos that have been standing at ``theta`` (lanes, n) rad, their demand, with ``current`` (lanes, n) A flowing.
+
+    The integrators hold the current; where there are none they hold it all the same, as an offset that was there before.
+    """
+    found: dict[str, Array] = {}
+    if arm.controller is None:
+        return found
+    for j in range(len(arm)):
+        found[f"integral{j}"] = current[:, j]
+        found[f"last{j}"] = found[f"last_demand{j}"] = theta[:, j]
+        found[f"filtered{j}"] = np.zeros(len(theta))
+    return found
+
+
+def _twist(system: System, j: int, inputs: Mapping[str, Array], torque: Array) -> Array:
+    """Twist of joint j's transmission (rad) that passes on ``torque`` (lanes,) at rest; without load, the middle of its play."""
+    states = {name: np.zeros_like(torque) for name in system.states}
+
+    def passed(twist: Array) -> Array:
+        (given,) = evaluate(system.tape, [system.passed[j]], {**inputs, **states, f"theta{j}": twist})
+        return np.broadcast_to(np.asarray(given, float), torque.shape)
+
+    edges = []
+    for above in (np.greater, np.greater_equal):  # the torque is the same all through the play: both of its edges
+        low, high = np.full_like(torque, -1.0), np.full_like(torque, 1.0)
+        for _ in range(60):
+            middle = (low + high) / 2
+            beyond = above(passed(middle), torque)
+            low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+        edges.append((low + high) / 2)
+    return (edges[0] + edges[1]) / 2

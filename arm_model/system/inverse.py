@@ -1,0 +1,78 @@
+"""Inverse dynamics of an arm with effects: the tape of ``arm_model.system.closed_loop_system`` the other way round, evaluated with numpy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, check_terms
+from arm_model.geometry import relinked
+from arm_model.symbolic.tape import Expr, Tape, evaluate
+from arm_model.system.closed_loop_system import Symbols, rigid_links
+from arm_model.system.kernel_inputs import numbers
+from arm_model.system.mechanics import Joints, Mechanics
+
+
+def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Array, time: Array) -> Array:
+    """(N, n) torque of the motors at the joint side for motors that move so, (N, n) each, at ``time`` (N,) s.
+
+    The torque that the transmission carries, which load friction needs, is known here: rigid links with their accelerations.
+    """
+    check_terms(arm)
+    arm = relinked(arm)
+    inputs = numbers(arm)
+    algebraic = tuple(
+        term for term in arm.effects if CATALOGUE[term.name].spring is None and CATALOGUE[term.name].rate is None
+    )
+    # The numbers belong to the terms by their places, so that the list keeps its length.
+    kept = replace(arm, effects=algebraic)
+    places = [number for number, term in enumerate(arm.effects) if term in algebraic]
+    for new, old in enumerate(places):
+        prefix = f"effect{old}."
+        moved = {f"effect{new}.{name.removeprefix(prefix)}": v for name, v in inputs.items() if name.startswith(prefix)}
+        inputs |= moved
+    n, zeros = len(arm), frozenset(name for name, value in inputs.items() if not value.any())
+    tape, torque = _equations(_Structure(kept), zeros)
+    moving = {f"{name}{j}": values[:, j] for name, values in _named(theta, speed, acceleration) for j in range(n)}
+    found = evaluate(tape, torque, {**inputs, **moving, "time": time})
+    return np.stack([np.broadcast_to(np.asarray(value, float), theta.shape[:1]) for value in found], axis=-1)
+
+
+class _Structure:
+    """An arm as its equations see it: equal to any other with the same joints, base and kinds of effects, whatever the effects' parameters."""
+
+    def __init__(self, arm: Arm) -> None:
+        self.arm = arm
+        self.key = repr(replace(arm, effects=())), tuple((term.name, term.joint) for term in arm.effects)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Structure) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+
+@lru_cache(maxsize=32)
+def _equations(structure: _Structure, zeros: frozenset[str]) -> tuple[Tape, list[Expr]]:
+    """Torques of the motors over angles ``theta{j}``, ``speed{j}``, ``rate{j}``, ``time`` and the arm's numbers, of which ``zeros`` are 0."""
+    arm = structure.arm
+    tape, n = Tape(), len(arm)
+    symbol = Symbols(tape, zeros)
+    mechanics = Mechanics(arm, symbol)
+    angles = [tape.input(f"theta{j}") for j in range(n)]
+    speeds = [tape.input(f"speed{j}") for j in range(n)]
+    rates = [tape.input(f"rate{j}") for j in range(n)]
+    zero = [tape.constant(0.0)] * n
+    joints = Joints(angles, speeds, mechanics.shape(angles, speeds), zero, tape.input("time"))
+    links = rigid_links(arm, symbol, mechanics, joints)
+    load = [sum((links.matrix[j][k] * rates[k] for k in range(n)), links.carried[j]) for j in range(n)]
+    drag = mechanics.drag(replace(joints, load=load))
+    return tape, [load[j] + symbol(f"rotor{j}") * rates[j] + drag.torque[j] for j in range(n)]
+
+
+def _named(theta: Array, speed: Array, acceleration: Array) -> list[tuple[str, Array]]:
+    return [("theta", theta), ("speed", speed), ("rate", acceleration)]

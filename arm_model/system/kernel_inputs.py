@@ -1,0 +1,123 @@
+"""The numbers that a generated system (``arm_model.system.closed_loop_system``) takes, from an arm or from many variations of it.
+
+Joints and effects are counted from 0 here. All drive quantities are at the joint side:
+
+    body{j}.{k}  regrouped inertial parameters in the joint frame     gravity{k}   m/s2, base frame
+    resistance{j} added{j} displaced{j}   the water's, of link j (``arm_model.rigid_body.hydrodynamics``); drag{j} of the whole link, N m s2/rad2
+    rotor{j} offset{j} viscous_mean{j} viscous_difference{j} coulomb_mean{j} coulomb_difference{j} sign_velocity{j}
+                 of the directions: mean, and half of positive less negative
+    zero{j}      rad (m): what a zero offset adds to q before the links see it
+    drive{j}     N m/A                                               kp{j} ki{j} kd{j} limit{j}   the servo's, A
+    effect{e}.{parameter}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, described, values_of
+from arm_model.parameters import with_parameters
+from arm_model.rigid_body import newton_euler
+from arm_model.rigid_body.hydrodynamics import unit_water
+from arm_model.rigid_body.inertia import transform
+from arm_model.rigid_body.regressor import parameter_names, parameter_vector
+from arm_model.rigid_body.regroup import regrouped
+from arm_model.servo import servo_gains
+from arm_model.system.step_size import contact
+
+
+def numbers(arm: Arm, variations: Mapping[str, Array] | None = None) -> dict[str, Array]:
+    """Name -> (lanes,) values. ``variations``: parameter name (``arm_model.parameters``) -> (lanes,); without any, one lane.
+
+    InputError for an unknown name, for lanes of different number, and for geometry, which is built into the equations.
+    """
+    variations = {name: np.atleast_1d(np.asarray(value, float)) for name, value in (variations or {}).items()}
+    counts = {len(value) for value in variations.values()} or {1}
+    if len(counts) != 1:
+        raise InputError("parameters", f"have {sorted(counts)} values; as many for each are wanted")
+    lanes = counts.pop()
+    for name in variations:
+        if name.split(".")[-1] in ("theta", "d", "a", "alpha", "beta"):
+            raise InputError(name, "geometry is built into the equations; simulate one arm at a time to vary it")
+    linear = parameter_names(arm)
+    if all(each in linear for name in variations for each in _directions(name)):
+        return _linear(arm, variations, lanes)
+    each = [
+        _linear(with_parameters(arm, {name: float(value[lane]) for name, value in variations.items()}), {}, 1)
+        for lane in range(lanes)
+    ]
+    return {name: np.concatenate([one[name] for one in each]) for name in each[0]}
+
+
+def _linear(arm: Arm, variations: Mapping[str, Array], lanes: int) -> dict[str, Array]:
+    """All lanes at once: the variations are of parameters that the torque is linear in."""
+    bent = described(arm)
+    n, names = len(arm), parameter_names(bent)
+    p = np.tile(parameter_vector(bent), (lanes, 1))
+    nominal = dict(zip(parameter_names(arm), parameter_vector(arm)))
+    for name, values in variations.items():
+        for each in _directions(name):
+            p[:, names.index(each)] += values - nominal[each]
+    chain = newton_euler.chain_of(arm)  # what a zero offset turns, zero{j} turns: the bodies with everything else
+    links = p[:, : 10 * n].reshape(lanes, n, 10)
+    bodies = np.stack([transform(links[:, j], chain.link[j]) for j in range(n)], axis=1)
+    bodies = regrouped(chain, bodies)
+    found = {f"body{j}.{k}": bodies[:, j, k] for j in range(n) for k in range(10)}
+    drive = p[:, 10 * n : 16 * n].reshape(lanes, n, 6)
+    for j in range(n):
+        found |= {f"rotor{j}": drive[:, j, 0], f"offset{j}": drive[:, j, 5]}
+        for kind, forwards, backwards in (("viscous", *drive[:, j, 1:3].T), ("coulomb", *drive[:, j, 3:5].T)):
+            found[f"{kind}_mean{j}"] = (forwards + backwards) / 2
+            found[f"{kind}_difference{j}"] = (forwards - backwards) / 2
+    found |= _water(bent, dict(zip(names[16 * n :], p[:, 16 * n :].T)), lanes)
+    found |= {name: np.full(lanes, float(value)) for name, value in _constants(arm, bent).items()}
+    return found
+
+
+def _directions(name: str) -> tuple[str, ...]:
+    """The linear parameters that a name sets: friction without a direction sets both."""
+    if name.endswith((".viscous", ".coulomb")):
+        return f"{name}_positive", f"{name}_negative"
+    return (name,)
+
+
+def _water(arm: Arm, coefficients: Mapping[str, Array], lanes: int) -> dict[str, Array]:
+    """What the water's coefficients, (lanes,) each by their names, make of the cylinders."""
+    found = {}
+    for j, joint in enumerate(arm.joints):
+        found[f"drag{j}"] = coefficients.get(f"joint{j + 1}.drag", np.zeros(lanes))
+        if joint.cylinder is not None:
+            unit = unit_water(joint.cylinder)
+            found[f"resistance{j}"] = unit.resistance * coefficients[f"link{j + 1}.drag_coefficient"]
+            found[f"added{j}"] = unit.added * coefficients[f"link{j + 1}.added_mass_coefficient"]
+            found[f"displaced{j}"] = unit.displaced * coefficients[f"link{j + 1}.buoyancy"]
+    return found
+
+
+def _constants(arm: Arm, bent: Arm) -> dict[str, float]:
+    """What does not enter the torque linearly; the servo belongs to the arm as described, without its effects."""
+    found = {f"gravity{k}": value for k, value in enumerate(bent.gravity)}
+    for j, (joint, real) in enumerate(zip(arm.joints, bent.joints)):
+        found[f"zero{j}"] = real.theta - joint.theta if joint.revolute else real.d - joint.d
+    for j, (joint, real) in enumerate(zip(arm.joints, bent.joints)):
+        found |= {f"drive{j}": real.drive_constant, f"sign_velocity{j}": real.sign_velocity}
+        if real.torque_limit is not None:
+            found[f"limit{j}"] = (
+                real.torque_limit / joint.drive_constant
+            )  # the servo clips what it takes for this torque
+    if arm.controller is not None:
+        gains = servo_gains(arm)
+        for j in range(len(arm)):
+            found |= {f"kp{j}": gains.position[j], f"ki{j}": gains.integral[j], f"kd{j}": gains.velocity[j]}
+    for number, term in enumerate(arm.effects):
+        effect = CATALOGUE[term.name]
+        values = values_of(effect, term.parameters)
+        if effect.spring is not None:
+            values |= contact(arm, (term.joint or 0) - 1, values)
+        found |= {f"effect{number}.{name}": value for name, value in values.items()}
+    return found

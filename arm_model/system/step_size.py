@@ -1,0 +1,61 @@
+"""How fast the fastest part of an arm moves, and hence how short the steps of a simulation must be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE
+from arm_model.rigid_body.numeric import mass_matrix
+
+SWING, DECAY, BRISTLE = 0.4, 1.0, 1.0
+"""Largest products of step and pulsation, step and damping rate, step and relaxation rate of a bristle."""
+
+
+CONTACT_FREQUENCY, CONTACT_DAMPING = 100.0, 0.3
+"""Hz and damping ratio of teeth in contact where a model file does not say: stiff against the servo, slow against the step."""
+
+
+def _mobility(arm: Arm, j: int) -> float:
+    """1/(kg m2): 1/rotor + 1/link of joint j with the other joints standing at zero."""
+    links = mass_matrix(arm, np.zeros(len(arm)), rotors=False)[0]
+    joint = arm.joints[j]
+    rotor = joint.ratio**2 * joint.rotor_inertia
+    if rotor <= 0:
+        raise InputError(arm.name, f"joint {j + 1} has a two-mass transmission but no rotor_inertia; give it one")
+    return 1.0 / rotor + 1.0 / float(links[j, j])
+
+
+def contact(arm: Arm, j: int, values: Mapping[str, float]) -> dict[str, float]:
+    """contact_stiffness (N m/rad) and contact_damping of joint j's teeth, where ``values`` leave them at 0."""
+    if values.get("contact_stiffness") != 0.0:
+        return {}
+    inertia, pulsation = 1.0 / _mobility(arm, j), 2 * np.pi * CONTACT_FREQUENCY
+    found = {"contact_stiffness": inertia * pulsation**2}
+    if values["contact_damping"] == 0.0:
+        found["contact_damping"] = 2 * CONTACT_DAMPING * inertia * pulsation
+    return found
+
+
+def fastest(arm: Arm, inputs: Mapping[str, Array]) -> float:
+    """1/s: one over the step that the arm's springs and bristles allow; 0 where there are none."""
+    rates = [0.0]
+    for number, term in enumerate(arm.effects):
+        effect, j = CATALOGUE[term.name], (term.joint or 0) - 1
+        prefix = "contact_" if effect.name == "backlash" else ""
+        if effect.spring is not None:
+            mobility = _mobility(arm, j)
+            stiffness = inputs[f"effect{number}.{prefix}stiffness"]
+            damping = inputs[f"effect{number}.{prefix}damping"]
+            rates.append(float(np.max(np.sqrt(stiffness * mobility))) / SWING)
+            rates.append(float(np.max(damping * mobility)) / DECAY)
+        if effect.rate is not None:
+            joint = arm.joints[j]
+            speed = 2.0 if joint.motor_speed_limit is None else joint.motor_speed_limit / joint.ratio
+            level = np.maximum(inputs[f"coulomb_mean{j}"] - abs(inputs[f"coulomb_difference{j}"]), 1e-3)
+            rates.append(float(np.max(inputs[f"effect{number}.stiffness"] * speed / level)) / BRISTLE)
+    return max(rates)

@@ -1,0 +1,154 @@
+"""``armscope diagnose --rig``: goes on where the verdict is a group. Shows the separating experiment, records it twice, diagnoses again."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_io import DeviceFault, InputError
+from armscope.commands.record import record
+from daq.acquisition.states import check_motion
+from daq.recording import Recording, open_recording
+from daq.rig.rig_file import Rig, read_rig
+from diagnosis.diagnose import Diagnosis
+from diagnosis.experiments.discriminating import Separation, named, separations
+from diagnosis.report.wording import title
+from experiment import write_experiment
+from identification.experiment_design.excitation import Limits
+
+Say = Callable[[str], None]
+SIDES = ("fit", "held_out")
+"""Each experiment is recorded twice: once to find causes in, once to judge by."""
+
+
+@dataclass
+class Case:
+    """What is known so far: recordings of both sides, the diagnosis of them, what would separate its groups, and what was recorded for it."""
+
+    fit: list[Recording]
+    held_out: list[Recording]
+    result: Diagnosis
+    separate: dict[int, Separation]
+    experiments: list[dict[str, Any]] = field(default_factory=list)
+    lost: bool = False
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The rig that experiments are recorded on; ``yes``: a real arm may be moved without asking; ``keep``: writes what is known so far."""
+
+    file: Path
+    rig: Rig
+    out: Path
+    yes: bool
+    say: Say
+    judge: Callable[[list[Recording], list[Recording]], Diagnosis]
+    keep: Callable[[Case], None]
+
+    @property
+    def simulated(self) -> bool:
+        """Whether every device is a simulated one, so that nothing real can move."""
+        return bool(self.rig.device) and all(one.driver.startswith("sim_backend.") for one in self.rig.device)
+
+
+def rig_of(path: Path, joints: int) -> Rig:
+    """The rig file, checked for an arm of so many joints that can be recorded."""
+    rig = read_rig(path)
+    if rig.joints != joints:
+        raise InputError(path, f"has {rig.joints} joints, the model {joints}")
+    if not rig.device:
+        raise InputError(path, "has no devices; an experiment cannot be recorded on it")
+    return rig
+
+
+def limits_of(rig: Rig, drive_constant: np.ndarray) -> Limits:
+    """What the rig file allows: position rad, speed rad/s, torque N m by the current at ``drive_constant`` (n,) N m/A; infinite where open."""
+    none = np.full(rig.joints, np.inf)
+    limits = rig.limits
+    position = np.column_stack([-none, none]) if limits.position is None else np.array(limits.position, float)
+    speed = none if limits.speed is None else np.array(limits.speed, float)
+    torque = none if limits.current is None else np.array(limits.current, float) * drive_constant
+    return Limits(position, speed, none, torque)
+
+
+def go_on(bench: Bench, case: Case, most: int, progress: Say) -> Case:
+    """Experiments until every group that a motion separates is decided, or ``most`` were recorded; the last stage is kept already.
+
+    DeviceFault where a run fails, KeyboardInterrupt where it is stopped: what was known before stands, and so do the recordings.
+    """
+    limits = limits_of(bench.rig, case.result.arm.joint_array("drive_constant"))
+    while True:
+        case.separate = separations(case.result, limits, progress)
+        bench.keep(case)
+        place = next((k for k, one in case.separate.items() if one.experiment and not _had(case, one)), None)
+        if place is None or len(case.experiments) >= most or case.lost:
+            return case
+        found = case.separate[place]
+        if not _allowed(bench, case, place, found, most):
+            return case
+        paths = _recorded(bench, found, case)
+        case.fit.append(open_recording(paths[0]))
+        case.held_out.append(open_recording(paths[1]))
+        case.experiments.append({"files": list(map(str, paths)), "motion": found.words, "distance": found.distance})
+        if not case.lost:
+            case.result = bench.judge(case.fit, case.held_out)
+
+
+def _had(case: Case, one: Separation) -> bool:
+    return any(before["motion"] == one.words for before in case.experiments)
+
+
+def _allowed(bench: Bench, case: Case, place: int, found: Separation, most: int) -> bool:
+    """Shows the experiment; whether it may be run."""
+    assert found.experiment is not None
+    cause = case.result.causes[place]
+    members = " or ".join(map(named, cause.group))
+    bench.say(f"experiment {len(case.experiments) + 1} of at most {most}, for {title(cause)}: is it {members}?")
+    bench.say(f"  {found.words}; recorded twice; predictions then differ by {found.distance:.0f} standard deviations")
+    problems = check_motion(bench.rig, found.experiment)
+    if problems:
+        bench.say(f"  not run: {problems[0]}")
+        return False
+    if bench.simulated:
+        return True
+    needed = found.experiment.setup.instruction
+    if needed:
+        bench.say(f"  before it: {needed}")
+    if (bench.yes and not needed) or (sys.stdin.isatty() and _confirmed()):
+        return True
+    why = "it wants a person at the arm" if bench.yes else "a real arm moves only where somebody says so (--yes)"
+    bench.say(f"  not run: {why}; its file is written, for 'armscope record'")
+    return False
+
+
+def _confirmed() -> bool:
+    import typer
+
+    return typer.confirm("  Is the way free, and may the arm move?", default=False, err=True)
+
+
+def _recorded(bench: Bench, found: Separation, case: Case) -> list[Path]:
+    """The two recordings of an experiment."""
+    assert found.experiment is not None
+    number = 1
+    while any((bench.out / f"experiment_{number}{rest}").exists() for rest in (".toml", "_fit.mcap", "_held_out.mcap")):
+        number += 1
+    file = bench.out / f"experiment_{number}.toml"
+    write_experiment(file, found.experiment, heading=found.words)
+    paths = [bench.out / f"experiment_{number}_{side}.mcap" for side in SIDES]
+    for path in paths:
+        result = record(bench.file, bench.rig, file, path)
+        ending = result["ending"]
+        if ending["fault"]:
+            raise DeviceFault(bench.rig.name, f"{ending['sentence']}; {path} holds what came before")
+        if ending["reason"] in ("stopped", "terminated"):
+            raise KeyboardInterrupt
+        if result["ledger"]["lost"]:
+            bench.say(f"  {path}: {result['ledger']['lost']} rows were lost; it is not diagnosed")
+            case.lost = True
+    return paths

@@ -1,0 +1,48 @@
+"""``armscope daemon``: the service of one rig."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import traceback
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from daq.service.service import Service
+
+
+def command(
+    rig: Annotated[Path, typer.Option(metavar="RIG.toml", help="the rig")],
+    recordings: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="recordings go only here; wanted where the rig's endpoint is not loopback"),
+    ] = None,
+) -> None:
+    if recordings is not None:
+        recordings.mkdir(parents=True, exist_ok=True)
+    service = Service(rig, folder=recordings)
+    told_to_end = []
+
+    def end(number: int, _: object) -> None:
+        told_to_end.append(number)
+        service.wake()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, end)
+    service.open()
+    try:
+        _say(f"rig {service.rig.name} is open on {service.rig.zenoh.endpoint}; Ctrl-C or SIGTERM ends it")
+        while not told_to_end:
+            service.step(1.0)
+            if service.bug is not None:
+                traceback.print_exception(service.bug)
+                service.bug = None
+    finally:
+        service.close()
+    _say(f"rig {service.rig.name} is closed")
+
+
+def _say(line: str) -> None:
+    print(f"armscope daemon: {line}", file=sys.stderr, flush=True)

@@ -1,0 +1,171 @@
+"""``armscope demo``: the whole experience without hardware, from the simulated Puma's encoders to its parameters."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from arm_io import DeviceFault, InputError, read_toml, write_toml
+from daq.rig.rig_file import Rig, read_rig
+from daq.service.subscriber import Subscriber
+from daq.service.zenoh_session import keys_of, open_session
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+FIT, HELD_OUT = "excitation", "iso_cube"
+
+
+def command(
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="where to put everything; default: a new folder")
+    ] = None,
+    fit: Annotated[str, typer.Option(help="experiment of config/experiments to identify from")] = FIT,
+    held_out: Annotated[str, typer.Option(help="experiment to judge by")] = HELD_OUT,
+) -> None:
+    folder = out or Path(time.strftime("armscope_demo_%Y%m%d_%H%M%S"))
+    try:
+        folder.mkdir(parents=True, exist_ok=False)
+    except FileExistsError:
+        raise InputError("--out", f"{folder} exists already; a new folder is wanted") from None
+    rig_file = _write_rig(folder)
+    runs = {name: folder / f"{name}.mcap" for name in (fit, held_out)}
+    model = CONFIG / "models/puma560.toml"
+
+    _say(
+        "1. A rig. Six motors' encoders on counters, six Hall transducers on a 12-bit converter, and a tracker whose",
+        f"   1 kHz trigger latches them all. Here they are simulated: {rig_file}",
+    )
+    _tell("doctor", str(rig_file))
+    with _Daemon(rig_file) as daemon:
+        _say("2. The daemon has the devices open. A second program listens to all that it publishes over Zenoh.")
+        listener = _Listener(daemon.rig)
+        for number, (name, run) in enumerate(runs.items(), 3):
+            purpose = "to identify the arm from" if name == fit else "to judge by: another motion"
+            _say(f"{number}. Recording '{name}', {purpose}.")
+            experiment = CONFIG / f"experiments/{name}.toml"
+            _tell("record", "--rig", str(rig_file), "--experiment", str(experiment), "--out", str(run))
+        _say("   " + listener.end())
+    _say("5. Identification: which friction, inertia and gravity explain the measured currents?")
+    result = _ask("identify", str(runs[fit]), "--model", str(model), "--held-out", str(runs[held_out]), "--out",
+                  str(folder / "identified"))  # fmt: skip
+    error = result["relative_error"]
+    _say(
+        f"   {len(result['parameters'])} parameters; the torque is explained to {error['fit']:.1%} on '{fit}'"
+        + (f" and {error['held_out']:.1%} on '{held_out}', which it never saw." if error.get("held_out") else "."),
+        f"   The report: {folder / 'identified/report.html'}",
+    )
+    _say("6. The identified model, simulated on the same demands, against what was measured.")
+    simulated, picture = folder / "simulated.mcap", folder / "currents.png"
+    _ask("simulate", "--model", str(folder / "identified/model.toml"), "--like", str(runs[held_out]), "--out",
+         str(simulated))  # fmt: skip
+    _run("plot", str(runs[held_out]), str(simulated), "--out", str(picture))
+    _say("Measured and simulated currents:")
+    print(picture.resolve())
+
+
+def _write_rig(folder: Path) -> Path:
+    """The simulated Puma under a name and an endpoint of its own, so that the demo disturbs no daemon that runs here."""
+    source = CONFIG / "puma560_sim.toml"
+    if not source.is_file():
+        raise InputError("demo", f"needs {source}: run it in a checkout of armscope")
+    table = read_toml(source)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    table |= {
+        "name": f"puma560_demo_{os.getpid()}",
+        "model": str(CONFIG / "models/puma560.toml"),
+        "zenoh": {"endpoint": endpoint},
+    }
+    write_toml(folder / "rig.toml", table, heading="config/puma560_sim.toml, with a name and an endpoint of its own")
+    return folder / "rig.toml"
+
+
+class _Daemon:
+    """``armscope daemon`` in a process of its own."""
+
+    def __init__(self, rig_file: Path) -> None:
+        self.rig = read_rig(rig_file, drivers=False)
+        self._process = subprocess.Popen(
+            _command("daemon", "--rig", str(rig_file)), stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+        assert self._process.stderr is not None
+        line = self._process.stderr.readline()
+        if "is open" not in line:
+            self._process.kill()
+            raise DeviceFault("daemon", f"did not start: {line.strip()}")
+
+    def __enter__(self) -> _Daemon:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.send_signal(signal.SIGTERM)
+        self._process.communicate()
+
+
+class _Listener:
+    """Counts every row that the daemon publishes."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._session = open_session(rig, listen=False)
+        self._subscriber = Subscriber(self._session, keys_of(rig.name))
+        self._heard = self._missed = self._runs = 0
+        self._ended = False
+        self._thread = threading.Thread(target=self._listen)
+        self._thread.start()
+
+    def end(self) -> str:
+        """What it heard."""
+        self._ended = True
+        self._thread.join()
+        self._session.close()
+        return f"The listener heard {self._heard} rows in {self._runs} runs and missed {self._missed}."
+
+    def _listen(self) -> None:
+        while not self._ended or not self._subscriber.tally.complete:
+            block = self._subscriber.receive(0.2)
+            if block is None and self._ended:
+                break
+            if block is not None and block.last:
+                tally = self._subscriber.tally
+                self._heard += tally.received
+                self._missed += tally.missed
+                self._runs += 1
+
+
+def _command(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "armscope", *arguments]
+
+
+def _run(*arguments: str, show: bool = False) -> str:
+    """Runs another armscope command; its failure is ours."""
+    ended = subprocess.run(_command(*arguments), stdout=subprocess.PIPE, text=True)
+    if ended.returncode not in (0, 4):
+        raise DeviceFault("demo", f"'armscope {' '.join(arguments)}' ended with {ended.returncode}")
+    if show:
+        print("".join(f"     {line}\n" for line in ended.stdout.splitlines()), end="", flush=True)
+    return ended.stdout
+
+
+def _tell(*arguments: str) -> None:
+    print(f"   $ armscope {' '.join(arguments)}", flush=True)
+    _run(*arguments, show=True)
+
+
+def _ask(*arguments: str) -> dict[str, Any]:
+    print(f"   $ armscope {' '.join(arguments)}", flush=True)
+    answer: dict[str, Any] = json.loads(_run(*arguments, "--json"))
+    return answer
+
+
+def _say(*lines: str) -> None:
+    print("\n".join(lines), flush=True)

@@ -1,0 +1,182 @@
+"""``armscope diagnose``: what the simulation gets wrong, why, the extended model, the gain."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from arm_io import InputError
+
+if TYPE_CHECKING:
+    from rich.status import Status
+
+    from arm_model.description import Arm
+    from armscope.adaptive_diagnosis import Case
+    from daq.recording import Recording
+    from diagnosis.diagnose import Diagnosis
+
+
+MANY = ("--fit", "--held-out")
+"""Options that take several values."""
+_DONE, _SAMPLES_LOST = 0, 4
+
+
+def command(
+    fit: Annotated[list[Path], typer.Option(metavar="A.mcap ...", help="recordings to find causes in")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="folder for diagnosis.json, report.html, model.toml")],
+    model: Annotated[
+        Path | None, typer.Option(metavar="MODEL.toml", help="the model whose simulation is judged; default: the rig's")
+    ] = None,
+    held_out: Annotated[
+        list[Path] | None,
+        typer.Option("--held-out", metavar="B.mcap ...", help="to judge by; without any, the last 40 % of each"),
+    ] = None,
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RIG.toml", help="record on it what separates causes that the recordings cannot tell apart"
+        ),
+    ] = None,
+    max_experiments: Annotated[int, typer.Option(min=0, help="at most so many, with --rig")] = 3,
+    yes: Annotated[bool, typer.Option("--yes", help="move a real arm without asking, with --rig")] = False,
+    distort: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PARAMETER", help="let this one parameter (joint2.viscous) vary in time instead, and see with what"
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print diagnosis.json and nothing else")] = False,
+) -> int:
+    """Diagnoses recordings against a model."""
+    from rich.console import Console
+
+    from arm_io import check_folder, make_folder
+    from arm_model.model_file import read_model
+    from daq.recording import open_recording
+    from diagnosis.screening.time_split import split
+
+    check_folder(out)
+    arm = read_model(_model(model, rig))
+    fitted = [open_recording(path) for path in fit]
+    if distort is not None:
+        return _distorted(arm, distort, fitted, out, as_json)
+    held = [open_recording(path) for path in held_out or []]
+    for one in held:
+        if any(_same(one, other) for other in fitted):
+            raise InputError(
+                one.path,
+                "is both fitted and held out: nothing would be judged; leave --held-out away to split it by time",
+            )
+    if not held:
+        print("warning: no recording is held out; the last 40 % of each is judged by, a weaker test", file=sys.stderr)
+        fitted, held = (list(parts) for parts in zip(*map(split, fitted)))
+    with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
+        case = _case(arm, fitted, held, status)
+        if rig is not None:
+            make_folder(out)
+            table = _gone_on(arm, case, rig, out, yes, max_experiments, status)
+        else:
+            table = _kept(case, out, status)
+    if as_json:
+        print(json.dumps(table))
+    else:
+        _print(case.result, table, out)
+    return _SAMPLES_LOST if case.lost else _DONE
+
+
+def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Path, as_json: bool) -> int:
+    """One parameter that varies, in place of causes."""
+    from diagnosis.distortion.distortion import distort, named_parameter
+    from diagnosis.distortion.report import write_distortion
+    from diagnosis.screening.cleaned import seen_through
+
+    named_parameter(arm, name)
+    table = write_distortion(out, distort(arm, name, seen_through(arm, recordings).runs, recordings))
+    print(json.dumps(table) if as_json else f"{table['verdict']}\n{out / 'distortion.html'}")
+    return _DONE
+
+
+def _model(model: Path | None, rig: Path | None) -> Path:
+    from daq.rig.rig_file import read_rig
+
+    path = model if model is not None or rig is None else read_rig(rig, drivers=False).model_path
+    if path is None:
+        raise InputError("--model", "is missing; the model whose simulation is judged is wanted")
+    return path
+
+
+def _case(arm: Arm, fitted: list[Recording], held: list[Recording], status: Status) -> Case:
+    from armscope.adaptive_diagnosis import Case
+    from diagnosis.diagnose import diagnose
+
+    return Case(fitted, held, diagnose(arm, fitted, held, progress=status.update), {})
+
+
+def _kept(case: Case, out: Path, status: Status) -> dict[str, Any]:
+    from diagnosis.experiments.discriminating import separations
+    from diagnosis.report.write import write_diagnosis
+
+    case.separate = separations(case.result, progress=status.update)
+    return write_diagnosis(out, case.result, case.fit, case.held_out, case.separate, progress=status.update)
+
+
+def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, status: Status) -> dict[str, Any]:
+    """The case decided as far as the rig's experiments can; every stage is written whole before the next begins."""
+    from armscope.adaptive_diagnosis import Bench, go_on, limits_of, rig_of
+    from diagnosis.diagnose import diagnose
+    from diagnosis.report.write import write_diagnosis
+
+    table: dict[str, Any] = {}
+    checked = rig_of(rig, len(arm))
+    limits = limits_of(checked, arm.joint_array("drive_constant"))
+
+    def say(line: str) -> None:
+        status.stop()
+        print(line, file=sys.stderr, flush=True)
+
+    def judge(fitted: list[Recording], held: list[Recording]) -> Diagnosis:
+        status.start()
+        return diagnose(arm, fitted, held, progress=status.update)
+
+    def keep(case: Case) -> None:
+        table.clear()
+        table.update(
+            write_diagnosis(
+                out, case.result, case.fit, case.held_out, case.separate, case.experiments, limits, status.update
+            )
+        )
+
+    bench = Bench(rig, checked, out, yes, say, judge, keep)
+    go_on(bench, case, most, status.update)
+    return table
+
+
+def _same(one: Recording, other: Recording) -> bool:
+    """Whether two files hold the same rows, or one a part of the other's from its beginning on."""
+    rows = min(len(one), len(other))
+    return one.q.shape[1:] == other.q.shape[1:] and bool(
+        (one.q[:rows] == other.q[:rows]).all() and (one.i[:rows] == other.i[:rows]).all()
+    )
+
+
+def _print(result: Diagnosis, report: dict[str, Any], out: Path) -> None:
+    from diagnosis.experiments.discriminating import named
+    from diagnosis.report.wording import estimate, gain, sentence, title
+
+    said = [sentence(result), *(f"warning: {warning}" for warning in result.warnings)]
+    for number, (cause, row) in enumerate(zip(result.causes, report["causes"]), 1):
+        where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
+        said += ["", f"{number}. {title(cause)}"]
+        said += [f"   {estimate(p)}" for p in cause.parameters]
+        said.append(
+            f"   held-out error of {where} without -> with it: {gain(cause)}; confidence {cause.confidence:.0%}"
+        )
+        if len(cause.group) > 1:
+            said.append(f"   may as well be {', '.join(map(named, cause.group[1:]))}; what tells: {row['separate_by']}")
+    unseen = len(report["not_visible"])
+    said += ["", f"{out / 'report.html'}{f' (and {unseen} effects that could not have been seen)' if unseen else ''}"]
+    print("\n".join(said))

@@ -1,0 +1,81 @@
+"""``armscope excite``: the motion that shows an arm's parameters best, as an experiment that ``record`` runs."""
+
+from __future__ import annotations
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class Criterion(StrEnum):
+    d = "d"
+    condition = "condition"
+
+
+def command(
+    out: Annotated[Path, typer.Option(metavar="EXP.toml", help="the experiment file to write")],
+    model: Annotated[
+        Path | None, typer.Option(metavar="MODEL.toml", help="the arm, with its limits; left out: the rig's model")
+    ] = None,
+    rig: Annotated[
+        Path | None, typer.Option(metavar="RIG.toml", help="stay inside this rig's limits too, so that record takes it")
+    ] = None,
+    duration: Annotated[float, typer.Option(min=2.0, help="s; whole periods of the fundamental are wise")] = 20.0,
+    fundamental: Annotated[float, typer.Option(min=0.01, help="Hz")] = 0.1,
+    harmonics: Annotated[int, typer.Option(min=1, max=20)] = 5,
+    criterion: Annotated[
+        Criterion, typer.Option(help="d: smallest doubt; condition: no direction neglected")
+    ] = Criterion.d,
+    candidates: Annotated[int, typer.Option(min=32, help="motions to try")] = 1600,
+    seed: Annotated[int, typer.Option(help="the same seed gives the same motion")] = 1,
+    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+) -> None:
+    """Designs an excitation."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from arm_io import InputError
+    from arm_model.model_file import read_model
+    from daq.rig.rig_file import read_rig
+    from experiment import write_experiment
+    from identification.experiment_design.excitation import Limits, design_excitation
+    from identification.preprocessing.aliased_ripple import rate_beside
+
+    checked = None if rig is None else read_rig(rig, drivers=False)
+    path = model or (checked.model_path if checked else None)
+    if path is None:
+        raise InputError("--model", "is missing, and no --rig names one")
+    arm = read_model(path)
+    limits = Limits.of(arm)
+    if checked is not None:
+        if checked.joints != len(arm):
+            raise InputError(str(rig), f"has {checked.joints} joints, the model '{arm.name}' has {len(arm)}")
+        limits = limits.within(arm, **checked.limits.model_dump())
+    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
+        task = bar.add_task("designing", total=1.0)
+        found = design_excitation(
+            arm,
+            duration=duration,
+            fundamental=fundamental,
+            harmonics=harmonics,
+            criterion=criterion.value,
+            limits=limits,
+            candidates=candidates,
+            seed=seed,
+            progress=lambda share, text: bar.update(task, completed=share, description=text),
+        )
+    if checked is not None and checked.trigger is not None:
+        beside = rate_beside(arm, checked.trigger.rate)
+        if beside != checked.trigger.rate:  # else the rig's own
+            found = found.model_copy(update={"rate": beside})
+    write_experiment(out, found, heading=f"Excitation for {arm.name}, seed {seed}, {candidates} candidates.")
+    if as_json:
+        told = {"file": str(out), "duration": duration, "joints": len(arm), "harmonics": harmonics, "rate": found.rate}
+        print(json.dumps(told))
+    else:
+        sampled = f", {found.rate:g} rows/s: no multiple of the setpoints' rate" if found.rate else ""
+        print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints{sampled}")

@@ -1,0 +1,179 @@
+"""``armscope identify``: recordings in, parameters with honest uncertainty out."""
+
+from __future__ import annotations
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from identification.preprocessing.readiness import Readiness
+    from identification.result import Identification, Value
+
+
+MANY = ("--held-out",)
+"""Options that take several values."""
+
+
+class Method(StrEnum):
+    ols = "ols"
+    wls = "wls"
+    irls = "irls"
+    iv = "iv"
+    didim = "didim"
+    motor_link = "motor-link"
+    sequence = "sequence"
+    friction = "friction"
+
+
+class Friction(StrEnum):
+    symmetric = "symmetric"
+    asymmetric = "asymmetric"
+
+
+def command(
+    run: Annotated[list[Path], typer.Argument(metavar="RUN.mcap...", help="recordings to fit")],
+    model: Annotated[
+        Path, typer.Option(metavar="MODEL.toml", help="geometry and drives, and the values to start from")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="folder for identification.json, report.html, model.toml")
+    ] = None,
+    held_out: Annotated[
+        list[Path] | None,
+        typer.Option("--held-out", metavar="RUN.mcap", help="a recording to judge by; may be repeated"),
+    ] = None,
+    method: Annotated[
+        Method,
+        typer.Option(
+            help="ols, wls, irls: least squares on the inverse dynamics; iv, didim: against the simulated closed loop; motor-link: one"
+            " joint a run; sequence: one joint a run, tip first; friction: tuned in the simulated closed loop"
+        ),
+    ] = Method.wls,
+    friction: Annotated[
+        Friction | None,
+        typer.Option(
+            help="asymmetric: viscous and Coulomb friction of their own for each direction; left out: as the model has viscous friction"
+        ),
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="only say how fit the recordings are: rows, excitation, saturation, lag")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print identification.json and nothing else")] = False,
+) -> None:
+    """Identifies an arm."""
+    from rich.console import Console
+
+    from arm_io import InputError, check_folder
+    from arm_model.model_file import read_model
+    from daq.recording import open_recording
+
+    if out is None and not check:
+        raise InputError("--out", "is missing: a folder for the results; or --check to judge the recordings only")
+    if out is not None:
+        check_folder(out)
+    arm = read_model(model)
+    fitted = [open_recording(path) for path in run]
+    held = [open_recording(path) for path in held_out or []]
+    # Only now: these load a second's worth of libraries, for which a wrong file need not wait.
+    from identification.identify import check_runs, identify_by, own_friction
+    from identification.report.write import write_identification
+
+    rubbing = friction.value if friction else own_friction(arm)
+    with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
+        if out is None or check:
+            sparse = method in (Method.motor_link, Method.sequence, Method.friction)
+            ready = check_runs(fitted, arm, held_out=held, friction=rubbing, sparse=sparse, progress=status.update)
+            status.stop()
+            _print_readiness(ready, as_json)
+            return
+        result = identify_by(method.value, fitted, arm, held_out=held, friction=rubbing, progress=status.update)
+        status.update("report")
+        table = write_identification(out, result)
+    if as_json:
+        print(json.dumps(table))
+    else:
+        _print(result, out)
+
+
+def _print(result: Identification, out: Path) -> None:
+    from rich.console import Console
+
+    from identification.report.html import verdict
+
+    console = Console(highlight=False)
+    base = {value.name for value in result.base}
+    named = [value for value in result.parameters if value.std is not None]
+    sums = [value for value in result.base if value.name not in {v.name for v in named}]
+    console.print(_table(named, "parameter"))
+    if sums and base:
+        console.print(_table(sums, "only together"))
+    for warning in result.warnings:
+        console.print(f"warning: {warning}", markup=False, soft_wrap=True)
+    console.print(verdict(result), markup=False, soft_wrap=True)
+    console.print(f"{out / 'report.html'}, identification.json, model.toml", markup=False, soft_wrap=True)
+
+
+def _print_readiness(ready: Readiness, as_json: bool) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    if as_json:
+        print(json.dumps(ready.to_json()))
+        return
+    console = Console(highlight=False)
+    for run in ready.runs:
+        console.print(f"{run.run}: {run.rows} rows of {run.period * 1e3:.4g} ms", markup=False, soft_wrap=True)
+        table = Table(box=None, pad_edge=False)
+        for heading in (
+            "joint",
+            "travel",
+            "top speed",
+            "noise",
+            "rows that count",
+            "left out",
+            "torque late by",
+            "of the limit",
+        ):
+            table.add_column(heading, justify="left" if heading == "left out" else "right", no_wrap=True)
+        for joint in run.joints:
+            table.add_row(
+                str(joint.joint),
+                f"{joint.travel:.3g}",
+                f"{joint.top_speed:.3g}",
+                f"{joint.noise:.1g}",
+                f"{joint.used / run.rows:.0%}",
+                ", ".join(f"{reason} {rows / run.rows:.0%}" for reason, rows in joint.left_out.items()),
+                "" if joint.lag is None else f"{joint.lag * 1e3:.1f} ms",
+                "" if joint.torque is None else f"{joint.torque:.0%}",
+            )
+        console.print(table)
+    for warning in ready.warnings:
+        console.print(f"warning: {warning}", markup=False, soft_wrap=True)
+    console.print(ready.sentence, markup=False, soft_wrap=True)
+
+
+def _table(values: list[Value], what: str) -> object:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    table.add_column(what, overflow="fold", max_width=60)
+    for heading in ("value", "2 std", "(bootstrap)", "(formula)"):
+        table.add_column(heading, justify="right")
+    table.add_column("unit")
+    table.add_column("")
+    for value in values:
+        table.add_row(
+            value.name,
+            f"{value.value:.5g}",
+            f"{2 * value.std:.2g}" if value.std is not None else "",
+            f"{2 * value.std_bootstrap:.2g}" if value.std_bootstrap is not None else "",
+            f"{2 * value.std_formula:.2g}" if value.std_formula is not None else "",
+            value.unit,
+            "" if value.identifiable else "not identifiable here",
+        )
+    return table

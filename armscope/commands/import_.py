@@ -1,0 +1,41 @@
+"""``armscope import``: measured data from elsewhere becomes a recording."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from daq.recording.csv_table import read_csv
+from daq.recording.parts import Attachments
+from daq.recording.provenance import file_identity, provenance
+from daq.recording.table import write_table
+from daq.rig.rig_file import read_rig
+
+
+def command(
+    table: Annotated[Path, typer.Argument(help="CSV: t, q1.., i1.., and qref, ql, v, temp by joint, x, y, z")],
+    out: Annotated[Path, typer.Option(help="the recording to write (replaced if it is there)")],
+    rig: Annotated[Path | None, typer.Option(help="rig file with the joints; without it the columns tell")] = None,
+    keep_extra: Annotated[bool, typer.Option("--keep-extra", help="keep columns with unknown names")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+) -> None:
+    checked = None if rig is None else read_rig(rig, drivers=False)
+    data = read_csv(table, joints=None if checked is None else checked.joints, keep_extra=keep_extra)
+    model = None if checked is None else checked.model_path
+    attachments = Attachments(
+        rig=None if rig is None else rig.read_text(encoding="utf-8"),
+        model=None if model is None else model.read_text(encoding="utf-8"),
+        provenance=provenance("imported", source=file_identity(table)),
+    )
+    names = [] if checked is None else [joint.name or f"joint{number}" for number, joint in enumerate(checked.joint, 1)]
+    write_table(out, data.t, data.signals, attachments, joints=names, xyz=data.xyz, extra=data.extra)
+    missing = data.rows_with_missing_samples
+    rows, seconds = len(data.t), float(data.t[-1] - data.t[0])
+    if as_json:
+        print(json.dumps({"file": str(out), "rows": rows, "joints": data.joints, "duration": seconds, "lost": 0}))
+    else:
+        gaps = f", {missing} rows with missing samples" if missing else ""
+        print(f"{out}: {rows} rows of {data.joints} joint{'s' * (data.joints > 1)}, {seconds:.2f} s{gaps}")

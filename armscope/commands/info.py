@@ -1,0 +1,95 @@
+"""``armscope info``: what is in a recording."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from daq.recording import open_recording
+from daq.recording.summary import summary
+
+_LONGEST = 10
+"""Losses and gaps that are shown one by one."""
+
+
+def command(
+    recording: Annotated[Path, typer.Argument(help="RUN.mcap, or RUN.mcap.active")],
+    as_json: Annotated[bool, typer.Option("--json", help="print everything as JSON")] = False,
+) -> int:
+    table = summary(open_recording(recording, damaged=True))
+    print(json.dumps(table, indent=1) if as_json else _text(table))
+    return 4 if table["ledger"]["lost"] or table["notes"] else 0
+
+
+def _text(table: dict[str, Any]) -> str:
+    lines = [table["file"]]
+    lines += [f"  ! {note}" for note in table["notes"]]
+    lines += _entries(
+        kind=table["kind"] + ("" if table["finished"] else ", not finished"),
+        rig=table["rig"],
+        experiment=table["experiment"],
+        start=table["start"],
+        ended=((table["run"] or {}).get("ending") or {}).get("sentence"),
+        size=f"{table['rows']} rows, {table['duration']:.3f} s, {table['bytes'] / 1e6:.2f} MB",
+        rate=_rate(table),
+        joints=", ".join(table["joints"]),
+        counters=", ".join(table["counters"]),
+        inputs=", ".join(table["arm_io"]),
+        extra=", ".join(table["extra"]),
+        samples=_ledger(table["ledger"]),
+    )
+    lines += _losses(table)
+    lines += ["", f"  {'signal':<8}{'unit':<6}{'missing':>9}{'min':>13}{'max':>13}{'rms':>13}"]
+    for row in table["signals"]:
+        numbers = "".join(
+            f"{'-' if row[name] is None else format(row[name], '.5g'):>13}" for name in ("min", "max", "rms")
+        )
+        lines.append(
+            f"  {row['signal']}{row['joint'] or '':<{8 - len(row['signal'])}}{row['unit']:<6}{row['missing']:>9}{numbers}"
+        )
+    doubts = {name: count for name, count in (table["doubts"] or {}).items() if count}
+    if doubts:
+        lines += [
+            "",
+            "  doubtful values: " + ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in doubts.items()),
+        ]
+    lines += ["", "  topics"] + [f"    {topic['topic']:<22}{topic['type']}" for topic in table["topics"]]
+    lines += ["", "  attachments"] + [
+        f"    {file['name']:<22}{file['bytes']:>8} bytes  sha256 {file['sha256'][:16]}" for file in table["attachments"]
+    ]
+    if table["calibration"]:
+        lines += ["", f"  calibration {table['calibration'].get('hash', '')}"]
+    made = {key: value for key, value in table["provenance"].items() if isinstance(value, str) and key != "kind"}
+    return "\n".join(lines + ["", "  provenance"] + [f"    {key:<10}{value}" for key, value in made.items()])
+
+
+def _entries(**entries: str | None) -> list[str]:
+    return [f"  {name:<12}{value}" for name, value in entries.items() if value]
+
+
+def _rate(table: dict[str, Any]) -> str | None:
+    if table["rate"] is None:
+        return None
+    steps = table["intervals"]
+    return f"{table['rate']:.6g} Hz (intervals {steps['min'] * 1e3:.4g} to {steps['max'] * 1e3:.4g} ms)"
+
+
+def _ledger(ledger: dict[str, Any]) -> str:
+    balance = "" if ledger["balanced"] else "; THE ACCOUNT DOES NOT BALANCE"
+    return f"{ledger['triggers']} triggers = {ledger['recorded']} recorded + {ledger['lost']} lost{balance}"
+
+
+def _losses(table: dict[str, Any]) -> list[str]:
+    losses = table["ledger"]["losses"]
+    lines = []
+    for loss in losses[:_LONGEST]:
+        detail = f" ({loss['detail']})" if loss["detail"] else ""
+        lines.append(f"    lost: {loss['rows']} from trigger {loss['first']} on: {loss['sentence']}{detail}")
+    if len(losses) > _LONGEST:
+        lines.append(f"    and {len(losses) - _LONGEST} more losses (--json has them all)")
+    pauses = sorted(table["gaps"], key=lambda gap: -gap["seconds"])
+    lines += [f"    gap: {gap['seconds']:.4g} s after row {gap['row'] + 1}" for gap in pauses[:_LONGEST]]
+    return lines + ([f"    and {len(pauses) - _LONGEST} shorter gaps"] if len(pauses) > _LONGEST else [])

@@ -1,0 +1,255 @@
+"""``armscope model``: what a model file says, its equations as text or source, and URDF in and out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from arm_io import InputError
+from arm_model.description import Arm
+from arm_model.model_file import read_model, write_model
+from arm_model.symbolic.tape import Expr, Tape
+
+
+class Form(StrEnum):
+    """How equations are printed."""
+
+    TEXT = "text"
+    LATEX = "latex"
+    PYTHON = "python"
+    C = "c"
+
+
+class Formulation(StrEnum):
+    """The ways to the equations."""
+
+    NEWTON_EULER = "newton-euler"
+    LAGRANGE = "lagrange"
+    KANE = "kane"
+
+
+def command(
+    model: Annotated[
+        Path | None, typer.Argument(help="the arm: a model file (.toml) or a URDF file (.urdf)", show_default=False)
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="write the arm as .toml or .urdf")] = None,
+    equations: Annotated[Form | None, typer.Option(help="print the accelerations: text, latex, python or c")] = None,
+    by: Annotated[
+        Formulation | None, typer.Option(help="with --equations: the torques of the rigid links, by this formulation")
+    ] = None,
+    formulations: Annotated[
+        bool, typer.Option(help="compare Newton-Euler, Lagrange and Kane: operations, generation, agreement")
+    ] = False,
+    effects: Annotated[
+        bool, typer.Option(help="list the effects that a model may have, with their parameters; wants no model")
+    ] = False,
+    tip: Annotated[str | None, typer.Option(help="last link, of a URDF file that branches")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+) -> None:
+    if effects:
+        _catalogue(as_json)
+        return
+    if model is None:
+        raise InputError("model", "wants a model file, as config/models/puma560.toml")
+    arm = _read(model, tip)
+    if out is not None:
+        _write(out, arm)
+    if by is not None and equations is None:
+        raise InputError(
+            "--by", "says whose equations to print; --equations text, latex, python or c is wanted with it"
+        )
+    if equations is not None:
+        print(_equations(arm, equations, by), end="")
+        return
+    if formulations:
+        _compare(arm, as_json)
+        return
+    summary = _summary(arm)
+    print(json.dumps(summary) if as_json else _text(summary))
+
+
+def _read(path: Path, tip: str | None) -> Arm:
+    if path.suffix == ".urdf":
+        from arm_model.urdf import read_urdf
+
+        return read_urdf(path, tip=tip)
+    return read_model(path)
+
+
+def _write(path: Path, arm: Arm) -> None:
+    if path.suffix == ".urdf":
+        from arm_model.urdf import write_urdf
+
+        write_urdf(path, arm)
+    elif path.suffix == ".toml":
+        write_model(path, arm)
+    else:
+        raise InputError(path, "ends in neither .toml nor .urdf; that says which of the two is wanted")
+
+
+def _summary(arm: Arm) -> dict[str, Any]:
+    from arm_model.rigid_body.numeric import mass_matrix
+    from arm_model.simulation.simulation import system_of
+    from arm_model.symbolic.tape import operations
+
+    system = system_of(arm)
+    diagonal = mass_matrix(arm, np.zeros(len(arm)))[0].diagonal()
+    joints = [
+        {
+            "joint": number,
+            "name": joint.name,
+            "type": joint.type,
+            "mass": joint.mass,
+            "inertia_at_zero": float(diagonal[number - 1]),
+            "gear": joint.gear,
+            "viscous": [joint.ratio**2 * value for value in joint.viscous],
+            "coulomb": [joint.ratio * value for value in joint.coulomb],
+            "drag": joint.drag,
+            "cylinder": None if joint.cylinder is None else asdict(joint.cylinder),
+        }
+        for number, joint in enumerate(arm.joints, 1)
+    ]
+    effects = [{"effect": term.name, "joint": term.joint, "parameters": term.parameters} for term in arm.effects]
+    controller = None if arm.controller is None else arm.controller.kind
+    return {
+        "name": arm.name,
+        "joints": joints,
+        "controller": controller,
+        "effects": effects,
+        "operations": operations(system.tape, system.rates),
+        "states": len(system.states),
+    }
+
+
+def _text(summary: dict[str, Any]) -> str:
+    lines = [
+        f"{summary['name']}: {len(summary['joints'])} joints, controller: {summary['controller'] or 'none'}",
+        f"{summary['operations']} operations for the rates of {summary['states']} states",
+        "",
+        "joint  type         mass   inertia at q = 0 (rotor too)   viscous + / -    coulomb + / -",
+    ]
+    for joint in summary["joints"]:
+        viscous, coulomb = (" / ".join(f"{value:.4g}" for value in joint[kind]) for kind in ("viscous", "coulomb"))
+        lines.append(
+            f"{joint['joint']:>5}  {joint['type']:<9} {joint['mass']:>7.4g} {joint['inertia_at_zero']:>18.4g}"
+            f" {viscous:>24}  {coulomb:>15}  {joint['name']}".rstrip()
+        )
+    for joint in summary["joints"]:
+        if body := joint["cylinder"]:
+            coefficients = f"C_d {body['drag_coefficient']:g}, C_a {body['added_mass_coefficient']:g}, buoyancy {body['buoyancy']:g}"
+            lines.append(f"link {joint['joint']} in water: cylinder of {body['radius']:g} m, {coefficients}")
+        if joint["drag"]:
+            lines.append(f"joint {joint['joint']}: drag {joint['drag']:g} N m s2/rad2")
+    for term in summary["effects"]:
+        values = ", ".join(f"{name} {value:g}" for name, value in term["parameters"].items())
+        where = "arm" if term["joint"] is None else f"joint {term['joint']}"
+        lines.append(f"effect {term['effect']} ({where}): {values}")
+    return "\n".join(lines)
+
+
+def _catalogue(as_json: bool) -> None:
+    """Every effect of the vocabulary, as an [[effect]] table of a model file may have it."""
+    from arm_model.effects import CATALOGUE
+
+    if as_json:
+        print(
+            json.dumps(
+                [
+                    {
+                        "effect": effect.name,
+                        "place": effect.place.value,
+                        "per_joint": effect.per_joint,
+                        "equation": effect.equation,
+                        "parameters": [asdict(parameter) for parameter in effect.parameters],
+                        "shows": effect.shows,
+                        "confused_with": effect.confused_with,
+                    }
+                    for effect in CATALOGUE.values()
+                ]
+            )
+        )
+        return
+    for effect in CATALOGUE.values():
+        print(f"{effect.name} ({effect.place}, {'of a joint' if effect.per_joint else 'of the whole arm'})")
+        print(f"    {effect.equation}")
+        for p in effect.parameters:
+            low, high = p.typical
+            typical = f"{low:g} to {high:g}" + (" of either sign" if p.signed else "")
+            print(f"    {p.name:<20} {p.unit:<12} {typical:<28} {p.meaning}".rstrip())
+        print()
+
+
+def _compare(arm: Arm, as_json: bool) -> None:
+    from rich.console import Console
+
+    from arm_model.formulations.comparison import SYMPY_JOINTS, compare
+
+    with Console(stderr=True).status("generating the equations, several ways"):
+        rows = compare(arm)
+    if as_json:
+        print(json.dumps({"name": arm.name, "formulations": [asdict(row) for row in rows]}))
+        return
+    print(f"{arm.name}: {len(arm)} joints, rigid links; difference of the torques on 100 random states, relative")
+    print(f"{'formulation':<23}{'tau(q, qd, qdd)':>15}{'mass matrix, bias':>19}{'generated in':>14}{'difference':>12}")
+    for row in rows:
+        torque = "" if row.torque_operations is None else f"{row.torque_operations} op"
+        system = f"{row.system_operations} op"
+        print(f"{row.name:<23}{torque:>15}{system:>19}{row.seconds * 1e3:>11.1f} ms{row.difference:>12.1e}")
+    if len(arm) > SYMPY_JOINTS:
+        print(
+            f"(sympy's own methods are compared on arms of up to {SYMPY_JOINTS} joints; beyond that they take minutes)"
+        )
+
+
+def _equations(arm: Arm, form: Form, by: Formulation | None) -> str:
+    """The accelerations as they are compiled, or the torques of the rigid links by one formulation."""
+    from arm_model.symbolic import latex, printing
+    from arm_model.symbolic.tape import needed
+
+    what, tape, outputs = _accelerations(arm) if by is None else _torques(arm, by)
+    if form is Form.LATEX:
+        # that the rate of an angle is a speed is in the notation
+        told = {name: value for name, value in outputs.items() if tape.nodes[value.index].operation != "input"}
+        return latex.equations(tape, {latex.output_symbol(name): value for name, value in told.items()})
+    nodes = [tape.nodes[index] for index in needed(tape, outputs.values())]
+    read = {node.name: printing.shown(node.name) for node in nodes if node.operation == "input"}
+    if form is Form.TEXT:
+        return printing.equations(tape, {_left(name): value for name, value in outputs.items()}, read) + "\n"
+    legal = {name: text.replace(".", "_") for name, text in read.items()}
+    python = form is Form.PYTHON
+    write: Callable[..., str] = printing.python_function if python else printing.c_function
+    arguments = [name if python else f"double {name}" for name in legal.values()]
+    order = f"out of {what}, in order: {', '.join(_left(name) for name in outputs)}"
+    head = f"# {order}\n" if python else f"/* {order} */\n#include <math.h>\n\n"
+    return head + write(what, arguments, tape, list(outputs.values()), legal)
+
+
+def _left(name: str) -> str:
+    """What stands left of the equals sign: "d speed0/dt" -> "d speed1/dt", "tau0" -> "tau1"."""
+    from arm_model.symbolic.printing import shown
+
+    if not name.startswith("d "):
+        return shown(name)
+    return f"d {shown(name.removeprefix('d ').removesuffix('/dt'))}/dt"
+
+
+def _accelerations(arm: Arm) -> tuple[str, Tape, dict[str, Expr]]:
+    from arm_model.simulation.simulation import system_of
+
+    system = system_of(arm)
+    return "rates", system.tape, {f"d {name}/dt": rate for name, rate in zip(system.states, system.rates)}
+
+
+def _torques(arm: Arm, by: Formulation) -> tuple[str, Tape, dict[str, Expr]]:
+    from arm_model.formulations.comparison import TORQUES
+    from arm_model.formulations.links import symbols_of
+
+    symbols = symbols_of(arm)
+    return "torques", symbols.tape, {f"tau{j}": tau for j, tau in enumerate(TORQUES[by.value](symbols))}

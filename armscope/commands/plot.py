@@ -1,0 +1,37 @@
+"""``armscope plot``: a picture of one recording, or of several on one another."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from arm_io import InputError
+from daq.recording import open_recording
+from daq.recording.plots import plot
+
+
+def command(
+    recordings: Annotated[list[Path], typer.Argument(help="RUN.mcap ...: measured first, then simulated")],
+    out: Annotated[Path, typer.Option(help="the picture (.png, .svg or .pdf)")],
+    joint: Annotated[list[int] | None, typer.Option(help="only this joint (may be given more than once)")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+) -> None:
+    if out.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise InputError(out, "the name of a picture wants to end in .png, .svg or .pdf")
+    data = [open_recording(path) for path in recordings]
+    for note in (f"{recording.path}: {note}" for recording in data for note in recording.notes):
+        print(f"warning: {note}", file=sys.stderr)
+    joints = max(recording.joints for recording in data)
+    for number in joint or []:
+        if not 1 <= number <= joints:
+            raise InputError("--joint", f"there is no joint {number}; 1 to {joints} are wanted")
+    figure = plot(data, joints=joint or [])
+    try:
+        figure.savefig(out, dpi=110)
+    except OSError as error:
+        raise InputError(out, f"cannot be written: {error.strerror}") from None
+    print(json.dumps({"file": str(out)}) if as_json else out)

@@ -1,0 +1,80 @@
+"""``armscope replay``: a recording over Zenoh once more, at its own pace."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from arm_io import InputError, check_table
+from daq.recording import open_recording
+from daq.rig.rig_file import Rig, read_rig
+from daq.service.command_server import CommandServer
+from daq.service.publisher import Publisher
+from daq.service.replay import blocks_of, paced
+from daq.service.zenoh_session import keys_of, open_session
+
+
+def command(
+    recording: Annotated[Path, typer.Argument(metavar="RUN.mcap", help="the recording, finished or not")],
+    speed: Annotated[float, typer.Option(metavar="X", help="times its own pace; inf: as fast as it is taken")] = 1.0,
+    rig: Annotated[
+        Path | None, typer.Option(metavar="RIG.toml", help="the endpoint of this rig; default: loopback")
+    ] = None,
+    endpoint: Annotated[str, typer.Option(help="another loopback endpoint")] = "tcp/127.0.0.1:7447",
+    wait: Annotated[float, typer.Option(metavar="S", help="wait at most so long for a first subscriber")] = 2.0,
+    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+) -> int:
+    if not speed > 0:
+        raise InputError("--speed", f"wants a number above 0, or inf; has {speed:g}")
+    run = open_recording(recording, damaged=True)
+    table = _rig(run.rig.get("name") or "replay", run.layout.joints, endpoint) if rig is None else read_rig(rig)
+    with open_session(table, listen=True) as session:
+        keys = keys_of(run.rig.get("name") or table.name)
+        publisher = Publisher(session, keys, run.layout.joints, reliable=True)
+        server = CommandServer(session, keys)
+        print(f"replaying {recording} on {table.zenoh.endpoint}, keys {keys.root}/**", file=sys.stderr, flush=True)
+        watched = _await_subscriber(publisher, wait)
+        began = time.monotonic()
+        for _, block in paced(blocks_of(run), speed):
+            publisher.publish(block)
+            _refuse_all(server)
+        publisher.finish()
+        seconds = time.monotonic() - began
+        server.close()
+    figures = {"file": str(recording), "rows": publisher.rows, "blocks": publisher.blocks, "seconds": seconds}
+    if as_json:
+        print(json.dumps(figures | {"watched": watched, "lost": run.ledger.lost}))
+    else:
+        nobody = "" if watched else "; nobody listened when it began"
+        print(f"{publisher.rows} rows in {publisher.blocks} blocks, {seconds:.2f} s{nobody}")
+    return 4 if run.ledger.lost or run.notes else 0
+
+
+def _await_subscriber(publisher: Publisher, seconds: float) -> bool:
+    deadline = time.monotonic() + (seconds if math.isfinite(seconds) else 1e9)
+    while not publisher.watched and time.monotonic() < deadline:
+        time.sleep(0.005)
+    return publisher.watched
+
+
+def _refuse_all(server: CommandServer) -> None:
+    while (command := server.next(0)) is not None:
+        command.refuse(InputError("replay", f"{command.verb}: this is a replay; it takes no commands"))
+
+
+def _rig(name: str, joints: tuple[str, ...], endpoint: str) -> Rig:
+    """A rig that is a name and a loopback endpoint: that of the recording may belong to another machine."""
+    rig = check_table(
+        "--endpoint",
+        {"name": name, "joint": [{"name": joint} for joint in joints], "zenoh": {"endpoint": endpoint}},
+        Rig,
+    )
+    if not rig.zenoh.loopback:
+        raise InputError("--endpoint", "is not loopback; that wants --rig with a secured endpoint")
+    return rig

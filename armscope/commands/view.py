@@ -1,0 +1,65 @@
+"""``armscope view``: live view for Foxglove and PlotJuggler, of a running daemon or of a recording."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from arm_io import InputError
+from daq.recording import open_recording
+from daq.rig.rig_file import read_rig
+from daq.service.foxglove import LiveView
+from daq.service.replay import blocks_of, paced
+from daq.service.row_block import Columns
+from daq.service.subscriber import Subscriber
+from daq.service.zenoh_session import keys_of, open_session
+
+
+def command(
+    source: Annotated[
+        Path, typer.Argument(metavar="RIG.toml|RUN.mcap", help="a rig whose daemon runs, or a recording")
+    ],
+    port: Annotated[int, typer.Option(help="of the WebSocket on 127.0.0.1; 0: any")] = 8765,
+    speed: Annotated[float, typer.Option(metavar="X", help="of a recording, times its own pace")] = 1.0,
+) -> None:
+    if not speed > 0:
+        raise InputError("--speed", f"wants a number above 0; has {speed:g}")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if source.suffix == ".toml":
+        rig = read_rig(source, drivers=False)
+        joints = [joint.name or f"joint{number}" for number, joint in enumerate(rig.joint, 1)]
+        with open_session(rig, listen=False) as session, Subscriber(session, keys_of(rig.name), latest=20) as rows:
+            _show(rig.name, joints, port, _live(rows))
+    else:
+        recording = open_recording(source, damaged=True)
+        blocks = (block for _, block in paced(blocks_of(recording), speed))
+        _show(str(source), recording.layout.joints, port, blocks)
+
+
+def _live(subscriber: Subscriber) -> Iterator[Columns]:
+    while True:
+        block = subscriber.receive(1.0)
+        if block is not None and block.rows:
+            yield block.columns
+
+
+def _show(name: str, joints: list[str] | tuple[str, ...], port: int, blocks: Iterator[Columns]) -> None:
+    view = LiveView(name, joints, port=port)
+    print(
+        f"showing {name} on ws://127.0.0.1:{view.port}: open it in Foxglove (config/views/foxglove.json) or in "
+        "PlotJuggler's Foxglove bridge (config/views/plotjuggler.xml); Ctrl-C ends it",
+        file=sys.stderr,
+        flush=True,
+    )
+    try:
+        for columns in blocks:
+            view.show(columns)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        view.close()

@@ -1,0 +1,1 @@
+"""From device blocks to joined, accounted rows: readers, trigger index, join, clocks, ledger."""

@@ -1,0 +1,329 @@
+"""The sampler: one acquisition, from arming to the last row.
+
+    with open_bench(rig) as bench:
+        acquisition = Acquisition(bench, experiment)
+        for rows in acquisition.rows():
+            recorder.write(rows)
+        print(acquisition.ending, acquisition.ledger.summary())
+
+Every block period all devices are read, each device's rows get their trigger's index (``daq.acquisition.trigger_index``), the join makes complete
+rows (``daq.acquisition.join``), calibration makes them angles and currents. No step loops over samples.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io import DeviceFault, InputError
+from daq.acquisition.clock_fit import ArrivalClock, ClockFit, fit_clock
+from daq.acquisition.device_stream import Stream
+from daq.acquisition.join import Join, Joined
+from daq.acquisition.ledger import Ledger
+from daq.acquisition.readers import Intake
+from daq.acquisition.rows import Rows
+from daq.acquisition.states import NEXT, End, Ending, State, check_plan
+from daq.acquisition.tracker_memory import merge_points
+from daq.rig.bench import Bench
+from daq.rig.calibration import currents, positions
+from drivers.protocols import ClockReadings, EdgeSource, Plan, PositionTracker, Reconnecting
+from experiment import Experiment, demand_of
+
+PATIENCE = 0.5  # s without a trigger, or that a device may lag behind the others, before it counts as gone
+RATE_TOLERANCE = 0.01  # relative: a trigger that is further off the rig's rate is noted
+START_TOLERANCE = 0.05  # rad (m): how far the first row may be from the experiment's start pose
+
+
+class Acquisition:
+    """One run on an open bench.
+
+    experiment  the motion, or None: only to look
+    seconds     how long, where there is no experiment (None: until stopped)
+    state       idle, armed, running, done or fault; ``ending`` says why, once it has ended
+    ledger      triggers, rows and losses; a recorder adds what it wrote and lost
+    notes       sentences worth keeping about this run that are no losses
+    """
+
+    def __init__(self, bench: Bench, experiment: Experiment | None = None, *, seconds: float | None = None) -> None:
+        self.bench, self.experiment = bench, experiment
+        rate = experiment.rate if experiment is not None and experiment.rate is not None else bench.trigger.rate
+        if experiment is not None:
+            seconds = demand_of(experiment).duration
+        self.plan = Plan(
+            EdgeSource(bench.trigger.source),
+            rate,
+            None if seconds is None else max(round(seconds * rate), 1),
+            bench.rig.block_seconds,
+        )
+        self.ledger = Ledger()
+        self.state = State.IDLE
+        self.ending: Ending | None = None
+        self.notes: list[str] = []
+        self.rows_made = 0
+        self.started_ns = 0
+        self._wall_offset = 0
+        self._first = (0, 0)
+        self._pace_ns = 1e9 / rate
+        self._stop: Ending | None = None
+        self._lock = threading.Lock()
+        self._held: list[Rows] = []
+        self._connect()
+
+    # States
+
+    def arm(self) -> None:
+        """Checks rig, plan and motion, brings the arm to its start, sets the counters, and arms every device.
+
+        Raises InputError where the run asks for more than the rig can do, DeviceFault where a device refuses.
+        """
+        bench = self.bench
+        self._go(State.ARMED)
+        try:
+            problems = check_plan(bench.rig, bench.devices, bench.identities, self.plan)
+            if problems:
+                more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+                raise InputError(bench.rig.name, problems[0] + more)
+            if self.experiment is not None:
+                bench.guard.load(self.experiment)
+                bench.zero(np.array(self.experiment.start), only_start=True)
+            self._connect()
+            self._intake.arm()
+        except BaseException:
+            self._disarm()
+            self.state = State.IDLE
+            raise
+
+    def disarm(self) -> None:
+        """Back to idle, from armed."""
+        self._go(State.IDLE)
+        self._disarm()
+
+    def start(self) -> None:
+        """Starts clock and arm: the start signal goes out, and each edge that comes back makes a row."""
+        clock = self.bench.clock
+        self._go(State.RUNNING)
+        self._wall_offset = clock.wall_ns() - clock.monotonic_ns()
+        try:
+            self._intake.arm_afresh()
+            self._join.begin = clock.monotonic_ns()
+            self.bench.guard.start(motion=self.experiment is not None)
+        except BaseException as error:
+            self._end(Ending(End.DEVICE_LOST, str(error)))
+            raise
+        self.started_ns = self._newest_ns = clock.monotonic_ns()
+        self._intake.start(self.started_ns)
+
+    def stop(self, reason: End = End.STOPPED, detail: str = "") -> None:
+        """Ends the run with the rows of the triggers so far; from any thread."""
+        with self._lock:
+            self._stop = self._stop or Ending(reason, detail)
+
+    @property
+    def progress(self) -> float | None:
+        """Share of the expected rows that have been made, 0..1; None for a run without an end."""
+        return None if self.plan.rows is None else min(self.rows_made / self.plan.rows, 1.0)
+
+    def clocks(self) -> list[ClockFit]:
+        """The fit of each device's clock to the host's, of the run so far: by readings of it where there are enough, else by its rows."""
+        fits = []
+        for stream in self._intake.streams:
+            device = self.bench.devices[stream.name]
+            readings = device.clock_readings() if isinstance(device, ClockReadings) else []
+            fits.append(fit_clock(stream.name, readings) or fit_clock(stream.name, stream.pairs))
+        return [fit for fit in fits if fit is not None]
+
+    # Rows
+
+    def rows(self) -> Iterator[Rows]:
+        """Arms and starts if that was not done, and yields all rows, block by block, until the run has ended.
+
+        When the loop ends, ``ending`` says why and the ledger balances. Whatever happens - the loop is left, the consumer raises -
+        the outputs are in their safe state and the devices disarmed.
+        """
+        if self.state is State.IDLE:
+            self.arm()
+        if self.state is State.ARMED:
+            self.start()
+        try:
+            while True:
+                self._intake.sleep()
+                last, ending = self._cycle()
+                if ending is None:
+                    yield from self._finished(self._join.take())
+                    self.bench.guard.feed()
+                    continue
+                yield from self._tail(last, ending)
+                return
+        finally:
+            self._end(Ending(End.ABANDONED))
+
+    def _cycle(self) -> tuple[int, Ending | None]:
+        """Reads every device once; the last trigger of the run and why it ends, if it does."""
+        asked = self.bench.clock.monotonic_ns()  # before the reading: a host that pauses in it saw no quiet line
+        for stream in self._intake.streams:
+            if stream.name in self._join.gone:
+                continue
+            try:
+                self._intake.read(stream)
+            except DeviceFault as fault:
+                self._join.gone[stream.name] = fault.what
+                self.stop(End.DEVICE_LOST, str(fault))
+        self._join.rebase()
+        return self._clock.newest, self._ending(asked)
+
+    def _tail(self, last: int, ending: Ending) -> Iterator[Rows]:
+        """The rows up to the last trigger: waits for devices that are late, then gives up what is missing."""
+        self.bench.guard.make_safe()
+        if ending.reason is End.ROWS_DONE and self.plan.rows is not None:
+            last = self.plan.rows - 1
+        deadline = self.bench.clock.monotonic_ns() + PATIENCE * 1e9
+        while self._intake.behind(last, self._join.gone) and self.bench.clock.monotonic_ns() < deadline:
+            self._intake.sleep()
+            self._cycle()
+        self._intake.finish()
+        if ending.state is State.FAULT:
+            last = max(last, self._clock.newest)
+        yield from self._finished(self._join.take(last))
+        if self._intake.recalled is not None:
+            tracker = cast(PositionTracker, self.bench.devices[self._intake.recalled.name])
+            yield from merge_points(self._held, tracker.recall(), self.plan, self.notes)
+        self._note_oddities()
+        self._end(ending)
+
+    def _finished(self, joined: Joined | None) -> Iterator[Rows]:
+        """Calibrated rows, while the arm is watched."""
+        if joined is None:
+            return
+        rows = self._calibrated(joined)
+        if self.rows_made == 0:
+            self._first = int(rows.number[0]), int(rows.host_ns[0])
+            self._check_first(rows)
+        self._pace_ns = (int(rows.host_ns[-1]) - self._first[1]) / max(int(rows.number[-1]) - self._first[0], 1)
+        breach = self.bench.guard.breach(rows.position, rows.current, rows.host_ns)
+        if breach is not None:
+            self.stop(End.LIMIT, breach)
+        self.rows_made += len(rows)
+        if self._intake.recalled is None:
+            yield rows
+        else:  # complete once the tracker's memory has been read, at most so many rows as that holds
+            self._held.append(rows)
+
+    def _calibrated(self, joined: Joined) -> Rows:
+        host: NDArray[np.int64] = joined.host
+        if self._clock.indexer.regular is False and not self._clock.by_time:
+            host = self._arrivals.times(joined.number, host)
+        demand = None
+        if self.experiment is not None and self.bench.guard.controller is not None:
+            demand = self.bench.guard.controller.demand(np.asarray((host - self.started_ns) * 1e-9, float))
+        calibration = self.bench.calibration
+        return Rows(
+            number=joined.number,
+            host_ns=host,
+            wall_ns=host + self._wall_offset,
+            tick=joined.tick,
+            counts=joined.counts,
+            volts=joined.volts,
+            quality=joined.quality,
+            position=positions(calibration, joined.counts, joined.quality),
+            current=currents(calibration, joined.volts),
+            points=joined.points,
+            demand=demand,
+        )
+
+    def _connect(self) -> None:
+        period = 1.0 / self.plan.rate
+        self._intake = Intake(self.bench, self.plan)
+        self._clock = self._intake.clock
+        self._join = Join(self._clock, self._intake.others, self.bench.columns, self.ledger, period * 1e9)
+        self._join.patience = max(round(PATIENCE * self.plan.rate / 5), 2)
+        self._join.notes = self.notes
+        self._arrivals = ArrivalClock(period * 1e9)
+
+    # Ends
+
+    def _ending(self, now: int) -> Ending | None:
+        """Why the run ends, or None; ``now`` ns is when the devices were last asked."""
+        newest, plan = self._clock.newest, self.plan
+        if self._clock.ready is not None:
+            self._newest_ns = max(self._newest_ns, int(self._clock.ready["host"][-1]))
+        controller = self.bench.guard.controller
+        if self._stop is None and self.bench.guard.tripped is not None:
+            self.stop(End.WATCHDOG, self.bench.guard.tripped)
+        if self._stop is None and self.experiment is not None and controller is not None:
+            try:
+                if controller.finished():
+                    self.stop(End.MOTION_DONE)
+            except DeviceFault as fault:
+                self.stop(End.DEVICE_LOST, str(fault))
+        elif self._stop is None and plan.rows is not None and newest + 1 >= plan.rows:
+            self.stop(End.ROWS_DONE)
+        if self._seeks(self._clock):
+            self._newest_ns = now
+        if self._stop is None and now - self._newest_ns > max(PATIENCE, 20 / plan.rate) * 1e9:
+            self.stop(*self._quiet())
+        if self._stop is None:
+            self._look_for_silent_devices()
+        return self._stop
+
+    def _quiet(self) -> tuple[End, str]:
+        """Why there are no edges any more."""
+        newest = self._clock.newest
+        if newest < 0:
+            return End.NO_TRIGGER, ""
+        for name, device in self.bench.devices.items():
+            if isinstance(device, PositionTracker) and newest + 1 == device.memory:
+                return End.TRACKER_FULL, f"{name}, {device.memory} samples"
+        return End.TRIGGER_STOPPED, f"after trigger {newest}"
+
+    def _look_for_silent_devices(self) -> None:
+        for stream in self._intake.others:
+            behind = self._clock.newest - stream.newest > PATIENCE * self.plan.rate + 2
+            if stream.required and behind and not self._seeks(stream):
+                self._join.gone[stream.name] = "makes no rows any more"
+                self.stop(End.DEVICE_SILENT, stream.name)
+
+    def _seeks(self, stream: Stream) -> bool:
+        """Whether its device has lost its connection and is seeking it: it will be back, or raise."""
+        device = self.bench.devices[stream.name]
+        return isinstance(device, Reconnecting) and device.seeking
+
+    def _check_first(self, rows: Rows) -> None:
+        """A joint that does not read the start pose was never referenced, or shows a stale value."""
+        if self.experiment is None:
+            return
+        away = np.abs(rows.position[0] - np.array(self.experiment.start))
+        for joint in np.flatnonzero(away > START_TOLERANCE):
+            self.stop(
+                End.LIMIT,
+                f"joint {joint + 1} reads {rows.position[0, joint]:.4g} at the start, the experiment starts at "
+                f"{self.experiment.start[joint]:.4g}: zero the encoders, or give them preset = 'start'",
+            )
+
+    def _note_oddities(self) -> None:
+        """Sentences about this run that are no losses."""
+        for stream in self._intake.streams:
+            if stream.indexer.extra:
+                self.notes.append(f"{stream.name}: {stream.indexer.extra} edges on its trigger input were none")
+            if stream.indexer.regular is False and not stream.by_time:
+                self.notes.append(f"{stream.name}: its time stamps are too uneven to show a missed edge")
+        if self._clock.newest > 20 and abs(self._pace_ns * self.plan.rate * 1e-9 - 1) > RATE_TOLERANCE:
+            self.notes.append(f"triggers came at {1e9 / self._pace_ns:.4g}/s where {self.plan.rate:g}/s were expected")
+
+    def _go(self, state: State) -> None:
+        if state not in NEXT[self.state]:
+            raise DeviceFault(self.bench.rig.name, f"is {self.state}; it cannot become {state} from there")
+        self.state = state
+
+    def _end(self, ending: Ending) -> None:
+        if self.state not in (State.ARMED, State.RUNNING):
+            return
+        self.ending, self.state = ending, ending.state
+        self.bench.guard.make_safe()
+        self._disarm()
+
+    def _disarm(self) -> None:
+        self.notes += self._intake.disarm()

@@ -1,0 +1,152 @@
+"""What an acquisition reads: a stream for every device that makes rows, and pollers for those that have to be asked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import cast
+
+from arm_io import DeviceFault, InputError
+from daq.acquisition.device_stream import Stream
+from daq.acquisition.polling import PolledDevice, Poller, sleep_until
+from daq.rig.bench import Bench
+from drivers.blocks import empty
+from drivers.protocols import Block, EdgeSource, Latched, Plan, Polled, PositionTracker, TriggerInput
+
+
+class Intake:
+    """The devices of an open bench, armed for one plan.
+
+    clock     the stream whose rows say which triggers there were
+    others    all further streams that are joined during the run
+    recalled  the tracker whose points come from its memory after the run, or None
+    """
+
+    def __init__(self, bench: Bench, plan: Plan) -> None:
+        self.bench, self.plan = bench, plan
+        self.pollers: dict[str, Poller] = {}
+        self.recalled: Stream | None = None
+        streams: dict[str, Stream] = {}
+        for name in bench.devices:
+            stream = self._stream(name)
+            if stream is not None:
+                streams[name] = stream
+        if bench.trigger.device not in streams:
+            raise InputError(bench.rig.name, f"trigger.device: {bench.trigger.device} sees no edges and makes no rows")
+        self.clock = streams.pop(bench.trigger.device)
+        self.others = [stream for stream in streams.values() if stream is not self.recalled]
+        self._readers = {stream.name: self._reader(stream.name) for stream in self.streams}
+
+    @property
+    def streams(self) -> list[Stream]:
+        """All that are read during the run, the clock first."""
+        return [self.clock, *self.others]
+
+    def arm(self) -> None:
+        """Arms every device, the clock last: nobody may miss its first edge."""
+        for name in sorted(self.bench.devices, key=lambda name: name == self.clock.name):
+            self.bench.devices[name].arm(self._plan_of(name))
+
+    def _plan_of(self, name: str) -> Plan:
+        """What is asked of one device: those on their own time go at their own rate."""
+        device, rate = self.bench.devices[name], self.plan.rate
+        if name in self.pollers:
+            rate = min(rate, 1e9 / self.pollers[name].period_ns)
+        elif isinstance(device, PositionTracker) and self.plan.source is not EdgeSource.TRACKER:
+            rate = device.rate
+        else:
+            return self.plan
+        rows = None if self.plan.rows is None else math.ceil(self.plan.rows * rate / self.plan.rate)
+        source = EdgeSource.POLL if name in self.pollers else self.plan.source
+        return replace(self.plan, source=source, rate=rate, rows=rows)
+
+    def arm_afresh(self) -> None:
+        """Just before the start: where edges come already (a free-running line), all numbering begins anew."""
+        running = False
+        for name in self.bench.devices:
+            device = self.bench.devices[name]
+            if name not in self.pollers and isinstance(device, Latched):
+                running |= len(device.read()) > 0
+        if running:
+            self.disarm()
+            self.arm()
+
+    def start(self, now: int) -> None:
+        """Begins to ask those that have to be asked."""
+        for poller in self.pollers.values():
+            poller.start(now)
+
+    def read(self, stream: Stream) -> None:
+        """Takes what a device has made since the last time. Raises DeviceFault."""
+        block = self._readers[stream.name]()
+        if block is not None:
+            stream.push(block)
+
+    def _reader(self, name: str) -> Callable[[], Block | None]:
+        """How a device is read; looked up once, for asking an object for its shape is slow."""
+        device = self.bench.devices[name]
+        if name in self.pollers:
+            return self.pollers[name].read
+        if isinstance(device, Latched):
+            if name == self.bench.trigger.device and isinstance(device, TriggerInput):
+                return partial(_rows_of_clock, device, device)
+            return device.read
+        assert isinstance(device, TriggerInput)
+        return device.read_edges
+
+    def sleep(self) -> None:
+        """Until the next reading is due."""
+        clock = self.bench.clock
+        until = clock.monotonic_ns() + round(self.plan.block_seconds * 1e9)
+        sleep_until(clock, until, list(self.pollers.values()))
+
+    def behind(self, last: int, gone: dict[str, str]) -> bool:
+        """Whether a device that still answers has rows to come up to trigger ``last``."""
+        awaited = [s for s in self.streams if s is self.clock or s.required]
+        return any(s.newest < last for s in awaited if s.name not in gone)
+
+    def finish(self) -> None:
+        """No more rows will come: decides on those that waited for their successors."""
+        for poller in self.pollers.values():
+            poller.stop()
+        for stream in self.streams:
+            stream.push(empty(), final=True)
+
+    def disarm(self) -> list[str]:
+        """Disarms every device; sentences about those that would not."""
+        problems = []
+        for poller in self.pollers.values():
+            poller.stop()
+        for name, device in self.bench.devices.items():
+            try:
+                device.disarm()
+            except DeviceFault as fault:
+                problems.append(f"{name} could not be disarmed: {fault.what}")
+        return problems
+
+    def _stream(self, name: str) -> Stream | None:
+        """The stream of a device, None for one that makes no rows."""
+        bench, device = self.bench, self.bench.devices[name]
+        period = 1.0 / self.plan.rate
+        polled = isinstance(device, Polled) and (self.plan.source is EdgeSource.POLL or not isinstance(device, Latched))
+        # A tracker cannot be triggered: unless it makes the trigger itself, its points are joined by their time.
+        by_time = polled or (isinstance(device, PositionTracker) and self.plan.source is not EdgeSource.TRACKER)
+        stream = Stream(name, bench.columns, period * 1e9, by_time=by_time, presets=bench.presets.get(name, {}))
+        if polled:
+            ceiling = bench.identities[name].max_rate or self.plan.rate
+            self.pollers[name] = Poller(cast(PolledDevice, device), bench.clock, max(period, 1.0 / ceiling))
+            return stream
+        if isinstance(device, Latched):
+            return stream
+        if name == bench.columns.tracker and isinstance(device, PositionTracker):
+            self.recalled = stream
+            return stream
+        return stream if name == bench.trigger.device and isinstance(device, TriggerInput) else None
+
+
+def _rows_of_clock(rows: Latched, edges: TriggerInput) -> Block:
+    """The rows say the same as the edges and more; the driver's list of edges must not grow."""
+    edges.read_edges()
+    return rows.read()

@@ -1,0 +1,41 @@
+"""Rows: what one trigger made of all devices, block by block, between sampler, recorder and publisher."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """n consecutive rows. Raw values beside calibrated ones; C counters, A analogue inputs, J joints.
+
+    number    (n,) int64: trigger number since arming; a gap is a loss, and stands in the ledger
+    host_ns   (n,) int64: host's monotonic clock at the trigger
+    wall_ns   (n,) int64: wall time at the trigger, the stamp of the row everywhere
+    tick      (n,) int64: tick of the clock device, 0 where there is none
+    counts    (n, C) int64: extended to 64 bit
+    volts     (n, A) float64 V
+    points    (n, 3) float64 m in the tracker's frame, NaN where there is none; None for a rig without a tracker
+    quality   (n, C + A (+ 1 with points)) uint8: drivers.protocols.Quality, columns in that order
+    position  (n, J) float64 rad (m): joint angles, motor encoder over gear ratio; NaN where missing
+    current   (n, J) float64 A: motor currents, positive drives the joint positive; NaN where missing
+    demand    (n, J) float64 rad (m), or None where the controller does not tell
+    """
+
+    number: NDArray[np.int64]
+    host_ns: NDArray[np.int64]
+    wall_ns: NDArray[np.int64]
+    tick: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    volts: NDArray[np.float64]
+    quality: NDArray[np.uint8]
+    position: NDArray[np.float64]
+    current: NDArray[np.float64]
+    points: NDArray[np.float64] | None = None
+    demand: NDArray[np.float64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.number)

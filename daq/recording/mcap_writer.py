@@ -1,0 +1,273 @@
+"""An MCAP file in the making: head, chunks, attachments, summary (https://mcap.dev/spec).
+
+The file is called ``RUN.mcap.active`` until it is whole. What the operating system refuses is undone: after an OSError the file
+ends where it ended before, and what was written earlier stays readable. One number in the head, the progress, is
+overwritten in place, so that after a crash the file itself tells how many rows had been on their way.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import struct
+import time
+import zlib
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from numpy.typing import NDArray
+
+from arm_io import InputError
+
+MAGIC = b"\x89MCAP0\r\n"
+ACTIVE = ".active"
+PROGRESS = "armscope:progress"
+LEVEL = -1
+"""Of zstd: writes as small as level 1 what rows are made of, and is read a third faster; level 3 saves a sixth for half the speed."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Rows that were handed to the recorder: how many, trigger numbers of the first and last, wall time of the last (ns)."""
+
+    rows: int = 0
+    first: int = 0
+    last: int = -1
+    wall_ns: int = 0
+
+    def to_metadata(self) -> Metadata:
+        values = [f"{value:020d}" for value in (self.rows, self.first, self.last, self.wall_ns)]
+        check = f"{zlib.crc32(' '.join(values).encode()):08x}"
+        return Metadata(PROGRESS, dict(zip(("rows", "first", "last", "wall_ns", "crc"), [*values, check])))
+
+    @staticmethod
+    def from_metadata(values: dict[str, str]) -> Progress | None:
+        """None where the numbers do not match their checksum."""
+        try:
+            progress = Progress(*(int(values[key]) for key in ("rows", "first", "last", "wall_ns")))
+        except (KeyError, ValueError):
+            return None
+        return progress if progress.to_metadata().metadata == values else None
+
+
+@dataclass
+class McapFile:
+    """A file being written. Every method raises OSError where the disk refuses, and leaves the file as it was before.
+
+    path  where the finished file will be; until then it is ``active``
+    """
+
+    path: Path
+    active: Path
+    _handle: int
+    _end: int = 0
+    _progress_offset: int = 0
+    _schemas: list[Schema] = field(default_factory=list)
+    _channels: list[Channel] = field(default_factory=list)
+    _chunks: list[ChunkIndex] = field(default_factory=list)
+    _attachments: list[AttachmentIndex] = field(default_factory=list)
+    _metadata: list[MetadataIndex] = field(default_factory=list)
+    _counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
+    _compressor: zstandard.ZstdCompressor = field(
+        default_factory=lambda: zstandard.ZstdCompressor(level=LEVEL, write_checksum=True)
+    )
+
+    def begin(self, library: str, schemas: Sequence[Schema], channels: Sequence[Channel]) -> None:
+        """The head: profile ros2, schemas and channels, ahead of everything else, and the progress."""
+        self._schemas, self._channels = list(schemas), list(channels)
+        self._write(MAGIC + _bytes(Header("ros2", library), *self._schemas, *self._channels))
+        self._progress_offset = self._end
+        self.metadata(Progress().to_metadata())
+
+    def progress(self, progress: Progress) -> None:
+        """Overwrites the progress in place."""
+        os.pwrite(self._handle, _bytes(progress.to_metadata()), self._progress_offset)
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """An attachment, with a checksum of its own."""
+        now = time.time_ns()
+        offset = self._write(_bytes(Attachment(now, now, name, media_type, data)))
+        self._attachments.append(AttachmentIndex(offset, self._end - offset, now, now, len(data), name, media_type))
+
+    def metadata(self, record: Metadata) -> None:
+        """Text that other tools show without knowing us."""
+        offset = self._write(_bytes(record))
+        self._metadata.append(MetadataIndex(offset, self._end - offset, record.name))
+
+    def chunk(
+        self, content: bytes | bytearray, wall_ns: NDArray[np.int64], offsets: dict[int, NDArray[np.uint64]]
+    ) -> None:
+        """A compressed chunk of message records, and its message indexes.
+
+        content  the records; wall_ns: (n,) times of the rows; offsets: channel -> (n,) where its messages begin in ``content``
+        """
+        first, last = int(wall_ns.min()), int(wall_ns.max())
+        data = self._compressor.compress(content)
+        body = struct.pack("<QQQI", first, last, len(content), zlib.crc32(content))
+        body += struct.pack("<I4sQ", 4, b"zstd", len(data))
+        length = len(body) + len(data)
+        parts, places, size = [struct.pack("<BQ", Opcode.CHUNK, length), body, data], {}, 9 + length
+        for channel, starts in offsets.items():
+            entries = np.column_stack([wall_ns.astype(np.uint64), starts]).tobytes()
+            places[channel] = self._end + size
+            parts += [struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)), entries]
+            size += 15 + len(entries)
+        offset = self._write(b"".join(parts))
+        for channel, starts in offsets.items():
+            self._counts[channel] += len(starts)
+        self._chunks.append(
+            ChunkIndex(
+                chunk_length=9 + length,
+                chunk_start_offset=offset,
+                compression="zstd",
+                compressed_size=len(data),
+                message_end_time=last,
+                message_index_length=size - 9 - length,
+                message_index_offsets=places,
+                message_start_time=first,
+                uncompressed_size=len(content),
+            )
+        )
+
+    def sync(self) -> None:
+        """Waits until everything written is on the disk."""
+        os.fdatasync(self._handle)
+
+    def finish(self) -> None:
+        """Summary and footer; then the file gets its name. After an OSError it keeps the name ``active``, and all its rows."""
+        self._write(_bytes(DataEnd(0)) + self._summary(self._end + 13))
+        self.sync()
+        self.close()
+        os.rename(self.active, self.path)
+        _sync_folder(self.path.parent)
+
+    def close(self) -> None:
+        """Closes the file as it is, unfinished if ``finish`` was not called. May be called again."""
+        if self._handle >= 0:
+            os.close(self._handle)
+            self._handle = -1
+
+    def abandon(self) -> None:
+        """Removes the unfinished file."""
+        self.close()
+        self.active.unlink(missing_ok=True)
+
+    def _write(self, data: bytes) -> int:
+        """Appends all of ``data`` or nothing; returns where it begins."""
+        start, rest = self._end, memoryview(data)
+        try:
+            while rest:
+                rest = rest[os.pwrite(self._handle, rest, self._end + len(data) - len(rest)) :]
+        except OSError:
+            os.ftruncate(self._handle, self._end)
+            raise
+        self._end += len(data)
+        return start
+
+    def _summary(self, start: int) -> bytes:
+        groups: list[Sequence[McapRecord]] = [
+            self._schemas, self._channels, [self._statistics()], self._chunks, self._attachments, self._metadata
+        ]  # fmt: skip
+        summary, offsets = bytearray(), bytearray()
+        for group in groups:
+            if group:
+                data = _bytes(*group)
+                offsets += _bytes(SummaryOffset(data[0], start + len(summary), len(data)))
+                summary += data
+        footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, start + len(summary))
+        checksum = zlib.crc32(summary + offsets + footer)
+        return bytes(summary + offsets) + _bytes(Footer(start, start + len(summary), checksum)) + MAGIC
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=len(self._attachments),
+            channel_count=len(self._channels),
+            channel_message_counts=dict(self._counts),
+            chunk_count=len(self._chunks),
+            message_count=sum(self._counts.values()),
+            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
+            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
+            metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )
+
+
+def create(path: str | Path, *, live: bool = False, replace: bool = False) -> McapFile:
+    """Opens ``path`` for writing under another name. InputError where it exists (unless ``replace``), or cannot be made.
+
+    live  True: the other name is ``path.active``, because what is in it is found nowhere else; never replaces one. A lock on it
+          tells that somebody still writes (``being_written``). False: ``path.part``
+    """
+    path = Path(path)
+    active = path.with_name(path.name + (ACTIVE if live else ".part"))
+    if path.is_dir():
+        raise InputError(path, "is a folder; the name of a file is wanted")
+    if path.exists() and not replace:
+        raise InputError(path, "exists already, and no recording is overwritten; another name is wanted")
+    handle = -1
+    try:
+        handle = os.open(active, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | (os.O_EXCL if live else 0), 0o644)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        os.ftruncate(handle, 0)
+    except BlockingIOError:
+        os.close(handle)
+        raise InputError(path, "is being written by another process") from None
+    except FileExistsError:
+        raise InputError(
+            active, "an unfinished recording is there; 'armscope recover' it first, or remove it"
+        ) from None
+    except OSError as error:
+        raise InputError(path, f"cannot be written: {error.strerror}") from None
+    return McapFile(path, active, handle)
+
+
+def being_written(path: str | Path) -> bool:
+    """True while a process has the file ``path`` open for recording."""
+    with open(path, "rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+def as_json(value: object) -> bytes:
+    """A JSON text for an attachment."""
+    return json.dumps(value, indent=1).encode()
+
+
+def _bytes(*records: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return builder.end()
+
+
+def _sync_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,136 @@
+"""The parts of a recording's file, in the order in which they are written: head and attachments, chunks of rows, ledger."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+from mcap.records import Metadata, Schema
+from numpy.typing import NDArray
+
+from arm_io import DeviceFault
+from daq.acquisition.ledger import SENTENCES, LedgerSummary
+from daq.recording import mcap_writer, ros2_messages
+from daq.recording.mcap_writer import McapFile
+from daq.recording.row_format import Layout, RowFormat
+
+
+@dataclass(frozen=True)
+class Attachments:
+    """What a recording carries so that everything in it can be recomputed. Texts as they stand in the files; None: there is none.
+
+    rig, model, experiment  TOML texts
+    calibration             as ``daq.rig.calibration`` puts it (with its content hash)
+    provenance              who, where, when, with which versions; strings, numbers, lists, tables
+    """
+
+    rig: str | None = None
+    model: str | None = None
+    experiment: str | None = None
+    calibration: dict | None = None
+    provenance: dict = field(default_factory=dict)
+
+    def files(self) -> dict[str, tuple[str, bytes]]:
+        """File name -> (media type, content)."""
+        files = {}
+        for name in ("rig", "model", "experiment"):
+            text = getattr(self, name)
+            if text is not None:
+                files[f"{name}.toml"] = ("application/toml", text.encode())
+        if self.calibration is not None:
+            files["calibration.json"] = ("application/json", mcap_writer.as_json(self.calibration))
+        files["provenance.json"] = ("application/json", mcap_writer.as_json(self.provenance))
+        return files
+
+
+Files = Mapping[str, tuple[str, bytes]]
+"""File name -> (media type, content)."""
+
+
+def open_file(
+    path: str | Path, form: RowFormat, files: Files, *, live: bool = False, replace: bool = False
+) -> McapFile:
+    """A file with its head and attachments. InputError where it cannot be made; nothing is left then.
+
+    live  as ``mcap_writer.create`` has it
+    """
+    file = mcap_writer.create(path, live=live, replace=replace)
+    schemas = [
+        Schema(number, ros2_messages.DEFINITIONS[name].encode(), "ros2msg", name)
+        for number, name in enumerate(form.types, 1)
+    ]
+    try:
+        file.begin(f"armscope {_version()}", schemas, form.channels())
+        for name, (media_type, data) in files.items():
+            file.attach(name, media_type, data)
+    except OSError as error:
+        file.abandon()
+        raise DeviceFault("disk", f"{error.strerror} while beginning {path}") from None
+    return file
+
+
+def write_chunk(file: McapFile, form: RowFormat, columns: dict[str, NDArray]) -> None:
+    """One chunk of rows; ``columns`` as ``RowFormat.pack`` wants them, and 'wall_ns'."""
+    write_content(file, form, form.pack(columns, columns["wall_ns"]), columns["wall_ns"])
+
+
+def write_content(file: McapFile, form: RowFormat, content: bytes | bytearray, wall_ns: NDArray[np.int64]) -> None:
+    """One chunk whose content is packed already."""
+    offsets = {topic.channel: form.message_offsets(topic, len(wall_ns)) for topic in form.topics}
+    file.chunk(content, wall_ns, offsets)
+
+
+def finish_file(file: McapFile, ledger: LedgerSummary) -> None:
+    """The ledger, for us as an attachment and for everybody as metadata, then the summary."""
+    table = ledger_table(ledger)
+    file.attach("ledger.json", "application/json", mcap_writer.as_json(table))
+    values = {key: str(table[key]) for key in ("triggers", "latched", "recorded", "lost", "balanced")}
+    file.metadata(Metadata("armscope:ledger", values))
+    file.finish()
+
+
+def ledger_table(ledger: LedgerSummary) -> dict:
+    """The ledger as JSON has it."""
+    losses = [
+        {"first": loss.first, "rows": loss.rows, "reason": str(loss.reason), "detail": loss.detail}
+        | {"sentence": SENTENCES[loss.reason]}
+        for loss in ledger.losses
+    ]
+    return {
+        "triggers": ledger.triggers,
+        "latched": ledger.latched,
+        "recorded": ledger.recorded,
+        "lost": ledger.lost,
+        "balanced": ledger.balanced,
+        "losses": losses,
+    }
+
+
+class Derivatives:
+    """What viewers want in /joint_states beside the measured position: velocity (difference quotient), effort (torque)."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._effort = np.array(layout.effort)
+        self._q: NDArray[np.float64] | None = None
+        self._wall_ns = 0
+
+    def __call__(self, piece: dict[str, NDArray]) -> dict[str, NDArray]:
+        q, wall_ns = piece["q"], piece["wall_ns"]
+        before_q = q[:1] * np.nan if self._q is None else self._q
+        with np.errstate(all="ignore"):
+            seconds = np.diff(wall_ns, prepend=self._wall_ns) * 1e-9
+            derived = {"velocity": np.diff(q, axis=0, prepend=before_q) / seconds[:, None]}
+        if len(self._effort) and "i" in piece:
+            derived["torque"] = piece["i"] * self._effort
+        self._q, self._wall_ns = q[-1:], int(wall_ns[-1])
+        return derived
+
+
+def _version() -> str:
+    try:
+        return version("armscope")
+    except PackageNotFoundError:
+        return "(not installed)"

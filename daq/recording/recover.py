@@ -1,0 +1,74 @@
+"""Rescues what an unfinished or damaged recording holds into a finished one, and says what is missing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from arm_io import DeviceFault, InputError
+from daq.acquisition.ledger import LedgerSummary
+from daq.recording import mcap_walk
+from daq.recording.contents import mapped, read_contents
+from daq.recording.mcap_writer import ACTIVE, as_json, being_written
+from daq.recording.parts import finish_file, open_file, write_content
+from daq.recording.row_format import format_of
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What was rescued: the ledger of the new file, whether it is sure that nothing more is missing, and what was wrong."""
+
+    path: Path
+    ledger: LedgerSummary
+    sure: bool
+    notes: tuple[str, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Nothing is missing."""
+        return self.sure and not self.ledger.lost
+
+
+def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = False) -> Recovery:
+    """Copies every intact row and attachment of ``path`` into the new recording ``out``, byte for byte.
+
+    out      default: ``path`` without '.active'
+    replace  an existing ``out``
+    Raises InputError where nothing can be read, or ``out`` exists; DeviceFault where the disk refuses.
+    """
+    path = Path(path)
+    if out is None:
+        if path.suffix != ACTIVE:
+            raise InputError(path, "is not called '.active'; --out with the name of the new file is wanted")
+        out = path.with_suffix("")
+    out = Path(out)
+    if out.exists() and path.exists() and out.samefile(path):
+        raise InputError(out, "is the damaged file itself; another name is wanted")
+    contents = read_contents(path)
+    if being_written(path):
+        raise InputError(path, "is being recorded right now; wait until it is finished")
+    ledger, sure = contents.ledger()
+    notes = contents.notes(sure)
+    file = open_file(out, format_of(contents.layout.to_json()), {}, replace=replace)
+    try:
+        for part in mcap_walk.walk(mapped(path)):
+            match part:
+                case mcap_walk.File() if part.name not in ("ledger.json", "recovery.json"):
+                    file.attach(part.name, part.media_type, part.data)
+                case mcap_walk.Rows() if part.form.layout == contents.layout:
+                    write_content(file, part.form, part.content, part.rows["times1"][:, 0].astype(np.int64))
+        report = {"from": path.name, "at": datetime.now(UTC).isoformat(timespec="seconds"), "notes": notes}
+        file.attach("recovery.json", "application/json", as_json(report))
+        if contents.progress is not None:
+            file.progress(contents.progress)
+        finish_file(file, ledger)
+    except OSError as error:
+        file.abandon()
+        raise DeviceFault("disk", f"{error.strerror} while writing {out}; {path} is as it was") from None
+    except BaseException:
+        file.abandon()
+        raise
+    return Recovery(out, ledger, sure, notes)

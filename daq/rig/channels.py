@@ -1,0 +1,57 @@
+"""Which column of ``Rows.counts``, ``Rows.volts`` and ``Rows.quality`` is which channel of which device."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from daq.rig.rig_file import Rig
+from drivers.protocols import AnalogInput, Device, Latched, Polled, PositionTracker, QuadratureCounter
+
+Place = tuple[str, int]
+
+
+@dataclass(frozen=True)
+class Columns:
+    """All channels of all devices that make rows, in the order of the rig file, whether a joint uses them or not: raw is kept.
+
+    counters  (C) device and channel of each column of ``counts``; ``widths`` (C) bits of their registers
+    inputs    (A) device and channel of each column of ``volts``
+    tracker   the device that gives ``points``, or None
+    """
+
+    counters: tuple[Place, ...]
+    widths: tuple[int, ...]
+    inputs: tuple[Place, ...]
+    tracker: str | None
+
+    @property
+    def quality(self) -> int:
+        """Number of columns of ``quality``."""
+        return len(self.counters) + len(self.inputs) + (self.tracker is not None)
+
+    def names(self) -> tuple[list[str], list[str]]:
+        """Names of the counter and of the input columns: ``device.channel``."""
+        return [f"{d}.{c}" for d, c in self.counters], [f"{d}.{c}" for d, c in self.inputs]
+
+    def as_table(self) -> dict[str, Any]:
+        """The columns as plain data, for the head of a recording."""
+        counters, inputs = self.names()
+        return {"counters": counters, "arm_io": inputs, "tracker": self.tracker}
+
+
+def columns_of(rig: Rig, devices: Mapping[str, Device]) -> Columns:
+    """The columns that the rig's devices make."""
+    acquiring = [d for d in devices.values() if isinstance(d, Latched | Polled)]
+    counters = [d for d in acquiring if isinstance(d, QuadratureCounter)]
+    inputs = [d for d in acquiring if isinstance(d, AnalogInput)]
+    tracker = rig.tracker.device if rig.tracker else None
+    if tracker is not None and not isinstance(devices[tracker], PositionTracker):
+        tracker = None
+    return Columns(
+        counters=tuple((d.name, c) for d in counters for c in range(len(d.width))),
+        widths=tuple(width for d in counters for width in d.width),
+        inputs=tuple((d.name, c) for d in inputs for c in range(len(d.range_volts))),
+        tracker=tracker,
+    )

@@ -1,0 +1,199 @@
+"""The one way to everything that can move the arm: start line, analogue outputs, the arm's controller.
+
+Every command passes the rig's limits, and everything comes to its safe state (lines low, outputs 0 V, the arm stopped) when a run
+ends, when the arm leaves its limits, when a device is lost, and when the sampler has not been served for ``Rig.watchdog`` s. The
+watchdog counts the rig's clock, so that a simulation that runs on a time of its own is not stopped by a debugger.
+
+What no program can do for itself: after SIGKILL or a power cut nobody is left to act. The service manager's watchdog then starts
+the daemon anew, and opening the rig begins with the safe state; what must be safe within milliseconds wants a watchdog in hardware.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io import DeviceFault, InputError
+from daq.acquisition.states import check_motion
+from daq.rig.rig_file import Output, Rig
+from drivers.protocols import AnalogOutput, ArmController, Device, DigitalOutput, HostClock, OwnWatchdog
+from experiment import Experiment
+
+START = "start"  # the output that begins a run
+
+
+class Guard:
+    """Outputs and arm of one rig. May be used from any thread; ``tripped`` is why all is held safe, or None."""
+
+    def __init__(self, rig: Rig, devices: Mapping[str, Device], clock: HostClock) -> None:
+        self.rig, self.clock = rig, clock
+        self.tripped: str | None = None
+        self._outputs = [d for d in devices.values() if isinstance(d, DigitalOutput | AnalogOutput)]
+        self._devices = devices
+        self.controller = _controller(devices)
+        _check_watchdogs(rig, devices)
+        self._lock = threading.RLock()
+        self._fed = 0
+        self._watching: threading.Thread | None = None
+        self._end = threading.Event()
+
+    # Commands
+
+    def set_line(self, name: str, high: bool) -> None:
+        """Drives a digital output of the rig file."""
+        output = self._output(name)
+        device = self._devices[output.device]
+        if output.line is None or not isinstance(device, DigitalOutput):
+            raise InputError(f"outputs.{name}", "is an analogue output; it wants volts")
+        with self._lock:
+            self._refuse_if_tripped(name)
+            device.write_line(output.line, high)
+
+    def set_volts(self, name: str, volts: float) -> None:
+        """Drives an analogue output, within the rig's and the device's limits."""
+        output = self._output(name)
+        device = self._devices[output.device]
+        if output.channel is None or not isinstance(device, AnalogOutput):
+            raise InputError(f"outputs.{name}", "is a digital line; it wants high or low")
+        low, high = device.output_range[output.channel]
+        if output.limits is not None:
+            low, high = max(low, output.limits[0]), min(high, output.limits[1])
+        if not low <= volts <= high:  # False for NaN too
+            raise InputError(f"outputs.{name}", f"{volts:g} V is outside {low:g} to {high:g} V")
+        with self._lock:
+            self._refuse_if_tripped(name)
+            device.write_volts(output.channel, volts)
+
+    def load(self, experiment: Experiment) -> None:
+        """Gives the controller an experiment that keeps the rig's limits; InputError otherwise."""
+        problems = check_motion(self.rig, experiment)
+        if problems:
+            more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+            raise InputError(f"experiment {experiment.name!r}", problems[0] + more)
+        with self._lock:
+            self._refuse_if_tripped("the arm")
+            if self.controller is not None:
+                self.controller.load(experiment)
+
+    def start(self, *, motion: bool) -> None:
+        """Starts the arm, if it has a ``motion``, and raises the start line; from now on the watchdog wants ``feed``."""
+        with self._lock:
+            self._refuse_if_tripped("the arm")
+            self._fed = self.clock.monotonic_ns()
+            self._watch()
+            if motion and self.controller is not None:
+                self.controller.start()
+            if START in self.rig.outputs:
+                self.set_line(START, True)
+
+    # Supervision
+
+    def feed(self) -> None:
+        """A sign of life; one that comes too late is none, though the thread that watches may have stood still as long."""
+        now = self.clock.monotonic_ns()
+        if now - self._fed > self.rig.watchdog * 1e9:
+            self._starved()
+        self._fed = now
+
+    def breach(
+        self, position: NDArray[np.float64], current: NDArray[np.float64], host_ns: NDArray[np.int64]
+    ) -> str | None:
+        """What limit the arm was seen to break in rows (n, J), as a sentence; None if it kept them all. NaN keeps them.
+
+        Speed is taken over the whole block of rows, where encoder steps do not look like speed.
+        """
+        if len(position) == 0:
+            return None
+        limits = self.rig.limits
+        if limits.position is not None:
+            low, high = np.array(limits.position).T
+            out = (position < low) | (position > high)
+            if out.any():
+                row, joint = np.argwhere(out)[0]
+                return f"joint {joint + 1} at {position[row, joint]:.4g}, limits {low[joint]:g} to {high[joint]:g}"
+        if limits.current is not None:
+            over = np.abs(current) > np.array(limits.current)
+            if over.any():
+                row, joint = np.argwhere(over)[0]
+                return f"current {current[row, joint]:.4g} A in joint {joint + 1}, limit {limits.current[joint]:g} A"
+        if limits.speed is not None and host_ns[-1] - host_ns[0] > 5_000_000:
+            speed = np.abs(position[-1] - position[0]) / ((host_ns[-1] - host_ns[0]) * 1e-9)
+            over = speed > np.array(limits.speed)
+            if over.any():
+                joint = int(np.argmax(over))
+                return f"joint {joint + 1} at {speed[joint]:.4g}/s, limit {limits.speed[joint]:g}/s"
+        return None
+
+    def trip(self, why: str) -> None:
+        """Safe state, held until ``reset``."""
+        with self._lock:
+            self.tripped = self.tripped or why
+        self.make_safe()
+
+    def reset(self) -> None:
+        """Somebody has looked: commands are taken again."""
+        self.tripped = None
+
+    def make_safe(self) -> None:
+        """Stops the arm and brings every output to its safe state; never raises, tries every device."""
+        self._end.set()
+        alone = self._lock.acquire(timeout=self.rig.watchdog)  # whoever holds it may be what hangs
+        try:
+            if self.controller is not None:
+                self.controller.stop()
+        except Exception:  # the arm may be what is broken; the outputs still have to be made safe
+            self.tripped = self.tripped or "the controller did not take the command to stop"
+        finally:
+            for device in self._outputs:
+                device.safe()
+            if alone:
+                self._lock.release()
+
+    # Inside
+
+    def _output(self, name: str) -> Output:
+        if name not in self.rig.outputs:
+            known = ", ".join(self.rig.outputs) or "none"
+            raise InputError(f"outputs.{name}", f"no such output in the rig file; there are: {known}")
+        return self.rig.outputs[name]
+
+    def _refuse_if_tripped(self, what: str) -> None:
+        if self.tripped is not None:
+            raise DeviceFault("guard", f"{what} is held safe: {self.tripped}; reset it when the cause is gone")
+
+    def _watch(self) -> None:
+        self._end = threading.Event()
+        self._watching = threading.Thread(target=self._watchdog, args=(self._end,), name="watchdog", daemon=True)
+        self._watching.start()
+
+    def _watchdog(self, end: threading.Event) -> None:
+        while not end.wait(self.rig.watchdog / 4):
+            if self.clock.monotonic_ns() - self._fed > self.rig.watchdog * 1e9:
+                self._starved()
+                return
+
+    def _starved(self) -> None:
+        self.trip(f"no sign of life of the sampler for {self.rig.watchdog:g} s")
+
+
+def _check_watchdogs(rig: Rig, devices: Mapping[str, Device]) -> None:
+    """A device that has made its outputs safe by itself must not meet a program that takes the run for one that still goes on."""
+    for name, device in devices.items():
+        if isinstance(device, OwnWatchdog) and 0 < device.watchdog <= rig.watchdog:
+            raise InputError(
+                rig.name,
+                f"watchdog: {rig.watchdog:g} s wants to be shorter than {device.watchdog:g} s, after which {name} makes its own "
+                "outputs safe",
+            )
+
+
+def _controller(devices: Mapping[str, Device]) -> ArmController | None:
+    """The rig's arm controller: the device that has the shape of one."""
+    found = [device for device in devices.values() if isinstance(device, ArmController)]
+    if len(found) > 1:
+        names = ", ".join(name for name, device in devices.items() if isinstance(device, ArmController))
+        raise InputError("rig", f"has more than one arm controller: {names}; one arm, one rig")
+    return found[0] if found else None

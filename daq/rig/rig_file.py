@@ -1,0 +1,384 @@
+"""The rig file (``config/*.toml``): what is wired to what, and what the arm may be asked to do.
+
+Channels are numbered from 0, as on the cards; joints from 1, in the order of their tables. SI units and radians.
+
+Signs. Outside a driver a positive current drives its joint in the positive direction, so that joint torque =
+torque_constant x |gear| x current. The motor's own sense may be the other way round (a negative ``gear``: the motor turns
+backwards when the joint goes forward); counts and volts are of the motor, and calibration folds the gear's sign into both.
+``sign`` = -1 is for a swapped pair of wires and nothing else.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, field_validator, model_validator
+
+from arm_io import InputError, check_table, read_toml
+from drivers.protocols import (
+    AnalogInput,
+    AnalogOutput,
+    CounterMode,
+    Device,
+    DigitalOutput,
+    EdgeSource,
+    QuadratureCounter,
+)
+from drivers.registry import World, check_config, make_device
+
+Positive = Annotated[float, Field(gt=0)]
+Channel = Annotated[int, Field(ge=0)]
+Sign = Literal[-1, 1]
+Vector = tuple[float, float, float]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Trigger(_Table):
+    """Whose edges make the rows, which device sees them, and how many a second are expected."""
+
+    source: EdgeSource
+    device: str  # sees the edges (source poll: is asked)
+    rate: Positive  # rows/s
+
+
+class DeviceTable(BaseModel):
+    """One device: its name, its driver's import path, and all else as the driver's own Config wants it."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
+    driver: str
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The driver's part of the table."""
+        return dict(self.model_extra or {})
+
+
+class Encoder(_Table):
+    """Where a joint's angle comes from: a counter channel.
+
+    lines              lines a motor revolution; with ``mode`` and the joint's gear they give the scale
+    counts_per_radian  or the scale itself: counts per radian (metre) of the JOINT, with its sign
+    offset             rad (m): joint position at count 0
+    preset             what the register is set to: a number, when the rig is opened; "start", before every run, so that the joint
+                       reads the start pose of the experiment, where the arm then stands; left out: never (absolute encoders)
+    """
+
+    device: str
+    channel: Channel
+    mode: CounterMode = CounterMode.X4
+    lines: Annotated[int, Field(gt=0)] | None = None
+    counts_per_radian: float | None = None
+    sign: Sign = 1
+    offset: float = 0.0
+    preset: int | Literal["start"] | None = None
+
+    @model_validator(mode="after")
+    def _one_scale(self) -> Self:
+        if (self.lines is None) == (self.counts_per_radian is None):
+            raise ValueError("give either 'lines' (a motor revolution) or 'counts_per_radian' (of the joint)")
+        if self.counts_per_radian == 0:
+            raise ValueError("'counts_per_radian' wants to be other than 0")
+        return self
+
+
+class CurrentSensor(_Table):
+    """Where a motor's current comes from: an analogue channel behind a Hall transducer.
+
+    Current = (V - offset) rated_current / rated_voltage / turns; the thesis's I = (20 V - C_off) / N for 200 A -> 10 V.
+    """
+
+    device: str
+    channel: Channel
+    rated_current: Positive  # A through the core
+    rated_voltage: Positive  # V at the rated current
+    turns: Annotated[int, Field(gt=0)] = 1
+    sign: Sign = 1
+    offset: float = 0.0  # V at no current
+
+
+class JointTable(_Table):
+    """One joint: name, transmission, and where its angle and current come from (neither, for imported data)."""
+
+    name: str = ""
+    type: Literal["revolute", "prismatic"] = "revolute"
+    gear: float = 1.0  # motor angle over joint position, with its sign
+    encoder: Encoder | None = None
+    current: CurrentSensor | None = None
+
+    @field_validator("gear")
+    @classmethod
+    def _gear(cls, gear: float) -> float:
+        if gear == 0 or not np.isfinite(gear):
+            raise ValueError("wants a number other than 0")
+        return gear
+
+
+class TrackerTable(_Table):
+    """The external tracker.
+
+    target             m: the target in the frame of the last link
+    base_from_tracker  4 x 4: p_base = base_from_tracker p_tracker; left out: unknown (``calibrate`` finds it)
+    """
+
+    device: str | None = None  # None: its points come in imported data
+    frame: str = "tracker"
+    target: Vector = (0.0, 0.0, 0.0)
+    base_from_tracker: list[list[float]] | None = None
+
+    @field_validator("base_from_tracker")
+    @classmethod
+    def _rigid(cls, value: list[list[float]] | None) -> list[list[float]] | None:
+        if value is None:
+            return value
+        if [len(row) for row in value] != [4, 4, 4, 4]:
+            raise ValueError("wants 4 rows of 4 numbers")
+        matrix = np.array(value)
+        turn = matrix[:3, :3]
+        if not (np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) and np.linalg.det(turn) > 0):
+            raise ValueError("its upper left 3 x 3 block is no rotation")
+        if not np.array_equal(matrix[3], [0, 0, 0, 1]):
+            raise ValueError("its last row wants to be 0, 0, 0, 1")
+        return value
+
+
+class Limits(_Table):
+    """What the arm may be asked to do and may be seen doing; one entry a joint, each list may be left out."""
+
+    position: list[tuple[float, float]] | None = None  # rad (m)
+    speed: list[Positive] | None = None  # rad/s
+    acceleration: list[Positive] | None = None  # rad/s2, of what is asked for
+    current: list[Positive] | None = None  # A, either direction
+
+    @field_validator("position")
+    @classmethod
+    def _ordered(cls, value: list[tuple[float, float]] | None) -> list[tuple[float, float]] | None:
+        for number, (low, high) in enumerate(value or [], 1):
+            if not low < high:
+                raise ValueError(f"entry {number}: wants [lowest, highest], has [{low:g}, {high:g}]")
+        return value
+
+
+class Output(_Table):
+    """A line or an analogue output that the guard may drive.
+
+    line     name of a digital line, or
+    channel  number of an analogue output, with ``limits`` V narrower than or equal to the device's own range
+    """
+
+    device: str
+    line: str | None = None
+    channel: Channel | None = None
+    limits: tuple[float, float] | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        if (self.line is None) == (self.channel is None):
+            raise ValueError("give either 'line' (digital) or 'channel' (analogue)")
+        if self.limits is not None and (self.channel is None or not self.limits[0] <= 0 <= self.limits[1]):
+            raise ValueError(
+                "'limits' are for an analogue output, [lowest, highest] V with 0 V, the safe state, between them"
+            )
+        return self
+
+
+class Tls(_Table):
+    """Files for TLS, relative to the rig file."""
+
+    authority: str
+    certificate: str
+    key: str
+
+
+class ZenohTable(_Table):
+    """Where the daemon listens. Anything but loopback wants ``tls``, ``user`` and ``password_file``."""
+
+    endpoint: str = "tcp/127.0.0.1:7447"
+    domain: Annotated[int, Field(ge=0)] = 0  # ROS domain, first part of every key
+    user: str | None = None
+    password_file: str | None = None
+    tls: Tls | None = None
+    ros2_attachment: bool = False  # rmw_zenoh's attachment on every sample
+
+    @property
+    def loopback(self) -> bool:
+        """Whether only programs of this machine can reach the endpoint."""
+        protocol, _, place = self.endpoint.partition("/")
+        host = place.rpartition(":")[0].strip("[]")
+        try:
+            local = host == "localhost" or ipaddress.ip_address(host).is_loopback
+        except ValueError:
+            local = False
+        return local or protocol == "unixsock-stream"
+
+    @model_validator(mode="after")
+    def _secured(self) -> Self:
+        protocol, _, place = self.endpoint.partition("/")
+        if protocol not in ("tcp", "tls", "quic", "unixsock-stream") or not place:
+            raise ValueError(f"'endpoint' wants a form like tcp/127.0.0.1:7447, has {self.endpoint!r}")
+        if self.loopback:
+            return self
+        if protocol == "tcp" or self.tls is None or self.user is None or self.password_file is None:
+            raise ValueError(
+                f"{place} is not loopback: 'endpoint' wants tls/{place}, with 'tls', 'user' and 'password_file'"
+            )
+        return self
+
+
+class RecordingTable(_Table):
+    """How recordings are written."""
+
+    chunk_seconds: Annotated[float, Field(gt=0, le=10)] = 0.2  # what a power cut may cost
+
+
+class Rig(_Table):
+    """A rig file, checked. ``joint`` alone is a rig for imported data."""
+
+    name: str
+    description: str = ""
+    model: str | None = None  # the arm's model, relative to this file
+    trigger: Trigger | None = None
+    device: list[DeviceTable] = []
+    joint: list[JointTable] = Field(min_length=1)
+    tracker: TrackerTable | None = None
+    limits: Limits = Limits()
+    outputs: dict[str, Output] = {}
+    watchdog: Positive = 0.5  # s without a sign of life after which the guard brings all outputs to their safe state
+    block_seconds: Annotated[float, Field(gt=0, le=1)] = 0.01  # how often the devices are read
+    zenoh: ZenohTable = ZenohTable()
+    recording: RecordingTable = RecordingTable()
+    simulation: dict[str, Any] = {}  # for the simulated drivers, as they define it
+    _folder: Path = PrivateAttr(default=Path("."))
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.joint)
+
+    @property
+    def model_path(self) -> Path | None:
+        """The model file, or None."""
+        return None if self.model is None else self._folder / self.model
+
+    def resolve(self, path: str) -> Path:
+        """A path written in the rig file, seen from the working directory."""
+        return self._folder / path
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        names = [device.name for device in self.device]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"device name {name!r} is used twice")
+        if self.device and self.trigger is None:
+            raise ValueError("trigger: is missing; a rig with devices wants [trigger] with source, device and rate")
+        for place, device in _device_uses(self):
+            if device not in names:
+                known = ", ".join(names) or "none"
+                raise ValueError(f"{place}: no device {device!r}; devices of this rig: {known}")
+        _check_double_use(self)
+        for entry in ("position", "speed", "acceleration", "current"):
+            values = getattr(self.limits, entry)
+            if values is not None and len(values) != len(self.joint):
+                raise ValueError(f"limits.{entry}: has {len(values)} entries for {len(self.joint)} joints")
+        return self
+
+
+def _device_uses(rig: Rig) -> list[tuple[str, str]]:
+    """Every place of a rig file that names a device, and the name."""
+    uses = [] if rig.trigger is None else [("trigger.device", rig.trigger.device)]
+    for number, joint in enumerate(rig.joint, 1):
+        if joint.encoder:
+            uses.append((f"joint[{number}].encoder.device", joint.encoder.device))
+        if joint.current:
+            uses.append((f"joint[{number}].current.device", joint.current.device))
+    if rig.tracker and rig.tracker.device is not None:
+        uses.append(("tracker.device", rig.tracker.device))
+    return uses + [(f"outputs.{name}.device", output.device) for name, output in rig.outputs.items()]
+
+
+def _check_double_use(rig: Rig) -> None:
+    """Two joints on one channel is a slip of the pen that would look like a coupling of the arm."""
+    for kind in ("encoder", "current"):
+        taken: dict[tuple[str, int], int] = {}
+        for number, joint in enumerate(rig.joint, 1):
+            if (wiring := getattr(joint, kind)) is None:
+                continue
+            first = taken.setdefault((wiring.device, wiring.channel), number)
+            if first != number:
+                raise ValueError(
+                    f"joint[{number}].{kind}: channel {wiring.channel} of {wiring.device} is already joint {first}'s"
+                )
+
+
+def read_rig(path: str | Path, *, drivers: bool = True) -> Rig:
+    """Reads and checks a rig file; InputError names the file, the entry, and what would be right.
+
+    drivers  False leaves out what needs the drivers (each device's own options, ranges of channels): enough for ``import``, and
+             for a rig whose drivers are not installed here.
+    """
+    rig = check_table(path, read_toml(path), Rig)
+    rig._folder = Path(path).resolve().parent
+    if rig.model_path is not None and not rig.model_path.is_file():
+        raise InputError(path, f"model: no file {rig.model_path}")
+    if drivers:
+        for number, device in enumerate(rig.device, 1):
+            check_config(device.driver, device.options, f"{path}: device[{number}] ({device.name})")
+        check_channels(rig, make_devices(rig, make_world(rig), path), path)
+    return rig
+
+
+def make_world(rig: Rig) -> World:
+    """The dict that the rig's drivers share: see ``drivers.registry``."""
+    return {"simulation": dict(rig.simulation), "model": rig.model_path, "folder": rig._folder}
+
+
+def make_devices(rig: Rig, world: World, where: str | Path = "rig") -> dict[str, Device]:
+    """The rig's devices by name, in the order of the file, closed; making one must not touch any hardware."""
+    return {
+        device.name: make_device(
+            device.driver, device.name, device.options, world, f"{where}: device[{number}] ({device.name})"
+        )
+        for number, device in enumerate(rig.device, 1)
+    }
+
+
+def check_channels(rig: Rig, devices: dict[str, Device], where: str | Path = "rig") -> None:
+    """Every channel and line that the rig names exists on its device; else InputError."""
+    for number, joint in enumerate(rig.joint, 1):
+        if joint.encoder:
+            counter = devices[joint.encoder.device]
+            place = f"joint[{number}].encoder"
+            if not isinstance(counter, QuadratureCounter):
+                raise InputError(where, f"{place}.device: {counter.name} is no counter")
+            _check_channel(where, place, counter.name, joint.encoder.channel, len(counter.width))
+        if joint.current:
+            analog = devices[joint.current.device]
+            place = f"joint[{number}].current"
+            if not isinstance(analog, AnalogInput):
+                raise InputError(where, f"{place}.device: {analog.name} is no analogue input")
+            _check_channel(where, place, analog.name, joint.current.channel, len(analog.range_volts))
+    for name, output in rig.outputs.items():
+        device, place = devices[output.device], f"outputs.{name}"
+        if output.line is not None:
+            if not isinstance(device, DigitalOutput):
+                raise InputError(where, f"{place}.device: {device.name} has no digital lines")
+            if output.line not in device.lines:
+                lines = ", ".join(device.lines)
+                raise InputError(where, f"{place}.line: {device.name} has no line {output.line!r}; it has {lines}")
+        if output.channel is not None:
+            if not isinstance(device, AnalogOutput):
+                raise InputError(where, f"{place}.device: {device.name} has no analogue outputs")
+            _check_channel(where, place, device.name, output.channel, len(device.output_range))
+
+
+def _check_channel(where: str | Path, place: str, device: str, channel: int, channels: int) -> None:
+    if channel >= channels:
+        wanted = f"0 to {channels - 1}" if channels else "none"
+        raise InputError(where, f"{place}.channel: {device} has no channel {channel}; it has {wanted}")

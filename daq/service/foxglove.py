@@ -1,0 +1,85 @@
+"""Rows on the screen: a WebSocket server for Foxglove and PlotJuggler, on loopback only.
+
+The topics and messages are those of a recording (``daq.recording.row_format``), so that one screen layout serves live and recorded data alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from arm_io import DeviceFault
+from daq.recording import ros2_messages
+from daq.recording.cdr import Message, fillable, stamps
+from daq.recording.row_format import JOINT_TOPICS, POINT_TOPIC
+from daq.service.row_block import Columns
+
+if TYPE_CHECKING:
+    import foxglove
+
+HOST = "127.0.0.1"
+RATE = 200.0
+"""Rows/s that are shown."""
+
+
+class LiveView:
+    """A server on ``port`` (0: any) that shows columns of rows of the named joints; ``port`` is then the one it has."""
+
+    def __init__(self, name: str, joints: Sequence[str], *, port: int = 8765) -> None:
+        import foxglove
+
+        self._context = foxglove.Context()
+        self._joints = list(joints)
+        self._topics: dict[str, _Topic] = {}
+        self._next_ns = 0
+        try:
+            self._server = foxglove.start_server(name=name, host=HOST, port=port, context=self._context)
+        except (OSError, RuntimeError) as error:
+            raise DeviceFault("view", f"cannot listen on {HOST}:{port}: {error}; --port takes another") from None
+        self.port = self._server.port
+
+    def show(self, columns: Columns) -> None:
+        """Shows rows of a block, ``RATE`` a second of acquisition time; NaN is a gap."""
+        wall_ns = columns["wall_ns"]
+        if len(wall_ns) and int(wall_ns[0]) < self._next_ns - 1_000_000_000:
+            self._next_ns = 0  # an older recording than the last
+        for row in range(len(wall_ns)):
+            if int(wall_ns[row]) < self._next_ns:
+                continue
+            self._next_ns = int(wall_ns[row]) + round(1e9 / RATE)
+            for name in (*JOINT_TOPICS, "xyz", "points"):
+                if name in columns:
+                    self._topic(name).send(int(wall_ns[row]), columns[name][row])
+
+    def close(self) -> None:
+        """Ends the server."""
+        self._server.stop()
+
+    def _topic(self, name: str) -> _Topic:
+        if name not in self._topics:
+            if name in JOINT_TOPICS:
+                topic, array = JOINT_TOPICS[name]
+                message = ros2_messages.joint_state(self._joints, **{array: name})
+                kind = ros2_messages.JOINT_STATE
+            else:
+                topic, kind = POINT_TOPIC, ros2_messages.POINT_STAMPED
+                message = ros2_messages.point_stamped("tracker" if name == "points" else "base", name)
+            self._topics[name] = _Topic(self._context, topic, kind, message, name)
+        return self._topics[name]
+
+
+class _Topic:
+    def __init__(self, context: foxglove.Context, topic: str, kind: str, message: Message, field: str) -> None:
+        import foxglove
+
+        schema = foxglove.Schema(name=kind, encoding="ros2msg", data=ros2_messages.DEFINITIONS[kind].encode())
+        self._channel = foxglove.Channel(topic, schema=schema, message_encoding="cdr", context=context)
+        self._data, self._numbers = fillable(message)
+        self._field = field
+
+    def send(self, wall_ns: int, values: np.ndarray) -> None:
+        self._numbers["stamp"] = stamps(np.array([wall_ns]))
+        self._numbers[self._field] = values
+        self._channel.log(bytes(self._data), log_time=wall_ns)

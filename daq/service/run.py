@@ -1,0 +1,197 @@
+"""One recording: sampler -> recorder and publisher, with what it was, how it ended, and what was lost.
+
+Used by the daemon and by an embedded ``record`` alike.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_io import DeviceFault, InputError, check_table
+from daq.acquisition.acquisition import Acquisition
+from daq.acquisition.ledger import LedgerSummary
+from daq.acquisition.states import End, State
+from daq.recording.parts import Attachments, ledger_table
+from daq.recording.provenance import provenance
+from daq.recording.recorder import Recorder, rows_layout
+from daq.rig.bench import Bench
+from daq.service.publisher import Publisher
+from daq.service.row_block import columns_of
+from drivers.clock import SystemClock
+from experiment import Experiment, demand_of
+
+Table = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to record: an experiment as text (it is kept word for word) and the file to write."""
+
+    experiment: Experiment
+    text: str
+    out: Path
+
+
+def order_of(text: str, where: str, out: Path) -> Order:
+    """The order for an experiment in TOML; InputError names ``where`` it came from."""
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(where, f"not valid TOML: {error}") from None
+    return Order(check_table(where, table, Experiment), text, out)
+
+
+class Run:
+    """One recording in the making. ``arm``, then ``start``, then ``take`` (in a thread, if it must not block); ``stop`` any time.
+
+    result  after ``take``: the table that ``record --json`` prints
+    """
+
+    def __init__(self, bench: Bench, rig_text: str, order: Order, publisher: Publisher | None) -> None:
+        self.order = order
+        self.result: Table | None = None
+        self._bench, self._rig_text, self._publisher = bench, rig_text, publisher
+        self._acquisition = Acquisition(bench, order.experiment)
+        self._recorder: Recorder | None = None
+
+    def arm(self) -> None:
+        """Checks all, brings the arm to the start and begins the file. After an error there is no file, and nothing is armed."""
+        self._acquisition.arm()
+        try:
+            self._recorder = self._begin()
+        except BaseException:
+            self._acquisition.disarm()
+            raise
+
+    def disarm(self) -> None:
+        """Back from armed; the empty file goes."""
+        self._acquisition.disarm()
+        assert self._recorder is not None
+        self._recorder.discard()
+
+    def start(self) -> None:
+        """Sets clock and arm going. DeviceFault: it did not; the file then holds no rows and says why."""
+        if self._publisher is not None:
+            self._publisher.begin()
+        try:
+            self._acquisition.start()
+        except DeviceFault as fault:
+            self._finish(str(fault))
+            raise
+
+    def take(self, done: Callable[[], None] = lambda: None) -> Table:
+        """Takes all rows to file and subscribers until the run has ended, and finishes the file; ``done`` is called then."""
+        assert self._recorder is not None
+        trouble = ""
+        try:
+            for rows in self._acquisition.rows():
+                self._recorder.append(rows)
+                if self._publisher is not None:
+                    self._publisher.publish(columns_of(rows))
+        except DeviceFault as fault:
+            trouble = str(fault)
+        except Exception as error:  # a bug, here or in a driver: the file is finished all the same, and says so
+            trouble = f"{type(error).__name__}: {error}"
+            raise
+        finally:
+            self.result = self._finish(trouble)
+            done()
+        return self.result
+
+    def stop(self, reason: End = End.STOPPED, detail: str = "") -> None:
+        """Ends the run with the rows so far; from any thread."""
+        self._acquisition.stop(reason, detail)
+
+    @property
+    def state(self) -> State:
+        return self._acquisition.state
+
+    def progress(self) -> Table:
+        """How far it is: rows made, recorded and lost so far, share of the expected rows (0..1, or None)."""
+        recorder = self._recorder
+        return {
+            "experiment": self.order.experiment.name,
+            "file": str(self.order.out),
+            "rows": self._acquisition.rows_made,
+            "recorded": recorder.recorded if recorder else 0,
+            "lost": self._acquisition.ledger.summary().lost + (recorder.lost if recorder else 0),
+            "progress": self._acquisition.progress,
+        }
+
+    def _begin(self) -> Recorder:
+        bench, rig = self._bench, self._bench.rig
+        model = rig.model_path.read_text(encoding="utf-8") if rig.model_path is not None else None
+        counters, inputs = bench.columns.names()
+        controller = bench.guard.controller
+        layout = rows_layout(
+            [joint.name or f"joint{number}" for number, joint in enumerate(rig.joint, 1)],
+            counters=counters,
+            inputs=inputs,
+            tracker=bench.columns.tracker is not None,
+            demand=controller is not None and controller.demand(np.zeros(1)) is not None,
+            effort=_torque_per_ampere(model, [joint.gear for joint in rig.joint]),
+        )
+        identities = {name: asdict(identity) for name, identity in bench.identities.items()}
+        attachments = Attachments(
+            rig=self._rig_text,
+            model=model,
+            experiment=self.order.text,
+            calibration=bench.calibration.as_table(),
+            provenance=provenance("measured", devices=identities, columns=bench.columns.as_table()),
+        )
+        return Recorder(
+            self.order.out,
+            layout,
+            attachments,
+            live=isinstance(bench.clock, SystemClock),
+            chunk_seconds=rig.recording.chunk_seconds,
+        )
+
+    def _finish(self, trouble: str) -> Table:
+        assert self._recorder is not None
+        acquisition = self._acquisition
+        if self._publisher is not None:
+            self._publisher.finish()
+        account = acquisition.ledger.summary()
+        ending: Table = {"reason": str(End.DEVICE_LOST), "sentence": trouble, "fault": True}
+        if not trouble and acquisition.ending is not None:
+            ended = acquisition.ending
+            ending = {"reason": str(ended.reason), "sentence": str(ended), "fault": ended.state is State.FAULT}
+        closing = {
+            "ending": ending,
+            "notes": acquisition.notes,
+            "clocks": [fit.as_table() for fit in acquisition.clocks()] if acquisition.rows_made else [],
+        }
+        try:
+            ledger = self._recorder.finish(triggers=account.triggers, losses=account.losses, closing=closing)
+        except DeviceFault as fault:
+            ledger = LedgerSummary(account.triggers, account.latched, self._recorder.recorded, account.losses)
+            ending = {"reason": str(End.RECORDER), "sentence": str(fault), "fault": True}
+        return {
+            "schema": "armscope.commands.record/1",
+            "file": str(self.order.out),
+            "experiment": self.order.experiment.name,
+            "rig": self._bench.rig.name,
+            "seconds": demand_of(self.order.experiment).duration,
+            "rows": ledger.recorded,
+            "ending": ending,
+            "ledger": ledger_table(ledger),
+            "notes": acquisition.notes,
+            "published": {"blocks": self._publisher.blocks, "rows": self._publisher.rows} if self._publisher else None,
+        }
+
+
+def _torque_per_ampere(model: str | None, gears: list[float]) -> list[float]:
+    """N m/A (N/A) of each joint, |gear| x torque constant, as the model file has it; [] unless it has all of them."""
+    try:
+        joints = tomllib.loads(model or "").get("joint", [])
+        constants = [float(joint["torque_constant"]) for joint in joints]
+    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError):
+        return []
+    return [k * abs(gear) for k, gear in zip(constants, gears)] if len(constants) == len(gears) else []

@@ -1,0 +1,1 @@
+"""Measured and simulated arm under their servos: comparison, and transmission resonances identified there."""

@@ -1,0 +1,159 @@
+"""Measured against simulated: the model's own closed loop on the demands of a recording, and its currents along the measured motion.
+
+The closed loop is what a user calls the simulation. Where the controller of the model is that of the arm, it hears neither the steps of the
+encoder nor their derivatives, and is the sharper judge; where it is not, its errors are the controller's, and the currents that the model wants
+for the measured motion are compared instead (Leboutet et al., Applied Sciences 11, 2021: output-error methods stand and fall with the controller).
+
+Errors are compared in the band of ``evidence`` and where friction is known: at standstill the current is whatever the servo came to rest with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.sensing import recorded
+from arm_model.simulation.simulation import simulate, simulate_batch
+from daq.recording import Recording
+from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
+from diagnosis.residual.run import Run, kept, residual_under
+from diagnosis.residual.run_setup import loaded, setup_of
+from identification.preprocessing.demands import demand_of_run
+
+CERTAIN = 3.0
+"""Times the instruments' noise: rows where the residual could deviate more with nothing wrong are not compared."""
+FAITHFUL = 1.5
+"""Times the error along the measured motion: a closed loop that errs more at some joint is not that of the arm's controller."""
+WIDTHS = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
+"""Of the model's own width, over which friction turns from one direction to the other: what is tried, a lane each."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One recording beside its simulation: t (m,) s; measured and simulated current (m, n) A and angle (m, n) rad; known (r, n): rows that count,
+    of those that the run has."""
+
+    name: str
+    t: Array
+    current: Array
+    simulated_current: Array
+    angle: Array
+    simulated_angle: Array
+    known: NDArray[np.bool_]
+
+    def error_rms(self, signal: str) -> Array:
+        """(n,) root mean square of measured less simulated ``current`` (A) or ``angle`` (rad)."""
+        rate = 1.0 / float(np.median(np.diff(self.t)))
+        difference = getattr(self, signal) - getattr(self, f"simulated_{signal}")
+        return rms_where(low_pass(difference, COMPARE_BAND, rate)[kept(rate)], self.known)
+
+
+def rms_where(values: Array, known: NDArray[np.bool_]) -> Array:
+    """(n,) root mean square of values (m, n) where they are known; of a column that never is, of all its rows."""
+    weight = np.where(known.any(axis=0), known, True).astype(float)
+    rms: Array = np.sqrt(np.sum(values**2 * weight, axis=0) / weight.sum(axis=0))
+    return rms
+
+
+def known_rows(run: Run) -> NDArray[np.bool_]:
+    """(m, n): rows of a run where its residual has no reason but the instruments to be other than zero."""
+    known: NDArray[np.bool_] = run.deviation < CERTAIN * run.noise
+    return known
+
+
+def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
+    """The recording's demands run through the model's closed loop; None without a demand, a controller or a stable loop."""
+    if arm.controller is None or not able(recording):
+        return None
+    arm = loaded(arm, setup_of(recording).payload)
+    knots, (demand, sampled) = recording.t, demand_of_run(recording, arm)
+    try:
+        motion = simulate(
+            arm, demand, duration=float(knots[-1]), rate=1.0 / recording.dt, times=knots - knots[0], sampled=sampled
+        )
+    except InputError:  # it left all bounds: a loop that cannot judge
+        return None
+    shown = recorded(arm, motion)
+    return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q, known_rows(run))
+
+
+def able(recording: Recording) -> bool:
+    """Whether a recording tells the whole demand of arms whose drives were on."""
+    return recording.qref is not None and not np.isnan(recording.qref).any() and not setup_of(recording).drives_off
+
+
+def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
+    """(n,) A each: rms of the run's residual current under its model and under the extended one, without a closed loop."""
+    known = known_rows(run)
+    return rms_where(residual_under(run, before.effects), known), rms_where(residual_under(run, after.effects), known)
+
+
+def faithful(pairs: Sequence[tuple[Compared, Compared]], along: Sequence[tuple[Array, Array]]) -> bool:
+    """Whether the closed loop of the extended model follows the recordings as well as the model follows their motion."""
+    if not pairs or len(pairs) != len(along):
+        return False
+    loop = np.sqrt(np.mean([after.error_rms("current") ** 2 for _, after in pairs], axis=0))
+    motion = np.sqrt(np.mean([after**2 for _, after in along], axis=0))
+    return bool(np.all(loop < FAITHFUL * motion))
+
+
+def with_widths(arm: Arm, recordings: Sequence[Recording]) -> Arm:
+    """The arm with the widths over which its friction turns (``sign_velocity``) that these recordings show in closed loop.
+
+    No data sheet has them, and every simulation has its own; a joint keeps its own where no other takes a tenth off its squared error.
+    """
+    those = [r for r in recordings if able(r)]
+    moving = [j for j, joint in enumerate(arm.joints) if max(joint.coulomb) > 0.0]
+    if arm.controller is None or not those or not moving:
+        return arm
+    errors = np.zeros((len(WIDTHS), len(arm)))
+    for recording in those:
+        carrying = loaded(arm, setup_of(recording).payload)
+        lanes = {f"joint{j + 1}.sign_velocity": arm.joints[j].sign_velocity * WIDTHS for j in moving}
+        demand, sampled = demand_of_run(recording, carrying)
+        motion = simulate_batch(
+            carrying, demand, duration=float(recording.t[-1]), rate=1.0 / recording.dt,
+            times=recording.t - recording.t[0], sampled=sampled, parameters=lanes,
+        )  # fmt: skip
+        shown = recorded(carrying, motion).current
+        rate = 1.0 / recording.dt
+        for lane in range(len(WIDTHS)):
+            errors[lane] += np.sum(low_pass(recording.i - shown[lane], COMPARE_BAND, rate)[kept(rate)] ** 2, axis=0)
+    joints = list(arm.joints)
+    own = int(np.flatnonzero(WIDTHS == 1.0)[0])
+    for j in moving:
+        best = int(np.nanargmin(errors[:, j]))
+        if errors[best, j] < 0.9 * errors[own, j]:
+            joints[j] = replace(joints[j], sign_velocity=float(joints[j].sign_velocity * WIDTHS[best]))
+    return replace(arm, joints=tuple(joints))
+
+
+def refuted(
+    full: Arm, less: Sequence[Arm], felt_at: Sequence[int], recordings: Sequence[Recording], runs: Sequence[Run]
+) -> int | None:
+    """The cause (by index) that makes the closed loop err most more than it does without; None where none does, or the loop cannot judge.
+
+    full: the model with all causes; less: without each of them; felt_at: the joint (from 1) where each is felt most. A cause has to survive
+    both views: the residual along the measured motion, by which it was found, and the closed loop on recordings held out.
+    """
+    seen = [(r, run, pair) for r, run in zip(recordings, runs) if (pair := compare(r, full, run)) is not None]
+    with_all = [pair for _, _, pair in seen]
+    motion = [(run_rms, run_rms) for _, run, _ in seen for run_rms in [along_motion(run, run.arm, full)[1]]]
+    if not faithful([(pair, pair) for pair in with_all], motion):
+        return None
+    worst: tuple[float, int] | None = None
+    for index, (arm, joint) in enumerate(zip(less, felt_at)):
+        pairs = [compare(r, arm, run) for r, run, _ in seen]
+        without, having = (
+            sum(float(pair.error_rms("current")[joint - 1] ** 2) for pair in several if pair is not None)
+            for several in (pairs, with_all)
+        )
+        if without < having and (worst is None or without / having < worst[0]):
+            worst = without / having, index
+    return worst[1] if worst else None

@@ -1,0 +1,254 @@
+"""What swings faster than the currents along a measured motion can tell: springs and play between motor and link, found in closed loop.
+
+Along the measured motion the steps of the encoders drown everything above 20 Hz (``evidence``). The model's own closed loop on the same
+demands hears no such steps: where its servos are those of the arm, it follows measured currents to the transducers' noise up to a hundred
+hertz, and a transmission that swings there is a joint that it does not follow. Stiffness and gap are searched in batches of closed loops, a
+lane a value, and accepted only if they explain nearly all that the loop was missing, at all joints, on recordings held out.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import signal
+
+from arm_io.types import Array
+from arm_model.description import Arm, EffectTerm
+from arm_model.effects import CATALOGUE
+from arm_model.rigid_body.numeric import mass_matrix
+from arm_model.sensing import recorded
+from arm_model.simulation.simulation import simulate_batch
+from daq.recording import Recording
+from diagnosis.cause import Cause, confidence_of
+from diagnosis.closed_loop.comparison import able
+from diagnosis.measurements.currents.estimates import SYSTEMATIC, Estimate
+from diagnosis.residual.noise import scatter
+from diagnosis.residual.run_setup import loaded, setup_of
+from diagnosis.selection.regression import SIGNIFICANT
+from diagnosis.selection.significance import BLOCK_SECONDS, p_value
+from diagnosis.units import unit_at
+from identification.preprocessing.demands import demand_of_run
+
+BAND = (10.0, 100.0)
+"""Hz."""
+FASTEST = 300.0
+"""Hz: no spring is tried that swings its link faster: nothing of it is left in the band, and its loop takes ever longer."""
+LOUD = 2.0
+"""Times the transducers' noise in the band: a joint that the loop does not follow."""
+MOVES = 0.01
+"""rad (m) that a joint moves at least."""
+FOLLOWED = 0.7
+"""Share of moving joints that may be loud: where nearly all are, the servos are not those of the arm."""
+PROMISING, MOST = 0.4, 0.75
+"""Share of the energy above the noise that the best of the first values must explain at the joint, and the best of all at all joints held out."""
+ALIKE = 0.05
+"""Share by which play must explain more than a spring: small play between springy teeth is one."""
+SEARCHED_IN = 2
+"""Recordings of the fitted side in which values are searched: those that the loop follows worst."""
+END_SECONDS = 0.2
+"""Left out at both ends of a recording: those of the filters."""
+FIRST: Mapping[str, Mapping[str, Sequence[float]]] = {
+    "joint_compliance": {"stiffness": np.geomspace(1e3, 1e6, 19).tolist(), "damping": [20.0, 80.0]},
+    "backlash": {
+        "half_gap": [1e-4, 3e-4, 1e-3, 3e-3],
+        "contact_stiffness": [5e4, 1e5, 2e5, 4e5],
+        "contact_damping": [80.0],
+    },
+}
+"""First values of the parameters of each effect, a lane each combination."""
+STEPS = np.array([0.7, 0.85, 0.95, 1.05, 1.18, 1.4])
+"""Factors by which each parameter is then varied about the best, the others as they are; dampings by their cubes."""
+ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One effect at one joint with values of its parameters."""
+
+    effect: str
+    joint: int
+    values: Mapping[str, float]
+
+    def added_to(self, arm: Arm) -> Arm:
+        return replace(arm, effects=(*arm.effects, EffectTerm(self.effect, self.joint, dict(self.values))))
+
+
+def swinging(
+    arm: Arm,
+    fit: Sequence[Recording],
+    held_out: Sequence[Recording],
+    joints: Sequence[int],
+    near: Cause | None = None,
+) -> Cause | None:
+    """The spring or the play of one of ``joints`` (from 1) for which ``arm``, with all else that is known of it, does not follow the demands.
+
+    near: one that the currents along the motion show, of which the loop has the exact values.
+    """
+    fit, held_out = [r for r in fit if able(r)], [r for r in held_out if able(r)]
+    if arm.controller is None or not fit or not held_out:
+        return None
+    noise = np.sqrt(np.mean([scatter(r.i) ** 2 * _white_share(r) for r in fit], axis=0))
+    missed = [_errors(arm, r)[0] for r in fit]
+    loud = np.sqrt(np.mean(np.concatenate(missed) ** 2, axis=0)) / noise
+    moving = np.any([np.ptp(r.q, axis=0) > MOVES for r in fit], axis=0)
+    if not np.isfinite(loud).all() or loud.max() < LOUD or np.mean(loud[moving] > LOUD) > FOLLOWED:
+        return None
+    worst = sorted(range(len(fit)), key=lambda k: -float(np.sum(missed[k] ** 2)))[:SEARCHED_IN]
+    few = [fit[k] for k in worst]
+    loudest = [
+        joint for joint in np.argsort(-loud)[:3] + 1 if joint in joints and loud[joint - 1] > max(LOUD, loud.max() / 2)
+    ]
+    found = [
+        one
+        for joint in loudest
+        if arm.joints[joint - 1].rotor_inertia > 0.0  # all the mass behind the spring: no motor to swing against it
+        for effect in FIRST
+        if (one := _searched(arm, effect, int(joint), few, noise, near)) is not None
+    ]
+    most = max((share for share, _ in found), default=0.0)
+    # the simpler first of those that do as well; what its own joint would have, the other joints may refuse
+    for _, trial in sorted(found, key=lambda one: (one[0] < most - ALIKE, len(one[1].values), -one[0])):
+        if (cause := _judged(arm, trial, fit, held_out, noise)) is not None:
+            return cause
+    return None
+
+
+def _searched(
+    arm: Arm, effect: str, joint: int, recordings: Sequence[Recording], noise: Array, near: Cause | None
+) -> tuple[float, Trial] | None:
+    """(share explained at the joint, values) of an effect where its loops follow the recordings best; None where none is promising."""
+    grid = dict(FIRST[effect])
+    if near is not None and near.effect == effect:
+        grid |= {p.name: [*grid[p.name], p.value] for p in near.parameters}
+    j = joint - 1
+    link = float(np.mean([mass_matrix(arm, r.q[:1], rotors=False)[0, j, j] for r in recordings]))
+    stiffest = link * (2 * np.pi * FASTEST) ** 2
+    grid = {name: [v for v in values if "stiffness" not in name or v < stiffest] for name, values in grid.items()}
+    if not all(grid.values()):
+        return None
+    trials = [Trial(effect, joint, dict(zip(grid, values))) for values in itertools.product(*grid.values())]
+    share, best = 0.0, trials[0]
+    for turn in range(1 + ROUNDS):
+        shares = _shares(arm, trials, recordings[: 1 + turn], noise)  # the first values in the worst recording
+        place = int(np.nanargmax(shares))
+        share, best = float(shares[place]), trials[place]
+        if turn == 0 and not share > PROMISING:
+            return None
+        steps = STEPS ** (0.6**turn)
+        trials = [best] + [
+            replace(best, values={**best.values, name: value * float(by)})
+            for name, value in best.values.items()
+            for by in (steps**3 if "damping" in name else steps)
+        ]
+    return share, best
+
+
+def _shares(arm: Arm, trials: Sequence[Trial], recordings: Sequence[Recording], noise: Array) -> Array:
+    """(trials,) share of the energy above the noise that each explains at its joint."""
+    j = trials[0].joint - 1
+    before = np.concatenate([_errors(arm, r)[0, :, j] for r in recordings])
+    after = np.concatenate([_errors(arm, r, trials)[:, :, j] for r in recordings], axis=1)
+    floor = noise[j] ** 2
+    shares: Array = 1.0 - (np.mean(after**2, axis=1) - floor) / (np.mean(before**2) - floor)
+    return shares
+
+
+def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = ()) -> Array:
+    """(lanes, m, n) A: measured less simulated current in the band, of the arm as it is, or with each of the trials (of one effect and joint).
+
+    NaN in lanes whose loop is not stable. The demand may have been recorded a little early or late: the angles tell by how much.
+    """
+    carrying = loaded(arm, setup_of(recording).payload)
+    lanes = {}
+    if trials:
+        carrying = trials[0].added_to(carrying)
+        prefix = f"joint{trials[0].joint}.{trials[0].effect}"
+        lanes = {f"{prefix}.{name}": np.array([t.values[name] for t in trials]) for name in trials[0].values}
+    t, rate = recording.t, 1.0 / recording.dt
+    demand, sampled = demand_of_run(recording, carrying)
+    motion = simulate_batch(
+        carrying, demand, duration=float(t[-1]), rate=rate, times=t - t[0], sampled=sampled, parameters=lanes
+    )
+    shown = recorded(carrying, motion)
+    end = round(END_SECONDS * rate)
+    errors = []
+    for q, i in zip(shown.q, shown.current):
+        late = _late(recording.q - q, np.gradient(q, recording.dt, axis=0)) if np.isfinite(i).all() else 0.0
+        moved = np.column_stack([np.interp(t - late, t, column) for column in i.T])
+        errors.append(
+            signal.sosfiltfilt(_sections(rate), recording.i - moved, axis=0)[end:-end]
+            if np.isfinite(i).all()
+            else np.full((len(t) - 2 * end, i.shape[1]), np.nan)
+        )
+    return np.stack(errors)
+
+
+def _late(difference: Array, speed: Array) -> float:
+    """s by which measured angles are behind simulated ones, of the fastest joint."""
+    j = int(np.argmax(np.sum(speed**2, axis=0)))
+    return -float(difference[:, j] @ speed[:, j] / max(float(speed[:, j] @ speed[:, j]), 1e-12))
+
+
+def _sections(rate: float) -> Array:
+    half = rate / 2
+    sections: Array = signal.butter(3, [BAND[0] / half, min(BAND[1] / half, 0.9)], btype="band", output="sos")
+    return sections
+
+
+def _white_share(recording: Recording) -> float:
+    """Of the power of white noise, what is left in the band."""
+    _, response = signal.sosfreqz(_sections(1.0 / recording.dt), 2000)
+    return float(np.mean(np.abs(response) ** 4))
+
+
+def _judged(
+    arm: Arm, trial: Trial, fit: Sequence[Recording], held_out: Sequence[Recording], noise: Array
+) -> Cause | None:
+    """The cause, if it explains most of what the loop was missing at all joints held out, and gains in enough blocks."""
+    j = trial.joint - 1
+    pairs = [(_errors(arm, r)[0], _errors(arm, r, [trial])[0]) for r in held_out]
+    before, after = (np.sqrt(np.mean(np.concatenate(each) ** 2, axis=0)) for each in zip(*pairs))
+    excess = np.sum(np.maximum((before**2 - noise**2), 0.0)), np.sum(np.maximum(after**2 - noise**2, 0.0))
+    rows = [round(BLOCK_SECONDS / r.dt) for r in held_out]
+    gains = np.concatenate(
+        [np.add.reduceat((b**2 - a**2)[:, j], np.arange(0, len(a), n)) for (b, a), n in zip(pairs, rows)]
+    )
+    p = p_value(gains)
+    if not excess[1] < (1.0 - MOST) * excess[0] or p > SIGNIFICANT:
+        return None
+    unit = arm.joints[j].current_unit
+    shows = {"joint_compliance": "a transmission that swings behind its spring", "backlash": "a transmission with play"}
+    sentence = (
+        f"{shows[trial.effect]}: with it the closed loop on held-out demands follows the current of joint {trial.joint} between {BAND[0]:.0f} and "
+        f"{BAND[1]:.0f} Hz to {after[j]:.3g} instead of {before[j]:.3g} {unit} rms, better in {int(np.sum(gains > 0))} of {len(gains)} "
+        "one-second blocks"
+    )
+    key = (trial.effect, trial.joint)
+    return Cause(
+        trial.effect, trial.joint, _estimates(arm, trial, fit, noise), confidence_of(p), float(before[j]), float(after[j]), (key,), None,
+        sentence, trial.joint, unit, "closed loop",
+    )  # fmt: skip
+
+
+def _estimates(arm: Arm, trial: Trial, fit: Sequence[Recording], noise: Array) -> list[Estimate]:
+    """The parameters with deviations: least squares in the loop's sensitivities, the error independent from block to block."""
+    j, names, step = trial.joint - 1, list(trial.values), 0.03
+    moved = [trial] + [replace(trial, values={**trial.values, n: trial.values[n] * (1 + step)}) for n in names]
+    bread, meat = np.zeros((len(names), len(names))), np.zeros((len(names), len(names)))
+    for r in fit:
+        errors = _errors(arm, r, moved)[:, :, j] / noise[j]
+        x = (errors[0] - errors[1:]).T / step  # (m, k), by a relative change
+        bread += x.T @ x
+        starts = np.arange(0, len(x), round(BLOCK_SECONDS / r.dt))
+        scores = np.add.reduceat(x * errors[0][:, None], starts, axis=0)
+        meat += scores.T @ scores
+    inverse = np.linalg.pinv(bread)
+    relative = np.sqrt(np.diag(inverse @ meat @ inverse) + SYSTEMATIC**2)
+    own = {p.name: p.unit for p in CATALOGUE[trial.effect].parameters}
+    return [
+        Estimate(n, trial.values[n], float(trial.values[n] * s), unit_at(arm.joints[j], own[n], n))
+        for n, s in zip(names, relative)
+    ]

@@ -1,0 +1,1 @@
+"""One parameter let vary in time (model distortion): estimation, dependence on other variables, report."""

@@ -1,0 +1,215 @@
+"""Model distortion: the smallest variation in time of one parameter that makes the model match (Butterfield & Thomas, 1986).
+
+The parameter's deviation x from the model is a random walk that the weighed residual of ``evidence`` sees through the parameter's own column:
+x' = x + w, y = H x + e. Kalman filters forwards and backwards (together, what the smoother of Rauch, Tung & Striebel gives) yield x with its
+uncertainty; the strength of the walk and the
+scale of the noise are those of greatest likelihood. Where x then varies, what it varies with hints at what the model lacks: it is held against
+position, direction, speed, load, time and temperature.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm, Joint
+from arm_model.parameters import parameter, with_parameters
+from arm_model.system.dynamics import inverse_dynamics
+from daq.recording import Recording
+from diagnosis.distortion.dependence import Path, Share, shares_of
+from diagnosis.distortion.random_walk import STEP, gains_of, likelihood, memory, smoothed, strength
+from diagnosis.measurements.currents.design_matrix import free_columns, side_of
+from diagnosis.residual.run import ROWS_PER_SECOND, Run
+from diagnosis.selection.regression import SHARE_OF_NOISE
+from diagnosis.selection.significance import p_value
+from diagnosis.units import unit_at
+
+SURE = 3.0
+"""Deviation over the instruments' noise up to which a row counts."""
+CERTAIN = 0.01
+"""Probability of so strong a walk, or of so large a share, by chance, below which it is called real.
+
+It has to matter, too: explain more than ``SHARE_OF_NOISE``, like a cause.
+"""
+JOINT_SIDE = (
+    "viscous",
+    "coulomb",
+    "coulomb_positive",
+    "coulomb_negative",
+    "rotor_inertia",
+    "offset",
+    "torque_constant",
+)
+UNITS = {
+    "viscous": "N m s/rad", "coulomb": "N m", "coulomb_positive": "N m", "coulomb_negative": "N m", "rotor_inertia": "kg m2",
+    "offset": "N m", "torque_constant": "N m/A", "mass": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """parameter, its joint (from 1) and what drives it, unit and value in the model; paths, one a recording;
+    strength of the walk per square root of a second, 0 where
+    it stays as it is as far as one can tell; constant: best value that does not vary, with its deviation; shares, largest first."""
+
+    parameter: str
+    joint: int
+    drive: Joint
+    unit: str
+    model: float
+    paths: tuple[Path, ...]
+    strength: float
+    constant: tuple[float, float]
+    shares: tuple[Share, ...]
+
+    @property
+    def varies(self) -> bool:
+        """Whether a parameter that stays as it is would leave more than noise."""
+        return self.strength > 0.0
+
+
+def named_parameter(arm: Arm, name: str) -> tuple[str, int]:
+    """The parameter as ``arm_model.parameters`` calls it, and its joint; ``link2.viscous`` is joint 2's. InputError for one the arm has not."""
+    found = re.fullmatch(r"(link|joint)(\d+)\.(.+)", name)
+    if not found:
+        raise InputError(
+            "--distort", f"{name!r} is no parameter; joint2.viscous, link3.mass or joint1.torque_constant are"
+        )
+    kind, number, rest = found.groups()
+    own = f"joint{number}.{rest}" if kind == "link" and rest in JOINT_SIDE else name
+    parameter(arm, own)
+    return own, int(number)
+
+
+def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recording]) -> Distortion:
+    """The variation of one parameter that makes the model match ``runs``; ``recordings`` tell the temperature where they have it."""
+    own, joint = named_parameter(arm, name)
+    model = parameter(arm, own)
+    pairs = [(run, recording) for run, recording in zip(runs, recordings) if run.powered]
+    columns = [_column(run, own, model) for run, _ in pairs]
+    residuals = _residuals([run for run, _ in pairs], columns, arm)
+    steps = [_steps(residual, column) for residual, column in zip(residuals, columns)]
+    information = float(sum(seen.sum() for _, seen in steps))
+    if information <= 0.0:
+        raise InputError("--distort", f"{own} does not show in these recordings; a motion that excites it is wanted")
+    constant = float(sum(score.sum() for score, _ in steps)) / information
+    ratio, scale = strength(steps)
+    enough = SHARE_OF_NOISE * sum(int(np.any(column != 0.0, axis=1).sum()) for column in columns)
+    gains = gains_of(steps, ratio, constant)
+
+    def paths_of(ratio: float, scale: float) -> tuple[Path, ...]:
+        return tuple(
+            _path(run, recording, joint, model, step, *smoothed(*step, ratio), scale)
+            for (run, recording), step in zip(pairs, steps)
+        )
+
+    paths = paths_of(ratio, scale)
+    shares = shares_of(paths, memory(steps, ratio))
+    foretold = gains.sum() > enough and p_value(gains) < CERTAIN
+    if not foretold and not any(one.p < CERTAIN and one.gain > enough for one in shares):
+        ratio, scale, shares = 0.0, likelihood(steps, 0.0)[1], ()
+        paths = paths_of(ratio, scale)
+    drive = arm.joints[joint - 1]
+    return Distortion(
+        own, joint, drive, unit_at(drive, UNITS.get(own.rpartition(".")[2], "")), model, paths, float(np.sqrt(scale * ratio / STEP)),
+        (model + constant, float(np.sqrt(scale / information))), shares,
+    )  # fmt: skip
+
+
+def _column(run: Run, name: str, value: float) -> Array:
+    """(m, n): change of the expected currents, over their deviation, for a unit of the parameter.
+
+    0 near standstill, where the deviation is a bound of what friction may do rather than noise that a likelihood could be made of.
+    """
+    step = 1e-3 * max(abs(value), 1e-3)
+    before, after = (with_parameters(run.arm, {name: value + sign * step}) for sign in (-1.0, 1.0))
+    low, high = (
+        inverse_dynamics(one, run.q, run.v, run.a) / one.joint_array("drive_constant") for one in (before, after)
+    )
+    column: Array = (high - low) / (2 * step) / run.deviation * (run.deviation < SURE * run.noise)
+    return column
+
+
+def _residuals(runs: Sequence[Run], columns: Sequence[Array], arm: Arm) -> list[Array]:
+    """(m, n) weighed residual of every run, less what the columns that are always free explain beside a constant parameter."""
+    side = side_of(runs)
+    free = free_columns(side, arm)
+    wide = [np.concatenate(columns).T.ravel()]
+    for one in free:
+        whole = np.zeros(len(side.y))
+        whole[one.where] = one.x[:, 0]
+        wide.append(whole)
+    x = np.column_stack(wide)
+    coefficients = np.linalg.lstsq(x, side.y, rcond=None)[0]
+    left = (side.y - x[:, 1:] @ coefficients[1:]).reshape(-1, side.rows).T
+    return np.split(left, np.cumsum([len(run.t) for run in runs])[:-1])
+
+
+def _steps(residual: Array, column: Array) -> tuple[Array, Array]:
+    """Score H^T y and information H^T H of every ``STEP``, all joints together."""
+    rows = round(STEP * ROWS_PER_SECOND)
+    count = len(residual) // rows
+
+    def summed(values: Array) -> Array:
+        total: Array = values[: count * rows].sum(axis=1).reshape(count, rows).sum(axis=1)
+        return total
+
+    return summed(column * residual), summed(column**2)
+
+
+def _path(
+    run: Run,
+    recording: Recording,
+    joint: int,
+    model: float,
+    step: tuple[Array, Array],
+    x: Array,
+    variance: Array,
+    scale: float,
+) -> Path:
+    score, seen = step
+    rows, count = round(STEP * ROWS_PER_SECOND), len(x)
+
+    def mean(values: Array) -> Array:
+        averages: Array = values[: count * rows].reshape(count, rows).mean(axis=1)
+        return averages
+
+    j = joint - 1
+    speed = mean(run.v[:, j])
+    against = {
+        "position": mean(run.q[:, j]),
+        "direction": np.sign(speed),
+        "speed": np.abs(speed),
+        "load torque": mean(run.rigid[:, j]),
+        "time": mean(run.t),
+    }
+    if recording.temp is not None and np.isfinite(recording.temp[:, j]).any():
+        there = np.isfinite(recording.temp[:, j])
+        first = run.raw[0][0] + 0.2
+        against["temperature"] = np.interp(mean(run.t) + first, recording.t[there], recording.temp[there, j])
+    enough = seen > 0.1 * np.median(seen[seen > 0]) if (seen > 0).any() else seen > 0
+    return Path(run.name, mean(run.t), model + x, np.sqrt(scale * variance), enough, against, score, seen)
+
+
+def sentence(result: Distortion) -> str:
+    """What the distortion says, in words."""
+    value, std = result.constant
+    unit = f" {result.unit}" if result.unit else ""
+    if not result.varies:
+        return (
+            f"{result.parameter} does not vary: {value:.4g} ± {2 * std:.2g}{unit} throughout (the model has {result.model:.4g}); "
+            "no variation foretells more of the residual."
+        )
+    low, high = np.quantile(np.concatenate([p.value[p.seen] for p in result.paths]), [0.05, 0.95])
+    first = f"{result.parameter} would have to vary between {low:.4g} and {high:.4g}{unit} (the model has {result.model:.4g})"
+    real = [one for one in result.shares if one.p < CERTAIN and one.share > 0.1]
+    if not real:
+        return f"{first}, with none of {', '.join(one.against for one in result.shares)} in particular."
+    others = "".join(f", {one.against} {one.share:.0%}" for one in real[1:])
+    rest = f" (by itself{others})" if others else ""
+    return f"{first}; {real[0].against} explains {real[0].share:.0%} of that variance{rest}, beyond what it would by chance (p = {real[0].p:.2g})."

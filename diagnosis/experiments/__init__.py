@@ -1,0 +1,1 @@
+"""Experiments that discriminate between rival causes or make an effect detectable."""

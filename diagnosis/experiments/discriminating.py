@@ -1,0 +1,187 @@
+"""The experiment that would tell the members of a group apart, or show an effect that could not be seen: chosen among many motions.
+
+The motion wanted is the one whose smallest distance between the rivals' predictions is largest (``separate_distance``), among the families of
+``separate_motions``, where the recordings have been already. A motion alone is preferred; then the drives off; then a known payload; then going
+further than the recordings did. Where none of it separates (a reference shunt would, say), words from the catalogue say what does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_model.effects import CATALOGUE
+from arm_model.rigid_body.numeric import rigid_torque
+from diagnosis.cause import Cause
+from diagnosis.diagnose import Diagnosis
+from diagnosis.experiments.motions import Kind, Stage, Trial, room, trials
+from diagnosis.experiments.t_optimality import Key, Question, foreseen, rival_of
+from diagnosis.measurements.currents.columns import Candidate, candidates
+from experiment import Experiment, demand_of
+from identification.experiment_design.excitation import Limits
+
+Progress = Callable[[str], None]
+Distances = dict[tuple[Key, Key], float]
+
+ENOUGH = 10.0
+"""Standard deviations of the noise by which predictions should differ: what the model does not know of the motion costs some of them."""
+
+NOTHING, ONE_IN = 0.1, 3
+"""Standard deviations below which predictions are the same; where they are in one motion out of so many, the others of the kind are not tried."""
+
+BY_NO_MOTION = [{"cogging", "gear_ripple"}]
+"""Groups of the same torque by two names: of magnets or of uneven teeth."""
+HOPELESS = 3.0
+"""Standard deviations below which going further than the recordings did is not tried."""
+
+
+@dataclass(frozen=True)
+class Separation:
+    """experiment: what to record (None: no motion separates); distance: standard deviations by which predictions then differ at least;
+    words: what it is, for a person; tried: how many motions it was chosen from."""
+
+    experiment: Experiment | None
+    distance: float
+    words: str
+    tried: int
+
+
+def separations(
+    result: Diagnosis, rig: Limits | None = None, progress: Progress = lambda sentence: None
+) -> dict[int, Separation]:
+    """For every cause (by its place, from 0) that comes as a group, what would tell its members apart."""
+    return {
+        place: separation(cause, result, rig, progress)
+        for place, cause in enumerate(result.causes)
+        if len(cause.group) > 1
+    }
+
+
+def separation(
+    cause: Cause, result: Diagnosis, rig: Limits | None = None, progress: Progress = lambda sentence: None
+) -> Separation:
+    """The experiment for the group of a cause; ``rig``: limits beside those of the model."""
+    keys = [key for key in cause.group if _shapes(result, key)]
+    others = _nuisances(result, set(cause.group))
+    nothing = Separation(None, 0.0, in_words(cause.group), 0)
+    # of what encoders, a tracker or a closed loop show, predictions of currents do not decide
+    if len(keys) < 2 or cause.signal != "current" or {effect for effect, _ in keys} in BY_NO_MOTION:
+        return nothing
+    rivals = [rival_of(_shapes(result, key), others, result.fit, result.arm) for key in keys]
+    joints = sorted({joint or cause.felt_at for _, joint in keys})
+    return _best(Question(rivals, others, result.fit, result.arm), result, joints, rig, progress) or nothing
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A trial, how many pairs of rivals it tells apart, and by how much the nearest of these; by how much any, where it tells none."""
+
+    pairs: int
+    distance: float
+    kind: Kind = Kind.MOTION
+    visited: bool = True
+    trial: Trial | None = None
+    together: tuple[tuple[Key, Key], ...] = ()
+
+
+def _best(
+    question: Question, result: Diagnosis, joints: Sequence[int], rig: Limits | None, progress: Progress
+) -> Separation | None:
+    """Of the first kind of experiment that tells all rivals apart, the motion with the largest smallest distance.
+
+    Where none tells all apart, the one that tells most pairs apart, by the largest distance of these; None where none tells any.
+    """
+    best, tried, stage = _Found(0, 0.0), 0, stage_of(result, joints, rig, visited=True)
+    for kind, visited in ((Kind.MOTION, True), (Kind.OFF, True), (Kind.PAYLOAD, True), (Kind.MOTION, False)):
+        if (best.trial and not best.together) or (not visited and best.distance < HOPELESS):
+            break
+        if not visited:
+            stage = stage_of(result, joints, rig, visited=False)
+        for trial, distances in _tried(question, stage, joints, kind):
+            tried += 1
+            progress(f"separating experiment: {tried} motions tried")
+            far = [distance for distance in distances.values() if distance >= ENOUGH]
+            together = tuple(pair for pair, distance in distances.items() if distance < ENOUGH)
+            found = _Found(len(far), min(far or distances.values()), kind, visited, trial, together)
+            same = (best.kind, best.visited) == (kind, visited)
+            # what asks more of a person has to tell more apart, not the same better
+            if found.pairs > best.pairs or (same and found.pairs == best.pairs and found.distance > best.distance):
+                best = found
+    return _told(best, best.trial, tried) if best.pairs and best.trial else None
+
+
+def _tried(question: Question, stage: Stage, joints: Sequence[int], kind: Kind) -> Iterator[tuple[Trial, Distances]]:
+    """Trials of a kind that the arm can make, and how far apart rivals are in them; only one in some where none of these tells anything."""
+    every = list(trials(stage, joints, kind))
+    some = every[::ONE_IN]
+    largest = 0.0
+    for number, trial in enumerate([*some, *(trial for k, trial in enumerate(every) if k % ONE_IN)]):
+        if number >= len(some) and largest < NOTHING:
+            return
+        run = foreseen(trial, stage, question.noise)
+        if run is not None:
+            distances = question.apart(run)
+            largest = max(largest, *distances.values())
+            yield trial, distances
+
+
+def _told(found: _Found, trial: Trial, tried: int) -> Separation:
+    words = f"{trial.words} ({demand_of(trial.experiment).duration:.0f} s)"
+    if not found.visited:
+        words = further(words)
+    if found.together:
+        pairs = ", ".join(f"{named(one)} from {named(other)}" for one, other in found.together)
+        words += f"; it does not tell {pairs}"
+    return Separation(trial.experiment.model_copy(update={"description": words}), found.distance, words, tried)
+
+
+def further(words: str) -> str:
+    """Said of a motion that leaves where the arm was seen to move freely."""
+    return f"{words}; this goes further than the recordings did: see that the way is free"
+
+
+def named(key: Key) -> str:
+    """``backlash of joint 2``."""
+    effect, joint = key
+    return f"{effect.replace('_', ' ')} of joint {joint}" if joint else effect.replace("_", " ")
+
+
+def stage_of(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visited: bool) -> Stage:
+    """The arm at the pose in which the recordings start; and the pose they went through that loads the joint most differently."""
+    q = np.concatenate([run.q[::20] for run in result.fit])
+    box = np.column_stack([q.min(axis=0), q.max(axis=0)]) if visited else None
+    limits = room(result.arm, box, rig)
+    start = result.fit[0].q[0]
+    inside = q[np.all((q >= limits.position[:, 0]) & (q <= limits.position[:, 1]), axis=1)]
+    poses = [start]
+    if len(inside):
+        load = rigid_torque(result.arm, inside, 0 * inside, 0 * inside)[:, joints[0] - 1]
+        here = rigid_torque(result.arm, start[None], 0 * start[None], 0 * start[None])[0, joints[0] - 1]
+        poses.append(inside[int(np.argmax(np.abs(load - here)))])
+    return Stage(result.arm, start, np.array(poses), limits)
+
+
+def _shapes(result: Diagnosis, key: Key) -> list[Candidate]:
+    """All shapes of an effect at its joint; where it is a named cause, the one that was found among them."""
+    several = [c for c in candidates(result.arm) if c.key == key]
+    for cause in result.causes:
+        if several and (cause.effect, cause.joint) == key:
+            values = {p.name: p.value for p in cause.parameters if np.isfinite(p.value) and p.value != 0.0}
+            own = tuple((name, values.get(name, value)) for name, value in several[0].shape)
+            several = [*several, replace(several[0], shape=own)]
+    return list(dict.fromkeys(several))
+
+
+def _nuisances(result: Diagnosis, group: set[Key]) -> list[Candidate]:
+    """The causes beside a group, as they were found."""
+    keys = [(cause.effect, cause.joint) for cause in result.causes]
+    return [shapes[-1] for key in keys if key not in group and (shapes := _shapes(result, key))]
+
+
+def in_words(group: Sequence[Key]) -> str:
+    """What the catalogue knows to separate the members of a group; none of it is a motion."""
+    names = [effect for effect, _ in group]
+    said = [CATALOGUE[a].confused_with[b] for a in names for b in names if b in CATALOGUE[a].confused_with]
+    return "; ".join(dict.fromkeys(said)) or "nothing that is known to the catalogue"

@@ -1,0 +1,225 @@
+"""Motions among which a separating experiment is chosen: families that each show something else, within what the arm may be asked to do.
+
+single moves at several speeds, a ladder of speeds, slow sweeps, small slow ramps of torque, standstill with the drives on and off, chirps, moves
+through the place where gravity changes sign, one cycle repeated with holds, and the whole arm's excitation; with a known payload where asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.system.dynamics import inverse_dynamics
+from experiment import Experiment
+from identification.experiment_design.excitation import Limits, design_excitation
+
+SPEEDS = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)
+"""Of the joint's full speed."""
+LONG = 12.0
+"""s: how long a motion may be, getting there not counted."""
+RAMPS = 2.0
+"""1/s: acceleration over speed; half a second to full speed asks of the motors what they can give."""
+APPROACH = 0.3
+"""Of full speed: how fast the arm is brought from its start to the pose of a motion."""
+MASS = 2.0
+"""kg of the known payload that is asked for."""
+TIMES = {1: "once", 2: "twice"}
+FEWER = 4
+"""One motion in so many is tried with a payload, too: it is the mass that matters then."""
+OFF = "switch the drives off and let the brakes hold the arm"
+LOAD = f"bolt a known mass to the flange and write its mass and centre into this file ({MASS:g} kg, 50 mm beyond the flange, as it stands)"
+
+
+class Kind(StrEnum):
+    """What it takes to record a motion, the least first."""
+
+    MOTION = "motion"
+    OFF = "drives off"
+    PAYLOAD = "known payload"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One motion that could be recorded; ``words``: what moves, how far, how fast; joints: those that move, from 1."""
+
+    words: str
+    experiment: Experiment
+    joints: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Where trials take place: an arm at ``start`` (n,) rad, the poses (rows, n) rad it may work in, and its limits."""
+
+    arm: Arm
+    start: Array
+    poses: Array
+    limits: Limits
+
+    @cached_property
+    def excitations(self) -> tuple[Experiment, ...]:
+        """A slow and a brisk motion of all joints together, designed for this arm within the limits."""
+        return tuple(
+            design_excitation(
+                self.arm, duration=10.0, fundamental=0.1 * seed, limits=self.limits, candidates=32, seed=seed
+            )
+            for seed in (1, 2)
+        )
+
+
+def room(arm: Arm, visited: Array | None = None, rig: Limits | None = None) -> Limits:
+    """What the arm may be asked to do: its model's limits, those of the rig, and (where given) only positions (n, 2) visited before."""
+    own = Limits.of(arm)
+    position = np.array([joint.limits or (-1.5, 1.5) for joint in arm.joints], float)
+    middle, half = position.mean(axis=1), 0.48 * np.ptp(position, axis=1)
+    low, high = middle - half, middle + half
+    speed, torque = own.speed, own.torque
+    for other in (rig.position if rig else None, visited):
+        if other is not None:
+            low, high = np.maximum(low, other[:, 0]), np.minimum(high, other[:, 1])
+    if rig is not None:
+        speed, torque = np.minimum(speed, 0.8 * rig.speed), np.minimum(torque, 0.8 * rig.torque)
+    return Limits(np.column_stack([low, high]), speed, RAMPS * speed, torque)
+
+
+def trials(stage: Stage, joints: Sequence[int], kind: Kind) -> Iterator[Trial]:
+    """All motions of a kind for the joints (from 1) that a question is about."""
+    if kind is Kind.OFF:
+        yield _standing(stage, stage.start, off=True)  # what stands on its brakes is not moved first
+        return
+    for number, trial in enumerate(_moving(stage, joints)):
+        if kind is Kind.PAYLOAD:
+            if number % FEWER:
+                continue
+            trial = with_payload(trial)
+        yield trial
+
+
+def with_payload(trial: Trial) -> Trial:
+    """The same motion with a known mass at the flange."""
+    mass = {"payload": {"mass": MASS, "com": [0.0, 0.0, 0.05]}, "instruction": LOAD}
+    loaded = Experiment.model_validate({**trial.experiment.model_dump(), "setup": mass})
+    return replace(trial, words=f"{trial.words}, with a known payload", experiment=loaded)
+
+
+def _moving(stage: Stage, joints: Sequence[int]) -> Iterator[Trial]:
+    for pose in stage.poses:
+        for joint in joints:
+            yield from of_joint(stage, pose, joint)
+        yield _standing(stage, pose, off=False)
+    yield from _excitations(stage)
+
+
+def _experiment(stage: Stage, name: str, pose: Array, segments: list[dict[str, Any]], **more: Any) -> Experiment:
+    there: list[dict[str, Any]] = []
+    if np.max(np.abs(pose - stage.start)) > 1e-6:
+        there = [{"type": "move", "to": pose.tolist(), "speed": APPROACH}]
+    hold = {"type": "hold", "duration": 0.5}
+    return Experiment.model_validate(
+        {
+            "name": name,
+            "start": stage.start.tolist(),
+            "full_speed": stage.limits.speed.tolist(),
+            "full_acceleration": stage.limits.acceleration.tolist(),
+            "segment": [hold, *there, *segments, hold],
+            **more,
+        }
+    )
+
+
+def _standing(stage: Stage, pose: Array, *, off: bool) -> Trial:
+    setup = {"drives_off": True, "instruction": OFF} if off else {}
+    name = f"standing still, drives {'off' if off else 'on'}"
+    held = [{"type": "hold", "duration": 5.0}]
+    return Trial(f"{name}, for 5 s", _experiment(stage, name, pose, held, setup=setup), ())
+
+
+def of_joint(stage: Stage, pose: Array, joint: int) -> Iterator[Trial]:
+    """All families of motions of one joint (from 1) about a pose (n,) rad."""
+    low, high = stage.limits.position[joint - 1]
+    full, unit = float(stage.limits.speed[joint - 1]), "rad" if stage.arm.joints[joint - 1].revolute else "m"
+    at = float(np.clip(pose[joint - 1], low, high))
+    span = high - low
+    if span < 1e-3:
+        return
+
+    def trial(name: str, words: str, segments: list[dict[str, Any]]) -> Trial:
+        return Trial(f"joint {joint} {words}", _experiment(stage, f"joint {joint} {name}", pose, segments), (joint,))
+
+    def to(place: float, speed: float) -> dict[str, Any]:
+        return {"type": "drive", "joint": joint, "to": place, "speed": speed}
+
+    for share in SPEEDS:
+        speed = share * full
+        far = min(span, speed * LONG / 2)
+        a, b = _around(at, far, low, high)
+        times = int(np.clip(LONG / (2 * far / speed + 2 * share), 1, 6))
+        often = TIMES.get(times, f"{times} times")
+        words = f"back and forth {often} between {a:.3g} and {b:.3g} {unit} at {speed:.2g} {unit}/s"
+        cycle = {"type": "repeat", "times": times, "segment": [to(b, share), to(a, share)]}
+        yield trial(f"at {share:g} of its speed", words, [to(a, 0.25), cycle])
+    yield trial(
+        "up a ladder of speeds",
+        f"back and forth at {', '.join(f'{s * full:.2g}' for s in SPEEDS[1:])} {unit}/s",
+        [move for s in SPEEDS[1:] for a, b in [_around(at, min(span, s * full), low, high)] for move in (to(a, 0.25), to(b, s), to(a, s))],
+    )  # fmt: skip
+    sweep = min(1.0, span / full / (LONG / 2))
+    words = f"once through {low:.3g} to {high:.3g} {unit} and back at {sweep * full:.2g} {unit}/s"
+    yield trial("in a slow sweep", words, [to(low, 0.25), to(high, sweep), to(low, sweep)])
+    for size in (0.005, 0.02):
+        middle = float(np.clip(at, low + size, high - size))
+        ramps = {"type": "chirp", "joint": joint, "amplitude": size, "frequency": 0.15, "to_frequency": 0.4, "duration": LONG}  # fmt: skip
+        words = f"swaying slowly (0.15 to 0.4 Hz) by {size:g} {unit} about {middle:.3g} {unit}, so that its torque ramps up and down"
+        yield trial("in slow small ramps of torque", words, [to(middle, 0.25), ramps])
+    for fastest in (2.0, 8.0):
+        pulse = 2 * np.pi * fastest
+        size = 0.9 * min(full / pulse, float(stage.limits.acceleration[joint - 1]) / pulse**2, span / 2)
+        middle = float(np.clip(at, low + size, high - size))
+        chirp = {"type": "chirp", "joint": joint, "amplitude": size, "frequency": 0.2, "to_frequency": fastest, "duration": LONG}  # fmt: skip
+        words = f"in a chirp of 0.2 to {fastest:g} Hz, {size:.2g} {unit} about {middle:.3g} {unit}"
+        yield trial("in a chirp", words, [to(middle, 0.25), chirp])
+    for place in _vertical(stage, pose, joint):
+        a, b = max(low, place - 0.2), min(high, place + 0.2)
+        share = min(1.0, 0.1 / full)
+        cycle = {"type": "repeat", "times": 2, "segment": [to(b, share), to(a, share)]}
+        words = (
+            f"slowly through {place:.3g} {unit}, where gravity at it changes sign (between {a:.3g} and {b:.3g}, twice)"
+        )
+        yield trial("through the vertical", words, [to(a, 0.25), cycle])
+    a, b = _around(at, min(span, full), low, high)
+    cycle = {"type": "repeat", "times": 4, "segment": [to(b, 0.5), to(a, 0.5), {"type": "hold", "duration": 1.0}]}
+    words = f"through one cycle four times, with holds, between {a:.3g} and {b:.3g} {unit}"
+    yield trial("in one cycle repeated", words, [to(a, 0.25), cycle])
+
+
+def _around(at: float, far: float, low: float, high: float) -> tuple[float, float]:
+    """A stretch of length ``far`` within low..high, with ``at`` as near to its middle as it can be."""
+    a = float(np.clip(at - far / 2, low, max(low, high - far)))
+    return a, min(a + far, high)
+
+
+def _vertical(stage: Stage, pose: Array, joint: int) -> list[float]:
+    """Position within the limits where the gravity torque of a joint changes sign with all other joints at ``pose``; the first, if any."""
+    low, high = stage.limits.position[joint - 1]
+    q = np.tile(pose, (200, 1))
+    q[:, joint - 1] = np.linspace(low, high, 200)
+    load = inverse_dynamics(stage.arm, q, 0 * q, 0 * q)[:, joint - 1]
+    turns = np.flatnonzero(np.diff(np.sign(load)))
+    return [float(q[turns[0], joint - 1])] if len(turns) and np.ptp(load) > 1e-3 else []
+
+
+def _excitations(stage: Stage) -> Iterator[Trial]:
+    for found, pace in zip(stage.excitations, ("slow", "brisk")):
+        pose = np.array(found.start)
+        moving = [segment.model_dump() for segment in found.segment if segment.type == "fourier"]
+        name = f"excitation of all joints ({pace})"
+        joints = tuple(range(1, len(stage.arm) + 1))
+        words = "all joints together in a sum of sines, 10 s"
+        yield Trial(words, _experiment(stage, name, pose, moving), joints)

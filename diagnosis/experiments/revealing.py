@@ -1,0 +1,112 @@
+"""Which motion would show what the recordings could not: tried in simulation, without and with a known payload, before anybody moves the arm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_io.types import Array
+from diagnosis.diagnose import Diagnosis
+from diagnosis.experiments.discriminating import further, stage_of
+from diagnosis.experiments.motions import Stage, Trial, of_joint, with_payload
+from diagnosis.experiments.t_optimality import foreseen
+from diagnosis.measurements.currents.columns import candidates
+from diagnosis.measurements.currents.design_matrix import columns_of, side_of
+from diagnosis.measurements.currents.detectability import BY_ENCODERS, Invisible, felt, need_of, times_noise
+from diagnosis.selection.regression import Key
+from experiment import Experiment, demand_of
+from identification.experiment_design.excitation import Limits
+
+ENOUGH = 1.0
+"""Times the noise that an effect of the largest typical size has to change the currents by: three times what is called visible."""
+FAMILIES = {
+    "load": "in a slow sweep",
+    "gravity": "in a slow sweep",
+    "turn of the load": "through the vertical",
+    "current": "at 1 of its speed",
+    "speed": "at 1 of its speed",
+    "acceleration": "at 1 of its speed",
+    "motion": "in a slow sweep",
+}
+"""The motion of ``separate_motions`` that gives a joint most of what an effect needs."""
+OTHERWISE = "at 1 of its speed"
+"""Where a joint has no such motion: one without gravity has no vertical, but its load turns with its acceleration."""
+BESIDES = "an encoder at the link, or a tracker"
+
+
+@dataclass(frozen=True)
+class Showing:
+    """An effect that could not be seen, with words for the experiment that would show it; ``experiment`` to record, where a motion does."""
+
+    invisible: Invisible
+    experiment: Experiment | None = None
+
+
+def shown_by(
+    result: Diagnosis, rig: Limits | None = None, progress: Callable[[str], None] = lambda sentence: None
+) -> list[Showing]:
+    """For everything that the recordings could not show, what would; effects that no motion shows keep the words they had."""
+    if not result.judged:
+        return [Showing(one) for one in result.not_visible]
+    stage = stage_of(result, [1], rig, visited=False)
+    noise = np.mean([run.noise for run in result.fit], axis=0)
+    known = {c.key for c in candidates(result.arm)}
+    tried: dict[tuple[int, str], list[tuple[Trial, dict[Key, float]]]] = {}
+    found = []
+    for one in result.not_visible:
+        if one.joint is None or (one.effect, one.joint) not in known:
+            found.append(Showing(one))
+            continue
+        progress(f"what would show {one.effect.replace('_', ' ')} of joint {one.joint}")
+        at = one.joint, FAMILIES[need_of(one.effect)]
+        if at not in tried:
+            alike: set[Key] = {(e.effect, e.joint) for e in result.not_visible if e.joint == at[0]}
+            alike = {key for key in alike if FAMILIES[need_of(key[0])] == at[1]}
+            tried[at] = list(_tried(stage, noise, *at, alike))
+        found.append(_best(one, tried[at]))
+    return found
+
+
+def _tried(
+    stage: Stage, noise: Array, joint: int, family: str, wanted: set[Key]
+) -> Iterator[tuple[Trial, dict[Key, float]]]:
+    """A joint's motion of a family (or the one that does instead), from the pose of the recordings that loads it most differently; and if that
+    does not show all that is ``wanted``, the same with a known payload. With each, how much it shows of what."""
+    named = {trial.experiment.name: trial for trial in of_joint(stage, stage.poses[-1], joint)}
+    trial = next((named[name] for one in (family, OTHERWISE) if (name := f"joint {joint} {one}") in named), None)
+    if trial is None:
+        return
+    strengths = _strengths(trial, stage, noise, wanted)
+    yield trial, strengths
+    if any(strengths.get(key, 0.0) < ENOUGH for key in wanted):
+        yield with_payload(trial), _strengths(with_payload(trial), stage, noise, wanted)
+
+
+def _strengths(trial: Trial, stage: Stage, noise: Array, wanted: set[Key]) -> dict[Key, float]:
+    """Times the noise: how much effects of the largest typical size change the currents of a simulated motion; empty where it cannot be made."""
+    run = foreseen(trial, stage, noise)
+    if run is None:
+        return {}
+    side, strongest = side_of([run]), dict[Key, float]()
+    for c in candidates(stage.arm):
+        if c.key in wanted:
+            strongest[c.key] = max(strongest.get(c.key, 0.0), felt(c, columns_of(c, side, stage.arm), side.rows))
+    return strongest
+
+
+def _best(one: Invisible, tried: Sequence[tuple[Trial, dict[Key, float]]]) -> Showing:
+    key = one.effect, one.joint
+    for trial, strengths in tried:
+        if strengths.get(key, 0.0) >= ENOUGH:
+            words = f"{trial.words} ({demand_of(trial.experiment).duration:.0f} s): {times_noise(strengths[key])}"
+            experiment = trial.experiment.model_copy(update={"description": further(trial.words)})
+            return Showing(replace(one, experiment=words), experiment)
+    able = [(trial, strengths[key]) for trial, strengths in tried if key in strengths]
+    if not able:
+        return Showing(one)
+    trial, most = max(able, key=lambda pair: pair[1])
+    words = f"no motion of it that was tried ({trial.words.removeprefix(f'joint {one.joint} ')}: {times_noise(most)})"
+    besides = BESIDES if one.effect in BY_ENCODERS and one.effect != "joint_zero_offset" else one.experiment
+    return Showing(replace(one, experiment=f"{words}; {besides}"))

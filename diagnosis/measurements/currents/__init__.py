@@ -1,0 +1,1 @@
+"""Effects that show in the motor currents along a measured motion."""

@@ -1,0 +1,205 @@
+"""Functions of one variable (or of two angles) that a residual may hang on, where no effect of the catalogue says how."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from diagnosis.measurements.currents.design_matrix import Columns, Side
+from diagnosis.residual.run import Run, signals_of
+from diagnosis.selection.regression import Pair
+
+KNOTS = 16
+"""Of a function of one variable: enough for three cycles over the range of a joint."""
+PLACES = 100
+"""Over the range of a joint, of the function that shows what is at one place only."""
+CYCLES = (0.5, 40.0)
+"""Cycles a motor revolution between which a ripple is looked for."""
+BINS_PER_TURN = 256
+UNMIXED = ("velocity", "acceleration", "current")
+"""Variables whose functions are not multiplied by the direction or the velocity: they contain it, or it means nothing."""
+TWO_FACED = ("position", "load torque")
+"""Variables that may have one function forwards and another one backwards: what drives loses, what is driven does not."""
+PLAYS = (0.004, 0.01, 0.02, 0.05, 0.1)
+"""Half-widths of play operators, of the range of the current."""
+
+
+def variables(side: Side, arm: Arm, joint: int) -> Iterator[tuple[str, Array]]:
+    """Name and values (rows,) of everything that a residual of this joint is held against."""
+
+    yield "time", np.concatenate([run.t for run in side.runs])
+    yield "position", _gathered(side, "q", joint)
+    yield "motor angle", np.mod(_gathered(side, "q", joint) * arm.joints[joint - 1].ratio, 2 * np.pi)
+    yield "velocity", _gathered(side, "v", joint)
+    yield "acceleration", _gathered(side, "a", joint)
+    yield "load torque", _gathered(side, "rigid", joint)
+    yield "current", _gathered(side, "current", joint)
+    for other in range(1, len(arm) + 1):
+        if other != joint:
+            yield f"position of joint {other}", _gathered(side, "q", other)
+            yield f"velocity of joint {other}", _gathered(side, "v", other)
+            yield f"current of joint {other}", _gathered(side, "current", other)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A function of one variable at one joint; ``known`` (rows,): held-out rows where the variable is in the range that was fitted."""
+
+    name: str
+    pair: Pair
+    known: NDArray[np.bool_]
+
+
+def shapes_of(fit: Side, held_out: Side, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
+    """Functions of every variable at one joint, alone and times direction and velocity, over the deviation of each row.
+
+    residual (n * rows,): whitened, of the fitted side; where its ripples are is read from it.
+    """
+    width = arm.joints[joint - 1].sign_velocity
+    factors = []
+    for side in (fit, held_out):
+        v, over = _gathered(side, "v", joint), 1.0 / _gathered(side, "deviation", joint)
+        factors.append((over, over * v / np.hypot(v, width), over * v))
+    for (name, x), (_, x_held_out) in zip(variables(fit, arm, joint), variables(held_out, arm, joint)):
+        if name == "motor angle":
+            continue  # by its harmonics, below
+        if np.ptp(x) == 0.0:
+            continue
+        # half where the rows are, half evenly: the ends of a range are passed rarely, and matter
+        knots = (np.quantile(x, np.linspace(0.0, 1.0, KNOTS)) + np.linspace(x.min(), x.max(), KNOTS)) / 2
+        if np.any(np.diff(knots) <= 0.0):
+            continue  # as good as constant
+        known = (x_held_out >= knots[0]) & (x_held_out <= knots[-1])
+        splines = _splines(x, knots), _splines(x_held_out, knots) * known[:, None]
+        for kinds in ((0,), (1,), (2,), (0, 1)):
+            if (kinds != (0,) and name in UNMIXED) or (2 in kinds and " of joint" in name):
+                continue
+            if len(kinds) > 1 and name not in TWO_FACED:
+                continue
+            one, other = (
+                Columns(np.hstack([values * factor[kind][:, None] for kind in kinds]), side.of(joint))
+                for values, factor, side in zip(splines, factors, (fit, held_out))
+            )
+            yield Shape(name, (one, other), known)
+    yield from _places(fit, held_out, joint)
+    yield from _waves(fit, held_out, residual, arm, joint)
+    yield from _past(fit, held_out, arm, joint)
+
+
+def _places(fit: Side, held_out: Side, joint: int) -> Iterator[Shape]:
+    """What is there at a place and nowhere else (a detent, a damaged tooth): narrow functions of the position, side by side."""
+    x, x_held_out = _gathered(fit, "q", joint), _gathered(held_out, "q", joint)
+    edges = np.linspace(x.min(), x.max(), PLACES)
+    if not np.ptp(x):
+        return
+    known = (x_held_out >= edges[0]) & (x_held_out <= edges[-1])
+    one, other = (
+        Columns(
+            np.maximum(1.0 - np.abs(values[:, None] - edges) / (edges[1] - edges[0]), 0.0)
+            / _gathered(side, "deviation", joint)[:, None],
+            side.of(joint),
+        )
+        for values, side in ((x, fit), (x_held_out, held_out))
+    )
+    yield Shape("position", (one, other), known)
+
+
+def _splines(x: Array, knots: Array) -> Array:
+    """(rows, knots) natural cubic splines, each 1 at its knot and 0 at all others; constant beyond the ends."""
+    values: Array = CubicSpline(knots, np.eye(len(knots)), bc_type="natural")(np.clip(x, knots[0], knots[-1]))
+    return values
+
+
+def _waves(fit: Side, held_out: Side, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
+    """The strongest ripple over the motor's angle, and over the angles of this joint and each other one together."""
+    over = 1.0 / _gathered(fit, "deviation", joint)
+    heard, ratio = residual[fit.of(joint)] * over, arm.joints[joint - 1].ratio
+    own = _gathered(fit, "q", joint)
+    ripple = _ripple(heard, own * ratio)
+    if ripple is not None:
+        yield _wave("motor angle", fit, held_out, joint, lambda side: ripple * ratio * _gathered(side, "q", joint))
+    for other in range(1, len(arm) + 1):
+        if other != joint and np.ptp(_gathered(fit, "q", other)) > 0.0:
+            c, d = _plane_wave(heard, own, _gathered(fit, "q", other))
+            name = f"position and position of joint {other}"
+            yield _wave(name, fit, held_out, joint, partial(_mixed, joint=joint, other=other, c=c, d=d))
+
+
+def _mixed(side: Side, joint: int, other: int, c: float, d: float) -> Array:
+    return c * _gathered(side, "q", joint) + d * _gathered(side, "q", other)
+
+
+def _wave(name: str, fit: Side, held_out: Side, joint: int, angle: Callable[[Side], Array]) -> Shape:
+    columns = []
+    for side in (fit, held_out):
+        over, phase = 1.0 / _gathered(side, "deviation", joint), angle(side)
+        columns.append(Columns(np.stack([np.sin(phase), np.cos(phase)], axis=1) * over[:, None], side.of(joint)))
+    return Shape(name, (columns[0], columns[1]), np.ones(held_out.rows, bool))
+
+
+def _ripple(heard: Array, motor: Array) -> float | None:
+    """Cycles a motor revolution of the strongest ripple over the motor's angle (rows,) rad; None where it hardly turned."""
+    if np.ptp(motor) < 4 * np.pi:
+        return None
+    # the residual summed in fine bins of the motor's turns has the ripple as a line of its spectrum
+    turns = (motor - motor.min()) / (2 * np.pi)
+    bins = BINS_PER_TURN * int(2 ** np.ceil(np.log2(2 * turns.max() + 2)))
+    total = np.bincount((turns * BINS_PER_TURN).astype(int), weights=heard, minlength=bins)
+    cycles = np.fft.rfftfreq(bins, 1.0 / BINS_PER_TURN)
+    power = np.abs(np.fft.rfft(total))
+    wanted = (cycles >= CYCLES[0]) & (cycles <= CYCLES[1])
+    return float(cycles[wanted][int(np.argmax(power[wanted]))])
+
+
+def _plane_wave(heard: Array, own: Array, other: Array) -> tuple[float, float]:
+    """c and d, rad/rad, of the strongest wave sin(c own + d other) that hangs on both."""
+    c, d = np.arange(-8.0, 8.01, 0.5), np.arange(0.5, 8.01, 0.5)
+    c = c[c != 0.0]
+    power = np.abs((np.exp(1j * np.outer(c, own)) * heard) @ np.exp(1j * np.outer(other, d)))
+    best = np.unravel_index(int(np.argmax(power)), power.shape)
+    return float(c[best[0]]), float(d[best[1]])
+
+
+def _past(fit: Side, held_out: Side, arm: Arm, joint: int) -> Iterator[Shape]:
+    """What hangs on where the current came from: play operators of it, from a tenth of its range to a 250th wide (Prandtl and Ishlinskii).
+
+    Of the current that the model expects for the smoothed motion: the measured one has the residual in it, and would explain itself.
+    """
+    currents = [[_expected(run, arm, joint) for run in side.runs] for side in (fit, held_out)]
+    swing = max(float(np.ptp(current)) for current in currents[0])
+    if swing == 0.0:
+        return
+    pair = []
+    for side, of_side in zip((fit, held_out), currents):
+        over = 1.0 / _gathered(side, "deviation", joint)
+        kept = [np.concatenate([_play(current, width * swing) - current for current in of_side]) for width in PLAYS]
+        pair.append(Columns(np.stack(kept, axis=1) * over[:, None], side.of(joint)))
+    yield Shape("current and its past", (pair[0], pair[1]), np.ones(held_out.rows, bool))
+
+
+def _expected(run: Run, arm: Arm, joint: int) -> Array:
+    """(m,) A: load and Coulomb friction of a joint for the smoothed motion."""
+    s = signals_of(run, arm, joint)
+    current: Array = (s.load + s.coulomb * s.sign) / arm.joints[joint - 1].drive_constant
+    return current
+
+
+def _play(values: Array, width: float) -> Array:
+    """(m,) what follows values (m,) with play of half-width ``width``."""
+    kept, at = np.empty_like(values), float(values[0])
+    for row, value in enumerate(values.tolist()):
+        at = min(max(at, value - width), value + width)
+        kept[row] = at
+    return kept
+
+
+def _gathered(side: Side, name: str, joint: int) -> Array:
+    values: Array = np.concatenate([getattr(run, name)[:, joint - 1] for run in side.runs])
+    return values

@@ -1,0 +1,164 @@
+"""Causes that the currents show: those of the search, events in raw rows, and those of one axis seen finely."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm, Joint
+from arm_model.effects import CATALOGUE
+from diagnosis.cause import Cause, confidence_of
+from diagnosis.measurements.currents.columns import TWINS, Candidate
+from diagnosis.measurements.currents.design_matrix import Side
+from diagnosis.measurements.currents.estimates import Estimate
+from diagnosis.measurements.currents.search import NESTED, Found, Problem
+from diagnosis.measurements.single_axis.causes import AxisCause
+from diagnosis.screening.events import Event, Gain
+from diagnosis.selection.aliasing import confusability, span_of
+from diagnosis.selection.regression import Look, look
+from diagnosis.units import unit_at
+
+WITHIN = {"current_offset": "friction_asymmetry"}
+"""Effects that are the simplest case of another one as long as the drives are on: friction that is more by the same one way and less the other."""
+SAME = dict(TWINS) | {other: one for one, other in TWINS} | {"cogging": "gear_ripple"}
+"""Effects that are another one by another name, whatever is recorded: a torque that goes with the motor's angle is made by uneven teeth as well as by
+magnets."""
+GROUP_ABOVE = 0.98
+"""Canonical correlation above which two effects are one to this data."""
+
+
+def of_candidate(
+    candidate: Candidate,
+    values: list[Estimate],
+    alike: list[Look],
+    problem: Problem,
+    found: Found,
+) -> Cause:
+    library, (fit, held_out) = problem.library, found.sides
+    accepted = problem.accepted(found.chosen, found.sides)
+    others = problem.accepted([c for c in found.chosen if c is not candidate], found.sides)
+    one = look(candidate, library[candidate], others, held_out)
+    joint = candidate.joint or _most_felt(others.held_out, accepted.held_out, held_out)
+    before, after = (_rms_in_amperes(values_, held_out, joint) for values_ in (others.held_out, accepted.held_out))
+    group = [candidate.key]
+    basis = span_of(others.basis) if others.basis.shape[1] else span_of(np.zeros((len(fit.y), 1)))
+    for other in alike:
+        if other.candidate.key != candidate.key and candidate.effect not in NESTED.get(other.candidate.effect, ()):
+            pair = library[candidate][0], library[other.candidate][0]
+            if confusability(basis, *(_full(c.x, c.where, len(fit.y)) for c in pair)) > GROUP_ABOVE:
+                group.append(other.candidate.key)
+    namesakes = [SAME[candidate.effect]] if candidate.effect in SAME else []
+    if candidate.effect in WITHIN and all(run.powered for side in found.sides for run in side.runs):
+        namesakes.append(WITHIN[candidate.effect])
+    group += [(name, candidate.joint) for name in namesakes if (name, candidate.joint) not in group]
+    definition = candidate.definition
+    where, unit = (
+        f"joint {candidate.joint}" if candidate.joint else "all joints",
+        problem.arm.joints[joint - 1].current_unit,
+    )
+    sentence = (
+        f"{definition.shows}: with it the held-out current error of joint {joint} falls from {before:.3g} to {after:.3g} {unit} rms, "
+        f"in {int(np.sum(one.blocks > 0))} of {int(np.sum(one.blocks != 0))} one-second blocks ({where})"
+    )
+    separate = None
+    if len(group) > 1:
+        separate = next((definition.confused_with[e] for e, _ in group[1:] if e in definition.confused_with), None)
+    confidence = confidence_of(one.p)
+    return Cause(
+        candidate.effect,
+        candidate.joint,
+        values,
+        confidence,
+        before,
+        after,
+        tuple(group),
+        separate,
+        sentence,
+        joint,
+        unit,
+    )
+
+
+def _full(x: Array, where: slice, length: int) -> Array:
+    whole = np.zeros((length, x.shape[1]))
+    whole[where] = x
+    return whole
+
+
+def _most_felt(before: Array, after: Array, side: Side) -> int:
+    """Joint (from 1) whose residual falls most."""
+    fall = (before**2 - after**2).reshape(-1, side.rows).sum(axis=1)
+    return int(np.argmax(fall)) + 1
+
+
+def _rms_in_amperes(whitened: Array, side: Side, joint: int) -> float:
+    """A: rms of a joint's residual where it is known to better than three times the instruments' noise."""
+    deviation = np.concatenate([run.deviation[:, joint - 1] for run in side.runs])
+    noise = np.concatenate([np.full(len(run.t), run.noise[joint - 1]) for run in side.runs])
+    certain = deviation < 3 * noise
+    values = (whitened[side.of(joint)] * deviation)[certain] if certain.any() else np.zeros(1)
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def from_event(event: Event, arm: Arm, sides: tuple[Side, Side]) -> Cause:
+    at = max(event.joint - 1, 0)
+    noise = float(np.mean([run.noise[at] for run in sides[1].runs]))
+    gain = event.gain or Gain(noise, noise, "A", at + 1)
+    joint = event.joint or None
+    confidence, felt = confidence_of(gain.p), arm.joints[gain.joint - 1]
+    parameters = [replace(p, unit=unit_at(felt, p.unit, p.name)) for p in event.parameters]
+    return Cause(
+        event.effect, joint, parameters, confidence, gain.before, gain.after, ((event.effect, joint),), None,
+        event.evidence, gain.joint, unit=unit_at(felt, gain.unit), signal="current" if gain.unit == "A" else "angle",
+        of_arm=event.effect != "dropped_trigger",
+    )  # fmt: skip
+
+
+def from_axis(one: AxisCause, arm: Arm) -> Cause:
+    joint = 1 if CATALOGUE[one.effect].per_joint else None
+    unit, values = arm.joints[0].current_unit, {p.name: p.value for p in one.parameters}
+    sentence = (
+        f"{_seen_on_axis(one.effect, values, arm.joints[0])}: with it the held-out error of the command below 60 Hz falls from {one.before:.3g} to "
+        f"{one.after:.3g} {unit} rms, in {int(np.sum(one.gains > 0))} of {len(one.gains)} blocks"
+    )
+    if one.effect == "friction_asymmetry":
+        sentence += f"; {_by_direction(arm, values)}"
+    confidence = confidence_of(one.p)
+    group = tuple((effect, 1 if CATALOGUE[effect].per_joint else None) for effect in one.group)
+    apart = CATALOGUE[one.effect].confused_with
+    separate = next((apart[effect] for effect in one.group[1:] if effect in apart), None)
+    return Cause(
+        one.effect, joint, one.parameters, confidence, one.before, one.after, group, separate, sentence, 1, unit
+    )
+
+
+def _seen_on_axis(effect: str, values: Mapping[str, float], drive: Joint) -> str:
+    """What a person sees of an effect of one axis, with its sign."""
+    if effect == "time_skew":
+        ahead = values["delay"] < 0.0
+        return (
+            f"the command as recorded {'leads' if ahead else 'lags'} the motion by {abs(1e3 * values['delay']):.2f} ms"
+        )
+    if effect == "stribeck_friction":
+        more, speed = values["breakaway"], f"{values['stribeck_velocity']:.2g} {unit_at(drive, 'rad/s')}"
+        than = "more" if more > 0.0 else "less"
+        return (
+            f"below some {speed} there is up to {abs(more):.3g} {unit_at(drive, 'N m')} {than} friction than Coulomb's"
+        )
+    return CATALOGUE[effect].shows
+
+
+def _by_direction(arm: Arm, more: Mapping[str, float]) -> str:
+    """All the friction of one axis, the model's and what is ``more``, in words; the model's offset is friction that differs, as long as it moves."""
+    drive = arm.joints[0]
+    step, slope = unit_at(drive, "N m"), unit_at(drive, "N m s/rad")
+    offset = drive.ratio * drive.offset
+    said = [
+        f"{drive.ratio * drive.coulomb[k] + more[side] + sign * offset:.4g} {step} and "
+        f"{drive.ratio**2 * drive.viscous[k] + more[f'viscous_{side}']:.4g} {slope} {way}"
+        for k, (side, sign, way) in enumerate((("positive", 1.0, "forwards"), ("negative", -1.0, "backwards")))
+    ]
+    return f"all friction then is {', '.join(said)}" + (", the model's constant offset counted in" if offset else "")

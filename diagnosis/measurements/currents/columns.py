@@ -1,0 +1,273 @@
+"""Every effect of the catalogue at every joint, as what it would add to the recorded currents.
+
+A candidate is one effect at one joint (or of the whole arm) with its nonlinear parameters fixed; its columns are the first-order change of the
+residual currents of all joints for a unit of each linear parameter, from the effect's own law. Parameters that enter by a phase or a rest
+position span a plane, and become two columns; ``solve`` turns coefficients back into parameters.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, Effect, Parameter, Signals, Values
+from arm_model.effects.definition import Law
+from arm_model.system.dynamics import inverse_dynamics
+from diagnosis.residual.expected_current import COMPARE_BAND, integrated, low_pass, spring_of, through_gap, wound_up
+from diagnosis.residual.run import ROWS_PER_SECOND, Run, passed, signals_of
+
+SPANNED = {"phase": (0.0, np.pi / 2), "rest_angle": (0.0, 1.0)}
+"""Nonlinear parameters whose whole family is spanned by the law at two values."""
+
+TWINS = (("torque_constant", "current_gain"),)
+"""Effects that are the same to currents and motor angles, whatever the motion: one scales the measured current, one the expected."""
+
+FIXED = {"presliding_friction": ("damping",)}
+"""Shape parameters that the currents hardly show."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one joint (None: the arm), with values for its nonlinear parameters that are not spanned."""
+
+    effect: str
+    joint: int | None
+    shape: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def definition(self) -> Effect:
+        return CATALOGUE[self.effect]
+
+    @cached_property
+    def key(self) -> tuple[str, int | None]:
+        """Effect and joint, whatever the shape."""
+        return self.effect, self.joint
+
+    @property
+    def at_own_joint(self) -> bool:
+        """Whether only the current of the candidate's own joint changes."""
+        effect = self.definition
+        return (
+            effect.torque is not None
+            or effect.current is not None
+            or effect.name in ("rotor_inertia", "torque_constant")
+        )
+
+    @property
+    def by_shape(self) -> bool:
+        """Whether the effect is told by its shape alone: nothing that it does is linear, and its coefficient is 1 where it is there."""
+        effect = self.definition
+        return effect.spring is not None or (not effect.linear and effect.delay is None and effect.change is None)
+
+    def largest(self, k: int) -> float:
+        """Largest typical magnitude of coefficient k: what is believed of one that the data does not show."""
+        linear = self.definition.linear
+        return linear[k].typical[1] if k < len(linear) else linear[0].typical[1] if linear else 1.0
+
+    def searched(self) -> list[str]:
+        """Names of the shape parameters that are continuous and seen in the currents."""
+        continuous = {p.name for p in self.definition.parameters if not p.whole}
+        return [name for name, _ in self.shape if name in continuous and name not in FIXED.get(self.effect, ())]
+
+    def with_shape(self, name: str, value: float) -> Candidate:
+        """The same with another value of one shape parameter."""
+        return replace(self, shape=tuple((n, value if n == name else v) for n, v in self.shape))
+
+    def units(self) -> list[Values]:
+        """Parameter values, one set a column: each linear parameter at 1, each spanned one at its two values."""
+        effect = self.definition
+        if self.by_shape:
+            return [Values(self.shape)]
+        spanned = [p.name for p in effect.nonlinear if p.name in SPANNED]
+        sets = []
+        for values in itertools.product(*(SPANNED[name] for name in spanned)):
+            for one in effect.linear or (None,):
+                chosen = {p.name: 0.0 for p in effect.linear} | dict(self.shape) | dict(zip(spanned, values))
+                if one is not None:
+                    chosen[one.name] = 1.0
+                sets.append(Values(chosen))
+        return sets
+
+    def columns(self, run: Run, arm: Arm) -> Array:
+        """(m, n, k) A: change of ``run.residual`` for a unit of each of k coefficients."""
+        effect, arm = self.definition, run.arm
+        if not run.powered and effect.current is None:  # the brakes hold; only what the instruments add is there
+            count = 4 if effect.name == "payload" else 10 if effect.name == "link_inertia" else len(self.units())
+            return np.zeros((*run.current.shape, 1 if effect.delay is not None else count))
+        if effect.name == "payload":
+            # mass and first moment, which carry gravity; its own inertia follows from them when it is fitted
+            return _link_columns(run, arm, len(arm))[..., :4]
+        if effect.name == "link_inertia":
+            assert self.joint is not None
+            return _link_columns(run, arm, self.joint)
+        if effect.change is not None:
+            return np.stack([_changed(run, arm, effect, self.joint, unit) for unit in self.units()], axis=-1)
+        if effect.coupling:
+            return np.stack([_coupled(run, arm, unit) for unit in self.units()], axis=-1)
+        if effect.delay is not None:
+            return -run.current_rate[..., None]
+        assert self.joint is not None
+        s = signals_of(run, arm, self.joint)
+        return np.stack([_law(run, arm, effect, self.joint, unit, s) for unit in self.units()], axis=-1)
+
+
+def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) -> Array:
+    j = joint - 1
+    change = np.zeros_like(run.current)
+    if effect.torque is not None:
+        if effect.rate is not None:
+            s = replace(s, state=_states(effect, p, s, run))
+        change[:, j] = effect.torque(p, s) / arm.joints[j].drive_constant
+    elif effect.current is not None:
+        change[:, j] = effect.current(p, s)
+    elif effect.deflection is not None:
+        # the link stands where the motor is, less the deflection
+        elastic = effect.spring is not None
+        rates = _wound_up(run, j, effect, p) if elastic else _rates(effect.deflection, p, s, arm.joints[j].ratio, run)
+        change = -_moved(run, j, *rates)
+        # virtual work: where the link turns less than the motor, the motor feels less of its load
+        change[:, j] -= _slope(effect.deflection, p, s) * arm.joints[j].ratio * s.load / arm.joints[j].drive_constant
+    elif effect.angle is not None:
+        # the whole joint stands where it reads, less the error
+        error, speed, acceleration = _rates(effect.angle, p, s, arm.joints[j].ratio, run)
+        change = -_moved(run, j, error, speed, acceleration)
+        drive = arm.joints[j]
+        change[:, j] -= drive.ratio**2 * drive.rotor_inertia * acceleration / drive.drive_constant
+    cycles = p.get("order", p.get("pole_pairs"))
+    if cycles is not None:
+        change *= passed(cycles * arm.joints[j].ratio * np.abs(s.v) / (2 * np.pi))[:, None]
+    return change
+
+
+def _rates(law: Law, p: Values, s: Signals, ratio: float, run: Run) -> tuple[Array, Array, Array]:
+    """Value, rate and second rate (m,) of an angle that a law gives.
+
+    One that follows the motor angle may turn faster than there are rows: its rates come by the chain rule, d/dt = ratio v d/d motor.
+    """
+    value = np.asarray(law(p, s), float)
+    step = 1e-3
+    up = np.asarray(law(p, replace(s, motor=s.motor + step)), float)
+    down = np.asarray(law(p, replace(s, motor=s.motor - step)), float)
+    if np.array_equal(up, value):
+        speed = run.rate(value)
+        return value, speed, run.rate(speed)
+    slope, bend = (up - down) / (2 * step), (up - 2 * value + down) / step**2
+    return value, slope * ratio * s.v, bend * (ratio * s.v) ** 2 + slope * ratio * s.a
+
+
+def _wound_up(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array, Array]:
+    """Twist (m,) of a joint with a spring or with play, and its rates; at rest at the start of every recording."""
+    step, spring = 1.0 / ROWS_PER_SECOND, spring_of(effect, p)
+    load, inertia = run.brisk_rigid[:, j], run.inertia[:, j]
+    if spring is not None:
+        each = [wound_up(load[part], inertia[part], *spring, step) for part in run.parts]
+        return tuple(np.concatenate(rates) for rates in zip(*each))  # type: ignore[return-value]
+    gaps = [through_gap(load[part], inertia[part], p.half_gap, step) for part in run.parts]
+    twist = np.concatenate([low_pass(gap, COMPARE_BAND, ROWS_PER_SECOND) for gap in gaps])
+    speed = run.rate(twist)
+    return twist, speed, run.rate(speed)
+
+
+def _states(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
+    """State (m,) of an effect, from 0 at the start of every recording."""
+    states = []
+    for part in run.parts:
+        within = replace(s, v=s.v[part], sign=s.sign[part], coulomb=s.coulomb[part], q=s.q[part])
+        states.append(integrated(effect, p, within, 1.0 / ROWS_PER_SECOND))
+    return np.concatenate(states)
+
+
+def _slope(law: Law, p: Values, s: Signals) -> Array:
+    """(m,) derivative of an angle by the motor's own angle."""
+    step = 1e-3
+    up, down = (np.asarray(law(p, replace(s, motor=s.motor + sign * step)), float) for sign in (1.0, -1.0))
+    slope: Array = (up - down) / (2 * step)
+    return slope
+
+
+def _moved(run: Run, j: int, angle: Array, speed: Array, acceleration: Array) -> Array:
+    """(m, n) A: change of the expected currents of all joints when link j is displaced by ``angle`` (m,) rad."""
+    return (
+        run.by_angle[..., j] * angle[:, None]
+        + run.by_speed[..., j] * speed[:, None]
+        + run.by_acceleration[..., j] * acceleration[:, None]
+    )
+
+
+def _changed(run: Run, arm: Arm, effect: Effect, joint: int | None, unit: Values) -> Array:
+    """First-order change by finite difference of the description."""
+    assert effect.change is not None
+    step = 1e-4
+    small = Values({k: (v * step if any(p.name == k for p in effect.linear) else v) for k, v in unit.items()})
+    other = effect.change(arm, joint, small)
+    after = inverse_dynamics(other, run.q, run.v, run.a) / other.joint_array("drive_constant")
+    return (after - run.along) / step
+
+
+def _link_columns(run: Run, arm: Arm, joint: int) -> Array:
+    """(m, n, 10) A: barycentric parameters of one link, exactly."""
+    return run.by_link[..., 10 * (joint - 1) : 10 * joint] / arm.joint_array("drive_constant")[:, None]
+
+
+def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
+    """link = (1 + C) motor: links displaced by C q, torques returned by C^T."""
+    change = np.zeros_like(run.current)
+    constant = arm.joint_array("drive_constant")
+    for name, value in unit.items():
+        if value == 0.0:
+            continue
+        i, j = int(name[1]) - 1, int(name[2]) - 1
+        if i >= len(arm) or j >= len(arm):
+            continue
+        change += _moved(run, i, value * run.q[:, j], value * run.v[:, j], value * run.a[:, j])
+        change[:, j] += value * run.rigid[:, i] / constant[j]
+    return change
+
+
+def _grid(parameter: Parameter) -> tuple[float, ...]:
+    low, high = parameter.typical
+    if parameter.whole:
+        return tuple(float(k) for k in range(int(low), int(high) + 1))
+    if low <= 0:
+        return (high / 10,)
+    return tuple(np.geomspace(low, high, 6))
+
+
+LEFT_TO_OTHERS = {"missed_counts", "dropped_trigger", "mains_hum", "current_limit"}
+"""Found by detectors of their own (``diagnosis.screening.events``), not by columns."""
+
+TRACKED = {"link_geometry", "link_sag", "tracker_latency", "tracker_outliers"}
+"""Only a tracker shows them (``diagnosis.measurements.tracker.causes``)."""
+
+
+def candidates(arm: Arm) -> Iterator[Candidate]:
+    """Every candidate for this arm, nonlinear parameters on the grid of their typical ranges."""
+    for effect in CATALOGUE.values():
+        if effect.name in LEFT_TO_OTHERS or effect.name in TRACKED or (effect.coupling and len(arm) < 6):
+            continue
+        searched = [p for p in effect.nonlinear if p.name not in SPANNED]
+        if effect.delay is not None or effect.name == "payload":
+            searched = []
+        if effect.name == "backlash":
+            searched = list(
+                effect.linear
+            )  # how long the link flies hangs on the gap; how hard the teeth are, on nothing that is seen
+        fixed: dict[str, tuple[float, ...]] = {"half_gap": tuple(np.geomspace(2e-4, 1e-2, 12)), "damping": (10.0,)}
+        if effect.name == "joint_compliance":
+            # a resonance is as narrow as its damping: in the band of comparison the grid has to be fine
+            fixed |= {"stiffness": tuple(np.geomspace(1e3, 1e5, 18)), "damping": (20.0,)}
+        shapes = [
+            tuple(zip((p.name for p in searched), values))
+            for values in itertools.product(*(fixed.get(p.name) or _grid(p) for p in searched))
+        ]
+        for joint in range(1, len(arm) + 1) if effect.per_joint else (None,):
+            if effect.cylinder and joint is not None and arm.joints[joint - 1].cylinder is None:
+                continue
+            for shape in shapes:
+                yield Candidate(effect.name, joint, shape)

@@ -1,0 +1,173 @@
+"""What this data could not have shown, whatever is wrong, and which experiment would."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE
+from arm_model.rigid_body.numeric import rigid_torque
+from diagnosis.measurements.currents.columns import Candidate
+from diagnosis.measurements.currents.design_matrix import Columns, Side
+from diagnosis.selection.regression import Key, Pair
+from diagnosis.units import unit_at
+
+SOFTEST = ("joint_compliance", "presliding_friction")
+"""Effects that are largest where their stiffness is least."""
+STOOD = 0.005
+"""rad (m): a joint that moved less stood still."""
+RAW = ("mains_hum", "missed_counts", "current_limit", "wrist_coupling")
+"""Effects that raw rows show, whatever the model."""
+TRACKED = ("link_geometry", "link_sag", "tracker_latency", "tracker_outliers")
+"""Effects that only tracked points show."""
+BY_ENCODERS = ("time_skew", "backlash", "joint_compliance", "gear_ripple", "encoder_ripple", "joint_zero_offset")
+"""Effects that two encoders of a joint show without currents."""
+
+
+SHOWS_FROM = 1 / 3
+"""Times the noise: the least change of the currents that is called visible."""
+NEEDS = {
+    "load": ("load_friction", "joint_compliance", "payload"),
+    "gravity": ("joint_zero_offset",),
+    "turn of the load": ("backlash",),
+    "current": ("torque_constant", "current_gain", "current_nonlinearity"),
+    "speed": ("viscous_friction", "hydrodynamic_drag", "gear_ripple", "encoder_ripple", "cogging", "wrist_coupling"),
+    "acceleration": ("rotor_inertia", "added_mass", "time_skew"),
+}
+"""What a joint has to do for an effect to be felt; to move, for all others."""
+INSTEAD = {
+    "load": "poses in which gravity loads {}, with and without a known payload",
+    "gravity": "a tracker, or a level at the link of {}",
+    "turn of the load": "{} slowly through a place where its load changes sign (for a link that hangs, the vertical), or an encoder at the link",
+    "current": "larger currents of {}: a known payload, faster starts and stops",
+    "speed": "{} back and forth at full speed, and at a tenth of it",
+    "acceleration": "{} back and forth as fast as it starts and stops",
+    "motion": "{} through its whole range, slowly and at full speed",
+}
+
+
+@dataclass(frozen=True)
+class Invisible:
+    """An effect that the recordings cannot show: why, and the experiment that would."""
+
+    effect: str
+    joint: int | None
+    why: str
+    experiment: str
+
+
+def not_visible(
+    library: Mapping[Candidate, Pair], lines: Iterable[Candidate], held_out: Side, known: Set[Key], arm: Arm
+) -> list[Invisible]:
+    """Effects whose largest typical magnitude changes the held-out currents by less than a third of the noise; none of ``known`` ones.
+
+    lines: ripples, whose columns are in the library only where they were heard: a motor that made no whole turn shows none.
+    """
+    strongest: dict[Key, float] = {c.key: 0.0 for c in lines if c.joint and _turns(held_out, arm, c.joint) < 1.0}
+    for candidate, (_, columns) in library.items():
+        strength = felt(candidate, columns, held_out.rows)
+        strongest[candidate.key] = max(strongest.get(candidate.key, 0.0), strength)
+    found = []
+    for (effect, joint), strength in strongest.items():
+        if strength < SHOWS_FROM and (effect, joint) not in known:
+            said = (
+                _did(need_of(effect), joint, held_out, arm),
+                f"even {_size(effect, arm, joint)} would be {times_noise(strength)}",
+            )
+            where = f"joint {joint}" if joint else "all joints"
+            found.append(
+                Invisible(effect, joint, "; ".join(filter(None, said)), INSTEAD[need_of(effect)].format(where))
+            )
+    return found
+
+
+def _turns(side: Side, arm: Arm, joint: int) -> float:
+    """Turns of a joint's motor from one end of its motion to the other."""
+    return float(
+        np.ptp(np.concatenate([run.q[:, joint - 1] for run in side.runs])) * arm.joints[joint - 1].ratio / (2 * np.pi)
+    )
+
+
+def felt(candidate: Candidate, columns: Columns, rows: int) -> float:
+    """Times the noise: rms over so many rows by which an effect of the largest typical size changes the currents; 0 for a larger one."""
+    size = _typical(candidate)
+    return float(np.sqrt(np.max(np.sum((columns.x * size) ** 2, axis=0)) / rows))
+
+
+def need_of(effect: str) -> str:
+    """What a joint has to do for an effect to be felt: a key of ``INSTEAD``."""
+    return next((need for need, effects in NEEDS.items() if effect in effects), "motion")
+
+
+def times_noise(strength: float) -> str:
+    """``0.2 times the noise``; what is as good as nothing is called so."""
+    return "as good as nothing" if strength < 0.005 else f"{strength:.2g} times the noise"
+
+
+def _did(need: str, joint: int | None, side: Side, arm: Arm) -> str:
+    """What a joint did in some recordings of what an effect needs; nothing where it did as others do."""
+    if joint is None:
+        return ""
+    drive, j = arm.joints[joint - 1], joint - 1
+    q, v, a, load, current = (
+        np.concatenate([getattr(run, name)[:, j] for run in side.runs]) for name in ("q", "v", "a", "rigid", "current")
+    )
+    if np.ptp(q) < STOOD:
+        return f"joint {joint} stood still"
+    if need == "turn of the load" and load.min() * load.max() > 0.0:
+        return f"the load of joint {joint} never changed sign ({load.min():.3g} to {load.max():.3g} {unit_at(drive, 'N m')})"
+    if need in ("load", "turn of the load"):
+        return f"joint {joint} carried no more than {np.abs(load).max():.2g} {unit_at(drive, 'N m')}"
+    if need == "gravity":
+        poses = np.concatenate([run.q[::10] for run in side.runs])
+        held = rigid_torque(arm, poses, 0.0 * poses, 0.0 * poses)[:, j]
+        change = f"changed by no more than {np.ptp(held):.2g} {unit_at(drive, 'N m')}"
+        return f"gravity at joint {joint} {change if np.abs(held).max() > 1e-6 else 'is nothing'}"
+    if need == "current":
+        return f"joint {joint} drew no more than {np.abs(current).max():.2g} {drive.current_unit}"
+    if need == "acceleration":
+        return f"joint {joint} accelerated by no more than {np.abs(a).max():.2g} {unit_at(drive, 'rad/s2')}"
+    return f"joint {joint} moved {np.ptp(q):.2g} {unit_at(drive, 'rad')}, at up to {np.abs(v).max():.2g} {unit_at(drive, 'rad/s')}"
+
+
+def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Invisible]:
+    """What currents would show, of a model that expects none; less what the two encoders of the joints ``of_links`` show without currents."""
+    why, instead = (
+        "the model has neither masses nor friction to hold currents against",
+        "armscope identify, then diagnose with its model",
+    )
+    found = []
+    for effect, definition in CATALOGUE.items():
+        if effect in RAW or effect in TRACKED:
+            continue
+        joints = [j for j in range(1, len(arm) + 1) if effect not in BY_ENCODERS or j not in of_links]
+        if definition.per_joint:
+            found += [Invisible(effect, joint, why, instead) for joint in joints]
+        elif effect not in BY_ENCODERS or not of_links:
+            found.append(Invisible(effect, None, why, instead))
+    return found
+
+
+def _typical(candidate: Candidate) -> float:
+    """Coefficient of an effect of the largest typical size: 1 of one that is told by its shape alone, 0 if that is beyond all that is typical."""
+    effect = candidate.definition
+    if candidate.by_shape:
+        ranges = {p.name: p.typical for p in effect.parameters}
+        inside = (
+            ranges[name][0] <= 1.001 * value and value <= 1.001 * ranges[name][1] for name, value in candidate.shape
+        )
+        return float(all(inside))
+    if effect.delay is not None:
+        return effect.parameters[0].typical[1]
+    return effect.linear[0].typical[1] if effect.linear else 1.0
+
+
+def _size(effect: str, arm: Arm, joint: int | None) -> str:
+    definition = CATALOGUE[effect]
+    parameter = (definition.linear or definition.parameters)[0]
+    value = parameter.typical[0] if effect in SOFTEST else parameter.typical[1]
+    unit = unit_at(arm.joints[(joint or 1) - 1], parameter.unit, parameter.name)
+    return f"{'an' if parameter.name[0] in 'aeiou' else 'a'} {parameter.name.replace('_', ' ')} of {value:g}{'' if unit == '1' else f' {unit}'}"

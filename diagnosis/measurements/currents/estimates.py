@@ -1,0 +1,186 @@
+"""From coefficients of columns to the parameters of an effect, with uncertainty that coloured residuals do not flatter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from diagnosis.measurements.currents.columns import FIXED, Candidate
+from diagnosis.measurements.currents.design_matrix import Columns, Side, columns_of
+from diagnosis.selection.regression import INDEPENDENT, Accepted, fit_gain
+from diagnosis.units import unit_at
+
+SYSTEMATIC = 0.02
+"""Share of a value added to its deviation: columns are first order in the effect, and seen through filters."""
+INFERRED = {"stribeck_friction": 0.1, "presliding_friction": 0.1, "backlash": 0.1, "current_nonlinearity": 0.05}
+"""... and to those of effects that are inferred from what the data does not show itself: friction at rest and in reversal from friction while moving,
+where the law of its turn is not known; a gap from the flight through it, where the spring of the teeth is not known; a transducer's cubic, where the
+current has kicks that the motion does not show."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter of a cause."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
+
+
+def parameters_of(candidate: Candidate, coefficients: Array) -> dict[str, float]:
+    """Parameter values (SI) that a candidate's coefficients (k,) stand for; see ``Candidate.units`` for their order."""
+    effect, shape, c = candidate.definition, dict(candidate.shape), [float(value) for value in coefficients]
+    names = {p.name for p in effect.parameters}
+    if candidate.by_shape:
+        return shape
+    if effect.name == "payload":
+        mass = c[0]
+        centre = {axis: (c[k] / mass if mass else 0.0) for k, axis in enumerate("xyz", 1)}
+        return {"mass": mass, **centre}
+    if effect.delay is not None:
+        return {"delay": c[0]}
+    if "phase" in names:
+        amplitude = effect.linear[0].name
+        return {**shape, amplitude: float(np.hypot(c[0], c[1])), "phase": float(np.arctan2(c[1], c[0]))}
+    if "rest_angle" in names:
+        stiffness = c[0] + c[1]
+        return {**shape, "stiffness": stiffness, "rest_angle": c[1] / stiffness if stiffness else 0.0}
+    return {**shape, **{p.name: value for p, value in zip(effect.linear, c)}}
+
+
+def physical(candidate: Candidate, coefficients: Array) -> bool:
+    """Whether the parameters have the signs that they must have: no negative mass, stiffness, gap or friction share.
+
+    A spring that is slack a turn and more beyond every place that a joint can reach is a constant torque, not a spring.
+    """
+    if candidate.by_shape and not 0.25 < coefficients[0] < 4.0:
+        return False  # such an effect is there as it is or not at all; off the grid's points it is seen in part
+    values = parameters_of(candidate, coefficients)
+    signed = {p.name for p in candidate.definition.parameters if p.signed}
+    farthest = next((3 * p.typical[1] for p in candidate.definition.parameters if p.name == "rest_angle"), np.inf)
+    if abs(values.get("rest_angle", 0.0)) > farthest:
+        return False
+    return all(np.isfinite(value) and (name in signed or value >= 0.0) for name, value in values.items())
+
+
+def sharpened(candidate: Candidate, accepted: Accepted, fit: Side, arm: Arm) -> Candidate:
+    """The candidate with each continuous shape parameter at its best between the neighbours on its grid, one after the other."""
+    searched = candidate.searched()
+    for name in searched * (2 if len(searched) > 1 else 1):
+        value = dict(candidate.shape)[name]
+
+        def worse(log_value: float, name: str = name, now: Candidate = candidate) -> float:
+            trial = now.with_shape(name, float(np.exp(float(log_value))))
+            gain, c = fit_gain(columns_of(trial, fit, arm), accepted)
+            # by shape alone: what a coefficient of 1 gains, for a gain that is quadratic in the coefficient
+            return -gain * (1.0 - (1.0 / c[0] - 1.0) ** 2) if now.by_shape and c[0] else -gain
+
+        reach = 1.5 if candidate.definition.spring is not None else 3.0  # their grids are finer
+        found = optimize.minimize_scalar(
+            worse,
+            bounds=(np.log(value / reach), np.log(value * reach)),
+            method="bounded",
+            options={"xatol": 0.01, "maxiter": 14},
+        )
+        candidate = candidate.with_shape(name, float(np.exp(found.x)))
+    return candidate
+
+
+def estimates(
+    chosen: Sequence[Candidate], coefficients: Array, left: Array, free: Sequence[Columns], fit: Side, arm: Arm
+) -> list[list[Estimate]]:
+    """Parameters of every chosen candidate, coefficients (sum of k,) in their order, with standard deviations.
+
+    left (N,): whitened residual with all of them fitted; free: columns that were fitted beside them.
+
+    Covariance: the sandwich B (sum over blocks of g_b g_b^T) B with g_b = X_b^T e_b and B = (X^T X)^+, X with a column more for every continuous
+    shape parameter (derivative of its columns): right for residuals correlated within a block (Liang & Zeger, Biometrika 73, 1986). Beside the
+    residual e, the share ``SYSTEMATIC`` of what is explained is in doubt in every block for itself.
+    """
+    columns = [columns_of(candidate, fit, arm) for candidate in chosen]
+    parts = np.split(coefficients, np.cumsum([c.x.shape[1] for c in columns])[:-1])
+    wide, moves, sizes = (
+        [],
+        [],
+        [],
+    )  # whitened columns; for each, how parameters follow, and how large its coefficient may be
+    for index, (candidate, column, part) in enumerate(zip(chosen, columns, parts)):
+        for k in range(len(part)):
+            wide.append(_spread(column, np.eye(len(part))[k], fit))
+            moves.append((index, _by_coefficient(candidate, part, k)))
+            sizes.append(candidate.largest(k))
+        for name in candidate.searched():
+            value = dict(candidate.shape)[name]
+            step = 0.02 * value
+            other = candidate.with_shape(name, value + step)
+            slope = _spread(columns_of(other, fit, arm), part, fit) - _spread(column, part, fit)
+            wide.append(slope / step)
+            moves.append((index, {name: 1.0}))
+            sizes.append(value)
+    sizes += [0.0] * len(free)
+    explained = np.sum([_spread(column, part, fit) for column, part in zip(columns, parts)], axis=0)
+    x = np.column_stack(wide + [_spread(c, np.ones(1), fit) for c in free])
+    covariance = _sandwich(x, (left, SYSTEMATIC * explained), fit, np.array(sizes))
+    covariance = covariance[: len(moves), : len(moves)]
+    result = []
+    for index, (candidate, part) in enumerate(zip(chosen, parts)):
+        values = parameters_of(candidate, part)
+        own = arm.joints[candidate.joint - 1] if candidate.joint else None
+        units = {p.name: unit_at(own, p.unit, p.name) if own else p.unit for p in candidate.definition.parameters}
+        rows = []
+        for name, value in values.items():
+            if name in FIXED.get(candidate.effect, ()):
+                continue
+            slope = np.array([move.get(name, 0.0) if owner == index else 0.0 for owner, move in moves])
+            std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
+            systematic = 0.0 if _whole(candidate, name) else INFERRED.get(candidate.effect, SYSTEMATIC) * abs(value)
+            rows.append(Estimate(name, value, float(np.hypot(std, systematic)), units[name]))
+        result.append(rows)
+    return result
+
+
+def _whole(candidate: Candidate, name: str) -> bool:
+    return any(p.name == name and p.whole for p in candidate.definition.parameters)
+
+
+def _spread(columns: Columns, coefficients: Array, side: Side) -> Array:
+    return columns.spread(coefficients, len(side.y))
+
+
+def _by_coefficient(candidate: Candidate, part: Array, k: int) -> dict[str, float]:
+    """Derivative of every parameter by coefficient k, by central differences."""
+    step = 1e-4 * max(float(np.max(np.abs(part))), 1e-9)
+    up, down = part.copy(), part.copy()
+    up[k] += step
+    down[k] -= step
+    after, before = parameters_of(candidate, up), parameters_of(candidate, down)
+    return {name: (after[name] - before[name]) / (2 * step) for name in after}
+
+
+def _sandwich(wide: Array, doubts: Sequence[Array], fit: Side, sizes: Array) -> Array:
+    """Covariance of the coefficients of columns ``wide`` (N, k) by ``doubts`` (N,) that are independent from block to block.
+
+    In directions that the data does not show, it is that of ``sizes`` (k,).
+    """
+    scale = np.linalg.norm(wide, axis=0)
+    scale[scale == 0.0] = 1.0
+    x = wide / scale
+    values, vectors = np.linalg.eigh(x.T @ x)
+    seen = values > INDEPENDENT**2
+    bread = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
+    meat = np.zeros_like(bread)
+    for doubt in doubts:
+        scores = np.stack([fit.by_block(column * doubt) for column in x.T], axis=1)
+        meat += scores.T @ scores * len(scores) / max(len(scores) - len(scale), 1)
+    unseen = vectors[:, ~seen] @ vectors[:, ~seen].T
+    covariance: Array = (bread @ meat @ bread + unseen * (sizes * scale) ** 2 @ unseen) / np.outer(scale, scale)
+    return covariance
+
+
+Progress = Callable[[str], None]

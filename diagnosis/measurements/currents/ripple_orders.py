@@ -1,0 +1,48 @@
+"""Which orders of the motor's angle can be heard in a residual: ripples are candidates at these orders only, as there are sixty for every joint."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from diagnosis.measurements.currents.columns import Candidate
+from diagnosis.measurements.currents.design_matrix import Side
+from diagnosis.residual.run import passed
+
+LOUDEST = 5
+"""Orders kept for each way in which a ripple is heard: as a torque, by the acceleration that it forces on the link, by the load it lifts."""
+FEW = 4
+"""Effects of so few orders are candidates at all of them."""
+
+
+def order_of(candidate: Candidate) -> int | None:
+    """The order of an effect that is a line over the motor's angle and has many orders to choose from; None for all others."""
+    for parameter in candidate.definition.parameters:
+        if parameter.whole and parameter.name in dict(candidate.shape) and np.ptp(parameter.typical) > FEW:
+            return round(dict(candidate.shape)[parameter.name])
+    return None
+
+
+def audible(side: Side, residual: Array, arm: Arm, joint: int, highest: int) -> set[int]:
+    """The loudest orders 1..highest at a joint in ``residual`` (n * rows,), whitened.
+
+    The gain of a column w sin(k motor + phase) is |sum r w exp(i k motor)|^2 / (sum w^2 / 2), with w what the effect's law puts before the sine,
+    as far as the filters let it through.
+    """
+    j, ratio = joint - 1, arm.joints[joint - 1].ratio
+
+    def gathered(name: str) -> Array:
+        return np.concatenate([getattr(run, name)[:, j] for run in side.runs])
+
+    over, v = 1.0 / gathered("deviation"), gathered("v")
+    weights = np.stack([over, over * v**2, over * gathered("rigid")], axis=1)
+    heard = residual[side.of(joint)][:, None] * weights
+    turn = np.exp(1j * ratio * gathered("q"))
+    power, wave = np.zeros((highest + 1, weights.shape[1])), np.ones_like(turn)
+    for order in range(1, highest + 1):
+        wave = wave * turn
+        through = passed(order * ratio * np.abs(v) / (2 * np.pi))[:, None]
+        size = np.sum((weights * through) ** 2, axis=0)
+        power[order] = np.abs(wave @ (heard * through)) ** 2 / np.maximum(size, 1e-300)
+    return {int(order) for column in power.T for order in np.argsort(column)[-LOUDEST:] if order > 0}

@@ -1,0 +1,173 @@
+"""What no effect of the catalogue explains, and what it depends on: smooth functions of one variable beside the named causes.
+
+For every joint and every variable that a torque or a reading could hang on, a spline of the variable (also times the
+direction, or times the velocity, of the joint) is fitted beside the causes and judged on the held-out recordings like a cause. What enters is
+structure that the catalogue does not know. A cause that such a function makes superfluous was the nearest name for something else, and
+loses it: a spring that is part of a wavy torque over position is no spring.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
+from diagnosis.measurements.currents.design_matrix import Columns, Side
+from diagnosis.residual.noise import quiet_noise
+from diagnosis.selection.regression import Accepted, Pair, gain_of
+from diagnosis.selection.significance import benjamini_hochberg, p_value
+
+MATTERS = 0.15
+"""A structure must explain this share of a joint's noise energy ..."""
+OF_EXPLAINED = 0.02
+"""... and this share of what the causes explain there: a law that is right to a seventh of its amplitude is the right law."""
+CERTAIN = 5e-3
+"""Probability at which structure may be called by chance: there is no second look at it, as there is at a cause."""
+LOUD = 2.5
+"""Times the deviation: what is left above it is no noise, whatever it hangs on. Noise correlated for longer than an arm stands is told
+half as large as it is."""
+DEAFENING = 6.0
+"""Times the deviation: louder than any noise that is told too small."""
+PROBABLE, HALF = 0.05, 0.5
+"""Of a residual that is no noise: probability at which a variable may be told, and the share that its function must explain."""
+MOST = 3
+"""Structures looked for at one joint."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """``share`` of the variance of a joint's held-out residual (or of the tracker's points, joint None) that is predictable from ``against``."""
+
+    signal: str
+    joint: int | None
+    against: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """Structures, and the columns that describe them."""
+
+    structures: list[Structure]
+    pairs: list[Pair]
+
+
+def structure_left(fit: Side, held_out: Side, accepted: Accepted, arm: Arm) -> Remainder:
+    """Structures beside what is ``accepted``, joint by joint, the strongest first."""
+    found, pairs = [], []
+    for joint in range(1, len(arm) + 1):
+        shapes = list(shapes_of(fit, held_out, accepted.fit, arm, joint))
+        here: list[Pair] = []
+        for _ in range(MOST):
+            best = _strongest(shapes, beside(accepted, here), fit, held_out, joint)
+            if best is None:
+                break
+            name, pair, share = best
+            found.append(Structure("current", joint, name, share))
+            here.append(pair)
+            shapes = [one for one in shapes if one.name != name]
+        pairs += here
+        if not here and (loud := loudness(accepted.held_out, held_out, joint)) > LOUD:
+            found.append(_likeliest(shapes, accepted, held_out, joint, loud))
+    return Remainder(found, pairs)
+
+
+def _likeliest(shapes: Sequence[Shape], accepted: Accepted, held_out: Side, joint: int, loud: float) -> Structure:
+    """What a residual that is no noise hangs on most probably: only which variable it is, not whether there is one, is left to chance."""
+    before = float(np.sum(accepted.held_out[held_out.of(joint)] ** 2))
+    gains = [held_out.by_block(gain_of(shape.pair, accepted, held_out)[2]) for shape in shapes]
+    able = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > HALF * before]
+    p, best = min(able, default=(1.0, 0))
+    if p > PROBABLE:
+        return Structure("current", joint, f"no single variable ({loud:.1f} times the noise)", 0.0)
+    return Structure("current", joint, shapes[best].name, float(gains[best].sum()) / before)
+
+
+def loud(accepted: Accepted, held_out: Side, arm: Arm) -> list[int]:
+    """Joints where what is left of the currents is no noise, the loudest first."""
+    by_joint = {joint: loudness(accepted.held_out, held_out, joint) for joint in range(1, len(arm) + 1)}
+    return sorted((joint for joint, value in by_joint.items() if value > LOUD), key=lambda joint: -by_joint[joint])
+
+
+def loudness(left: Array, side: Side, joint: int) -> float:
+    """Rms of what is ``left`` (n * rows,) of a joint over its deviation, where that is the instruments' and the joint moves; 1 where it may be noise.
+
+    Noise that is correlated for longer than an arm stands is told too small. It is as loud in the quietest seconds as in all others.
+    """
+    known = np.concatenate([(run.deviation[:, joint - 1] < 3.0 * run.noise[joint - 1]) for run in side.runs])
+    if not known.any():
+        return 1.0
+    own, block = left[side.of(joint)], side.block[side.of(joint)]
+    loud = float(np.sqrt(np.mean(own[known] ** 2)))
+    quiet = float(quiet_noise(own[:, None], known[:, None], block)[0])
+    return loud if loud > DEAFENING or loud > 1.5 * quiet else 1.0
+
+
+def better_than_causes(
+    fit: Side, held_out: Side, without: Accepted, having: Accepted, arm: Arm, joint: int, allowed: float
+) -> bool:
+    """Whether one function of one variable, in place of the causes of a joint (``without`` them), leaves significantly less than they do.
+
+    A complete cause is never beaten: a function of one variable can only come near it. One that is not the cause at all is.
+    allowed: squared error by which the function may leave more, where the causes are too many to be believed; the velocity, on which
+    several effects hang, is no such variable.
+    """
+    rows = held_out.of(joint)
+    for shape in shapes_of(fit, held_out, without.fit, arm, joint):
+        _, c, _ = gain_of(shape.pair, without, held_out)
+        inside = shape.pair[0].dot(without.basis).T @ c
+        by_function = without.held_out - shape.pair[1].spread(c, len(held_out.y)) + without.to_held_out @ inside
+        less = (having.held_out**2 - by_function**2)[rows] * shape.known
+        blocks = np.bincount(held_out.block[rows], weights=less).astype(float)
+        if blocks.sum() > MATTERS * held_out.rows and p_value(blocks) < CERTAIN:
+            return True
+        if allowed and shape.name != "velocity" and blocks.sum() > -allowed:
+            return True
+    return False
+
+
+def _strongest(
+    shapes: Sequence[Shape], accepted: Accepted, fit: Side, held_out: Side, joint: int
+) -> tuple[str, Pair, float] | None:
+    """The variable whose function explains most of a joint's held-out residual: name, columns, share of the residual's variance."""
+    gains = [held_out.by_block(gain_of(shape.pair, accepted, held_out)[2]) for shape in shapes]
+    q = benjamini_hochberg(np.array([p_value(one) for one in gains]))
+    rows = held_out.of(joint)
+    before = float(np.sum(accepted.held_out[rows] ** 2))
+    explained = float(np.sum(held_out.y[rows] ** 2)) - before
+    enough = max(MATTERS * held_out.rows, OF_EXPLAINED * explained)
+    able = [k for k, one in enumerate(gains) if q[k] < CERTAIN and one.sum() > enough]
+    if not able:
+        return None
+    best = max(able, key=lambda k: float(gains[k].sum()))
+    return shapes[best].name, shapes[best].pair, float(gains[best].sum()) / before
+
+
+def beside(accepted: Accepted, more: Sequence[Pair]) -> Accepted:
+    """What is accepted, with more columns fitted to what it left."""
+    for pair in more:
+        x, x_held_out = _full(pair[0], len(accepted.fit)), _full(pair[1], len(accepted.held_out))
+        inside = accepted.basis.T @ x
+        x, x_held_out = x - accepted.basis @ inside, x_held_out - accepted.to_held_out @ inside
+        u, s, vt = np.linalg.svd(x, full_matrices=False)
+        keep = s > 1e-4 * s[0]
+        basis, to_held_out = u[:, keep], x_held_out @ (vt[keep].T / s[keep])
+        seen = basis.T @ accepted.fit
+        accepted = Accepted(
+            accepted.fit - basis @ seen,
+            accepted.held_out - to_held_out @ seen,
+            np.hstack([accepted.basis, basis]),
+            np.hstack([accepted.to_held_out, to_held_out]),
+            accepted.coefficients,
+        )
+    return accepted
+
+
+def _full(columns: Columns, length: int) -> Array:
+    whole = np.zeros((length, columns.x.shape[1]))
+    whole[columns.where] = columns.x
+    return whole

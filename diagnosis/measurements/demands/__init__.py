@@ -1,0 +1,1 @@
+"""Effects that show in the measured angles beside the demanded ones."""

@@ -1,0 +1,155 @@
+"""Motors of the wrist that turn with those of other axes: the coupling of the wrist's gears.
+
+In the wrist of a Puma the motors of axes 5 and 6 turn with those of 4 and 5. Where the controller knows it and the model does not, the recorded
+motor angle of an axis departs from its own demand by what the others turn: q_j - qref_j = -sum_k c_jk q_k. What the servo errs goes with the
+axis's own demand, its speed, acceleration and direction: only what goes with another motor instead, in held-out recordings, is a coupling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io.types import Array
+from daq.recording import Recording
+from diagnosis.measurements.currents.estimates import Estimate
+from diagnosis.residual.noise import angle_noise
+from diagnosis.screening.events import Event, Gain
+from diagnosis.selection.significance import BLOCK_SECONDS, block_sums, p_value
+
+Index = NDArray[np.intp]
+
+PAIRS = ((5, 4), (6, 4), (6, 5))
+"""Axis that turns, motor that turns it; from 1."""
+EXPLAINED = 0.9
+"""Share that the coupling must explain of the squared difference that the servo leaves, in held-out rows."""
+SIGNIFICANT = 0.05
+"""Probability below which the gain over blocks of held-out rows is no chance."""
+STEPS = 20.0
+"""Times the noise of the angle that the motor must turn."""
+OWN = 4
+"""Columns of the servo's own error."""
+
+
+@dataclass(frozen=True)
+class Turned:
+    """One axis whose motor turns with others. coefficients, std (m,) for ``motors``; before, after: rms rad of the held-out difference of motor and
+    demand without and with the coupling; p: probability that the gain is chance."""
+
+    axis: int
+    motors: tuple[int, ...]
+    coefficients: Array
+    std: Array
+    before: float
+    after: float
+    p: float
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """difference (m,) rad of motor and demand; columns (m, OWN + motors), of the servo and of the motors that may turn it; block (m,) from 0."""
+
+    difference: Array
+    columns: Array
+    block: Index
+
+    @property
+    def own(self) -> Array:
+        return self.columns[:, :OWN]
+
+
+def turned_wrist(fit: Sequence[Recording], held_out: Sequence[Recording]) -> list[Event]:
+    """The coupling of the wrist, seen in motor angles against demands; empty where there is none, or no demand to hold angles against.
+
+    Where both are parts of the same recordings, each is predicted from the other.
+    """
+    able = [
+        [r for r in side if r.qref is not None and r.joints >= 6 and not np.isnan(r.qref).any()]
+        for side in (fit, held_out)
+    ]
+    if not all(able):
+        return []
+    found = [one for axis in (5, 6) if (one := _turned(able[0], able[1], axis)) is not None]
+    if not found:
+        return []
+    told = {
+        (one.axis, m): (float(c), float(s)) for one in found for m, c, s in zip(one.motors, one.coefficients, one.std)
+    }
+    rows = [Estimate(f"c{a}{m}", *told.get((a, m), (0.0, 0.005)), "1") for a, m in PAIRS]
+    parts = ", ".join(f"{-100 * c:.1f} % of what motor {m} turns at axis {axis}" for (axis, m), (c, _) in told.items())
+    most = max(found, key=lambda one: one.before**2 - one.after**2)
+    sentence = (
+        f"motors depart from the demands of their own axes by {parts}: with it the held-out difference of motor {most.axis} and demand "
+        f"falls from {most.before:.3g} to {most.after:.3g} rad rms"
+    )
+    every = tuple(range(len(fit) + len(held_out)))
+    gain = Gain(most.before, most.after, "rad", most.axis, max(one.p for one in found))
+    return [Event("wrist_coupling", 0, rows, sentence, every, gain)]
+
+
+def _turned(fit: Sequence[Recording], held_out: Sequence[Recording], axis: int) -> Turned | None:
+    """What turns the motor of an axis; None where held-out recordings do not show that anything does."""
+    motors = tuple(motor for turned, motor in PAIRS if turned == axis)
+    sides = _rows(fit, axis, motors), _rows(held_out, axis, motors)
+    parts = bool({r.path for r in fit} & {r.path for r in held_out})
+    without, left, gains = [], [], []
+    for learned, judged in [sides, *([sides[::-1]] if parts else [])]:
+        without.append(judged.difference - judged.own @ _solved(learned.own, learned.difference))
+        left.append(judged.difference - judged.columns @ _solved(learned.columns, learned.difference))
+        gains.append(block_sums(without[-1] ** 2 - left[-1] ** 2, judged.block, int(judged.block[-1]) + 1))
+    before, after = (float(np.sqrt(np.mean(np.concatenate(values) ** 2))) for values in (without, left))
+    p = p_value(np.concatenate(gains))
+    learned = sides[0]
+    values = _solved(learned.columns, learned.difference)
+    turns = float(np.std(learned.columns[:, OWN:] @ values[OWN:]))
+    noise = float(np.mean([angle_noise(r.q)[axis - 1] for r in fit]))
+    # each way by itself: what one part shows and the other refutes is none
+    each = all(np.sum(after_**2) < (1.0 - EXPLAINED) * np.sum(before_**2) for before_, after_ in zip(without, left))
+    if not each or p > SIGNIFICANT or turns < STEPS * noise:
+        return None
+    std = _deviations(learned, values)[OWN:]
+    seen = np.abs(values[OWN:]) > 3 * std
+    if not seen.any():
+        return None
+    named = tuple(m for m, there in zip(motors, seen) if there)
+    return Turned(axis, named, values[OWN:][seen], std[seen], before, after, p)
+
+
+def _rows(recordings: Sequence[Recording], axis: int, motors: Sequence[int]) -> _Rows:
+    """All recordings one after the other, each about its own mean: what is constant is a zero."""
+    differences, columns, blocks, first = [], [], [], 0
+    for r in recordings:
+        assert r.qref is not None
+        demand = r.qref[:, axis - 1]
+        speed = np.gradient(demand, r.dt)
+        direction = speed / np.hypot(speed, 0.01 * max(float(np.max(np.abs(speed))), 1e-9))
+        own = [demand, speed, np.gradient(speed, r.dt), direction]
+        x = np.column_stack([*own, *(-r.q[:, m - 1] for m in motors)])
+        y = r.q[:, axis - 1] - demand
+        columns.append(x - x.mean(axis=0))
+        differences.append(y - y.mean())
+        blocks.append(((r.t - r.t[0]) // BLOCK_SECONDS).astype(np.intp) + first)
+        first = int(blocks[-1][-1]) + 1
+    return _Rows(np.concatenate(differences), np.concatenate(columns), np.concatenate(blocks))
+
+
+def _solved(x: Array, y: Array) -> Array:
+    size = np.linalg.norm(x, axis=0)
+    size[size == 0.0] = 1.0
+    values: Array = np.linalg.lstsq(x / size, y, rcond=1e-8)[0] / size
+    return values
+
+
+def _deviations(rows: _Rows, values: Array) -> Array:
+    """Standard deviations of ``values``, right for residuals that are correlated within a block (sandwich of block scores)."""
+    size = np.linalg.norm(rows.columns, axis=0)
+    size[size == 0.0] = 1.0
+    x, rest = rows.columns / size, rows.difference - rows.columns @ values
+    blocks = int(rows.block[-1]) + 1
+    scores = np.stack([block_sums(column * rest, rows.block, blocks) for column in x.T], axis=1)
+    bread = np.linalg.pinv(x.T @ x, rcond=1e-12)
+    deviations: Array = np.sqrt(np.diag(bread @ (scores.T @ scores) @ bread)) / size
+    return np.hypot(deviations, 0.01 * np.abs(values))

@@ -1,0 +1,1 @@
+"""Effects that show between motor and link encoders."""

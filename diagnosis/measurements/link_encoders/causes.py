@@ -1,0 +1,321 @@
+"""What the two encoders of a joint say: causes with parameters, groups and evidence, and what no effect explains (``diagnosis.measurements.link_encoders.regression``)."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from daq.recording import Recording
+from diagnosis.cause import SUREST, Cause, confidence_of
+from diagnosis.measurements.currents.estimates import SYSTEMATIC, Estimate
+from diagnosis.measurements.currents.unexplained import Structure
+from diagnosis.measurements.link_encoders.columns import DELAY, Seen, Shape, shapes, standing_orders, turns
+from diagnosis.measurements.link_encoders.regression import (
+    OVER_NOISE,
+    Sides,
+    best_shapes,
+    coefficients,
+    look,
+    physical,
+    residual,
+    select,
+    sides_of,
+    stacked,
+)
+from diagnosis.selection.significance import BLOCK_SECONDS
+from diagnosis.units import unit_at
+
+Key = tuple[str, int | None]
+
+ALIKE = 0.95
+"""A candidate that explains this share of what the named one does, in its place, and beside it less than the rest of this share of what it does
+alone, is in its group: others explain as much of something else."""
+OFFSET = 1e-3
+"""rad (m): a constant between two encoders that is worth a name; below, it is how they were zeroed."""
+PREDICTED = 0.3
+"""Share of what is left that one variable must predict to be reported."""
+BINS = 16
+LOOKALIKES = ("backlash", "joint_compliance")
+"""What the loop of two encoders is readily taken for."""
+
+
+@dataclass(frozen=True)
+class LinkSide:
+    """Causes, structure left; seen: the held-out rows; without, left (m, k): their difference less its constant, and after all causes;
+    remarks: what is left above the scatter, joint by joint."""
+
+    causes: list[Cause]
+    unexplained: list[Structure]
+    seen: Seen
+    without: Array
+    left: Array
+    remarks: tuple[str, ...]
+
+
+def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> LinkSide | None:
+    """Diagnoses the difference of motor and link encoders; None where no joint of all recordings has both."""
+    sides = sides_of(arm, fit, held_out)
+    if sides is None:
+        return None
+    chosen = [_settled(shape, sides) for shape in select(sides)]
+    causes = [_cause(shape, chosen, sides, arm) for shape in chosen] + _offsets(chosen, sides, arm)
+    without, left = (residual(some, sides.fit, sides.held_out, sides) for some in ([], chosen))
+    return LinkSide(
+        causes, _structure(chosen, sides), sides.held_out, without, left, tuple(_remarks(chosen, sides, arm))
+    )
+
+
+def _settled(shape: Shape, sides: Sides) -> Shape:
+    """A gap at the value that its own coefficient asks for, instead of the nearest on the grid."""
+    if shape.name != "half_gap":
+        return shape
+    for _ in range(4):
+        shape = replace(shape, value=float(coefficients([shape], sides.whole, sides)[-1]))
+    return shape
+
+
+def _cause(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> Cause:
+    others = [s for s in chosen if s is not shape]
+    one = look(shape, others, sides)
+    felt = [k for k, joint in enumerate(sides.fit.joints) if shape.joint in (None, joint)]
+    left = [residual(some, sides.fit, sides.held_out, sides)[:, felt] for some in (others, chosen)]
+    before, after = (float(np.sqrt(np.mean(values**2))) for values in left)
+    most = felt[int(np.argmax(np.sum(left[0] ** 2 - left[1] ** 2, axis=0)))]
+    group = _group(shape, others, one.gain, sides)
+    unit = unit_at(arm.joints[int(sides.fit.joints[felt[0]]) - 1], "rad")
+    evidence = (
+        _skew_sentence(others, sides)
+        if shape.effect == "time_skew"
+        else _sentence(shape, before, after, one.share, unit)
+    )
+    return Cause(
+        shape.effect, shape.joint, _parameters(shape, chosen, sides, arm), confidence_of(one.p), before, after, group, None, evidence,
+        int(sides.fit.joints[most]), unit, "link angle", of_arm=shape.effect not in ("time_skew", "encoder_ripple"),
+    )  # fmt: skip
+
+
+def _group(shape: Shape, others: list[Shape], gain: float, sides: Sides) -> tuple[Key, ...]:
+    group: list[Key] = [(shape.effect, shape.joint)]
+    if shape.effect == "gear_ripple" and shape.value in (1.0, 2.0):
+        group.append(("encoder_ripple", shape.joint))  # of the motor: to the link encoder it is the same
+    for other in best_shapes(list(shapes(sides.fit)), others, sides):
+        felt = other.joint == shape.joint or len(sides.fit.joints) == 1
+        if other.effect == shape.effect or not felt or not physical(other, others, sides):
+            continue
+        alone = look(other, others, sides).gain
+        if alone >= ALIKE * gain and look(other, [*others, shape], sides).gain < (1.0 - ALIKE) * alone:
+            group.append((other.effect, other.joint))
+    return tuple(group)
+
+
+def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> list[Estimate]:
+    """Values and standard deviations, by the sandwich of block scores."""
+    values, covariance = _fitted(chosen, sides)
+    at = len(sides.whole.joints) + sum(s.width for s in chosen[: chosen.index(shape)])
+    c, spread = values[at], float(np.sqrt(covariance[at, at]))
+    unit = "rad" if shape.joint is None or arm.joints[shape.joint - 1].revolute else "m"
+
+    def rough(value: float, std: float) -> float:
+        return float(np.hypot(std, SYSTEMATIC * value))
+
+    match shape.effect:
+        case "time_skew":
+            delays = delays_by_joint([s for s in chosen if s is not shape], sides)
+            scatter = float(np.std(delays, ddof=1) / np.sqrt(len(delays))) if len(delays) > 1 else 0.0
+            return [Estimate("delay", c * DELAY, float(np.hypot(spread * DELAY, scatter)), "s")]
+        case "joint_compliance":
+            k = float(sides.whole.largest[int(np.flatnonzero(sides.whole.joints == shape.joint)[0])]) / c
+            joint = arm.joints[(shape.joint or 1) - 1]
+            damping, std = _damping(shape, chosen, sides, k)
+            return [
+                Estimate("stiffness", k, rough(k, k * spread / c), unit_at(joint, "N m/rad")),
+                Estimate("damping", damping, std, unit_at(joint, "N m s/rad")),
+            ]
+        case "backlash":
+            return [Estimate("half_gap", c, rough(c, spread), unit)]
+    sine, cosine = values[at : at + 2]
+    turned = (
+        1.0 if shape.effect == "gear_ripple" else -1.0
+    )  # d = -A sin(n q + phase), and of the encoder -e sin(n q - phase)
+    amplitude = float(np.hypot(sine, cosine))
+    return [
+        Estimate("amplitude", amplitude, rough(amplitude, spread), unit),
+        Estimate(
+            "order",
+            shape.value,
+            0.1 / turns(sides.whole, int(np.flatnonzero(sides.whole.joints == shape.joint)[0])),
+            "1",
+        ),
+        Estimate("phase", float(np.arctan2(-turned * cosine, -sine)), min(spread / max(amplitude, 1e-12), 3.2), "rad"),
+    ]
+
+
+def _damping(shape: Shape, chosen: list[Shape], sides: Sides, stiffness: float) -> tuple[float, float]:
+    """Damping N m s/rad (N s/m) of a spring and its standard deviation: by k d + c d' = load its twist is late by c / k,
+    d = load / k - c / k^2 load'; the stamps of two encoders agree to half a row at best.
+
+    Where it cannot be told from nothing it is its deviation: a spring without any would swing for ever.
+    """
+    seen = sides.whole
+    k = int(np.flatnonzero(seen.joints == shape.joint)[0])
+    rest, edges = residual(chosen, seen, seen, sides)[:, k], [*seen.starts, seen.rows]
+    late = np.concatenate([np.gradient(seen.load[a:b, k], seen.t[a:b]) for a, b in itertools.pairwise(edges)])
+    late = late - late.mean()
+    size = float(late @ late)
+    slope = float(late @ rest) / size
+    scores = np.bincount(seen.blocks(BLOCK_SECONDS), weights=late * (rest - slope * late))
+    half_row = float(np.median(np.diff(seen.t))) / 2
+    std = float(np.hypot(np.sqrt(scores @ scores) / size * stiffness**2, stiffness * half_row))
+    damping = -slope * stiffness**2
+    return (damping if damping > std else std), std
+
+
+def _fitted(chosen: list[Shape], sides: Sides) -> tuple[Array, Array]:
+    """Coefficients (c,) on the fit rows and their covariance (c, c), right for residuals that are correlated within a block."""
+    x = stacked(chosen, sides.whole, sides)
+    values = coefficients(chosen, sides.whole, sides)
+    y = (sides.whole.difference / sides.scale).T.ravel()
+    rest, block = y - x @ values, np.tile(sides.whole.blocks(BLOCK_SECONDS), len(sides.whole.joints))
+    size = np.linalg.norm(x, axis=0)
+    size[size == 0.0] = 1.0
+    x = x / size
+    bread = np.linalg.pinv(x.T @ x, rcond=1e-11)
+    scores = np.stack([np.bincount(block, weights=column * rest) for column in x.T], axis=1)
+    blocks = len(scores)
+    meat = scores.T @ scores * blocks / max(blocks - x.shape[1], 1)
+    return values, bread @ meat @ bread / np.outer(size, size)
+
+
+def delays_by_joint(others: list[Shape], sides: Sides) -> Array:
+    """(k,) s: the delay that each joint alone would have beside the other causes."""
+    delays = []
+    for k, joint in enumerate(int(j) for j in sides.whole.joints):
+        own = [s for s in others if s.joint == joint]
+        x = np.column_stack(
+            [np.ones(sides.whole.rows), *(sides.columns(s, sides.whole, k) for s in [*own, Shape("time_skew", None)])]
+        )
+        delays.append(float(np.linalg.lstsq(x, sides.whole.difference[:, k], rcond=1e-10)[0][-1]) * DELAY)
+    return np.array(delays)
+
+
+def _skew_sentence(others: list[Shape], sides: Sides) -> str:
+    delays = delays_by_joint(others, sides)
+    whole = residual(others, sides.fit, sides.held_out, sides)
+    rest = residual([*others, Shape("time_skew", None)], sides.fit, sides.held_out, sides)
+    shares = 1.0 - np.sum(rest**2, axis=0) / np.sum(whole**2, axis=0)
+    where = ", ".join(map(str, sides.fit.joints))
+    low, high = float(shares.min()), float(shares.max())
+    share = f"{low:.1%}" if len(shares) == 1 else f"{low:.1%} to {high:.1%}"
+    sentence = (
+        f"motor less link encoder is velocity times one constant: {', '.join(f'{d * 1e3:.2f}' for d in delays)} ms at joint {where}, "
+        f"which predicts {share} of it in held-out rows: the link encoder's stamps are late"
+    )
+    instead = _best_instead(others, sides)
+    return sentence + (f"; {instead}" if instead else "")
+
+
+def _best_instead(others: list[Shape], sides: Sides) -> str:
+    """What the effects that such a loop is taken for would predict in its place, at best at any joint."""
+    best: dict[str, float] = {}
+    for shape in best_shapes(list(shapes(sides.fit)), others, sides):
+        if shape.effect in LOOKALIKES and physical(shape, others, sides):
+            best[shape.effect] = max(best.get(shape.effect, 0.0), look(shape, others, sides).share)
+    return " and ".join(f"{name.replace('_', ' ')} would predict {share:.0%} at most" for name, share in best.items())
+
+
+def _sentence(shape: Shape, before: float, after: float, share: float, unit: str) -> str:
+    """What a person sees; the share may be more than that of the fall, as either part of one run is predicted from the other."""
+    shows = {
+        "backlash": "motor less link encoder jumps between two values where the load or the motion turns round",
+        "joint_compliance": "motor less link encoder follows the load",
+        "gear_ripple": f"motor less link encoder repeats {shape.value:.4g} times a motor turn",
+        "encoder_ripple": f"motor less link encoder repeats {shape.value:.0f} times a turn of the joint: the link encoder is off centre",
+    }[shape.effect]
+    return (
+        f"{shows}: with it the held-out difference of joint {shape.joint} falls from {1e3 * before:.3g} to {1e3 * after:.3g} m{unit} rms, "
+        f"{share:.0%} of its square"
+    )
+
+
+def _offsets(chosen: list[Shape], sides: Sides, arm: Arm) -> list[Cause]:
+    """Constants between two encoders, as far as they are large and the same in both halves."""
+    causes = []
+    values, covariance = _fitted(chosen, sides)
+    for k, joint in enumerate(int(j) for j in sides.fit.joints):
+        offset, std = float(values[k]), float(np.sqrt(covariance[k, k]))
+        if abs(offset) < max(OFFSET, 5 * std):
+            continue
+        unit = unit_at(arm.joints[joint - 1], "rad")
+        rest = residual(chosen, sides.fit, sides.held_out, sides)[:, k]
+        left = float(np.sqrt(np.mean(rest**2)))
+        causes.append(
+            Cause(
+                "joint_zero_offset",
+                joint,
+                [Estimate("offset", offset, std, unit)],
+                SUREST,
+                float(np.hypot(offset, left)),
+                left,
+                (("joint_zero_offset", joint),),
+                None,
+                f"the motor encoder of joint {joint} reads {abs(1e3 * offset):.3g} m{unit} {'more' if offset > 0 else 'less'} than the link encoder, "
+                "everywhere alike; "
+                "which of the two is off, a level or a tracker says, and the model stays as it is",
+                joint,
+                unit,
+                "link angle",
+                of_arm=False,
+            )
+        )
+    return causes
+
+
+def _remarks(chosen: list[Shape], sides: Sides, arm: Arm) -> Iterator[str]:
+    """What is left above the scatter from row to row; with the order of a wave over motor angle that both sides show alike."""
+    left = [residual(chosen, side, side, sides) for side in (sides.fit, sides.held_out)]
+    for k, joint in enumerate(int(j) for j in sides.fit.joints):
+        rms = float(np.sqrt(np.mean(left[1][:, k] ** 2)))
+        if rms < OVER_NOISE * sides.fit.noise[k]:
+            continue
+        remark = (
+            f"joint {joint}: {1e3 * rms:.2g} m{unit_at(arm.joints[joint - 1], 'rad')} rms between its encoders is left, "
+            f"{rms / sides.fit.noise[k]:.0f} times their scatter from row to row"
+        )
+        orders = [standing_orders(values[:, k], side, k, 1) for values, side in zip(left, (sides.fit, sides.held_out))]
+        if all(orders) and abs(orders[0][0] - orders[1][0]) < 0.5 / turns(sides.fit, k):
+            remark += f"; part of it repeats {orders[0][0]:.3g} times a motor turn"
+        yield remark
+
+
+def _structure(chosen: list[Shape], sides: Sides) -> list[Structure]:
+    """Joints whose difference is still above the noise and predictable from a variable, and from which one best."""
+    found = []
+    left = [residual(chosen, sides.fit, side, sides) for side in (sides.fit, sides.held_out)]
+    for k, joint in enumerate(int(j) for j in sides.fit.joints):
+        if float(np.sqrt(np.mean(left[1][:, k] ** 2))) < OVER_NOISE * sides.fit.noise[k]:
+            continue
+        against = {"position": "q", "velocity": "v", "load torque": "load"}
+        shares = {
+            name: _predicted(
+                left[0][:, k], left[1][:, k], *(getattr(side, field)[:, k] for side in (sides.fit, sides.held_out))
+            )
+            for name, field in against.items()
+        }
+        name = max(shares, key=lambda one: shares[one])
+        if shares[name] > PREDICTED:
+            found.append(Structure("link angle", joint, name, shares[name]))
+    return found
+
+
+def _predicted(y_fit: Array, y: Array, x_fit: Array, x: Array) -> float:
+    """Share of y (m,) that averages of y_fit in BINS bins of x_fit predict at x."""
+    edges = np.unique(np.quantile(x_fit, np.linspace(0, 1, BINS + 1)[1:-1]))
+    where = np.digitize(x_fit, edges)
+    count = np.bincount(where, minlength=len(edges) + 1)
+    averages = np.bincount(where, weights=y_fit, minlength=len(edges) + 1) / np.maximum(count, 1)
+    return 1.0 - float(np.sum((y - averages[np.digitize(x, edges)]) ** 2) / max(np.sum(y**2), 1e-300))

@@ -1,0 +1,213 @@
+"""Motor encoder less link encoder: what it is, row by row, and what each effect would make of it.
+
+The difference d = q_motor / gear - q_link needs no dynamics: lost motion, elasticity, gear errors and stamps that disagree are all in it. Of the arm
+only the gear ratios are needed; the load comes from its masses where it has some, else from the measured current.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.rigid_body.numeric import rigid_torque
+from daq.recording import Recording
+from diagnosis.residual.expected_current import low_pass
+from diagnosis.screening.events import encoder_step
+
+Index = NDArray[np.intp]
+
+VELOCITY_BAND = 30.0
+"""Hz: pass-band of the motion behind velocity columns."""
+LOAD_BAND = 10.0
+"""Hz: pass-band of loads."""
+MOST_ROWS = 8000
+"""Of one side: a difference needs no filter, so that rows may simply be left out."""
+ENDS = 0.1
+"""s at either end of a recording that filters spoil."""
+GAPS = tuple(float(gap) for gap in np.geomspace(5e-5, 1e-2, 12))
+"""Half gaps that are tried, rad (m)."""
+DRAGS = (0.0, 0.1, 0.2, 0.3, 0.4)
+"""Friction between motor and gear that is tried, as a share of the largest measured torque; where the load is not known from masses."""
+DELAY = 1e-3
+"""s: the delay of a unit coefficient."""
+ORDERS = tuple(range(1, 61))
+"""Cycles a motor turn that are tried."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One effect at one joint (1-based; None: the same at all), with its nonlinear parameter ("" and 0 where there is none)."""
+
+    effect: str
+    joint: int | None
+    name: str = ""
+    value: float = 0.0
+
+    @property
+    def width(self) -> int:
+        """Coefficients: a wave has a sine and a cosine."""
+        return 2 if self.name.endswith("order") else 1
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Rows of some recordings one after the other, at the joints (k,) that have both encoders (1-based).
+
+    difference, q, v, load (m, k) rad, rad/s, N m (m, m/s, N); t (m,) s; starts: first row of each recording;
+    noise (k,): standard deviation of the difference from row to row and by the steps of the encoders; ratio (k,): abs(gear);
+    largest (k,) N m (N): the load of a unit coefficient of compliance, the same for all rows that are compared.
+    """
+
+    joints: Index
+    difference: Array
+    q: Array
+    v: Array
+    load: Array
+    known_load: bool
+    t: Array
+    starts: tuple[int, ...]
+    noise: Array
+    ratio: Array
+    largest: Array
+
+    @property
+    def rows(self) -> int:
+        return len(self.t)
+
+    def blocks(self, seconds: float) -> Index:
+        """(m,) number of the block of ``seconds`` that each row is in, from 0; none reaches over two recordings."""
+        numbers: list[Index] = []
+        for start, end in itertools.pairwise([*self.starts, self.rows]):
+            own = ((self.t[start:end] - self.t[start]) // seconds).astype(np.intp)
+            numbers.append(own + (int(numbers[-1][-1]) + 1 if numbers else 0))
+        return np.concatenate(numbers)
+
+
+def joints_with_both(recordings: Sequence[Recording]) -> Index:
+    """Joints (1-based) whose link encoder every recording holds without a hole."""
+    if any(r.ql is None for r in recordings):
+        return np.empty(0, np.intp)
+    there = np.all([np.isfinite(r.ql).all(axis=0) for r in recordings if r.ql is not None], axis=0)
+    moved = np.any([np.ptp(r.q, axis=0) > 0 for r in recordings], axis=0)
+    return np.flatnonzero(there & moved) + 1
+
+
+def see_links(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Seen:
+    """The rows of ``recordings``, thinned to MOST_ROWS; uniformly sampled positions without holes are wanted."""
+    parts: list[tuple[Array, ...]] = []
+    noises = []
+    k = joints - 1
+    known = bool(np.any(arm.joint_array("mass") > 0))
+    stride = max(1, sum(map(len, recordings)) // MOST_ROWS)
+    for r in recordings:
+        assert r.ql is not None
+        rate = 1.0 / r.dt
+        smooth = low_pass(r.q, VELOCITY_BAND, rate)
+        slow = low_pass(r.q, LOAD_BAND, rate)
+        v = np.gradient(smooth, r.dt, axis=0)
+        slow_v = np.gradient(slow, r.dt, axis=0)
+        if known:
+            load = rigid_torque(arm, slow, slow_v, np.gradient(slow_v, r.dt, axis=0))
+        else:
+            load = low_pass(r.i, LOAD_BAND, rate) * arm.joint_array("drive_constant")
+        difference = (r.q - r.ql)[:, k]
+        scatter = 1.4826 * np.median(np.abs(np.diff(difference, 2, axis=0)), axis=0) / np.sqrt(6)
+        steps = np.array([[encoder_step(angles[:, j]) for angles in (r.q, r.ql)] for j in k])
+        noises.append(np.sqrt(scatter**2 + np.sum(steps**2, axis=1) / 12))
+        keep = slice(int(ENDS * rate), -int(ENDS * rate), stride)
+        t = r.t[keep]
+        parts.append((difference[keep], r.q[keep][:, k], v[keep][:, k], load[keep][:, k], t))
+    starts = np.cumsum([0, *(len(part[0]) for part in parts[:-1])])
+    difference, q, v, load, t = (np.concatenate(columns) for columns in zip(*parts))
+    return Seen(
+        joints, difference, q, v, load, known, t, tuple(starts.tolist()),
+        np.mean(noises, axis=0) + 1e-12, np.array([arm.joints[j].ratio for j in k]), np.maximum(np.max(np.abs(load), axis=0), 1e-12),
+    )  # fmt: skip
+
+
+def shapes(seen: Seen) -> Iterator[Shape]:
+    """Every candidate with each value of its nonlinear parameter."""
+    yield Shape("time_skew", None)
+    for column, joint in enumerate(int(j) for j in seen.joints):
+        yield from (
+            Shape("joint_compliance", joint, "drag", drag) for drag in (DRAGS[:1] if seen.known_load else DRAGS)
+        )
+        yield from (Shape("backlash", joint, "half_gap", gap) for gap in GAPS)
+        if min(seen.load[:, column].max(), -seen.load[:, column].min()) > 0.05 * float(
+            np.max(np.abs(seen.load[:, column]))
+        ):
+            yield Shape("backlash", joint, "by_load", 1.0)  # the load changes sides
+        yield from (Shape("gear_ripple", joint, "order", float(n)) for n in ORDERS)
+        if np.ptp(seen.q[:, column]) > np.pi:  # over less than half a turn a slow wave is any bend
+            yield from (Shape("encoder_ripple", joint, "turn_order", float(n)) for n in (1, 2))
+
+
+def columns(shape: Shape, seen: Seen, k: int) -> Array:
+    """(m, c) rad: what a unit of each of c coefficients adds to the difference at the k-th joint of ``seen``; c = 0 where it is not felt."""
+    if shape.effect == "time_skew":  # q(t) - q(t - delay)
+        return seen.v[:, k, None] * DELAY
+    if seen.joints[k] != shape.joint:
+        return np.empty((seen.rows, 0))
+    return _own(shape, seen, k)
+
+
+def _own(shape: Shape, seen: Seen, k: int) -> Array:
+    q, load = seen.q[:, k], seen.load[:, k]
+    largest = float(seen.largest[k])
+    match shape.effect, shape.name:
+        case "joint_compliance", _:
+            return (load - shape.value * largest * _direction(seen.v[:, k]))[:, None] / largest
+        case "backlash", "by_load":
+            return (load / np.hypot(load, 0.01 * largest))[:, None]
+        case "backlash", _:
+            return _play(q, shape.value, seen.starts)[:, None] / shape.value
+        case "gear_ripple", _:
+            angle = shape.value * seen.ratio[k] * q
+        case _:
+            angle = shape.value * q
+    return np.column_stack([np.sin(angle), np.cos(angle)])
+
+
+def turns(seen: Seen, k: int) -> float:
+    """Motor turns that the k-th joint covers."""
+    return float(np.ptp(seen.q[:, k]) * seen.ratio[k] / (2 * np.pi))
+
+
+def standing_orders(rest: Array, seen: Seen, k: int, count: int = 3) -> list[float]:
+    """Cycles a motor turn, whole or not (a wave of the gear wheel is not), at which ``rest`` (m,) repeats most: peaks of the spectrum over motor
+    angle of its averages in bins of a 128th turn, less their running mean over a turn."""
+    if turns(seen, k) < 2.0:
+        return []
+    angle = seen.q[:, k] * seen.ratio[k] / (2 * np.pi)
+    bins = ((angle - angle.min()) * 128).astype(np.intp)
+    number = np.bincount(bins)
+    mean = np.bincount(bins, weights=rest) / np.maximum(number, 1)
+    wave = np.where(number > 0, mean - ndimage.uniform_filter1d(mean, 128), 0.0)
+    length = 8 * len(wave)
+    power = np.abs(np.fft.rfft(wave, length)) ** 2
+    order = np.fft.rfftfreq(length, 1 / 128)
+    power[(order < 0.5) | (order > ORDERS[-1])] = 0.0
+    peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    return [float(order[peak]) for peak in peaks[np.argsort(-power[peaks])][:count]]
+
+
+def _direction(v: Array) -> Array:
+    return v / np.hypot(v, 0.01 * max(float(np.max(np.abs(v))), 1e-12))
+
+
+def _play(q: Array, half_gap: float, starts: tuple[int, ...]) -> Array:
+    """Motor less link where friction holds the link: the link is only taken along at either side of the gap."""
+    out = np.empty_like(q)
+    begun = set(starts)
+    d, before = 0.0, q[0]
+    for row, here in enumerate(q.tolist()):
+        d = 0.0 if row in begun else min(max(d + here - before, -half_gap), half_gap)
+        out[row], before = d, here
+    return out

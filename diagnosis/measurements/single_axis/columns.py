@@ -1,0 +1,193 @@
+"""One axis alone, seen finely: what a drive with a fine encoder shows within milliseconds, at reversals and near standstill.
+
+An arm's joints are seen through filters of 10 to 20 Hz, because their encoders' steps, twice differentiated, would drown everything faster; and what
+friction does near standstill is not judged. A single axis with a fine scale shows it: its columns are the effects' own laws at the full
+rate, through the same filter as its current. Nothing is taken to first order in velocity or thinned before it is filtered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, Signals, Values, described
+from arm_model.system.dynamics import inverse_dynamics
+from diagnosis.residual.expected_current import integrated, low_pass, motion_of
+from diagnosis.screening.events import encoder_step
+from diagnosis.selection.significance import Index
+
+MOTION_BAND, COMPARE_BAND = 100.0, 60.0
+"""Hz: pass-bands of the motion behind the expected current, and of the comparison."""
+ENDS = 0.3
+"""s at either end of a recording that filters spoil."""
+ROWS_PER_SECOND = 200
+PLACES, SPEEDS = 8, 15
+"""Parts of the travel and of the range of speed that are an observation each."""
+DELAY = 1e-3
+"""s: the delay of a unit coefficient."""
+SHARES = tuple(float(share) for share in np.geomspace(0.005, 0.4, 10))
+"""Of the axis's speed: Stribeck velocities that are tried."""
+YIELDS = tuple(float(share) for share in np.geomspace(1e-5, 1e-2, 10))
+"""Of the axis's travel: distances within which friction builds up that are tried."""
+FEWEST_WAVES = 8
+"""Of one length, in the travel: fewer are a bend."""
+SIMPLE = ("viscous_friction", "coulomb_friction", "friction_asymmetry", "rotor_inertia", "current_offset", "current_gain",
+          "current_nonlinearity", "gravity_spring", "friction_drift", "time_skew")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One effect of the axis, with its nonlinear parameters."""
+
+    effect: str
+    values: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Recordings of one axis one after the other. Full rate: parts, per recording Signals of (k,) arrays. Kept rows (m,): residual A; rate of the
+    current A/s; q, v rad (m), per s; block from 0; noise A: what the steps of the encoder leave in the residual."""
+
+    arm: Arm
+    parts: tuple[tuple[Signals, float], ...]
+    residual: Array
+    rate: Array
+    q: Array
+    v: Array
+    block: Index
+    noise: float
+
+    @property
+    def cells(self) -> Index:
+        """(m,) from 0: rows at the same place and speed. What a model lacks is the same each time that a motion comes by: however often it is
+        repeated, that is one observation."""
+        place, speed = (
+            np.minimum((x - x.min()) / max(float(np.ptp(x)), 1e-12) * parts, parts - 1).astype(np.intp)
+            for x, parts in ((self.q, PLACES), (self.v, SPEEDS))
+        )
+        numbers: Index = np.unique(place * SPEEDS + speed, return_inverse=True)[1]
+        return numbers
+
+
+def rows_of(arm: Arm, recordings: Sequence[tuple[Array, Array, Array]], block_seconds: float) -> Rows:
+    """Recordings (t (k,) s uniform, q (k, 1), i (k, 1)) of a one-joint arm."""
+    parts, kept, first, noises = [], [], 0, []
+    drive = arm.joints[0]
+    constant = described(arm).joints[0].drive_constant
+    up, down = (drive.ratio * c for c in drive.coulomb)
+    for t, q, i in recordings:
+        rate = 1.0 / float(np.median(np.diff(t)))
+        angle, v, a = motion_of(q, _bands(rate)[0], rate)
+        expected = inverse_dynamics(arm, angle, v, a, time=t)[:, 0] / constant
+        sign = v[:, 0] / np.hypot(v[:, 0], drive.sign_velocity)
+        current = low_pass(i, _bands(rate)[0], rate)[:, 0]
+        s = Signals(
+            q=angle[:, 0], v=v[:, 0], a=a[:, 0], sign=sign, coulomb=(up + down) / 2 + (up - down) / 2 * sign,
+            current=current, torque=current * constant, t=t - t[0], motor=drive.ratio * angle[:, 0],
+        )  # fmt: skip
+        parts.append((s, rate))
+        keep = _kept(rate)
+        stamps = (t - t[0])[keep]
+        block = ((stamps - stamps[0]) // block_seconds).astype(np.intp) + first
+        first = int(block[-1]) + 1
+        residual = low_pass(i[:, 0] - expected, _bands(rate)[1], rate)[keep]
+        slope = low_pass(np.gradient(s.current, 1.0 / rate), _bands(rate)[1], rate)[keep]
+        kept.append((residual, slope, angle[keep, 0], v[keep, 0], block))
+        noises.append(_noise(arm, q[:, 0], rate))
+    residual, slope, q, v, block = (np.concatenate(column) for column in zip(*kept))
+    return Rows(arm, tuple(parts), residual, slope, q, v, block, float(np.mean(noises)))
+
+
+def _bands(rate: float) -> tuple[float, float]:
+    return min(MOTION_BAND, 0.2 * rate), min(COMPARE_BAND, 0.12 * rate)
+
+
+def _kept(rate: float) -> slice:
+    return slice(int(ENDS * rate), -int(ENDS * rate), max(1, round(rate / ROWS_PER_SECOND)))
+
+
+def _noise(arm: Arm, q: Array, rate: float) -> float:
+    """A: what the encoder's steps, twice differentiated, leave in the residual."""
+    inertia = arm.joints[0].mass + arm.joints[0].ratio ** 2 * arm.joints[0].rotor_inertia
+    w = 2 * np.pi * _bands(rate)[1]
+    wobble = (
+        encoder_step(np.sort(q)) / np.sqrt(12) * w**2 * np.sqrt(w / (5 * np.pi * rate))
+    )  # sqrt(int_0^w x^4 dx / (pi rate))
+    return float(inertia * wobble / arm.joints[0].drive_constant)
+
+
+def fine(arm: Arm, rows: Rows) -> bool:
+    """Whether what the encoder's steps leave is a thirtieth of the current that friction takes, at most."""
+    friction = arm.joints[0].ratio * max(arm.joints[0].coulomb) / arm.joints[0].drive_constant
+    return rows.noise < friction / 30
+
+
+def shapes(rows: Rows) -> Iterator[Shape]:
+    """Every candidate with each value of its nonlinear parameters."""
+    speed = max(float(np.max(np.abs(s.v))) for s, _ in rows.parts)
+    travel = float(np.ptp(rows.q))
+    for name in SIMPLE:
+        if name == "friction_drift":
+            yield from (Shape(name, (("time_constant", T),)) for T in (3.0, 10.0, 30.0, 100.0))
+        else:
+            yield Shape(name)
+    yield from (Shape("stribeck_friction", (("stribeck_velocity", share * speed),)) for share in SHARES)
+    level = rows.arm.joints[0].ratio * max(rows.arm.joints[0].coulomb)
+    if level > 0:
+        for share in YIELDS:
+            yield Shape("presliding_friction", (("stiffness", level / (share * travel)), ("damping", 0.0)))
+
+
+def waves(rest: Array, rows: Rows, count: int = 3) -> list[Shape]:
+    """Torques that go with the sine of the place, at the wave numbers where ``rest`` (m,) repeats most: at least FEWEST_WAVES in the travel,
+    and not so many that the fastest stroke would take them past the filter."""
+    travel, speed = float(np.ptp(rows.q)), max(float(np.max(np.abs(s.v))) for s, _ in rows.parts)
+    most = COMPARE_BAND * travel / max(speed, 1e-12)
+    if most < FEWEST_WAVES or len(rest) == 0:
+        return []
+    cycles = np.arange(FEWEST_WAVES, most, 0.2)
+    place = (rows.q - rows.q.min()) / travel
+    power = np.array([abs(np.sum(rest * np.exp(-2j * np.pi * n * place))) ** 2 for n in cycles])
+    peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    turn = 2 * np.pi * cycles[peaks[np.argsort(-power[peaks])][:count]] / travel / rows.arm.joints[0].ratio
+    return [Shape("cogging", (("pole_pairs", float(n)),)) for n in turn]
+
+
+def columns(shape: Shape, rows: Rows) -> Array:
+    """(m, c) A: change of the residual for a unit of each coefficient."""
+    effect = CATALOGUE[shape.effect]
+    made = []
+    for s, rate in rows.parts:
+        if effect.delay is not None:
+            full = [-np.gradient(s.current, 1.0 / rate) * DELAY]
+        else:
+            full = [_full(shape, unit, s, rate, rows.arm) for unit in units(shape)]
+        made.append(np.column_stack([low_pass(one, _bands(rate)[1], rate)[_kept(rate)] for one in full]))
+    return np.concatenate(made)
+
+
+def units(shape: Shape) -> list[Values]:
+    """Parameter values of each coefficient's column: each linear parameter at 1; a rest angle at 0 and 1; a wave as sine and cosine."""
+    effect = CATALOGUE[shape.effect]
+    nothing = {p.name: 0.0 for p in effect.parameters} | dict(shape.values)
+    if shape.effect == "gravity_spring":
+        return [Values(nothing | {"stiffness": 1.0, "rest_angle": angle}) for angle in (0.0, 1.0)]
+    if "phase" in nothing:
+        return [Values(nothing | {effect.linear[0].name: 1.0, "phase": phase}) for phase in (0.0, np.pi / 2)]
+    return [Values(nothing | {p.name: 1.0}) for p in effect.linear] or [Values(nothing)]
+
+
+def _full(shape: Shape, p: Values, s: Signals, rate: float, arm: Arm) -> Array:
+    effect, constant = CATALOGUE[shape.effect], arm.joints[0].drive_constant
+    if effect.change is not None:  # rotor_inertia: the whole moving mass of one axis
+        return np.asarray(s.a / constant, float)
+    if effect.current is not None:
+        return np.asarray(effect.current(p, s), float)
+    assert effect.torque is not None
+    if effect.rate is not None:
+        s = replace(s, state=integrated(effect, p, s, 1.0 / rate))
+    return np.asarray(effect.torque(p, s), float) / constant

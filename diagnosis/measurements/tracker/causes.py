@@ -1,0 +1,276 @@
+"""What the tracker says is wrong: geometry, sag, zeros, ripples, delays and wrong points, from recordings with tracked points.
+
+The measured angles are the reference: the target is where the model's kinematics put it, or something is wrong between the encoders and
+the target. The tracker's frame and the target's place on the last link are those of the rig, and may be off by some tenths of a
+millimetre and of a milliradian (``tracker_candidates.FRAME``, ``TARGET``, ``BOUND``); beyond that something else is wrong, and named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.effects import described
+from daq.recording import Recording
+from diagnosis.cause import SUREST, Cause, confidence_of
+from diagnosis.measurements.currents.detectability import Invisible
+from diagnosis.measurements.currents.estimates import Estimate
+from diagnosis.measurements.currents.unexplained import Structure
+from diagnosis.measurements.tracker.columns import Candidate, State, candidates, estimates, fitted
+from diagnosis.measurements.tracker.detectability import no_tracker, not_visible, sizes, structure, visible
+from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
+from diagnosis.measurements.tracker.regression import Named, Refit, energy, good, left, named, select
+from diagnosis.screening.events import encoder_step
+from identification.kinematics.data.runs import aligned
+from identification.kinematics.models.chain import Chain, position, position_jacobian, xyz_ypr
+from identification.kinematics.models.parameters import chain_of
+
+MOST = 8
+"""Causes."""
+FEWEST_WRONG = 3
+"""Points that are wrong, or missing in a row, before it is worth a sentence."""
+SHOWS = {
+    "joint_zero_offset": "the tracked point is turned by one angle about the axis",
+    "encoder_ripple": "the tracked point is ahead and behind by orders of the motor's angle",
+    "backlash": "the tracked point gives way where the load changes sign, about the axis",
+    "joint_compliance": "the tracked point gives way with the torque, about the axis",
+}
+"""What a person sees in the points, where the catalogue says what shows in the currents."""
+OTHER_POSES = "more varied poses: armscope calibrate --poses 40"
+WORTH = 0.02
+"""Of the energy of what the points cannot tell, that each of the five must explain."""
+CERTAIN = 2.0
+"""Deviations that each of the five must be from zero."""
+COUNTS = 2.5
+"""Counts of the encoder below which a zero is not off: counters are set to a count."""
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """What the tracker's points say. noise m, of a coordinate; rms (before, after) m and distances (before, after), (N,) m each, of "fit" and
+    "held_out"; shown: effects (and joints) that these points would show."""
+
+    causes: list[Cause]
+    not_visible: list[Invisible]
+    noise: float
+    rms: dict[str, tuple[float, float]]
+    unexplained: list[Structure]
+    distances: dict[str, tuple[Array, Array]] = field(repr=False, default_factory=dict)
+    shown: frozenset[tuple[str, int | None]] = frozenset()
+
+    @property
+    def geometry(self) -> list[Cause]:
+        """Causes that say where the links are: what the currents are to be seen through as well."""
+        return [one for one in self.causes if one.effect in ("joint_zero_offset", "link_geometry")]
+
+
+def tracked_causes(
+    arm: Arm,
+    fit: Sequence[Recording],
+    held_out: Sequence[Recording],
+    *,
+    angles: Sequence[Array] | None = None,
+    progress: Callable[[str], None] = lambda sentence: None,
+) -> Tracked:
+    """The causes that the tracked points of recordings show, judged on the held-out ones.
+
+    angles: (rows, n) rad of every recording (fit, then held out) where they were cleaned of jumps; default: as recorded.
+    """
+    cleaned = [r.q for r in (*fit, *held_out)] if angles is None else list(angles)
+    pairs = [[(r, q) for r, q in zip(part, chosen) if points_of(r) is not None]
+             for part, chosen in ((fit, cleaned[: len(fit)]), (held_out, cleaned[len(fit) :]))]  # fmt: skip
+    if not pairs[0] or not pairs[1] or any(joint.convention == "placed" for joint in arm.joints):
+        placed = any(joint.convention == "placed" for joint in arm.joints)
+        return Tracked([], no_tracker(placed, bool(pairs[0])), 0.0, {}, [])
+    progress("comparing the tracker's points with the model")
+    recordings = [[r for r, _ in part] for part in pairs]
+    target = _target(recordings[0][0])
+    known = all(r.xyz is not None for part in recordings for r in part)
+    start = _start(arm, pairs[0], target, known)
+    sides, outliers, noises = [], [], []
+    for part in pairs:
+        at = [position(start, q) for r, q in part]
+        side, wrong, noise = side_of(arm, [r for r, _ in part], [q for _, q in part], at)
+        sides.append(side)
+        outliers.append(wrong)
+        noises.append(noise)
+    steps = np.array([max(encoder_step(r.q[:, j]) for r in recordings[0]) for j in range(len(arm))])
+    noise = float(np.mean(noises))
+    level = float(np.hypot(noise, _zeros(start, sides[1], steps)))
+    refit = partial(_refit, arm, sides[0], target, known, start.values)
+    every = list(candidates(arm))
+    precise = partial(_precise, arm, sides[0], target, known, steps)
+    state = _sparse(
+        select(every, sides[0], sides[1], level, refit, MOST, progress), sides[0], level, steps, refit, precise
+    )
+    sure = precise(state)
+    causes = [
+        _cause(one, sure, state, sides)
+        for one in (named(every, state, sides[0], sides[1], level, refit) if state.chosen else [])
+    ]
+    strays = _strays(outliers, [[r.path.name for r in part] for part in recordings])
+    nothing = refit((), None)
+    moves = sizes(every, nothing, sides)
+    before = [side.xyz - position(start, side.q) for side in sides]
+    after = [left(state, side) for side in sides]
+    names = ("fit", "held_out")
+    return Tracked(
+        causes=causes + ([strays] if strays else []),
+        not_visible=not_visible(moves, level, {c.key for c in state.chosen}),
+        shown=visible(moves, level),
+        noise=noise,
+        rms={name: (_rms(b), _rms(a)) for name, b, a in zip(names, before, after)},
+        unexplained=structure(sides, after, level),
+        distances={
+            name: (np.linalg.norm(b, axis=1), np.linalg.norm(a, axis=1)) for name, b, a in zip(names, before, after)
+        },
+    )
+
+
+def _target(recording: Recording) -> tuple[float, float, float]:
+    """(3,) m in the frame of the last link, from the rig in the recording; its origin where that does not say."""
+    x, y, z = (float(v) for v in recording.rig.get("tracker", {}).get("target", (0.0, 0.0, 0.0)))
+    return x, y, z
+
+
+def _start(arm: Arm, part: Sequence[tuple[Recording, Array]], target: tuple[float, float, float], known: bool) -> Chain:
+    """The model's chain; where no rig file says how the tracker stands, with the base laid where the points are."""
+    chain = chain_of(described(arm), target)
+    if known:
+        return chain
+    q = np.concatenate([angles for _, angles in part])
+    xyz = np.concatenate([_points(r) for r, _ in part])
+    there = np.isfinite(xyz).all(axis=1)
+    pose = aligned(position(chain, q[there]), xyz[there])
+    place = np.linalg.inv(np.array(arm.base)) @ pose @ np.array(arm.base)
+    moved = dict(zip(("x", "y", "z", "yaw", "pitch", "roll"), xyz_ypr(place), strict=True))
+    return chain.at([moved[s.name[5:]] if s.name.startswith("base.") else s.value for s in chain.steps])
+
+
+def _points(recording: Recording) -> Array:
+    points = points_of(recording)
+    assert points is not None
+    return points
+
+
+def _zeros(chain: Chain, side: Side, steps: Array) -> float:
+    """m rms a coordinate: what encoder steps (n,) rad of this size leave open, their zeros included."""
+    rows = slice(None, None, max(1, len(side) // 500))
+    joint = position_jacobian(chain, side.q[rows])[1][:, :, chain.joint_steps()]
+    return float(np.sqrt(np.mean(np.sum((joint * steps) ** 2, axis=2)) / 6.0))
+
+
+def _refit(
+    arm: Arm,
+    side: Side,
+    target: tuple[float, float, float],
+    known: bool,
+    start: Array,
+    chosen: Sequence[Candidate],
+    near: State | None,
+) -> State:
+    return fitted(arm, chosen, side, target, frame_known=known, start=start if near is None else near.values)
+
+
+def _precise(
+    arm: Arm, side: Side, target: tuple[float, float, float], known: bool, steps: Array, state: State
+) -> State:
+    """The same candidates with the encoders' own zeros beside them, for values and deviations."""
+    return fitted(arm, state.chosen, side, target, frame_known=known, start=state.values, steps=steps)
+
+
+def _sparse(
+    state: State, side: Side, level: float, steps: Array, refit: Refit, precise: Callable[[State], State]
+) -> State:
+    """The state without those geometric errors of a link that explain nothing, and without zeros of a count or two.
+
+    The least certain is left out first; the others, frame and target take over what they shared with it. A turn of theta alone is a
+    zero offset.
+    """
+    least = WORTH * 3 * len(side) * level**2
+    for candidate in state.chosen:
+        while candidate.effect == "link_geometry" and len(candidate.names) > 1:
+            values, covariance = precise(state).coefficients(candidate)
+            certain = np.abs(values) / np.sqrt(np.diag(covariance))
+            if candidate.names[0] == "d_theta" and abs(values[0]) < COUNTS * _step(candidate, steps):
+                certain[0] = 0.0
+            fewer = replace(candidate, names=tuple(np.delete(candidate.names, int(np.argmin(certain))).tolist()))
+            without = refit([fewer if c is candidate else c for c in state.chosen], state)
+            if certain.min() > CERTAIN and energy(left(without, side)) > energy(left(state, side)) + least:
+                break
+            candidate, state = fewer, without
+    chosen = [replace(c, effect="joint_zero_offset") if c.names == ("d_theta",) else c for c in state.chosen]
+    stays = [
+        c for c, was in zip(chosen, state.chosen)
+        if c.names != ("d_theta",) or abs(state.coefficients(was)[0][0]) >= COUNTS * _step(c, steps)
+    ]  # fmt: skip
+    return state if tuple(stays) == state.chosen else refit(stays, state)
+
+
+def _step(candidate: Candidate, steps: Array) -> float:
+    """rad: a count of the candidate's joint."""
+    return float(steps[(candidate.joint or 1) - 1])
+
+
+def _cause(one: Named, sure: State, state: State, sides: Sequence[Side]) -> Cause:
+    candidate = one.candidate
+    values, covariance = sure.coefficients(candidate)
+    after = left(state, sides[1])
+    before, now = _rms(one.before), _rms(after)
+    group = [c.key for c in one.equals]
+    if candidate.effect == "joint_zero_offset" and ("link_geometry", candidate.joint) not in group:
+        group.append(
+            ("link_geometry", candidate.joint)
+        )  # by definition: d_theta is the zero's error with its sign turned
+    if candidate.effect == "encoder_ripple":
+        group.append(("gear_ripple", candidate.joint))
+    definition = candidate.definition
+    better, blocks = int(np.sum(one.look.blocks > 0)), int(np.sum(one.look.blocks != 0))
+    where = "" if candidate.joint is None else f" of joint {candidate.joint}"
+    sentence = (
+        f"{SHOWS.get(candidate.effect, definition.shows)}{where}: with it the held-out points are off by {1e3 * now:.3g} instead of "
+        f"{1e3 * before:.3g} mm rms a coordinate, better in {better} of {blocks} one-second blocks"
+    )
+    separate = None
+    if len(group) > 1:
+        separate = next(
+            (definition.confused_with[e] for e, _ in group[1:] if e in definition.confused_with), OTHER_POSES
+        )
+    return Cause(
+        candidate.effect, candidate.joint, estimates(candidate, values, covariance), confidence_of(one.look.p), before, now,
+        tuple(group), separate, sentence, candidate.joint or 0, "m", "tracker",
+    )  # fmt: skip
+
+
+def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str]]) -> Cause | None:
+    """Wrong and missing points, where fit and held-out recordings together show enough of them."""
+    every = [one for part in outliers for one in part]
+    wrong, missing = sum(o.wrong for o in every), sum(o.missing for o in every)
+    if max(wrong, missing) < FEWEST_WRONG:
+        return None
+    expected = sum(o.expected for o in every)
+    share = (wrong + missing) / expected
+    size = np.concatenate([o.size for o in every])
+    typical = float(np.median(size)) if len(size) else 0.0
+    spread = float(1.4826 * np.median(np.abs(size - typical)) / np.sqrt(len(size))) if len(size) else 0.0
+    listed = ", ".join(
+        name for part, files in zip(outliers, names) for one, name in zip(part, files) if one.wrong + one.missing
+    )
+    return Cause(
+        "tracker_outliers", None,
+        [Estimate("share", share, float(np.sqrt(share / expected)), "1"), Estimate("size", typical, spread, "m")],
+        SUREST, typical * np.sqrt(wrong / expected / 3.0), 0.0, (("tracker_outliers", None),), None,
+        f"{wrong} of {expected} tracked points are off by {1e3 * typical:.3g} mm from their neighbours, {missing} are missing in "
+        f"{sum(o.breaks for o in every)} breaks ({listed}); they were left out",
+        0, "m", "tracker", of_arm=False,
+    )  # fmt: skip
+
+
+def _rms(residual: Array) -> float:
+    kept = residual[good(residual)]
+    return float(np.sqrt(np.mean(kept**2)))

@@ -1,0 +1,273 @@
+"""What can be wrong where only the tracker looks: candidates, what each does to the points, and the fit of several together.
+
+Geometry moves values of the kinematic chain (``identification.kinematics``); everything else turns the joints by its own law from
+``arm_model.effects``, per unit of its linear parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, Effect, Signals, Values, described
+from diagnosis.measurements.currents.estimates import Estimate
+from diagnosis.measurements.tracker.points import Side
+from identification.kinematics.data.runs import correlation_time
+from identification.kinematics.estimation.map_estimation import Fit, Points, fit, residuals
+from identification.kinematics.models.parameters import Parameters, chain_of, parallel_next
+
+GEOMETRY = {"d_theta": "theta", "d_alpha": "alpha", "d_a": "a", "d_d": "d", "beta": "beta"}
+ANGLE, LENGTH = 0.05, 0.02
+"""Prior deviations of geometric errors, rad and m."""
+FRAME, TARGET = 3e-4, 3e-4
+"""How well the tracker's frame (m, rad) and the target's place (m) are known that a rig file gives."""
+ANYWHERE = 10.0
+"""The same, of a tracker whose place no rig file gives."""
+BOUND = 2.5
+"""Prior deviations beyond which frame and target are not taken to be off: something else is."""
+WIDEST_GAP = 1.5 * CATALOGUE["backlash"].linear[0].typical[1]
+SCALES = {
+    "link_sag": 1e-3,
+    "joint_compliance": 1e-3,
+    "backlash": 0.02,
+    "encoder_ripple": 0.01,
+    "tracker_latency": 0.05,
+}
+"""Prior deviations of one coefficient, in the unit of its parameter (rad/(N m) for a joint's compliance)."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one joint (None: the arm); ``names`` of geometric errors that are free, ``order`` of a ripple."""
+
+    effect: str
+    joint: int | None
+    names: tuple[str, ...] = ()
+    order: int = 0
+
+    @property
+    def key(self) -> tuple[str, int | None]:
+        return self.effect, self.joint
+
+    @property
+    def definition(self) -> Effect:
+        return CATALOGUE[self.effect]
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return len(self.names) if self.names else 2 if self.order else 1
+
+    @property
+    def scales(self) -> Array:
+        """(k,) prior deviations of its coefficients."""
+        if self.names:
+            return np.array([LENGTH if name in ("d_a", "d_d") else ANGLE for name in self.names])
+        return np.full(self.size, SCALES[self.effect])
+
+    @property
+    def values(self) -> tuple[str, ...]:
+        """Names of the chain's values that it frees."""
+        return tuple(f"joint{self.joint}.{GEOMETRY[name]}" for name in self.names)
+
+
+def candidates(arm: Arm) -> Iterator[Candidate]:
+    """Every candidate for this arm; the simplest first."""
+    yield Candidate("tracker_latency", None)
+    for j, joint in enumerate(arm.joints, 1):
+        yield Candidate("joint_zero_offset", j, ("d_theta",) if joint.revolute else ("d_d",))
+    for j, joint in enumerate(arm.joints, 1):
+        if joint.revolute:
+            yield from (Candidate(name, j) for name in ("link_sag", "joint_compliance", "backlash"))
+            yield from (Candidate("encoder_ripple", j, order=order) for order in (1, 2))
+    parallel = parallel_next(described(arm))
+    for j in range(1, len(arm) + 1):
+        if parallel[j - 1]:
+            yield Candidate("link_geometry", j, tuple(GEOMETRY))
+        else:  # beta does there what theta and the next joint's theta do, or nearly: it has to be worth it by itself
+            yield Candidate("link_geometry", j, tuple(name for name in GEOMETRY if name != "beta"))
+            yield Candidate("link_geometry", j, ("beta",))
+
+
+def turns(candidate: Candidate, side: Side) -> Array:
+    """(N, n, k): how far a unit of each of its coefficients turns each joint; k = 0 for geometry."""
+    n, j = side.q.shape[1], (candidate.joint or 1) - 1
+    if candidate.names:
+        return np.zeros((len(side), n, 0))
+    effect = candidate.definition
+    if effect.late is not None:
+        return -float(effect.late(Values(delay=1.0), Signals())) * side.v[..., None]
+    seen = Signals(motor=side.motor[:, j], load=side.load[:, j])
+    columns = []
+    if effect.bend is not None:
+        columns = [effect.bend(Values(compliance=1.0), Signals(load=side.holding[:, j]))]
+    elif effect.angle is not None:  # the link stands where the joint reads, less the error
+        phases = (0.0, np.pi / 2)
+        columns = [-effect.angle(Values(amplitude=1.0, order=candidate.order, phase=p), seen) for p in phases]
+    elif effect.deflection is not None:
+        columns = [-effect.deflection(Values(half_gap=1.0, stiffness=1.0), seen)]
+    bent = np.zeros((len(side), n, len(columns)))
+    bent[:, j] = np.column_stack(columns)
+    return bent
+
+
+@dataclass(frozen=True)
+class State:
+    """Candidates fitted together, with frame and target: the fit, and the parameters that were free.
+
+    correlated: how many neighbouring points count as one in the deviations.
+    """
+
+    chosen: tuple[Candidate, ...]
+    parameters: Parameters
+    estimate: Fit
+    correlated: float = 1.0
+
+    @property
+    def values(self) -> Array:
+        return self.estimate.values
+
+    def points(self, side: Side) -> Points:
+        return points_of(self.chosen, side)
+
+    def coefficients(self, candidate: Candidate) -> tuple[Array, Array]:
+        """(k,) and their covariance (k, k), as fitted."""
+        chain, free = self.parameters.chain, list(self.parameters.free)
+        if candidate.names:
+            where = [chain.names.index(name) for name in candidate.values]
+            rows = [free.index(k) for k in where]
+            found = (self.estimate.values - chain.values)[where]
+        else:
+            bent = [c for c in self.chosen if not c.names]
+            before = sum(c.size for c in bent[: bent.index(candidate)])
+            rows = [len(free) + before + k for k in range(candidate.size)]
+            found = self.estimate.extension[before : before + candidate.size]
+        return found, self.estimate.covariance[np.ix_(rows, rows)]
+
+
+def points_of(chosen: Sequence[Candidate], side: Side) -> Points:
+    """The side's points with the turns of all chosen candidates."""
+    bent = [turns(c, side) for c in chosen if not c.names]
+    return Points(side.q, side.xyz, np.concatenate(bent, axis=2) if bent else None)
+
+
+def fitted(
+    arm: Arm,
+    chosen: Sequence[Candidate],
+    side: Side,
+    target: Sequence[float],
+    *,
+    frame_known: bool,
+    start: Array | None = None,
+    steps: Array | None = None,
+) -> State:
+    """All chosen candidates fitted together with frame and target; what of these would go beyond what may be unknown of it stays where
+    the rig says, and something else is left to be named.
+
+    steps (n,) rad: of encoders whose zeros may be up to a count off in every recording; they are then fitted beside all else, so that
+    values and deviations are what many recordings would agree on.
+    """
+    parameters = _parameters(arm, chosen, target, frame_known)
+    scale = np.concatenate([np.zeros(0), *(c.scales for c in chosen if not c.names)])
+    points, own = points_of(chosen, side), len(scale)
+    if steps is not None:
+        points, scale = _with_zeros(points, side, steps), np.concatenate((scale, _zero_scales(side, steps)))
+    values = parameters.chain.values if start is None else start
+    estimate = fit(parameters, points, start=values, extension_scale=scale)
+    for _ in range(3):
+        free, nominal = parameters.free, parameters.chain.values
+        off = (estimate.values - nominal)[free] / parameters.scale[free]
+        ours = np.array([parameters.chain.names[k].startswith(("base.", "target.")) for k in free], bool)
+        beyond = ours & (np.abs(off) > BOUND) & (parameters.scale[free] < 1.0)
+        if not beyond.any():
+            break
+        parameters = replace(parameters, free=free[~beyond])
+        estimate = fit(parameters, points, extension_scale=scale)
+    covariance, correlated = estimate.covariance, 1.0
+    if steps is not None:
+        correlated = _correlated(residuals(parameters, estimate.values, estimate.extension, points), estimate, side)
+        prior = np.concatenate((parameters.scale[parameters.free], scale))
+        covariance = _widened(covariance, prior, correlated)
+    kept = len(parameters.free) + own
+    trimmed = replace(estimate, extension=estimate.extension[:own], covariance=covariance[:kept, :kept])
+    return State(tuple(chosen), parameters, trimmed, correlated)
+
+
+def _correlated(residual: Array, estimate: Fit, side: Side) -> float:
+    """How many neighbouring points count as one."""
+    rows = [np.flatnonzero(side.of == k) for k in np.unique(side.of)]
+    return correlation_time(np.where(estimate.inlier[:, None], residual, 0.0), rows)
+
+
+def _widened(covariance: Array, prior: Array, correlated: float) -> Array:
+    """The covariance if only every ``correlated``-th point counts: what the points say is worth less, what was known before is not."""
+    unit = covariance / np.outer(prior, prior)  # (H + 1)^-1 for points that say H
+    said = np.linalg.inv(unit) - np.eye(len(prior))
+    return np.asarray(np.linalg.inv(said / correlated + np.eye(len(prior))) * np.outer(prior, prior))
+
+
+def _with_zeros(points: Points, side: Side, steps: Array) -> Points:
+    """The points with a turn of its own for every joint in every recording."""
+    n, runs = side.q.shape[1], np.unique(side.of)
+    columns = np.zeros((len(side), n, len(runs) * n))
+    for k, run in enumerate(runs):
+        columns[side.of == run, :, k * n : (k + 1) * n] = np.eye(n)
+    bent = points.deflections
+    return Points(points.q, points.xyz, columns if bent is None else np.concatenate((bent, columns), axis=2))
+
+
+def _zero_scales(side: Side, steps: Array) -> Array:
+    """Prior deviations, rad: the count that a counter is set to, and the place within it, are each off by step / sqrt(12)."""
+    return np.tile(np.maximum(steps, 1e-7) / np.sqrt(6.0), len(np.unique(side.of)))
+
+
+def _parameters(arm: Arm, chosen: Sequence[Candidate], target: Sequence[float], frame_known: bool) -> Parameters:
+    chain = chain_of(described(arm), target)
+    wanted = {name for c in chosen for name in c.values}
+    scale = np.zeros(len(chain.steps))
+    for k, step in enumerate(chain.steps):
+        group = step.name.partition(".")[0]
+        if group == "base":
+            scale[k] = FRAME if frame_known else ANYWHERE
+        elif group == "target":
+            scale[k] = TARGET
+        elif step.name in wanted:
+            scale[k] = ANGLE if step.motion[0] == "r" else LENGTH
+    free = np.flatnonzero(scale)
+    return Parameters(chain, free, free, scale)
+
+
+def estimates(candidate: Candidate, coefficients: Array, covariance: Array) -> list[Estimate]:
+    """Parameters of the effect, from its coefficients (k,) and their covariance."""
+    c, std = [float(v) for v in coefficients], np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    units = {p.name: p.unit for p in candidate.definition.parameters}
+    if candidate.effect == "joint_zero_offset":
+        return [Estimate("offset", -c[0], float(std[0]), units["offset"])]
+    if candidate.names:
+        return [Estimate(name, v, float(s), units[name]) for name, v, s in zip(candidate.names, c, std)]
+    if candidate.effect == "joint_compliance":
+        return [Estimate("stiffness", 1.0 / c[0], float(std[0] / c[0] ** 2), units["stiffness"])]
+    if candidate.order:
+        # e (sin(n m) cos(phi) - cos(n m) sin(phi)) = e sin(n m - phi); the second column is the law at phi = 90 degrees
+        amplitude = float(np.hypot(c[0], c[1]))
+        along = np.array(c) / max(amplitude, 1e-12)
+        spread = float(np.sqrt(along @ covariance @ along))
+        turn = float(np.sqrt(np.array([-along[1], along[0]]) @ covariance @ np.array([-along[1], along[0]])))
+        return [
+            Estimate("amplitude", amplitude, spread, "rad"),
+            Estimate("order", float(candidate.order), 0.0, "1"),
+            Estimate("phase", float(np.arctan2(c[1], c[0])), turn / max(amplitude, 1e-12), "rad"),
+        ]
+    name = candidate.definition.linear[0].name
+    return [Estimate(name, c[0], float(std[0]), units[name])]
+
+
+def possible(candidate: Candidate, coefficients: Array) -> bool:
+    """Whether it can be: nothing hangs upwards, no gap is negative, nor wider than gears are let get."""
+    if candidate.effect == "backlash" and coefficients[0] > WIDEST_GAP:
+        return False
+    return candidate.effect not in ("link_sag", "joint_compliance", "backlash") or bool(coefficients[0] > 0.0)

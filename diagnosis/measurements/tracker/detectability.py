@@ -1,0 +1,127 @@
+"""What the tracker's points could not have shown, and what is left of them that no cause explains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io.types import Array
+from arm_model.effects import CATALOGUE
+from diagnosis.measurements.currents.detectability import Invisible
+from diagnosis.measurements.currents.unexplained import Structure
+from diagnosis.measurements.tracker.columns import Candidate, State
+from diagnosis.measurements.tracker.points import Side
+from diagnosis.measurements.tracker.regression import Linear, columns_of, good, linear
+
+Key = tuple[str, int | None]
+
+BINS = 24
+SHARE = 0.1
+"""Of what is left: less is not worth a sentence."""
+ROUGH = 1.3
+"""Times what the points cannot tell: below it what is left is noise as far as that is known."""
+ONLY_HERE = ("link_geometry", "link_sag", "tracker_latency")
+"""What currents say nothing of; of the others they may."""
+EXPERIMENTS = {
+    "link_geometry": "poses in which this joint and those behind it turn: armscope calibrate --poses 40",
+    "link_sag": "poses with this link level and upright, or a known mass on and off the flange",
+    "tracker_latency": "a motion: at 0.5 m/s a delay of 1 ms is 0.5 mm",
+    "tracker_outliers": "a recording with a tracker",
+}
+
+
+def no_tracker(placed: bool, fitted: bool) -> list[Invisible]:
+    """Everything that only a tracker shows, where there is none."""
+    if placed:
+        why = "the model places its joints as URDF does; the tracker's points are compared with D-H models only"
+        experiment = "armscope calibrate, whose model.toml has D-H parameters"
+    else:
+        which = "held-out" if fitted else "fitted"
+        why, experiment = (
+            f"no {which} recording has points of a tracker",
+            "the same motion with a tracker (columns x, y, z)",
+        )
+    return [Invisible(effect, None, why, experiment) for effect in EXPERIMENTS]
+
+
+def sizes(every: Sequence[Candidate], nothing: State, sides: Sequence[Side]) -> dict[Candidate, float]:
+    """m rms: by how much the largest typical size of every effect moves the held-out points, once frame and target have been fitted to them."""
+    parts = [linear(nothing, side) for side in sides]
+    return {c: float(np.sqrt(_typical_squares(c, nothing, sides, parts))) for c in every}
+
+
+def not_visible(moves: Mapping[Candidate, float], level: float, found: set[Key]) -> list[Invisible]:
+    """Effects that only a tracker shows and that move the held-out points by less than a third of what they can tell (``level``, m);
+    ``moves``: see ``sizes``."""
+    invisible = []
+    for candidate, size in moves.items():
+        if candidate.effect in ONLY_HERE and candidate.key not in found and size < level / 3.0:
+            where = f" at joint {candidate.joint}" if candidate.joint else ""
+            by = f"by {1e3 * size:.2g} mm rms" if size > 1e-3 * level else "by nothing"
+            why = f"even {_typical(candidate)[1]}{where} would move these points {by}; they tell {1e3 * level:.2g} mm"
+            invisible.append(Invisible(candidate.effect, candidate.joint, why, EXPERIMENTS[candidate.effect]))
+    return invisible
+
+
+def visible(moves: Mapping[Candidate, float], level: float) -> frozenset[Key]:
+    """Effects that these points would show, whatever the currents do."""
+    return frozenset(candidate.key for candidate, size in moves.items() if size >= level / 3.0)
+
+
+def _typical_squares(candidate: Candidate, nothing: State, sides: Sequence[Side], parts: Sequence[Linear]) -> float:
+    """m^2 a coordinate: the largest of its parameters' effects on the held-out points that frame and target do not take."""
+    columns = [columns_of(candidate, nothing, side, part) / candidate.scales for side, part in zip(sides, parts)]
+    free = [part.free.reshape(-1, part.free.shape[2]) for part in parts]
+    largest = 0.0
+    for k, typical in enumerate(_typical(candidate)[0]):
+        one, held = (c[:, :, k].ravel() * typical for c in columns)
+        taken = np.linalg.solve(
+            free[0].T @ free[0] + nothing.estimate.noise**2 * np.eye(free[0].shape[1]), free[0].T @ one
+        )
+        largest = max(largest, float(np.mean((held - free[1] @ taken) ** 2)))
+    return largest
+
+
+def _typical(candidate: Candidate) -> tuple[list[float], str]:
+    parameters = {p.name: p for p in CATALOGUE[candidate.effect].parameters}
+    names = candidate.names if candidate.names and candidate.effect == "link_geometry" else (next(iter(parameters)),)
+    values = [parameters[name].typical[1] for name in names]
+    words = ", ".join(f"{parameters[n].name} of {v:g} {parameters[n].unit}" for n, v in zip(names, values))
+    return values, words
+
+
+def structure(sides: Sequence[Side], left: Sequence[Array], level: float) -> list[Structure]:
+    """The variable that predicts most of what is left of the held-out points; nothing where what is left is noise, or where nothing
+    predicts a tenth of it beyond chance."""
+    kept = [good(residual) for residual in left]
+    fit, held = (residual[keep] for residual, keep in zip(left, kept))
+    total = float(np.sum(held**2))
+    if np.sqrt(np.mean(held**2)) < ROUGH * level:
+        return []
+    best: Structure | None = None
+    generator = np.random.default_rng(0)
+    block = np.unique(sides[1].block[kept[1]], return_inverse=True)[1]
+    for (name, x_fit), (_, x) in zip(*(_variables(side, keep) for side, keep in zip(sides, kept))):
+        edges = np.unique(np.quantile(x_fit, np.linspace(0, 1, BINS + 1)[1:-1]))
+        which = np.digitize(x_fit, edges)
+        count = np.maximum(np.bincount(which, minlength=len(edges) + 1), 1)
+        means = np.stack([np.bincount(which, weights=c, minlength=len(edges) + 1) / count for c in fit.T], axis=1)
+        predicted = means[np.digitize(x, edges)]
+        share = 1.0 - float(np.sum((held - predicted) ** 2)) / total
+        if share > SHARE and (best is None or share > best.share):
+            inner = np.bincount(block, weights=np.sum(held * predicted, axis=1))
+            signs = generator.choice([-1.0, 1.0], size=(200, len(inner)))
+            if np.mean(signs @ inner >= inner.sum()) < 0.01:
+                best = Structure("tracker", None, name, share)
+    return [best] if best else []
+
+
+def _variables(side: Side, keep: NDArray[np.bool_]) -> list[tuple[str, Array]]:
+    found = [("time", side.t[keep])]
+    for j in range(side.q.shape[1]):
+        found += [(f"position of joint {j + 1}", side.q[keep, j]), (f"velocity of joint {j + 1}", side.v[keep, j])]
+        found += [(f"load torque of joint {j + 1}", side.load[keep, j])]
+        found += [(f"motor angle of joint {j + 1}", np.mod(side.motor[keep, j], 2 * np.pi))]
+    return found

@@ -1,0 +1,162 @@
+"""What a tracker recorded, ready to be judged: points and the joints' motion at the same rows, wrong points taken out and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.signal import savgol_filter
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.effects import described
+from arm_model.rigid_body.numeric import rigid_torque
+from arm_model.tracking import bends, latency
+from daq.recording import Recording
+from diagnosis.residual.run_setup import loaded, setup_of
+from diagnosis.selection.significance import BLOCK_SECONDS
+
+Mask = NDArray[np.bool_]
+
+MOST = 6000
+"""Points of one side that are used; more are evenly thinned."""
+WRONG = 8.0
+"""Deviations of the noise from the median of its neighbours that make a point wrong: a Gaussian one exceeds them once in 1e14."""
+NEIGHBOURS = 7
+RATES = 0.1
+"""s: length of the local cubics whose slopes are speed and acceleration."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """Tracked points of some recordings (fit or held out), N of them.
+
+    q (N, n) rad (m): angles as read, with what the model's own effects make of them where the tracker looks; xyz (N, 3) m;
+    v (N, n) per second; load, holding (N, n) N m: the torque to the links in motion and at rest; motor (N, n) rad: of the motors
+    themselves; t (N,) s in its recording; block (N,) of a second each; of (N,) index of its recording
+    """
+
+    q: Array
+    xyz: Array
+    v: Array
+    load: Array
+    holding: Array
+    motor: Array
+    t: Array
+    block: NDArray[np.intp]
+    of: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+@dataclass(frozen=True)
+class Outliers:
+    """Points far from their neighbours, points that are missing among others, and points expected; size m of the wrong ones."""
+
+    wrong: int
+    missing: int
+    breaks: int
+    expected: int
+    size: Array
+
+    @property
+    def share(self) -> float:
+        return (self.wrong + self.missing) / max(self.expected, 1)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """One recording's rows: t, q, v, a, and xyz with wrong points NaN; noise m, of one coordinate."""
+
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    xyz: Array
+    outliers: Outliers
+    noise: float
+
+
+def points_of(recording: Recording) -> Array | None:
+    """(n, 3) m in the base frame, or in the tracker's own where its rig does not know how it stands; None without a tracker."""
+    xyz = recording.xyz if recording.xyz is not None else recording.points
+    return None if xyz is None or np.isfinite(xyz).all(axis=1).sum() < NEIGHBOURS else xyz
+
+
+def side_of(
+    arm: Arm, recordings: Sequence[Recording], angles: Sequence[Array], nominal: Sequence[Array]
+) -> tuple[Side, list[Outliers], float]:
+    """The points of recordings (all with a tracker), their outliers, and the noise of a coordinate, m.
+
+    angles: (rows, n) rad per recording; nominal: where the model has the target, (rows, 3) m per recording.
+    """
+    parts: list[Side] = []
+    outliers, noises = [], []
+    most = max(1, MOST // len(recordings))
+    for index, (recording, q, at) in enumerate(zip(recordings, angles, nominal, strict=True)):
+        xyz = points_of(recording)
+        assert xyz is not None
+        rows = _rows(recording.t, q, xyz, xyz - at)
+        outliers.append(rows.outliers)
+        noises.append(rows.noise)
+        parts.append(_part(loaded(arm, setup_of(recording).payload), rows, index, most, parts))
+    names = ("q", "xyz", "v", "load", "holding", "motor", "t", "block", "of")
+    side = Side(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+    return side, outliers, float(np.median(noises))
+
+
+def _part(arm: Arm, rows: _Rows, index: int, most: int, before: Sequence[Side]) -> Side:
+    usable = np.flatnonzero(np.isfinite(rows.xyz).all(axis=1))
+    usable = usable[:: max(1, -(-len(usable) // most))]
+    q, v, a = rows.q[usable], rows.v[usable], rows.a[usable]
+    bare = replace(described(arm), effects=())
+    late = q - latency(arm) * v
+    first = int(before[-1].block[-1]) + 1 if before and len(before[-1].block) else 0
+    return Side(
+        q=late + bends(arm, late),
+        xyz=rows.xyz[usable],
+        v=v,
+        load=rigid_torque(bare, q, v, a),
+        holding=rigid_torque(bare, q, 0 * q, 0 * q),
+        motor=q * np.array([joint.ratio for joint in arm.joints]),
+        t=rows.t[usable],
+        block=first + (rows.t[usable] // BLOCK_SECONDS).astype(np.intp),
+        of=np.full(len(usable), index),
+    )
+
+
+def _rows(t: Array, q: Array, xyz: Array, off: Array) -> _Rows:
+    v, a = _rates(t, q)
+    found = np.flatnonzero(np.isfinite(xyz).all(axis=1))
+    away = off[found]
+    # the noise from second differences: what is wrong with the arm is smooth
+    second = (away[:-2] - 2 * away[1:-1] + away[2:]) / np.sqrt(6.0)
+    noise = float(1.4826 * np.median(np.abs(second))) if len(second) else 0.0
+    apart = away - ndimage.median_filter(away, size=(NEIGHBOURS, 1), mode="nearest")
+    distance = np.linalg.norm(apart, axis=1)
+    wrong = distance > WRONG * max(float(np.median(distance)) / 1.5382, noise, 1e-9)
+    steps = np.diff(found)
+    usual = int(np.median(steps)) if len(steps) else 1
+    gaps = steps[steps > 3 * usual]
+    missing = int(np.sum(gaps // usual - 1))
+    good = xyz.copy()
+    good[found[wrong]] = np.nan
+    outliers = Outliers(int(wrong.sum()), missing, len(gaps), len(found) + missing, distance[wrong])
+    return _Rows(t, q, v, a, good, outliers, noise)
+
+
+def _rates(t: Array, q: Array) -> tuple[Array, Array]:
+    """Speed and acceleration (rows, n) from local cubics, of rows at an even pace."""
+    period = float(np.median(np.diff(t)))
+    rows = 2 * int(RATES / 2 / period) + 1
+    if rows < 5 or len(q) < rows:
+        v = np.gradient(q, t, axis=0)
+        return v, np.gradient(v, t, axis=0)
+    return (
+        savgol_filter(q, rows, 3, deriv=1, delta=period, axis=0),
+        savgol_filter(q, rows, 3, deriv=2, delta=period, axis=0),
+    )

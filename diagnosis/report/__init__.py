@@ -1,0 +1,1 @@
+"""Results of a diagnosis as files, words, tables and pages."""

@@ -1,0 +1,196 @@
+"""report.html of a diagnosis: verdict first, one section a cause, then what could not be seen and what is left. Opens without a network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from arm_model.effects import CATALOGUE
+from daq.recording import Recording
+from diagnosis.cause import Cause
+from diagnosis.diagnose import Diagnosis
+from diagnosis.experiments.discriminating import named
+from diagnosis.report.plots import overview as plots
+from diagnosis.report.plots.link_encoders import link_overview
+from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
+from diagnosis.report.plots.single_axis import wave_figure
+from diagnosis.report.tables import errors, left, rough, rows_of, summary, unseen
+from diagnosis.report.wording import doubted, sentence, small, title, value
+from identification.report.html import STYLE
+from identification.report.plots import image
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recording] = ()) -> str:
+    """The whole page; ``table`` is what diagnosis.json holds; ``held_out``: for the temperatures that they may carry."""
+    body = [
+        f"<h1>{escape(result.arm.name)}: what the simulation gets wrong</h1>",
+        f"<p class=note>{escape(_asked(result, table))}</p>",
+        f"<p class=verdict>{escape(sentence(result))}</p>",
+        *(f"<p class=warning>{escape(warning)}</p>" for warning in result.warnings),
+        summary(result),
+        f"<p>{_next(result, table)}</p>",
+        *_overview(result),
+    ]
+    for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
+        body += [f"<h2 id=cause{number}>{number}. {escape(title(cause))}</h2>", *_section(result, cause, row)]
+    body += ["<h2>What this data could not show</h2>", unseen(table)]
+    body += ["<h2>What is left</h2>", left(table), *_left_pictures(result)]
+    body += ["<h2>The simulation before and after</h2>", *_simulated(result), errors(table, bool(result.causes))]
+    if result.judged:
+        body += ["<h2>Joint by joint</h2>", rough(result, table), *_joints(result, held_out)]
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(result.arm.name)}: diagnosis</title><style>{STYLE}{_STYLE}</style></head><body>"
+        + "\n".join(body)
+        + "</body></html>\n"
+    )
+
+
+_STYLE = """
+summary { cursor: pointer; margin: .5rem 0; color: #2f6fb0 } code { background: #f3f5f8; padding: .1rem .35rem }
+.wide { overflow-x: auto }
+@media (max-width: 40rem) { .wide img { max-width: none; width: 52rem } }
+@media print { details::details-content { content-visibility: visible } img, tr { break-inside: avoid } h2 { break-after: avoid } }
+"""
+_HOW = (
+    "<p class=note>How to read this. From the measured motion the model tells which current every motor should draw; what the transducers show"
+    " besides is the residual. It is given in units of the noise: within the grey band (twice the noise) the instruments alone explain it. Gaps: the"
+    " joint hardly moves, and friction leaves its current open. Everything is judged on recordings that were held out: the causes were found, and"
+    " their parameters fitted, on others. ± is two standard deviations.</p>"
+)
+_HOW_ENCODERS = (
+    "<p class=note>How to read this. The model has gear ratios only. Held against it is the angle of each motor over its gear less that of the"
+    " link's own encoder: zero on a stiff arm whose encoders are read at one instant. ± is two standard deviations.</p>"
+)
+MOST_PICTURES = {"held_out": 2, "fit": 1}
+"""Recordings of a side that are drawn; the tables have all."""
+
+
+def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
+    """What was asked, and of which recordings."""
+    names = f"{_counted(len(result.fit))} fitted, {_counted(len(result.held_out))} held out"
+    if set(table["fit"]) & set(table["held_out"]):
+        names = f"{_counted(len(result.fit))}, split by time: the first part fitted, the second held out"
+    if not result.judged:
+        return f"Asked: what do two encoders a joint show that gear ratios do not? {names}."
+    return (
+        f"Asked: what is missing from this model? Its masses, inertias and constants were trusted, not fitted anew; one that is wrong is named as a"
+        f" cause like any other. {names}."
+    )
+
+
+def _next(result: Diagnosis, table: dict[str, Any]) -> str:
+    """What lies beside this page, and what it is for."""
+    said = ["Beside this page: <code>diagnosis.json</code> (every number)"]
+    if result.causes:
+        said.append(
+            "<code>model.toml</code> (the model with these causes as effects, for <code>armscope simulate</code> and <code>identify</code>)"
+        )
+    chosen = [Path(row["separate_by"]).name for row in table["causes"] if row.get("separation")]
+    if chosen:
+        said.append(
+            f"<code>{', '.join(map(escape, chosen))}</code> (to <code>armscope record</code>: what decides a cause that comes as a group)"
+        )
+    if any("show_" in one["experiment"] for one in table["not_visible"]):
+        said.append("<code>show_K.toml</code> (motions that would show what these recordings could not)")
+    return "; ".join(said) + "."
+
+
+def _picture(figure: Figure, alt: str) -> str:
+    return f"<div class=wide>{image(figure, alt)}</div>"
+
+
+def _counted(recordings: int) -> str:
+    return f"{recordings} recording{'s' if recordings != 1 else ''}"
+
+
+def _overview(result: Diagnosis) -> list[str]:
+    """How to read the pictures, and everything at a glance: the currents, or where no model expects any, the encoders."""
+    if result.judged:
+        return [_HOW, _picture(*plots.overview(result))]
+    return [_HOW_ENCODERS, _picture(*link_overview(result.link, result.arm))] if result.link else []
+
+
+def _simulated(result: Diagnosis) -> list[str]:
+    """Closed loop beside what was measured, for some recordings of both sides."""
+    parts = []
+    units = tuple(dict.fromkeys(joint.current_unit for joint in result.arm.joints))
+    for side, words in (("held_out", "held out"), ("fit", "fitted")):
+        pairs = result.compared.get(side) or []
+        for number, (before, after) in enumerate(pairs[: MOST_PICTURES[side]]):
+            picture = _picture(*side_by_side(before, after, bool(result.causes), units))
+            opened = " open" if side == "held_out" and number == 0 else ""
+            parts.append(f"<details{opened}><summary>{escape(before.name)} ({words})</summary>{picture}</details>")
+    return parts
+
+
+def _joints(result: Diagnosis, held_out: Sequence[Recording]) -> list[str]:
+    concerned = {cause.felt_at for cause in result.causes if not cause.by_tracker} | {
+        one.joint for one in result.unexplained
+    }
+    parts = []
+    for joint in range(1, len(result.arm) + 1):
+        picture = _picture(*against_all(result, joint, held_out))
+        opened = " open" if joint in concerned else ""
+        parts.append(f"<details{opened}><summary>joint {joint}</summary>{picture}</details>")
+    return parts
+
+
+def _left_pictures(result: Diagnosis) -> list[str]:
+    if result.axis is not None and result.axis.wave is not None:
+        return [_picture(*wave_figure(result.axis, result.arm.joints[0]))]
+    drawn = (
+        left_against(result, one.joint, one.against)
+        for one in result.unexplained
+        if one.joint and one.signal == "current"
+    )
+    return [_picture(*one) for one in drawn if one is not None]
+
+
+def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
+    where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
+    equation = CATALOGUE[cause.effect].equation
+    if cause.signal == "link angle" and cause.joint is None:
+        where, equation = "the joints with two encoders", "q_link_read(t) = q_link(t - d)"
+    meaning = {p.name: p.meaning for p in CATALOGUE[cause.effect].parameters}
+    rows = [
+        (
+            escape(p.name.replace("_", " ")),
+            value(p),
+            f"± {2 * p.std:.2g}" if doubted(p) else "",
+            escape("" if p.unit == "1" else p.unit),
+            escape(meaning.get(p.name, "")),
+        )
+        for p in cause.parameters
+    ]
+    factor, unit = small(cause.unit, (cause.before, cause.after))
+    less = f", {cause.before / cause.after:.3g} times less" if 0.0 < cause.after < cause.before else ""
+    sure = "" if len(cause.group) == 1 else " that it is this or what it cannot be told from"
+    parts = [
+        f"<p><code>{escape(equation)}</code></p>",
+        f"<p>{escape(cause.evidence[:1].upper() + cause.evidence[1:])}.</p>",
+        _picture(*plots.cause_figure(result, cause)),
+        rows_of(rows, ("parameter", "value", "2 std", "unit", "what it is"), (1, 2)),
+        f"<p>Held-out error of {where}: {factor * cause.before:.3g} {unit} without it, {factor * cause.after:.3g} {unit} with it{less}. "
+        f"Confidence {cause.confidence:.0%}{sure}.</p>",
+    ]
+    if len(cause.group) > 1:
+        others = ", ".join(map(named, cause.group[1:]))
+        parts.append(f"<p class=warning>This data cannot tell it from {escape(others)}. {_separated_by(row)}</p>")
+    return parts
+
+
+def _separated_by(row: dict[str, Any]) -> str:
+    chosen = row.get("separation")
+    if chosen is None:
+        return f"No motion that was tried separates them. What does: {escape(str(row['separate_by']))}."
+    return (
+        f"To separate them: {escape(chosen['motion'])}. Their predictions then differ by at least {chosen['distance']:.0f} standard "
+        f"deviations of the noise; the best of {chosen['tried']} motions, ready to record as {escape(Path(row['separate_by']).name)}."
+    )

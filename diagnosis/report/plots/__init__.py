@@ -1,0 +1,1 @@
+"""Plots of a diagnosis, one file per kind of measurement."""

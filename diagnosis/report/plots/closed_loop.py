@@ -1,0 +1,45 @@
+"""The picture of what swings: the spectrum of what a closed loop does not follow, without and with the causes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import signal
+
+from arm_io.types import Array
+from diagnosis.closed_loop.comparison import Compared
+from diagnosis.closed_loop.resonance import BAND
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+SEGMENT = 1.0
+"""s of every piece of which the spectrum is the mean."""
+
+
+def loop_figure(pairs: Sequence[tuple[Compared, Compared]], joint: int, unit: str) -> tuple[Figure, str]:
+    """Amplitude of measured less simulated current of a joint over frequency, in ``unit`` per root hertz, of (before, after) held-out loops."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.5, 3.4), layout="constrained")
+    axis = figure.subplots()
+    for several, colour, label in zip(zip(*pairs), ("#c8501e", "#1f5fa8"), ("without any cause", "with all causes")):
+        frequency, density = _spectrum(several, joint)
+        axis.semilogy(frequency, density, color=colour, lw=1.2, label=label)
+    axis.axvspan(*BAND, color="#f3f6f9", lw=0.0)
+    axis.set_xlim(0.0, 1.2 * BAND[1])
+    axis.set_xlabel("frequency, Hz (shaded: what is judged)")
+    axis.set_ylabel(f"what the closed loop of joint {joint}\ndoes not follow, {unit}/sqrt(Hz)")
+    axis.legend(fontsize="small")
+    axis.grid(color="#e6eaef", which="both")
+    return figure, f"spectrum of the current error of joint {joint} in closed loop, without and with the causes"
+
+
+def _spectrum(loops: Sequence[Compared], joint: int) -> tuple[Array, Array]:
+    rate = 1.0 / float(np.median(np.diff(loops[0].t)))
+    rows = min(round(SEGMENT * rate), *(len(one.t) for one in loops))
+    each = [signal.welch((one.current - one.simulated_current)[:, joint - 1], rate, nperseg=rows) for one in loops]
+    return each[0][0], np.sqrt(np.mean([density for _, density in each], axis=0))

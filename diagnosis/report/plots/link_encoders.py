@@ -1,0 +1,60 @@
+"""Motor less link encoder, as a person should see it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from arm_model.description import Arm
+from diagnosis.measurements.link_encoders.causes import LinkSide
+from diagnosis.units import unit_at
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BEFORE, AFTER = "#c8501e", "#1f5fa8"
+AGAINST = {"joint_compliance": ("load", "load", "N m"), "time_skew": ("v", "velocity", "rad/s")}
+"""The variable that shows a cause best, its name and unit; the joint's angle otherwise."""
+
+
+def link_overview(link: LinkSide, arm: Arm) -> tuple[Figure, str]:
+    """Held-out difference of every joint's encoders over time, its constant left out, before and after all causes."""
+    from matplotlib.figure import Figure
+
+    joints = [int(j) for j in link.seen.joints]
+    figure = Figure(figsize=(10.5, 0.8 + 1.35 * len(joints)), layout="constrained")
+    axes = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
+    t = np.arange(link.seen.rows) * float(link.seen.t[1] - link.seen.t[0])
+    for k, (joint, axis) in enumerate(zip(joints, axes)):
+        for values, colour, when in ((link.without, BEFORE, "before"), (link.left, AFTER, "after all causes")):
+            axis.plot(t, values[:, k] * 1e3, color=colour, lw=0.8, label=when)
+        axis.set_ylabel(f"joint {joint}, m{unit_at(arm.joints[joint - 1], 'rad')}")
+        axis.grid(color="#e6eaef")
+    axes[0].legend(loc="upper right", ncols=2, fontsize="small")
+    axes[-1].set_xlabel("held-out recordings, s")
+    figure.suptitle("motor less link encoder", x=0.01, ha="left", fontsize="medium")
+    return figure, "held-out difference of motor and link encoders before and after"
+
+
+def link_figure(link: LinkSide, arm: Arm, effect: str, joint: int) -> tuple[Figure, str]:
+    """Held-out difference of one joint's encoders over its angle (the loop) and over the telling variable, before and after all causes."""
+    from matplotlib.figure import Figure
+
+    k, drive = int(np.flatnonzero(link.seen.joints == joint)[0]), arm.joints[joint - 1]
+    panels = [("q", "angle", "rad"), *([AGAINST[effect]] if effect in AGAINST else [])]
+    constant = link.seen.difference[:, k].mean() if effect == "joint_zero_offset" else 0.0
+    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
+    axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    for axis, (field, name, unit) in zip(axes, panels):
+        x = getattr(link.seen, field)[:, k]
+        for values, colour, when in (
+            (link.without + constant, BEFORE, "before"),
+            (link.left, AFTER, "after all causes"),
+        ):
+            axis.plot(x, values[:, k] * 1e3, ".", ms=1.6, color=colour, label=when)
+        axis.set_xlabel(f"{name} of joint {joint}, {unit_at(drive, unit)}")
+        axis.grid(color="#e6eaef")
+    axes[0].set_ylabel(f"motor less link encoder\nof joint {joint}, m{unit_at(drive, 'rad')}")
+    axes[0].legend(loc="best", fontsize="small", markerscale=5)
+    return figure, f"motor less link encoder of joint {joint} against {panels[-1][1]}"

@@ -1,0 +1,115 @@
+"""The pictures of a diagnosis: what a person should see at a glance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diagnosis.cause import Cause
+from diagnosis.diagnose import Diagnosis
+from diagnosis.measurements.currents.design_matrix import side_of
+from diagnosis.report.plots.closed_loop import loop_figure
+from diagnosis.report.plots.link_encoders import link_figure
+from diagnosis.report.plots.residuals import SURE, unit_of
+from diagnosis.report.plots.single_axis import axis_figure
+from diagnosis.report.plots.tracker import tracker_figure
+from diagnosis.report.wording import small
+from diagnosis.residual.run import ROWS_PER_SECOND
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+BEFORE, AFTER, NOISE = "#c8501e", "#1f5fa8", "#e3e8ee"
+
+
+def overview(result: Diagnosis) -> tuple[Figure, str]:
+    """Held-out residual of every joint over time, in units of the noise, before and after."""
+    from matplotlib.figure import Figure
+
+    joints = len(result.arm)
+    side = side_of(result.held_out)
+    height = 0.9 + 1.3 * joints
+    figure = Figure(figsize=(10.5, height))
+    figure.subplots_adjust(left=0.075, right=0.99, bottom=0.5 / height, top=1.0 - 0.55 / height, hspace=0.12)
+    axes = figure.subplots(joints, 1, sharex=True, squeeze=False)[:, 0]
+    t = np.arange(side.rows) / ROWS_PER_SECOND
+    for j, axis in enumerate(axes, 1):
+        noise = np.concatenate([run.noise[j - 1] / run.deviation[:, j - 1] for run in result.held_out])
+        shown = noise > 1 / 3  # elsewhere, near standstill, the current is not determined
+        axis.axhspan(-2.0, 2.0, color=NOISE, lw=0.0, label="noise")
+        lines = [(side.y, BEFORE, "before"), (result.left[1], AFTER, "after")]
+        for values, colour, label in lines if result.causes else [(result.left[1], AFTER, "residual")]:
+            axis.plot(t, np.where(shown, values[side.of(j)] / noise, np.nan), color=colour, lw=0.7, label=label)
+        top = max(4.0, float(np.quantile(np.abs(side.y[side.of(j)][shown]), 0.99)) * 1.2) if shown.any() else 4.0
+        axis.set_ylim(-top, top)
+        axis.set_ylabel(f"joint {j}")
+        axis.grid(color="#e6eaef")
+    edges = np.cumsum([len(run.t) for run in result.held_out]) / ROWS_PER_SECOND
+    for run, edge in zip(result.held_out, edges):
+        axes[0].text(
+            edge - len(run.t) / ROWS_PER_SECOND, axes[0].get_ylim()[1], run.name, fontsize="small", va="bottom"
+        )
+        for axis in axes:
+            axis.axvline(edge, color="#b8c2cc", lw=0.8)
+    axes[0].legend(loc="upper right", ncols=3, fontsize="small")
+    axes[-1].set_xlabel("held-out recordings one after the other, s")
+    figure.suptitle("measured less expected current, times the noise", x=0.01, y=0.995, ha="left", fontsize="medium")
+    return figure, "held-out residuals of all joints before and after"
+
+
+VIEWS = {
+    "velocity": ("coulomb_friction", "viscous_friction", "friction_asymmetry", "stribeck_friction", "hydrodynamic_drag",
+                 "presliding_friction", "current_offset"),
+    "load torque": ("load_friction", "backlash", "joint_compliance"),
+    "current": ("torque_constant", "current_gain", "current_nonlinearity"),
+    "acceleration": ("rotor_inertia", "time_skew"),
+    "motor angle": ("gear_ripple", "cogging", "encoder_ripple"),
+}  # fmt: skip
+"""The variable that shows an effect best; position otherwise."""
+
+
+def view_of(effect: str) -> str:
+    """The variable against which an effect's residual is drawn."""
+    return next((name for name, effects in VIEWS.items() if effect in effects), "position")
+
+
+def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
+    """The residual current of the joint that feels it, against the telling variable, before and after all causes."""
+    from matplotlib.figure import Figure
+
+    from diagnosis.measurements.currents.basis_functions import variables
+
+    if result.tracked is not None and cause.by_tracker:
+        return tracker_figure(result.tracked)
+    if result.link is not None and cause.signal == "link angle":
+        return link_figure(result.link, result.arm, cause.effect, cause.felt_at)
+    if cause.signal == "closed loop":
+        return loop_figure(result.compared["held_out"], cause.felt_at, cause.unit)
+
+    if result.axis is not None and any(one.effect == cause.effect for one in result.axis.causes):
+        return axis_figure(result.axis, cause.effect, result.arm.joints[0])
+
+    side = side_of(result.held_out)
+    joint = cause.felt_at
+    name = view_of(cause.effect)
+    x = dict(variables(side, result.arm, joint))[name]
+    deviation = np.concatenate([run.deviation[:, joint - 1] for run in result.held_out])
+    noise = float(np.mean([run.noise[joint - 1] for run in result.held_out]))
+    certain = deviation < SURE * np.concatenate([np.full(len(r.t), r.noise[joint - 1]) for r in result.held_out])
+    residuals = [(y[side.of(joint)] * deviation)[certain] for y in (side.y, result.left[1])]
+    largest = max((float(np.abs(values).max()) for values in residuals if len(values)), default=1.0)
+    factor, unit = small(result.arm.joints[joint - 1].current_unit, [largest])
+    figure = Figure(figsize=(10.5, 3.2))
+    figure.subplots_adjust(left=0.085, right=0.99, bottom=0.16, top=0.9, wspace=0.05)
+    axes = figure.subplots(1, 2, sharey=True)
+    for axis, values, colour, title in zip(axes, residuals, (BEFORE, AFTER), ("without any cause", "with all causes")):
+        axis.axhspan(-2 * factor * noise, 2 * factor * noise, color=NOISE, lw=0.0, label="noise")
+        axis.plot(x[certain], factor * values, ".", ms=1.6, color=colour)
+        axis.set_title(title, loc="left", fontsize="medium")
+        axis.set_xlabel(f"{name} of joint {joint}, {unit_of(result, joint, name)}")
+        axis.grid(color="#e6eaef")
+    axes[0].set_ylabel(f"measured less expected\ncurrent of joint {joint}, {unit}")
+    axes[1].legend(loc="upper right", fontsize="small")
+    return figure, f"residual current of joint {joint} against {name}"

@@ -1,0 +1,73 @@
+"""What one axis shows at its full rate, as a person should see it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from arm_model.description import Joint
+from diagnosis.measurements.single_axis.causes import AxisSide
+from diagnosis.units import unit_at
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BEFORE, AFTER, UP, DOWN = "#c8501e", "#1f5fa8", "#1f5fa8", "#c8501e"
+BINS = 24
+NEAR = 4.0
+"""Stribeck velocities that are drawn."""
+
+
+def axis_figure(axis: AxisSide, effect: str, drive: Joint) -> tuple[Figure, str]:
+    """Held-out residual without one of the causes and with all, against what shows that cause: velocity, place, or how fast the command changes."""
+    from matplotlib.figure import Figure
+
+    cause = next(one for one in axis.causes if one.effect == effect)
+    x, label = axis.seen.v, f"velocity, {unit_at(drive, 'rad/s')}"
+    shown = np.ones(len(x), bool)
+    if effect == "time_skew":
+        x, label = axis.seen.rate, f"change of the command, {drive.current_unit}/s"
+    elif effect in ("gravity_spring", "cogging"):
+        x, label = axis.seen.q, f"position, {unit_at(drive, 'rad')}"
+    elif effect == "stribeck_friction":
+        reach = NEAR * next(p.value for p in cause.parameters if p.name == "stribeck_velocity")
+        shown = np.abs(x) < reach
+    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    for panel, values, colour, title in zip(
+        panels, (cause.without, axis.left), (BEFORE, AFTER), ("without it", "with all causes")
+    ):
+        panel.plot(x[shown], values[shown], ".", ms=2.0, color=colour)
+        panel.set_title(title, loc="left", fontsize="medium")
+        panel.set_xlabel(label)
+        panel.grid(color="#e6eaef")
+    top = 1.1 * float(np.quantile(np.abs(cause.without[shown]), 0.995))
+    panels[0].set_ylim(-top, top)
+    panels[0].set_ylabel(f"measured less expected\nbelow 60 Hz, {drive.current_unit}")
+    return figure, f"held-out residual without {effect.replace('_', ' ')} and with it"
+
+
+def wave_figure(axis: AxisSide, drive: Joint) -> tuple[Figure, str]:
+    """What all causes leave, laid over one length of the wave, each direction by itself."""
+    from matplotlib.figure import Figure
+
+    assert axis.wave is not None
+    length, unit = (axis.wave.length, "rad") if drive.revolute else (1e3 * axis.wave.length, "mm")
+    place = np.mod(axis.seen.q, axis.wave.length) * (length / axis.wave.length)
+    edges = np.linspace(0.0, length, BINS + 1)
+    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
+    panel = figure.subplots()
+    for rows, colour, name in ((axis.seen.v > 0, UP, "forwards"), (axis.seen.v < 0, DOWN, "backwards")):
+        values = axis.left[rows] - np.mean(axis.left[rows])
+        panel.plot(place[rows], values, ".", ms=1.4, color=colour, alpha=0.25)
+        bins = np.clip(np.digitize(place[rows], edges) - 1, 0, BINS - 1)
+        mean = np.bincount(bins, values, BINS) / np.maximum(np.bincount(bins, minlength=BINS), 1)
+        panel.plot((edges[1:] + edges[:-1]) / 2, mean, "-", lw=2.0, color=colour, label=f"{name}, mean")
+    top = 1.1 * float(np.quantile(np.abs(axis.left), 0.98))
+    panel.set_ylim(-top, top)
+    panel.set_xlabel(f"place within {length:.4g} {unit}, {unit}")
+    panel.set_ylabel(f"left by all causes,\n{drive.current_unit}")
+    panel.grid(color="#e6eaef")
+    panel.legend(loc="upper right", fontsize="small")
+    return figure, f"what is left, laid over {length:.4g} {unit}"

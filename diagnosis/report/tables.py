@@ -1,0 +1,148 @@
+"""The tables of a diagnosis' report: causes, errors, what is left, and what could not be seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from diagnosis.diagnose import Diagnosis
+from diagnosis.experiments.discriminating import named
+from diagnosis.measurements.currents.design_matrix import side_of
+from diagnosis.measurements.currents.structure_share import FROM
+from diagnosis.report.plots.residuals import SURE
+from diagnosis.report.wording import estimate, gain, place, small, title
+
+
+def rows_of(cells: Iterable[Sequence[str]], head: Sequence[str], numbers: Sequence[int] = ()) -> str:
+    """A table; ``numbers``: columns that hold numbers, set flush right. Cells are HTML."""
+
+    def line(tag: str, row: Sequence[str]) -> str:
+        return "".join(f"<{tag}{' class=n' if k in numbers else ''}>{cell}</{tag}>" for k, cell in enumerate(row))
+
+    body = "".join(f"<tr>{line('td', row)}</tr>" for row in cells)
+    return f"<div class=wide><table><tr>{line('th', head)}</tr>{body}</table></div>"
+
+
+def summary(result: Diagnosis) -> str:
+    """One line a cause, to be seen before any picture."""
+    if not result.causes:
+        return ""
+    rows = []
+    for number, cause in enumerate(result.causes, 1):
+        alike = f" or {', '.join(map(named, cause.group[1:]))}" if len(cause.group) > 1 else ""
+        link = f"<a href=#cause{number}>{escape(title(cause))}</a>{escape(alike)}"
+        values = "<br>".join(escape(estimate(p)) for p in cause.parameters)
+        rows.append((link, values, escape(gain(cause)).replace("-&gt;", "&rarr;"), f"{cause.confidence:.0%}"))
+    head = ("cause", "parameters", "held-out error without &rarr; with it", "confidence")
+    note = "<p class=note>Confidence: that it is there, it or what is named beside it.</p>"
+    return rows_of(rows, head, (2, 3)) + note
+
+
+def errors(table: dict[str, Any], extended: bool) -> str:
+    """Errors of simulated currents and positions on the held-out recordings."""
+    if not table["signals"]:
+        return "<p>The recordings hold no demands, or the model no controller: nothing to run in closed loop.</p>"
+    rows, nan = [], float("nan")
+    for s in table["signals"]:
+        held = s["error_rms"].get("held_out", {})
+        values = [held.get("before", nan), held.get("after", nan), s["noise_rms"]]
+        factor, unit = small(s["unit"], values)
+        told = [f"{factor * v:.3g}" for v in (values if extended else values[1:])]
+        rows.append([s["signal"] if s["joint"] else "tracked points", str(s["joint"] or ""), *told, escape(unit)])
+    head = ["signal", "joint", *(["before", "after"] if extended else ["error"]), "noise", "unit"]
+    return _what_is_compared(table) + rows_of(rows, head, range(1, len(head) - 1))
+
+
+def _what_is_compared(table: dict[str, Any]) -> str:
+    along = {s.get("along") for s in table["signals"] if s["signal"] == "current"}
+    said = ["Root mean square below 20 Hz on the held-out recordings, where friction is known."]
+    if "demands" in along:
+        said.append(
+            "Model and arm were given the same demands. Noise is that of the residual along the measured motion, which hears the steps of the"
+            " encoders twice differentiated; a closed loop hears none of these, and may come below it."
+        )
+    elif "measured motion" in along:
+        said.append(
+            "The controller of the model is not that of this arm: its errors would be the controller's. Currents are those that the model"
+            " wants along the measured motion."
+        )
+    return f"<p class=note>{' '.join(said)}</p>"
+
+
+def rough(result: Diagnosis, table: dict[str, Any]) -> str:
+    """Residual of every joint in every recording, in units of the noise, without and with the causes; and what of it is structure."""
+    joints = range(1, len(result.arm) + 1)
+    rows = []
+    for runs, left, words in ((result.fit, result.left[0], "fitted"), (result.held_out, result.left[1], "held out")):
+        side = side_of(runs)
+        edges = np.cumsum([0, *(len(run.t) for run in runs)])
+        for run, rows_here in zip(runs, map(slice, edges, edges[1:])):
+            cells = []
+            for j in joints:
+                ratio = run.deviation[:, j - 1] / run.noise[j - 1]
+                sure = ratio < SURE
+                several = ((y[side.of(j)][rows_here] * ratio)[sure] for y in (side.y, left))
+                told = [f"{np.sqrt(np.mean(y**2)):.1f}" for y in several] if sure.any() else ["rests"] * 2
+                cells.append(_change(told, bool(result.causes)))
+            rows.append([f"{escape(run.name)} ({words})", *cells])
+    shares = {s["joint"]: s["predictable"] for s in table["signals"] if "predictable" in s}
+    if shares:
+        each = ([f"{shares[j][when]:.0%}" for when in ("before", "after")] for j in joints)
+        rows.append(
+            [
+                f"predictable from {', '.join(FROM[:-1])} and {FROM[-1]}",
+                *(_change(t, bool(result.causes)) for t in each),
+            ]
+        )
+    note = "Root mean square of the residual over the noise, where friction near standstill leaves it sure"
+    note += ", without &rarr; with the causes" if result.causes else ""
+    note += "; last, the share of its held-out variance that smooth functions of these, fitted to the other recordings, predict"
+    head = ["recording", *(f"joint {j}" for j in joints)]
+    return f"<p class=note>{note}.</p>{rows_of(rows, head, range(1, len(head)))}"
+
+
+def _change(told: Sequence[str], extended: bool) -> str:
+    return " &rarr; ".join(told) if extended and told[0] != "rests" else told[-1]
+
+
+def unseen(table: dict[str, Any]) -> str:
+    """Effects that these recordings could not show, joint by joint, and what would."""
+    if not table["not_visible"]:
+        return "<p>Every effect of the catalogue, at its largest typical size, would have shown.</p>"
+    alike: dict[tuple[str, str, str], list[str]] = {}
+    for one in table["not_visible"]:
+        key = str(one["joint"] or ""), one["why"], one["experiment"]
+        alike.setdefault(key, []).append(one["effect"].replace("_", " "))
+    joints: dict[tuple[str, str, str], list[str]] = {}
+    for (joint, why, experiment), effects in alike.items():
+        joints.setdefault((", ".join(effects), why, experiment), []).append(joint)
+    rows, last = [], ("", "")
+    for (names, why, experiment), several in joints.items():
+        here = escape(names), escape(experiment)
+        # said once for all joints of an effect
+        told = ["" if one == before else one for one, before in zip(here, last)]
+        if told[0]:
+            told[1] = here[1]
+        rows.append([told[0], ", ".join(several), escape(why), told[1] or "as above"])
+        last = here
+    return "<p>These were neither found nor ruled out. Sizes are the largest that are typical.</p>" + rows_of(
+        rows, ("effect", "joint", "why not", "what would show it"), (1,)
+    )
+
+
+def left(table: dict[str, Any]) -> str:
+    """Structure that no effect explains, and the share of what is left that it is."""
+    if not table["unexplained"]:
+        return "<p>Nothing that position, velocity, load, time or the other joints would predict.</p>"
+    rows = [
+        (escape(place(one["signal"], one["joint"])), escape(one["against"]), f"{one['share']:.0%}")
+        for one in table["unexplained"]
+    ]
+    note = (
+        "<p class=note>No effect of the catalogue does this. <code>armscope diagnose --distort PARAMETER</code> lets one parameter vary until"
+        " the model matches, and shows with what it varies.</p>"
+    )
+    return rows_of(rows, ("signal", "against", "share of what is left there"), (2,)) + note

@@ -1,0 +1,84 @@
+"""A diagnosis in words: the verdict, names of causes, numbers with their doubt. What the report, the terminal and the rig's questions say alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from diagnosis.cause import Cause
+from diagnosis.diagnose import Diagnosis
+from diagnosis.experiments.discriminating import named
+from diagnosis.measurements.currents.estimates import Estimate
+
+MILLI = ("A", "rad", "m")
+"""Units whose small values are told in thousandths."""
+
+
+def title(cause: Cause) -> str:
+    """``backlash of joint 2``."""
+    return named((cause.effect, cause.joint))
+
+
+def either(cause: Cause) -> str:
+    """A cause with what it may be as well: ``torque constant or current gain of joint 2``."""
+    if len({joint for _, joint in cause.group}) > 1:
+        return " or ".join(map(named, cause.group))
+    names = " or ".join(effect.replace("_", " ") for effect, _ in cause.group)
+    return f"{names} of joint {cause.joint}" if cause.joint else names
+
+
+def sentence(result: Diagnosis) -> str:
+    """The verdict in words."""
+    if result.verdict == "consistent":
+        return "Consistent: nothing beyond the noise was found in these recordings."
+    grouped = any(len(cause.group) > 1 for cause in result.causes)
+    causes = ("; " if grouped else ", ").join(map(either, result.causes))
+    if result.verdict == "explained":
+        return f"Explained: {causes}." + ("" if result.warnings else " What is left is noise.")
+    places = ", ".join(against(one.signal, one.joint, one.against) for one in result.unexplained)
+    left = f"in {places} that no effect of the catalogue explains."
+    return (
+        f"Explained in part: {causes}. Structure is left {left}" if causes else f"Unexplained: structure is left {left}"
+    )
+
+
+def place(signal: str, joint: int | None) -> str:
+    """``the current of joint 2``."""
+    return f"the {signal} of joint {joint}" if joint else f"the {signal}'s points"
+
+
+def against(signal: str, joint: int | None, variable: str) -> str:
+    """``the current of joint 2 against position``; where no variable was found, what is said instead."""
+    return f"{place(signal, joint)}{', ' if variable.startswith('no ') else ' against '}{variable}"
+
+
+def estimate(one: Estimate) -> str:
+    """``half gap 0.001021 ± 0.000007 rad``: two standard deviations, and no more digits than these leave."""
+    unit = "" if one.unit == "1" else f" {one.unit}"
+    return f"{one.name.replace('_', ' ')} {value(one)}{f' ± {2 * one.std:.2g}' if doubted(one) else ''}{unit}"
+
+
+def doubted(one: Estimate) -> bool:
+    """Whether a value has a deviation to tell; a whole number that was chosen has none."""
+    return bool(np.isfinite(one.std) and one.std > 0.0)
+
+
+def value(one: Estimate) -> str:
+    """The value to the second digit of its two standard deviations."""
+    if not doubted(one) or one.value == 0.0:
+        return f"{one.value:.4g}"
+    digits = np.floor(np.log10(abs(one.value))) - np.floor(np.log10(2 * one.std)) + 2
+    return f"{one.value:.{int(np.clip(digits, 1, 6))}g}"
+
+
+def small(unit: str, values: Sequence[float]) -> tuple[float, str]:
+    """Factor and unit in which some values are easily read: mA, mrad and mm where all are far below one."""
+    finite = [abs(v) for v in values if np.isfinite(v)]
+    return (1e3, f"m{unit}") if unit in MILLI and max(finite, default=1.0) < 0.5 else (1.0, unit)
+
+
+def gain(cause: Cause) -> str:
+    """``0.154 -> 0.0042 A``, before and after."""
+    factor, unit = small(cause.unit, (cause.before, cause.after))
+    return f"{cause.before * factor:.3g} -> {cause.after * factor:.2g} {unit}"

@@ -1,0 +1,188 @@
+"""diagnosis.json, report.html, model.toml and the separating experiments, as the contract fixes them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_io import make_folder, write_text
+from arm_model.model_file import write_model
+from daq.recording import Recording
+from diagnosis.cause import Cause
+from diagnosis.diagnose import Diagnosis
+from diagnosis.experiments.discriminating import Separation, named, separations
+from diagnosis.experiments.revealing import Showing, shown_by
+from diagnosis.measurements.currents.design_matrix import side_of
+from diagnosis.measurements.currents.structure_share import predictable
+from diagnosis.report.html import report
+from diagnosis.units import unit_at
+from experiment import Experiment, write_experiment
+from identification.experiment_design.excitation import Limits
+
+SCHEMA = "armscope.diagnosis/1"
+
+
+def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording]) -> dict[str, Any]:
+    """The content of diagnosis.json."""
+    return {
+        "schema": SCHEMA,
+        "verdict": result.verdict,
+        "fit": [str(r.path) for r in fit],
+        "held_out": [str(r.path) for r in held_out],
+        "signals": _signals(result),
+        "causes": [_cause(cause) for cause in result.causes],
+        "not_visible": [
+            {"effect": one.effect, "joint": one.joint, "why": one.why, "experiment": one.experiment}
+            for one in result.not_visible
+        ],
+        "unexplained": [
+            {"signal": one.signal, "joint": one.joint, "against": one.against, "share": round(one.share, 4)}
+            for one in result.unexplained
+        ],
+        "warnings": list(result.warnings),
+    }
+
+
+def _signals(result: Diagnosis) -> list[dict[str, Any]]:
+    """Errors of simulated current and position, in the band and at the rows of ``closed_loop``, beside the instruments' noise."""
+    rows, in_loop = [], result.in_closed_loop
+    fit, held_out = side_of(result.fit), side_of(result.held_out)
+    shares = [
+        predictable(fit, held_out, *residuals, result.arm).round(4)
+        for residuals in ((fit.y, held_out.y), result.left)
+        if result.judged
+    ]
+    noise = np.mean([run.noise for run in result.held_out], axis=0)
+    of_loop = {
+        signal: {
+            half: [(b.error_rms(signal), a.error_rms(signal)) for b, a in pairs]
+            for half, pairs in result.compared.items()
+        }
+        for signal in ("current", "angle")
+    }
+    currents = of_loop["current"] if in_loop else result.along if result.judged else {}
+    for name, errors, own, unit in (
+        ("current", currents, noise, "A"),
+        ("position", of_loop["angle"], result.encoder_noise, "rad"),
+    ):
+        for j in range(len(result.arm)):
+            told = {
+                half: {
+                    when: float(np.sqrt(np.mean([pair[k][j] ** 2 for pair in pairs])))
+                    for k, when in enumerate(("before", "after"))
+                }
+                for half, pairs in errors.items()
+                if pairs
+            }
+            if told:
+                here = unit_at(result.arm.joints[j], unit)
+                row = {"signal": name, "joint": j + 1, "unit": here, "error_rms": told}
+                along = "demands" if in_loop or name == "position" else "measured motion"
+                row |= {"noise_rms": float(own[j]), "along": along}
+                if name == "current" and result.judged:
+                    row["predictable"] = {"before": float(shares[0][j]), "after": float(shares[1][j])}
+                rows.append(row)
+    return rows + _link_signals(result) + _tracker_signal(result)
+
+
+def _link_signals(result: Diagnosis) -> list[dict[str, Any]]:
+    """Motor less link encoder, its constant left out: held out, without and with its causes."""
+    if result.link is None:
+        return []
+    link, rows = result.link, []
+    for k, joint in enumerate(int(j) for j in link.seen.joints):
+        before, after = (float(np.sqrt(np.mean(values[:, k] ** 2))) for values in (link.without, link.left))
+        unit = unit_at(result.arm.joints[joint - 1], "rad")
+        errors = {"held_out": {"before": before, "after": after}}
+        rows.append(
+            {
+                "signal": "link angle",
+                "joint": joint,
+                "unit": unit,
+                "error_rms": errors,
+                "noise_rms": float(link.seen.noise[k]),
+            }
+        )
+    return rows
+
+
+def _tracker_signal(result: Diagnosis) -> list[dict[str, Any]]:
+    """The tracked points against the model at the measured angles, m rms a coordinate."""
+    if result.tracked is None or not result.tracked.rms:
+        return []
+    errors = {side: {"before": before, "after": after} for side, (before, after) in result.tracked.rms.items()}
+    return [{"signal": "position", "joint": None, "unit": "m", "error_rms": errors, "noise_rms": result.tracked.noise}]
+
+
+def _cause(cause: Cause) -> dict[str, Any]:
+    return {
+        "effect": cause.effect,
+        "joint": cause.joint,
+        "parameters": {p.name: {"value": p.value, "std": p.std, "unit": p.unit} for p in cause.parameters},
+        "confidence": round(cause.confidence, 4),
+        "gain": {"held_out_rms_before": cause.before, "held_out_rms_after": cause.after, "unit": cause.unit},
+        "group": [{"effect": effect, "joint": joint} for effect, joint in cause.group],
+        "separate_by": cause.separate_by,
+        "evidence": cause.evidence,
+    }
+
+
+def write_diagnosis(
+    out: Path,
+    result: Diagnosis,
+    fit: list[Recording],
+    held_out: list[Recording],
+    separate: Mapping[int, Separation] | None = None,
+    experiments: Sequence[Mapping[str, Any]] = (),
+    limits: Limits | None = None,
+    progress: Callable[[str], None] = lambda sentence: None,
+) -> dict[str, Any]:
+    """Writes DIR/diagnosis.json, report.html, model.toml, separate_K.toml for every cause K whose group a motion separates, and show_K.toml for
+    motions that would show what these recordings could not.
+
+    separate: ``diagnosis.experiments.discriminating.separations`` of the result; left out, they are looked for here. experiments: what was
+    recorded to come this far; limits: of a rig, beside the model's.
+    """
+    make_folder(out)
+    table = table_of(result, fit, held_out)
+    for place, found in (separations(result) if separate is None else separate).items():
+        row = table["causes"][place]
+        row["separate_by"], row["separation"] = found.words, None
+        if found.experiment is not None:
+            path = out / f"separate_{place + 1}.toml"
+            write_experiment(path, found.experiment, heading=_heading(result.causes[place], found))
+            row["separate_by"] = str(path)
+            row["separation"] = {"motion": found.words, "distance": round(found.distance, 1), "tried": found.tried}
+    _add_showing(out, table, shown_by(result, limits, progress))
+    if experiments:
+        table["experiments"] = [dict(one) for one in experiments]
+    progress("report")
+    write_model(out / "model.toml", result.extended)
+    write_text(out / "report.html", report(result, table, held_out))
+    write_text(out / "diagnosis.json", json.dumps(table, indent=2) + "\n")
+    return table
+
+
+def _add_showing(out: Path, table: dict[str, Any], showing: Sequence[Showing]) -> None:
+    """What would show what was not visible; show_K.toml for every motion that does."""
+    written: list[Experiment] = []
+    for row, one in zip(table["not_visible"], showing):
+        row["experiment"] = one.invisible.experiment
+        if one.experiment is not None:
+            if one.experiment not in written:
+                written.append(one.experiment)
+                write_experiment(out / f"show_{len(written)}.toml", one.experiment)
+            row["experiment"] += f"; show_{written.index(one.experiment) + 1}.toml"
+
+
+def _heading(cause: Cause, found: Separation) -> str:
+    members = ", ".join(map(named, cause.group))
+    return (
+        f"Tells apart: {members}.\n{found.words[:1].upper()}{found.words[1:]}.\n"
+        f"Their predictions then differ by at least {found.distance:.0f} standard deviations of the noise;\n"
+        f"chosen from {found.tried} motions."
+    )

@@ -1,0 +1,1 @@
+"""Measured minus predicted current of a recording, with its noise: residual generation."""

@@ -1,0 +1,200 @@
+"""What the transducers of a model would read for the motion that its encoders show: every effect exactly, none to first order.
+
+Columns of candidates are first-order changes; the model that has been accepted so far is evaluated here instead, so that what a strong effect does
+in second order is not taken for another effect.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from scipy import signal
+from scipy.interpolate import CubicSpline
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, Effect, Signals, Values, described, values_of
+from arm_model.rigid_body.numeric import mass_matrix, rigid_torque
+from arm_model.system.dynamics import inverse_dynamics
+
+Term = tuple[Effect, int | None, Values]
+
+MOTION_BAND = 60.0
+"""Hz: pass-band of the motion from which the model's currents are computed."""
+COLUMN_BAND = 10.0
+"""Hz: pass-band of the motion from which the columns of effects, and the wind-up of elastic joints, are computed."""
+COMPARE_BAND = 20.0
+"""Hz: pass-band in which measured and expected currents are compared."""
+TAKEN_OUT = {"mains_hum", "missed_counts", "dropped_trigger", "current_limit"}
+"""Events and lines are taken out of the data (``diagnosis.screening.events``), not put into the expectation."""
+
+
+def low_pass(values: Array, band: float, rate: float) -> Array:
+    """Zero-phase fourth-order Butterworth along the first axis; ``rate`` Hz is that of the rows."""
+    smooth: Array = signal.sosfiltfilt(
+        _sections(band, rate), values, axis=0, padlen=min(len(values) - 1, int(3 * rate / band))
+    )
+    return smooth
+
+
+@cache
+def _sections(band: float, rate: float) -> Array:
+    sections: Array = signal.butter(4, min(band / (rate / 2), 0.98), output="sos")
+    return sections
+
+
+def motion_of(q: Array, band: float, rate: float) -> tuple[Array, Array, Array]:
+    """Angle, speed and acceleration (m, n) of recorded angles q (m, n), as far as they lie in the band."""
+    angle = low_pass(q, band, rate)
+    speed = np.gradient(angle, 1.0 / rate, axis=0)
+    return angle, speed, np.gradient(speed, 1.0 / rate, axis=0)
+
+
+def terms_of(arm: Arm) -> list[Term]:
+    """The effects of a model that act on rows, with their parameters."""
+    return [
+        (CATALOGUE[term.name], term.joint, values_of(CATALOGUE[term.name], term.parameters))
+        for term in arm.effects
+        if term.name not in TAKEN_OUT
+    ]
+
+
+def true_angle(arm: Arm, q: Array) -> Array:
+    """(m, n) rad: where the motors stood while their encoders showed q."""
+    angle = q.copy()
+    for effect, joint, values in terms_of(arm):
+        if effect.angle is not None and joint is not None:
+            j, ratio = joint - 1, arm.joints[joint - 1].ratio
+            for _ in range(
+                2
+            ):  # the error is told by the true angle: a contraction, as errors are far smaller than their period
+                angle[:, j] = q[:, j] - effect.angle(values, Signals(motor=angle[:, j] * ratio))
+    return angle
+
+
+def reading(arm: Arm, t: Array, q: Array, *, powered: bool = True) -> Array:
+    """(m, n) A that the transducers show at times t (m,) s, uniform, while the encoders show q (m, n) rad.
+
+    Not ``powered``: the drives are off, no current flows, and the transducers show what they add themselves.
+    """
+    rate = 1.0 / float(np.median(np.diff(t)))
+    angle = true_angle(arm, q)
+    motion = motion_of(angle, MOTION_BAND, rate)
+    bent, terms = described(arm), terms_of(arm)
+    torque = inverse_dynamics(arm, *motion, time=t)
+    if any(effect.spring or effect.rate for effect, _, _ in terms):
+        torque = torque + _with_states(arm, bent, terms, angle, motion, rate)
+    current = powered * torque / bent.joint_array("drive_constant")
+    for effect, _, values in terms:
+        if effect.delay is not None:
+            late = np.broadcast_to(np.asarray(effect.delay(values, Signals(t=t)), float), t.shape)
+            current = CubicSpline(t, current)(np.clip(t - late, t[0], t[-1]))
+    for effect, joint, values in terms:
+        if effect.current is not None and joint is not None:
+            own = current[:, joint - 1]
+            current[:, joint - 1] = own + effect.current(values, Signals(current=own, t=t))
+    return np.asarray(current, float)
+
+
+def _with_states(
+    arm: Arm, bent: Arm, terms: list[Term], angle: Array, motion: tuple[Array, Array, Array], rate: float
+) -> Array:
+    """(m, n) N m that elastic transmissions, wound up as their load demands at every instant, and bristles add."""
+    added = np.zeros_like(angle)
+    for effect, joint, values in terms:
+        if effect.rate is not None and effect.torque is not None and joint is not None:
+            j, drive = joint - 1, arm.joints[joint - 1]
+            speed = motion[1][:, j]
+            sign = speed / np.hypot(speed, drive.sign_velocity)
+            up, down = (drive.ratio * c for c in drive.coulomb)
+            s = Signals(q=motion[0][:, j], v=speed, sign=sign, coulomb=(up + down) / 2 + (up - down) / 2 * sign)
+            added[:, j] += effect.torque(values, replace(s, state=integrated(effect, values, s, 1.0 / rate)))
+    stiff = motion_of(angle, COMPARE_BAND, rate)
+    link = tuple(part.copy() for part in stiff)
+    load = rigid_torque(bent, *stiff)
+    for effect, joint, values in terms:
+        if effect.spring is not None and effect.deflection is not None and joint is not None:
+            for part, twist in zip(link, _twist(bent, effect, joint - 1, values, stiff[0], load[:, joint - 1], rate)):
+                part[:, joint - 1] -= twist
+    return added + rigid_torque(bent, *link) - load
+
+
+def _twist(
+    arm: Arm, effect: Effect, j: int, values: Values, q: Array, load: Array, rate: float
+) -> tuple[Array, Array, Array]:
+    spring = spring_of(effect, values)
+    if spring is not None:
+        return wound_up(load, mass_matrix(arm, q, rotors=False)[:, j, j], *spring, 1.0 / rate)
+    twist = low_pass(
+        through_gap(load, mass_matrix(arm, q, rotors=False)[:, j, j], float(values.half_gap), 1.0 / rate),
+        MOTION_BAND,
+        rate,
+    )
+    speed: Array = np.gradient(twist, 1.0 / rate)
+    return twist, speed, np.asarray(np.gradient(speed, 1.0 / rate), float)
+
+
+def through_gap(load: Array, inertia: Array, half_gap: float, step: float) -> Array:
+    """Twist (m,) of a joint with play, for rows ``step`` s apart: +half_gap where the motor pushes the link, -half_gap where it holds it back.
+
+    Where the ``load`` (m,) N m that the link of ``inertia`` (m,) kg m2 wants changes its sign, the teeth part: the link flies, inertia d'' = load,
+    until it meets the other flank, and stays there. That takes a tenth of a second where gravity turns it over, and ends with a jump of the current.
+    """
+    twist = np.empty_like(load)
+    d, v, flying = (half_gap if load[0] >= 0.0 else -half_gap), 0.0, False
+    for k, (torque, mass) in enumerate(zip(load.tolist(), inertia.tolist())):
+        twist[k] = d
+        if not flying and torque * d >= 0.0:
+            continue
+        flying = True
+        d, v = d + step * (v + step * torque / mass / 2), v + step * torque / mass
+        if abs(d) >= half_gap:
+            d, v, flying = (half_gap if d > 0.0 else -half_gap), 0.0, False
+    return twist
+
+
+def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step: float) -> tuple[Array, Array, Array]:
+    """Twist of an elastic joint, its rate and second rate (m,), for rows ``step`` s apart.
+
+    The motor goes its way; the link, of ``inertia`` (m,) kg m2, would need ``load`` (m,) N m to follow it stiffly, and swings behind the spring
+    instead: inertia d'' + damping d' + stiffness d = load, by exact steps with the load as it is in the middle of each; at rest at the start.
+    """
+    decay = damping / inertia / 2
+    swing = np.sqrt(np.maximum(stiffness / inertia - decay**2, 1e-9))
+    shrink, cos, sin = np.exp(-decay * step), np.cos(swing * step), np.sin(swing * step)
+    stay, go = shrink * (cos + decay / swing * sin), shrink * sin / swing
+    back, keep = -stiffness / inertia * shrink * sin / swing, shrink * (cos - decay / swing * sin)
+    rest = np.append(load[1:] + load[:-1], 2 * load[-1]) / (2 * stiffness)
+    twist, rate = np.empty_like(load), np.empty_like(load)
+    d, v = float(load[0]) / stiffness, 0.0
+    rows = zip(stay.tolist(), go.tolist(), back.tolist(), keep.tolist(), rest.tolist())
+    for k, (a, b, c, e, x) in enumerate(rows):
+        twist[k], rate[k] = d, v
+        away = d - x
+        d, v = x + a * away + b * v, c * away + e * v
+    return twist, rate, (load - stiffness * twist - damping * rate) / inertia
+
+
+def spring_of(effect: Effect, values: Values) -> tuple[float, float] | None:
+    """Stiffness and damping of a transmission that is a spring; None for one with play, or a stiff one."""
+    if effect.spring is None or "half_gap" in values:
+        return None
+    return float(effect.spring(values, Signals(twist=1.0))), float(effect.spring(values, Signals(twist_rate=1.0)))
+
+
+def integrated(effect: Effect, p: Values, s: Signals, step: float) -> Array:
+    """State (m,) of an effect along rows ``step`` s apart, by exponential steps of its rate, which is affine in the state."""
+    assert effect.rate is not None
+    at0 = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=0.0)), float), s.v.shape)
+    slope = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=1.0)), float), s.v.shape) - at0
+    grow = np.exp(np.minimum(slope * step, 0.0))
+    stiff = np.abs(slope) > 1e-9
+    forced = np.where(stiff, at0 * (grow - 1.0) / np.where(stiff, slope, 1.0), at0 * step)
+    state = np.zeros_like(s.v)
+    z = 0.0
+    for k, (g, f) in enumerate(zip(grow.tolist(), forced.tolist())):
+        state[k] = z
+        z = g * z + f
+    return state

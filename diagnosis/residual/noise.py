@@ -1,0 +1,92 @@
+"""The noise of a recording's channels, from the recording alone: quantisation, scatter, and what currents do while the arm stands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, signal
+
+from arm_io.types import Array
+from daq.recording import Recording
+from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
+
+QUIET_ROWS, QUIET_BLOCKS = 60, 5
+"""Rows that a block must have, and blocks that there must be."""
+END_SECONDS = 0.1
+"""Beginning of a recording that is left out: the filter's own end, and what the start of a drive does."""
+STILL_SECONDS = 0.2
+"""Shortest stand of the whole arm that tells of noise."""
+
+
+def scatter(values: Array) -> Array:
+    """(n,) standard deviation of white noise on (m, n) samples: their scatter above 0.7 of half the sampling rate, outliers aside."""
+    sos = signal.butter(4, 0.7, "highpass", output="sos")
+    high = signal.sosfiltfilt(sos, values, axis=0)
+    _, response = signal.sosfreqz(sos, 1000)
+    passed = float(np.mean(np.abs(response) ** 4))  # of white noise's power, forwards and back
+    deviation: Array = 1.4826 * np.median(np.abs(high), axis=0) / np.sqrt(passed)
+    return deviation
+
+
+def smallest_step(values: Array) -> float:
+    """Smallest step that occurs often in (m,) samples: that of an encoder or converter; no more than their noise where there is no such."""
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 1e-9]
+    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
+
+
+def angle_noise(q: Array) -> Array:
+    """(n,) rad: standard deviation of recorded angles (m, n), from their step (variance step^2 / 12) or, where it is more, their scatter."""
+    quantised = np.array([smallest_step(column) for column in q.T]) / np.sqrt(12)
+    white = scatter(q)
+    # quantised angles scatter as much as their steps say, give or take a third: only more than that is noise beside the steps
+    noise: Array = np.where(white > 2.0 * quantised, white, quantised)
+    return noise
+
+
+def still_noise(recordings: Sequence[Recording]) -> Array:
+    """(n,) A: standard deviation, in the band of comparison, of currents in the stand that recordings begin with; 0 where none does.
+
+    What is correlated over tenths of a second is noise as well, and no scatter between neighbours shows it. The middle one of all recordings
+    is taken, about its trend: where an arm still settles, its currents change for a reason.
+    """
+    found = []
+    for recording in recordings:
+        rate = 1.0 / recording.dt
+        span = max(3, int(0.05 * rate))
+        q, i = recording.q, recording.i
+        near = ndimage.maximum_filter1d(q, span, axis=0) - ndimage.minimum_filter1d(q, span, axis=0)
+        moving = np.any(near > 8.0 * angle_noise(q), axis=1)
+        first, last = int(END_SECONDS * rate), (int(np.argmax(moving)) if moving.any() else len(q)) - span
+        if last - first > STILL_SECONDS * rate:
+            found.append(_about_trend(low_pass(i, COMPARE_BAND, rate)[first:last]))
+    return np.median(found, axis=0) if found else np.zeros(recordings[0].joints if recordings else 1)
+
+
+def quiet_noise(residual: Array, known: NDArray[np.bool_], block: NDArray[np.intp]) -> Array:
+    """(n,) deviation of residual currents (m, n) about straight lines in the quietest fifth of their blocks; 0 for too few ``known`` rows.
+
+    What is correlated for longer than an arm stands, no stand tells of. What something wrong does to a current is louder in some seconds than in
+    others; noise is there in the quietest.
+    """
+    found = np.zeros(residual.shape[1])
+    for j in range(residual.shape[1]):
+        each = []
+        for number in range(int(block[-1]) + 1):
+            rows = np.flatnonzero((block == number) & known[:, j])
+            if len(rows) >= QUIET_ROWS:
+                x = (rows - rows[0]) / len(rows)
+                each.append(float(np.std(residual[rows, j] - np.polyval(np.polyfit(x, residual[rows, j], 1), x))))
+        if len(each) >= QUIET_BLOCKS:
+            found[j] = np.quantile(each, 0.2)
+    return found
+
+
+def _about_trend(values: Array) -> Array:
+    """(n,) standard deviation of (m, n) values about straight lines through them: what a servo that settles does is no noise."""
+    x = np.linspace(-1.0, 1.0, len(values))
+    left = values - np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x, values, 1)).T
+    deviation: Array = left.std(axis=0)
+    return deviation

@@ -1,0 +1,235 @@
+"""Recordings seen through the model: what current the model expects for the motion that was measured, and what is left.
+
+Every signal is smoothed by the same zero-phase filters on both sides of the equation, then thinned to ``ROWS_PER_SECOND``. The residual is
+the measured motor current less the expected one, in A; partial derivatives of the expected current by angle, speed and acceleration
+turn whatever disturbs an angle into what it does to the currents of all joints.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from arm_io.types import Array
+from arm_model.description import Arm, EffectTerm
+from arm_model.effects import Signals, described
+from arm_model.rigid_body.numeric import mass_matrix, rigid_torque
+from arm_model.rigid_body.regressor import regressor
+from arm_model.system.dynamics import inverse_dynamics
+from diagnosis.residual.expected_current import (
+    COLUMN_BAND,
+    COMPARE_BAND,
+    MOTION_BAND,
+    low_pass,
+    motion_of,
+    reading,
+    true_angle,
+)
+from diagnosis.residual.noise import angle_noise, scatter
+
+ROWS_PER_SECOND = 100
+CREEP = 0.02
+"""rad/s (m/s): below it, what friction does depends on more than the velocity."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One recording seen through one model. m rows at ROWS_PER_SECOND, n joints.
+
+    raw: t (k,) s and q (k, n) rad as recorded, events taken out; t (m,) s from the start of the recording; q, v, a (m, n) rad and per
+    second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
+    rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone;
+    brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
+    deviation (m, n) A: standard deviation that the residual has with nothing wrong; block (m,): block of one second, from 0;
+    arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes hold the arm, and the
+    currents show what their own instruments add.
+    """
+
+    name: str
+    raw: tuple[Array, Array]
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    current: Array
+    current_rate: Array
+    expected: Array
+    rigid: Array
+    brisk_v: Array
+    brisk_rigid: Array
+    inertia: Array
+    deviation: Array
+    noise: Array
+    block: NDArray[np.intp]
+    arm: Arm
+    powered: bool = True
+
+    @property
+    def parts(self) -> tuple[slice, ...]:
+        """Rows that follow one another in time: one part, or one for each recording of a ``merged`` run."""
+        ends = np.flatnonzero(np.diff(self.t) <= 0.0) + 1
+        edges = [0, *ends.tolist(), len(self.t)]
+        return tuple(slice(a, b) for a, b in itertools.pairwise(edges))
+
+    def rate(self, values: Array) -> Array:
+        """Derivative of values (m,) by time, within each recording."""
+        return np.concatenate([np.gradient(values[part], 1.0 / ROWS_PER_SECOND) for part in self.parts])
+
+    @cached_property
+    def along(self) -> Array:
+        """(m, n) A: the current that the arm wants, by first-order laws, for the very motion that columns are made of."""
+        return inverse_dynamics(self.arm, self.q, self.v, self.a) / self.arm.joint_array("drive_constant")
+
+    @cached_property
+    def by_acceleration(self) -> Array:
+        """(m, n, n) A s2/rad: derivative of the expected current of joint j by the acceleration of k, of the links alone."""
+        links = mass_matrix(described(self.arm), self.q, rotors=False)
+        return links / self.arm.joint_array("drive_constant")[:, None]
+
+    @cached_property
+    def by_angle(self) -> Array:
+        """(m, n, n) A/rad: as ``by_acceleration``, by the angle."""
+        return self._slopes(1e-5, 0.0)
+
+    @cached_property
+    def by_speed(self) -> Array:
+        """(m, n, n) A s/rad: as ``by_acceleration``, by the speed."""
+        return self._slopes(0.0, 0.5)
+
+    @cached_property
+    def by_link(self) -> Array:
+        """(m, n, 10 n) N m per inertial parameter of each link."""
+        return regressor(described(self.arm), self.q, self.v, self.a)[0][..., : 10 * len(self.arm)]
+
+    def _slopes(self, angle: float, speed: float) -> Array:
+        """(m, n, n) A: slopes of the rigid torque along each joint's angle or speed, by central differences of such a step."""
+        bent, joints = described(self.arm), np.eye(len(self.arm))
+        slopes = np.empty((len(self.t), len(joints), len(joints)))
+        for k, joint in enumerate(joints):
+            moved = ((self.q + side * angle * joint, self.v + side * speed * joint) for side in (1.0, -1.0))
+            up, down = (rigid_torque(bent, q, v, self.a) for q, v in moved)
+            slopes[..., k] = (up - down) / (2 * (angle + speed))
+        return slopes / self.arm.joint_array("drive_constant")[:, None]
+
+    @property
+    def residual(self) -> Array:
+        """(m, n) A."""
+        return self.current - self.expected
+
+    @property
+    def whitened(self) -> Array:
+        """(m, n) residual over its deviation."""
+        return self.residual / self.deviation
+
+
+def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True, still: Array | float = 0.0) -> Run:
+    """A recording t (m,) s, q (m, n) rad, i (m, n) A, uniformly sampled and without gaps, seen through ``arm``.
+
+    still (n,) A: what the currents do while the arm stands, where that is known (``noise.still_noise``).
+    """
+    rate = 1.0 / float(np.median(np.diff(t)))
+    angle = true_angle(arm, q)
+    position, v, a = motion_of(angle, MOTION_BAND, rate)
+    bent = described(arm)
+    constant = bent.joint_array("drive_constant")
+    keep = kept(rate)
+
+    def thin(values: Array) -> Array:
+        return low_pass(values, COMPARE_BAND, rate)[keep]
+
+    noise = channel_noise(q, i, bent, rate, still)
+    # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would look like a cause.
+    low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
+    links = mass_matrix(bent, low, rotors=False)
+    # the wobble of friction near standstill, as far as the filters smear it
+    coulomb = np.array([joint.ratio * max(joint.coulomb) for joint in arm.joints]) / constant
+    slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
+    width = arm.joint_array("sign_velocity")
+    unsure = np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
+    doubt = coulomb * unsure * powered
+    rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered))
+    block = ((rows - rows[0]) // 1.0).astype(np.intp)
+    deviation = np.hypot(noise, doubt)
+    brisk = [thin(values) for values in (position, v, a)]
+    return Run(
+        name=name, raw=(t, q), t=rows - t[0],
+        q=low, v=slow_v, a=slow_a, current=current,
+        current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)), expected=expected,
+        rigid=rigid_torque(bent, low, slow_v, slow_a), brisk_v=brisk[1], brisk_rigid=rigid_torque(bent, *brisk),
+        inertia=links.diagonal(axis1=1, axis2=2),
+        deviation=deviation, noise=noise, block=block, arm=arm, powered=powered,
+    )  # fmt: skip
+
+
+def merged(runs: Sequence[Run]) -> Run:
+    """Recordings of one setup, rows one after the other, as candidates compute their columns from; name, raw and block are the first's."""
+    rows: dict[str, Any] = {
+        field.name: np.concatenate([getattr(run, field.name) for run in runs])
+        for field in fields(Run)
+        if isinstance(getattr(runs[0], field.name), np.ndarray) and field.name not in ("block", "noise")
+    }
+    return replace(runs[0], **rows)
+
+
+def kept(rate: float) -> slice:
+    """Rows of a recording at ``rate`` Hz that are looked at: ROWS_PER_SECOND of them, the ends of the filters left out."""
+    return slice(int(0.2 * rate), -int(0.2 * rate), max(1, round(rate / ROWS_PER_SECOND)))
+
+
+def passed(frequency: Array) -> Array:
+    """Share of an oscillation at ``frequency`` Hz that is left in the residual: the filters of motion and comparison, forwards and back."""
+    share: Array = 1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) / (1.0 + (frequency / MOTION_BAND) ** 8)
+    return share
+
+
+def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | float = 0.0) -> Array:
+    """(n,) A: standard deviation of the residual from the instruments alone, in the band of comparison.
+
+    Current: its scatter, taken for white, or ``still`` (n,) A, what it does while the arm stands, if that is more. Angle: its step or
+    scatter, through two differentiations and the joint's own inertia. See ``noise``.
+    """
+    white = scatter(i)
+    frequency = np.linspace(0.0, rate / 2, 2000)
+    through = passed(frequency)
+    share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
+    wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
+    inertia = mass_matrix(arm, q[:: max(1, len(q) // 50)]).diagonal(axis1=1, axis2=2).mean(axis=0)
+    from_angle = inertia / arm.joint_array("drive_constant") * angle_noise(q) * np.sqrt(wobble)
+    from_current = np.maximum(white * np.sqrt(share), still)
+    return np.hypot(from_current, from_angle) + 1e-9
+
+
+def residual_with(run: Run, terms: Sequence[EffectTerm]) -> Array:
+    """(m, n) A: the residual of a recording under its arm with more effects, through the same filters; see ``Run.residual``."""
+    return residual_under(run, (*run.arm.effects, *terms))
+
+
+def residual_under(run: Run, effects: Sequence[EffectTerm]) -> Array:
+    """(m, n) A: the residual of a recording under its arm with these effects instead of its own."""
+    if tuple(effects) == run.arm.effects:
+        return run.residual
+    t, q = run.raw
+    rate = 1.0 / float(np.median(np.diff(t)))
+    arm = replace(run.arm, effects=tuple(effects))
+    return run.current - low_pass(reading(arm, t, q, powered=run.powered), COMPARE_BAND, rate)[kept(rate)]
+
+
+def signals_of(run: Run, arm: Arm, joint: int) -> Signals:
+    """What laws of effects may look at, at one joint (1-based) of a run; arrays (m,)."""
+    j = joint - 1
+    drive = arm.joints[j]
+    v = run.brisk_v[:, j]
+    sign = v / np.sqrt(v**2 + drive.sign_velocity**2)
+    up, down = (drive.ratio * c for c in drive.coulomb)
+    return Signals(
+        q=run.q[:, j], v=v, a=run.a[:, j], motor=drive.ratio * run.q[:, j], sign=sign, load=run.rigid[:, j],
+        coulomb=(up + down) / 2 + (up - down) / 2 * sign, current=run.current[:, j],
+        torque=run.current[:, j] * drive.drive_constant, t=run.t,
+    )  # fmt: skip

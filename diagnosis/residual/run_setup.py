@@ -1,0 +1,32 @@
+"""What a person did to the arm before a run (``[setup]`` of its experiment): a known payload, the drives off.
+
+A run with a known payload is judged by the arm that carries it. With the drives off the brakes hold the arm: no torque of the arm comes from
+its motors, and what the current channels show is their own.
+"""
+
+from __future__ import annotations
+
+from arm_io import check_table
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, values_of
+from arm_model.servo import fixed_gains
+from daq.recording import Recording
+from experiment.file import Payload, Setup
+
+
+def setup_of(recording: Recording) -> Setup:
+    """The setup of the experiment that a recording carries; nothing out of the ordinary where it carries none."""
+    table = (recording.experiment or {}).get("setup")
+    return Setup() if table is None else check_table(recording.path, table, Setup)
+
+
+def loaded(arm: Arm, payload: Payload | None) -> Arm:
+    """The arm with a known mass at its flange, under the servos that it has without."""
+    if payload is None:
+        return arm
+    x, y, z = payload.com
+    effect = CATALOGUE["payload"]
+    assert effect.change is not None
+    values = values_of(effect, {"mass": payload.mass, "x": x, "y": y, "z": z})
+    carrying: Arm = effect.change(fixed_gains(arm), None, values)
+    return carrying

@@ -1,0 +1,1 @@
+"""Events in raw rows and checks for plausibility, before anything is fitted."""

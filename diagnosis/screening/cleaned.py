@@ -1,0 +1,115 @@
+"""All recordings of a diagnosis as one model sees them: events in raw rows found and taken out, the rest turned into ``evidence.Run``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm, EffectTerm
+from daq.recording import Recording
+from diagnosis.closed_loop.comparison import known_rows, rms_where
+from diagnosis.residual.noise import still_noise
+from diagnosis.residual.run import Run, residual_with, see
+from diagnosis.residual.run_setup import loaded, setup_of
+from diagnosis.screening.encoder_jumps import jumps, without_jumps
+from diagnosis.screening.events import Event, Gain, clipped, hum, without_hum
+from diagnosis.screening.lost_triggers import event_of, lost_edges, put_back
+
+Samples = tuple[Array, Array, Array]
+
+OWN_LIMIT = 0.02
+"""Share by which a limit that is seen may differ from that of the model and be the same."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Events; every recording as a run without them, and its samples t (k,) s, q (k, n) rad, i (k, n) A without them.
+
+    periods s between rows; still (n,) A: what the currents do while the arm stands.
+    """
+
+    found: list[Event]
+    runs: list[Run]
+    samples: list[Samples]
+    periods: list[float]
+    still: Array
+
+
+def seen_through(
+    arm: Arm, recordings: Sequence[Recording], progress: Callable[[str], None] = lambda sentence: None
+) -> Sight:
+    """Recordings seen through an arm. InputError where one does not belong to it."""
+    recordings = list(recordings)
+    check(arm, recordings)
+    progress("looking for events")
+    found = [
+        *hum(recordings),
+        *jumps(recordings, arm),
+        *(one for one in clipped(recordings) if not _its_own(arm, one)),
+    ]
+    runs, samples = [], []
+    still = still_noise([r for r in recordings if not setup_of(r).drives_off])
+    for index, recording in enumerate(recordings):
+        progress(f"seeing {recording.path.name} through the model")
+        q = without_jumps(recording, index, found)
+        setup, i = setup_of(recording), without_hum(recording, found)
+        of_run = loaded(arm, setup.payload)
+        runs.append(see(recording.path.name, of_run, recording.t, q, i, powered=not setup.drives_off, still=still))
+        samples.append((recording.t, q, i))
+    return with_edges(Sight(found, runs, samples, [r.dt for r in recordings], still), [])
+
+
+def with_edges(sight: Sight, terms: Sequence[EffectTerm]) -> Sight:
+    """The recordings that lost edges put right, as far as lags beside the effects ``terms`` tell; the same sight where none did.
+
+    Strong effects that are not in the model yet hide a change of lag: it is looked for again behind them.
+    """
+    runs = list(sight.runs)
+    if terms:
+        runs = [replace(run, expected=run.current - residual_with(run, terms)) for run in runs]
+    losses = lost_edges(runs, sight.periods)
+    if not losses:
+        return sight
+    before, runs, samples = list(sight.runs), list(sight.runs), list(sight.samples)
+    for loss in losses:
+        k = loss.recording
+        t, q, i = samples[k] = (*samples[k][:2], put_back(samples[k][2], loss))
+        runs[k] = see(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=sight.still)
+    most = losses[0].recording
+    event = replace(event_of(losses, runs), gain=_of_putting_back(before[most], runs[most], terms))
+    return replace(sight, found=[*sight.found, event], runs=runs, samples=samples)
+
+
+def _of_putting_back(lost: Run, put: Run, terms: Sequence[EffectTerm]) -> Gain:
+    """What currents in the rows where they belong explain, at the joint where that is most."""
+    before, after = (rms_where(residual_with(run, terms), known_rows(run)) for run in (lost, put))
+    most = int(np.argmax((before**2 - after**2) / put.noise**2))
+    return Gain(float(before[most]), float(after[most]), "A", most + 1)
+
+
+def _its_own(arm: Arm, limit: Event) -> bool:
+    """Whether a clipped current is clipped at the torque limit that the model has itself."""
+    joint = arm.joints[limit.joint - 1]
+    value, std = next((p.value, p.std) for p in limit.parameters if p.name == "limit")
+    own = None if joint.torque_limit is None else joint.torque_limit / joint.drive_constant
+    return own is not None and abs(value - own) < 2 * std + OWN_LIMIT * own
+
+
+def check(arm: Arm, recordings: Sequence[Recording]) -> None:
+    """InputError where a recording does not belong to the arm, or has nothing to judge."""
+    for r in recordings:
+        if r.joints != len(arm):
+            raise InputError(r.path, f"has {r.joints} joints, the model {arm.name} has {len(arm)}")
+        if len(r) < 3 / r.dt:
+            raise InputError(r.path, f"is {len(r) * r.dt:.1f} s long; at least 3 s are wanted")
+        for name, values in (("position", r.q), ("current", r.i)):
+            missing = np.isnan(values).any(axis=0)
+            if missing.any():
+                raise InputError(r.path, f"{name} of joint {int(np.argmax(missing)) + 1} has missing samples")
+        constant = np.ptp(r.i, axis=0) == 0.0
+        if constant.any() and not setup_of(r).drives_off:
+            raise InputError(r.path, f"current of joint {int(np.argmax(constant)) + 1} never changes; is it connected?")

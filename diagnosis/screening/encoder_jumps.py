@@ -1,0 +1,167 @@
+"""Angles that jump between two rows: counts that an encoder lost or made up, and rows of the counters that are missing.
+
+Looked for in the raw rows of every recording, before any filter would smear it, and taken out before the rest is judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Set
+
+import numpy as np
+from scipy import signal
+
+from arm_io.types import Array
+from arm_model.description import Arm, Joint
+from daq.recording import Recording
+from diagnosis.measurements.currents.estimates import Estimate
+from diagnosis.residual.noise import scatter
+from diagnosis.screening.events import Event, Gain, encoder_step
+
+JUMP_IN_STEPS = 2.4
+"""Steps of the encoder that a jump must exceed."""
+STEPS_OFF = 3.0
+"""Steps of the encoder by which a jump may differ from what missing rows make of it."""
+JUMP_OVER_OTHERS = 2.4
+"""Times what one row in a hundred jumps that a jump must exceed."""
+
+
+def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
+    """Angles that jump by several steps of the encoder between two rows and stay there; one event a joint, told by its largest jump.
+
+    Where all angles that move jump as far as they turn in a whole number of rows, rows are missing and no counts (``lost_edges``).
+    """
+    each = [[_jump(r, j) for j in range(r.joints)] for r in recordings]
+    lost = [_rows_missing(r, of_joint) for r, of_joint in zip(recordings, each)]
+    known = {instant for instant in lost if instant is not None}
+    lost = [one or _as_elsewhere(r, of, known) for one, r, of in zip(lost, recordings, each)]
+    events = [_lost_edges(recordings, lost)] if any(lost) else []
+    for j in range(recordings[0].joints):
+        found = [(index, jump) for index, of in enumerate(each) if not lost[index] and (jump := of[j]) is not None]
+        if not found:
+            continue
+        index, (row, size) = max(found, key=lambda one: abs(one[1][1]))
+        step = _count(recordings[index].q[:, j], arm.joints[j])
+        t, dt, name = recordings[index].t[row], recordings[index].dt, recordings[index].path.name
+        events.append(
+            Event(
+                "missed_counts",
+                j + 1,
+                [
+                    Estimate("counts", float(np.round(size / step)), max(1.0, 0.01 * abs(size / step)), "1"),
+                    Estimate("time", float(t), dt, "s"),
+                    Estimate("resolution", step, 0.01 * step, "rad"),
+                ],
+                f"the angle of joint {j + 1} jumps by {size:.3g} rad between two rows at {t:.3f} s of {name} and stays there "
+                f"({len(found)} of {len(recordings)} recordings show a jump)",
+                tuple(index for index, _ in found),
+                Gain(abs(size), abs(size - step * np.round(size / step)), "rad", j + 1),
+            )
+        )
+    return events
+
+
+def _rows_missing(recording: Recording, jumps: Sequence[tuple[int, float] | None]) -> tuple[int, int] | None:
+    """(row, how many are missing before it) where the jumps (row, rad) of joints are in one row, all as far as so many rows turn them."""
+    found = [(j, jump) for j, jump in enumerate(jumps) if jump is not None]
+    if len(found) < 2 or len({row for _, (row, _) in found}) > 1:
+        return None
+    row, near = found[0][1][0], max(3, round(0.01 / recording.dt))
+    turned = np.array([_turned(recording.q[:, j], row, near) for j, _ in found])
+    rows = np.array([size for _, (_, size) in found]) / np.where(turned == 0.0, np.inf, turned)
+    count = round(float(np.median(rows)))
+    apart = np.abs(rows - count) * np.abs(turned)  # rad
+    doubt = 0.2 * count * np.abs(turned) + [STEPS_OFF * encoder_step(recording.q[:, j]) for j, _ in found]
+    return (row, count) if count > 0 and np.all(apart < doubt) else None
+
+
+def _turned(q: Array, row: int, near: int) -> float:
+    """rad: what an angle (m,) turns in a row about one, without the step there."""
+    return float(q[row - 1] - q[row - near] + q[row + near - 1] - q[row]) / (2 * (near - 1))
+
+
+def _as_elsewhere(
+    recording: Recording, jumps: Sequence[tuple[int, float] | None], known: Set[tuple[int, int]]
+) -> tuple[int, int] | None:
+    """Rows missing where other recordings miss them, in one that has a single small jump, as so few rows make of a slow joint."""
+    found = [(j, *jump) for j, jump in enumerate(jumps) if jump is not None]
+    if len(found) != 1:
+        return None
+    j, row, size = found[0]
+    turned, step = _turned(recording.q[:, j], row, max(3, round(0.01 / recording.dt))), encoder_step(recording.q[:, j])
+    return next((one for one in known if one[0] == row and abs(size - one[1] * turned) < STEPS_OFF * step), None)
+
+
+def _lost_edges(recordings: Sequence[Recording], lost: Sequence[tuple[int, int] | None]) -> Event:
+    """Rows of the counters that are missing, told by the first recording that misses some."""
+    told = [(index, *instant) for index, instant in enumerate(lost) if instant is not None]
+    index, row, count = told[0]
+    names = ", ".join(f"{recordings[k].path.name} {n} at {recordings[k].t[at]:.3f} s" for k, at, n in told)
+    period = recordings[index].dt
+    return Event(
+        "dropped_trigger",
+        0,
+        [
+            Estimate("row", float(row), 1.0, "1"),
+            Estimate("count", -float(count), 0.2, "1"),
+            Estimate("period", period, 1e-3 * period, "s"),
+        ],
+        f"all angles that move jump in one row as far as they turn in some rows: these rows of the counters are missing ({names})",
+        tuple(k for k, _, _ in told),
+    )
+
+
+def _count(q: Array, joint: Joint) -> float:
+    """rad: one count of an encoder: the step in which its angle (n,) comes, or, if noise hides that, the one of the model's encoder."""
+    step = encoder_step(q)
+    in_steps = float(scatter(q[:, None])[0]) < 2.0 * step / np.sqrt(12)
+    if in_steps or joint.encoder_lines is None:
+        return step
+    return 2 * np.pi / (4 * joint.encoder_lines * abs(joint.ratio))
+
+
+def _jump(recording: Recording, j: int) -> tuple[int, float] | None:
+    """Row after the largest jump that stays, and its size, rad."""
+    q, dt = recording.q[:, j], recording.dt
+    step = encoder_step(q)
+    near = max(3, round(0.01 / dt))
+    if step == 0.0 or len(q) < 8 * near:
+        return None
+    bend = np.diff(q)
+    usual = signal.medfilt(bend, 2 * (near // 2) + 1)
+    row = int(np.argmax(np.abs(bend - usual)))
+    size = float(bend[row] - usual[row])
+    if abs(size) < JUMP_IN_STEPS * step or not near < row < len(q) - 2 * near:
+        return None
+    if abs(size) < JUMP_OVER_OTHERS * float(np.quantile(np.abs(bend - usual), 0.99)):
+        return None  # an angle that is not counted in steps wobbles
+    # it stays: lines through the rows before and after are apart by the jump
+    before, after = slice(max(row - 5 * near, 0), row + 1), slice(row + 1, row + 1 + 5 * near)
+    t = recording.t - recording.t[row]
+    apart = np.polyval(np.polyfit(t[after], q[after], 2), dt / 2) - np.polyval(
+        np.polyfit(t[before], q[before], 2), dt / 2
+    )
+    if abs(apart - size) > 0.3 * abs(size):
+        return None
+    return row + 1, float(apart)
+
+
+def without_jumps(recording: Recording, index: int, events: list[Event]) -> Array:
+    """(n, J) rad: the angles of recording ``index`` with its jumps taken out, and rows that are missing bridged."""
+    q = recording.q.copy()
+    for event in events:
+        if event.effect == "dropped_trigger" and index in event.recordings:
+            missing = _rows_missing(recording, [_jump(recording, j) for j in range(recording.joints)])
+            q = q if missing is None else _bridged(q, *missing)
+        if event.effect == "missed_counts" and index in event.recordings:
+            found = _jump(recording, event.joint - 1)
+            if found is not None:
+                row, size = found
+                q[row:, event.joint - 1] -= size
+    return q
+
+
+def _bridged(q: Array, row: int, count: int) -> Array:
+    """Angles (m, n) with ``count`` rows on a straight line put before a row; as many are cut at the end."""
+    rows = np.arange(len(q), dtype=float)
+    source = np.where(rows < row, rows, np.maximum(rows - count, row - 1 + (rows - row + 1) / (count + 1)))
+    return np.column_stack([np.interp(source, rows, column) for column in q.T])

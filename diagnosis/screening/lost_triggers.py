@@ -1,0 +1,211 @@
+"""Edges of the trigger that one group of channels lost: from one row on its currents belong to later rows, and the lag against the angles changes.
+
+The lag is looked for second by second, joint by joint: what the residual has of the derivative of the current. A lag that is there all the
+time is time skew and stays; one that changes at one instant, by whole rows, alike at all joints that can tell, is lost edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io.types import Array
+from diagnosis.measurements.currents.estimates import Estimate
+from diagnosis.residual.run import Run
+from diagnosis.screening.events import Event
+
+Index = NDArray[np.intp]
+
+PIECE = 0.25
+"""s: within a piece the lag is one number."""
+SURE = 7.0
+"""Standard deviations of the change: it is the largest among all instants, of data with other things wrong in it."""
+OTHERS = 4.0
+"""Standard deviations by which the joints other than the best one must show the change, and within which they must agree with it."""
+WHOLE = 0.3
+"""Rows by which a change of lag may miss a whole number."""
+MOST_ROWS = 12
+COLOURED, FILTERED = 16.0, 0.02
+"""Rows over which what else is wrong correlates the residual, and s over which filters smear an instant."""
+BALANCED = 0.03
+"""Share of the weight of one side of the change that the other must have at a joint that tells of it."""
+APART = 2e-4
+"""s by which other things that are wrong make the lags of the joints differ."""
+FEWEST = 6
+"""Pieces wanted on either side of the change."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """The lag of the currents, s, changes by ``step`` (standard deviation ``std``) at ``time`` s of a run."""
+
+    time: float
+    step: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Loss:
+    """Edges that one recording (by its index) lost: ``row`` (standard deviation ``row_std``) after which currents (angles, for a negative
+    ``count``) belong to rows ``count`` (``count_std``) later; period s between rows."""
+
+    recording: int
+    row: float
+    row_std: float
+    count: int
+    count_std: float
+    period: float
+
+
+def lost_edges(runs: Sequence[Run], periods: Sequence[float]) -> list[Loss]:
+    """Recordings that lost edges: ``periods`` s between the rows of each."""
+    changes: dict[int, tuple[Change, int]] = {}
+    for index, (run, period) in enumerate(zip(runs, periods)):
+        change = change_of_lag(run)
+        if change is None or abs(change.step) < SURE * change.std or change.std > WHOLE * period:
+            continue
+        rows = -change.step / period
+        count = round(rows)
+        if count != 0 and abs(rows - count) <= WHOLE and abs(count) <= MOST_ROWS:
+            changes[index] = replace(change, step=-count * period), count
+    losses = []
+    for index, (change, count) in changes.items():
+        period, start = periods[index], runs[index].raw[0][0]
+        time, time_std = _instant(runs[index], change)
+        count_std = max(change.std / period, 0.05)
+        losses.append(Loss(index, round((time - start) / period), time_std / period, count, count_std, period))
+    return losses
+
+
+def event_of(losses: Sequence[Loss], runs: Sequence[Run]) -> Event:
+    """All losses as one event, told by the one whose row is known best."""
+    best = min(losses, key=lambda one: one.row_std)
+    told = [
+        f"{runs[one.recording].name} from row {one.row:.0f} ({one.row * one.period:.2f} s) on: "
+        f"the {'currents' if one.count > 0 else 'angles'} belong to rows {abs(one.count)} later"
+        for one in losses
+    ]
+    parameters = [
+        Estimate("row", best.row, best.row_std, "1"),
+        Estimate("count", float(best.count), best.count_std, "1"),
+        Estimate("period", best.period, 1e-3 * best.period, "s"),
+    ]
+    sentence = "the lag of the currents changes by whole rows and stays, in " + "; ".join(told)
+    return Event("dropped_trigger", 0, parameters, sentence, tuple(one.recording for one in losses))
+
+
+def change_of_lag(run: Run) -> Change | None:
+    """The instant that splits a run's lags best, each joint with a lag of its own before it; None for a short run."""
+    lag, weight, pieces = _lags(run)
+    if len(lag) < 2 * FEWEST:
+        return None
+    best = None
+    for at in range(FEWEST, len(lag) - FEWEST):
+        step, fall = _step(lag, weight, at)
+        if best is None or fall > best[2]:
+            best = at, step, fall
+    assert best is not None
+    at, step, _ = best
+    after = (np.arange(len(lag)) >= at)[:, None]
+    left = lag - step * after - _means(lag - step * after, weight)
+    # each joint's own scatter: what else is wrong there is in it
+    scatter = np.sum(weight * left**2, axis=0) / max(len(lag) - 2, 1)
+    per_joint = _steps_by_joint(lag, weight, at)
+    known = _seen_on_both_sides(weight, at) / np.maximum(scatter * _leverage(weight, at), 1e-300)
+    if not _agreed(per_joint, known):
+        return None
+    step = float(np.sum(known * per_joint) / np.sum(known))
+    std = float(1.0 / np.sqrt(np.sum(known)))
+    disagree = float(np.sum(known * (per_joint - step) ** 2)) / max(len(per_joint) - 1, 1)
+    return Change(float(pieces[at]), step, std * float(np.sqrt(max(disagree, 1.0))))
+
+
+def _agreed(per_joint: Array, known: Array) -> bool:
+    """Whether the joints other than the one that knows best show the same step (inverse variances ``known``): trigger edges are lost for all,
+    and what is wrong with one joint alone is something else."""
+    best = int(np.argmax(known))
+    others = np.delete(known, best)
+    if not np.any(others > 0.0):
+        return False  # nobody to agree with
+    step, std = float(np.sum(np.delete(known * per_joint, best)) / np.sum(others)), float(1.0 / np.sqrt(np.sum(others)))
+    apart = abs(step - per_joint[best])
+    return abs(step) > OTHERS * std and apart < OTHERS * float(np.hypot(std, 1.0 / np.sqrt(known[best]))) + 0.2 * abs(
+        step
+    )
+
+
+def _lags(run: Run) -> tuple[Array, Array, Array]:
+    """lag (p, n) s of the currents in each piece, its weight (p, n) (inverse variance if the residual were noise), and the pieces' starts (p,)."""
+    slope, residual = run.current_rate / run.deviation, run.residual / run.deviation
+    number: Index = ((run.t - run.t[0]) // PIECE).astype(np.intp)
+    count = int(number[-1]) + 1
+    total: Array = np.stack([np.bincount(number, weights=column, minlength=count) for column in (slope**2).T], axis=1)
+    inner: Array = np.stack(
+        [np.bincount(number, weights=column, minlength=count) for column in (-slope * residual).T], axis=1
+    )
+    return inner / np.maximum(total, 1e-12), total, np.asarray(run.t[0] + PIECE * np.arange(count), float)
+
+
+def _means(lag: Array, weight: Array) -> Array:
+    means: Array = np.sum(weight * lag, axis=0) / np.maximum(np.sum(weight, axis=0), 1e-300)
+    return means
+
+
+def _seen_on_both_sides(weight: Array, at: int) -> NDArray[np.bool_]:
+    """(n,) whether a joint's current changed enough before and after: where it hardly did, what else is wrong makes lags of milliseconds."""
+    sides = weight[:at].sum(axis=0), weight[at:].sum(axis=0)
+    seen: NDArray[np.bool_] = np.minimum(*sides) > BALANCED * np.maximum(*sides)
+    return seen
+
+
+def _steps_by_joint(lag: Array, weight: Array, at: int) -> Array:
+    return _means(lag[at:], weight[at:]) - _means(lag[:at], weight[:at])
+
+
+def _leverage(weight: Array, at: int) -> Array:
+    """(n,) variance of each joint's step in units of its scatter."""
+    leverage: Array = 1.0 / np.maximum(weight[at:].sum(axis=0), 1e-300) + 1.0 / np.maximum(
+        weight[:at].sum(axis=0), 1e-300
+    )
+    return leverage
+
+
+def _step(lag: Array, weight: Array, at: int) -> tuple[float, float]:
+    """Common step at piece ``at`` and the fall of the weighted squared error by it."""
+    each, gain = _steps_by_joint(lag, weight, at), 1.0 / _leverage(weight, at)
+    step = float(np.sum(gain * each) / np.sum(gain))
+    return step, float(np.sum(gain)) * step**2
+
+
+def _instant(run: Run, change: Change) -> tuple[float, float]:
+    """Time of the change and its deviation: the mean of all instants by how likely the residual makes them.
+
+    Each joint's lag l before the change is unknown, but near the one c that all have (time skew): at every instant the sum over joints of
+    l^2 W - 2 l b + (l - c)^2 / ``APART``^2 has its least over l and c in closed form. Rows are correlated over ``COLOURED`` of them.
+    """
+    slope, residual = run.current_rate / run.deviation, run.residual / run.deviation
+    after = (run.t >= change.time)[:, None]
+    lag = -np.sum(slope * (residual + change.step * after * slope), axis=0) / np.sum(slope**2, axis=0)
+    scatter = COLOURED * np.mean((residual + (lag + change.step * after) * slope) ** 2, axis=0)
+    size, toward = slope**2 / scatter, -slope * residual / scatter
+    size_after, toward_after = (np.cumsum(values[::-1], axis=0)[::-1] for values in (size, toward))
+    w, b = size.sum(axis=0) + APART**-2, toward.sum(axis=0) - change.step * size_after
+    common = np.sum(b / w, axis=1) / np.sum(1.0 - APART**-2 / w)  # c where the error is least
+    error = np.sum(change.step**2 * size_after - 2 * change.step * toward_after - b**2 / w, axis=1)
+    error -= common**2 * APART**-2 * np.sum(1.0 - APART**-2 / w)
+    likely = np.exp(-(error - error.min()) / 2)
+    likely /= likely.sum()
+    time = float(np.sum(likely * run.t))
+    return time, float(np.hypot(np.sqrt(np.sum(likely * (run.t - time) ** 2)), FILTERED))
+
+
+def put_back(current: Array, loss: Loss) -> Array:
+    """(k, n) currents with the rows after the loss moved back where they belong; the rows lost are bridged."""
+    row, count = int(loss.row), loss.count
+    rows = np.arange(len(current), dtype=float)
+    source = np.where(rows >= row + max(count, 0), rows - count, np.minimum(rows, row))
+    lower = np.clip(np.floor(source).astype(int), 0, len(current) - 1)
+    return np.asarray(current[lower], float)

@@ -1,0 +1,1 @@
+"""Selection of causes by held-out gain: regression, significance, aliasing."""

@@ -1,0 +1,5 @@
+"""Unimation Puma under VAL or VAL II, at its terminal: the driver (``device``), its wire (``protocol``)."""
+
+from drivers.val_terminal.device import Config, ValTerminal, find, make
+
+__all__ = ["Config", "ValTerminal", "find", "make"]

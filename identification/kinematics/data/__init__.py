@@ -1,0 +1,1 @@
+"""Poses and tracker points taken from recordings."""

@@ -1,0 +1,108 @@
+"""Recordings as runs for calibration: tracked points of the same triggers, in which frame, and where the target sits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.rigid_body.numeric import rigid_torque
+from daq.recording import Recording, open_recording
+from identification.kinematics.data.encoder_quantisation import between_counts, counts_of
+from identification.kinematics.data.runs import Run
+from identification.kinematics.data.tracker_file import Merge, merge, read_tracker
+from identification.kinematics.estimation.extensions import Gravity
+from identification.preprocessing.quality import NO_VALUE, as_trusted
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """A recording ready for calibration.
+
+    frame_known  whether the points are in the base frame; else in the tracker's own
+    target       (3,) m in the frame of the last link, as the rig file has it, or None
+    experiment   its name, or ""
+    merged       how a separate tracker file was put to its rows, or None
+    """
+
+    run: Run
+    frame_known: bool
+    target: tuple[float, float, float] | None
+    experiment: str
+    merged: Merge | None = None
+
+
+def read_tracked(path: Path, tracker: Path | None = None) -> Tracked:
+    """``tracked`` of the recording at ``path``."""
+    return tracked(open_recording(path), tracker)
+
+
+def tracked(recording: Recording, tracker: Path | None = None) -> Tracked:
+    """A recording with its tracked points, matched by trigger number; or with those of a separately recorded file.
+
+    Angles and points that the instruments themselves call stale, late, missing or saturated are none. InputError where there are no points.
+    """
+    table = recording.rig.get("tracker", {})
+    target = tuple(float(v) for v in table["target"]) if "target" in table else None
+    merged = None
+    if tracker is not None:
+        file = read_tracker(tracker)
+        merged = merge(recording.t, file)
+        xyz = merged.points(file)
+        pose = table.get("base_from_tracker")
+        if pose is not None:
+            xyz = xyz @ np.array(pose)[:3, :3].T + np.array(pose)[:3, 3]
+        known = pose is not None
+    else:
+        xyz, known = _points(recording)
+    experiment = (recording.experiment or {}).get("name", "")
+    run = Run(
+        recording.path.name,
+        recording.t,
+        between_counts(recording.t, as_trusted(recording).q),
+        xyz,
+        counts_of(recording),
+    )
+    return Tracked(run, known, target, experiment, merged)  # type: ignore[arg-type]
+
+
+def _points(recording: Recording) -> tuple[Array, bool]:
+    """(n, 3) m, NaN where the tracker doubts, and whether they are in the base frame."""
+    doubted = [rows[:, 0] for doubt, rows in recording.doubted("points").items() if doubt in (*NO_VALUE, "saturated")]
+    for points, known in ((recording.xyz, True), (recording.points, False)):
+        if points is not None:
+            return np.where(np.any(doubted, axis=0)[:, None] if doubted else False, np.nan, points), known
+    raise InputError(
+        recording.path,
+        "has no tracker points; columns x, y, z are wanted, or the tracker's own file with --tracker FILE.csv",
+    )
+
+
+def common_ground(
+    tracked: Sequence[Tracked], target: tuple[float, float, float] | None
+) -> tuple[bool, tuple[float, float, float] | None]:
+    """(frame known, target) of recordings that belong together. InputError where they differ."""
+    first = tracked[0]
+    for other in tracked[1:]:
+        if other.frame_known != first.frame_known:
+            raise InputError(
+                other.run.name, f"has its points in another frame than {first.run.name}; one kind of rig is wanted"
+            )
+        if target is None and other.target != first.target:
+            raise InputError(
+                other.run.name,
+                f"has the target at {other.target}, {first.run.name} at {first.target}; calibrate one at a time",
+            )
+    return first.frame_known, target if target is not None else first.target
+
+
+def gravity_of(arm: Arm) -> Gravity | None:
+    """The torques that hold an arm at rest; None for an arm without mass or gravity."""
+    if not np.any(arm.joint_array("mass")) or not np.any(arm.gravity):
+        return None
+    return lambda q: rigid_torque(arm, q, np.zeros_like(q), np.zeros_like(q))

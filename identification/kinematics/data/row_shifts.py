@@ -1,0 +1,142 @@
+"""Rows that belong to another trigger: a delay between points and joint angles, in rows, that is constant or changes in a run.
+
+The point moves with velocity v = J(q) q'. If it is recorded ``delay`` too late, the residual is -v delay; so in every window with
+enough motion, delay = -sum(v . r) / sum(v . v). A dropped edge makes all later rows one early or late: a step in the delay of a
+whole row (effects ``dropped_trigger`` and ``tracker_latency``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_io.types import Array
+from identification.kinematics.data.runs import Run, shifted
+from identification.kinematics.models.chain import Chain, position_jacobian
+
+_WINDOWS = 80
+_LEAST_STEP = 0.6  # rows
+_LEAST_Z = 8.0
+_MOST_ROWS = 3
+
+
+@dataclass(frozen=True)
+class Shift:
+    """Points from row ``first`` of run ``name`` on belong ``rows`` rows earlier (positive: they were recorded late)."""
+
+    run: str
+    first: int
+    rows: int
+    delay: float  # rows, as measured
+    std: float
+
+    def __str__(self) -> str:
+        place = "all points" if self.first == 0 else f"points from row {self.first} on"
+        sense = "late" if self.rows > 0 else "early"
+        return (
+            f"{self.run}: {place} are {abs(self.rows)} row(s) {sense} against the joints "
+            f"({self.delay:+.2f} +- {self.std:.2f} rows); put right"
+        )
+
+
+@dataclass(frozen=True)
+class Delays:
+    """Delay of the points in windows: first row of each (windows,), delay in rows and its standard deviation."""
+
+    first: Array
+    delay: Array
+    std: Array
+
+
+def delays(run: Run, chain: Chain, noise: float) -> Delays:
+    """Delays over a run for a chain that is about right, with tracker noise of ``noise`` m a coordinate.
+
+    ``run.q`` are the joint angles that the chain wants, with what else turns the joints (sag ...) already in them.
+    """
+    good = run.usable.copy()
+    at, derivative = position_jacobian(chain, np.nan_to_num(run.q))
+    velocity = np.einsum("nij,nj->ni", derivative[:, :, chain.joint_steps()], run.velocity()) * run.period  # m a row
+    residual = run.xyz - at
+    length = np.linalg.norm(np.nan_to_num(residual), axis=1)
+    size = max(5, len(run.t) // _WINDOWS)
+    first, delay, std = [], [], []
+    for start in range(0, len(run.t), size):
+        rows = np.flatnonzero(good[start : start + size]) + start
+        # A wrong point is far from its neighbours; late ones are all off together, and are what is looked for.
+        rows = rows[length[rows] < 4.0 * float(np.median(length[rows])) + 3.0 * noise] if len(rows) else rows
+        if len(rows) < 3:
+            continue
+        v, r = velocity[rows], residual[rows]
+        power = float(np.sum(v * v))
+        if np.sqrt(power) < 10.0 * noise:  # ten times better than a row, or the window tells nothing
+            continue
+        first.append(start)
+        delay.append(-float(np.sum(v * r)) / power)
+        std.append(noise / np.sqrt(power))
+    return Delays(np.array(first), np.array(delay), np.array(std))
+
+
+def find_step(run: Run, chain: Chain, noise: float) -> Shift | None:
+    """The largest step of the delay by a whole number of rows within a run, or None."""
+    found = delays(run, chain, noise)
+    if len(found.first) < 6:
+        return None
+    scatter = max(float(np.median(np.abs(np.diff(found.delay)))), float(np.median(found.std)), 1e-6)
+    best: tuple[float, int, float] | None = None
+    for k in range(2, len(found.first) - 1):
+        before, after = found.delay[:k], found.delay[k:]
+        step = float(np.median(after) - np.median(before))
+        z = abs(step) / (scatter * np.sqrt(1.0 / len(before) + 1.0 / len(after)))
+        if best is None or z > best[0]:
+            best = (z, k, step)
+    if best is None or best[0] < _LEAST_Z or abs(best[2]) < _LEAST_STEP:
+        return None
+    z, k, step = best
+    if round(step) == 0:
+        return None
+    row = _refine(
+        run, chain, int(found.first[max(k - 6, 0)]), int(found.first[min(k + 5, len(found.first) - 1)]), round(step)
+    )
+    return _if_better(run, chain, Shift(run.name, row, round(step), step, abs(step) / z))
+
+
+def find_constant(run: Run, chain: Chain, noise: float) -> Shift | None:
+    """A delay of all points of a run by one to three whole rows, or None. A latency that is no whole number stays a latency."""
+    found = delays(run, chain, noise)
+    if len(found.first) < 3:
+        return None
+    delay = float(np.median(found.delay))
+    std = 1.4826 * float(np.median(np.abs(found.delay - delay))) / np.sqrt(len(found.delay))
+    whole = round(delay)
+    if not 1 <= abs(whole) <= _MOST_ROWS or abs(delay - whole) > 0.2 or std > 0.1:
+        return None
+    return _if_better(run, chain, Shift(run.name, 0, whole, delay, std))
+
+
+def _if_better(run: Run, chain: Chain, shift: Shift) -> Shift | None:
+    """The shift, if it makes the points fit a quarter better where the arm moves: anything else was the model's own error."""
+    moving = np.abs(run.velocity()).max(axis=1) > 0.0
+    moving[: shift.first] = False
+    at = position_jacobian(chain, np.nan_to_num(run.q))[0]
+    as_is = np.linalg.norm(run.xyz - at, axis=1)[moving]
+    moved = np.linalg.norm(shifted(run, shift.first, shift.rows).xyz - at, axis=1)[moving]
+    both = np.isfinite(as_is) & np.isfinite(moved)
+    if not both.any() or np.median(moved[both]) > 0.75 * np.median(as_is[both]):
+        return None
+    return shift
+
+
+def _refine(run: Run, chain: Chain, low: int, high: int, rows: int) -> int:
+    """The row between two windows from which on points shifted back by ``rows`` fit better than as they are."""
+    low, high = max(low, 0), min(high + max(1, len(run.t) // _WINDOWS), len(run.t))
+    at = position_jacobian(chain, np.nan_to_num(run.q[low:high]))[0]
+    source = np.arange(low, high) + rows
+    inside = (source >= 0) & (source < len(run.t))
+    as_is = np.nan_to_num(np.linalg.norm(run.xyz[low:high] - at, axis=1))
+    moved = np.where(
+        inside, np.nan_to_num(np.linalg.norm(run.xyz[np.clip(source, 0, len(run.t) - 1)] - at, axis=1)), 0.0
+    )
+    gain = np.clip(as_is - moved, -1e-3, 1e-3)  # a wrong point must not decide
+    later = np.cumsum(gain[::-1])[::-1]
+    return low + int(np.argmax(later))

@@ -1,0 +1,126 @@
+"""A recording as calibration sees it: joint angles and tracked points of the same triggers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from arm_io.types import Array
+from identification.kinematics.estimation.map_estimation import Points
+from identification.kinematics.models.chain import Index, Mask
+
+
+@dataclass(frozen=True)
+class Run:
+    """One recording: name, t (N,) s, q (N, joints) rad or m, xyz (N, 3) m; NaN where missing. Row k of all is one trigger.
+
+    count  (joints,) rad of one count where an encoder's zero is this run's own, else 0; None: not known (``encoder_steps``)
+    """
+
+    name: str
+    t: Array
+    q: Array
+    xyz: Array
+    count: Array | None = None
+
+    @property
+    def usable(self) -> Mask:
+        """(N,) bool: rows with all joint angles and a point."""
+        return np.asarray(np.isfinite(self.q).all(axis=1) & np.isfinite(self.xyz).all(axis=1), bool)
+
+    @property
+    def period(self) -> float:
+        """Median row interval, s."""
+        return float(np.median(np.diff(self.t))) if len(self.t) > 1 else 0.0
+
+    def velocity(self) -> Array:
+        """dq/dt (N, joints), central differences smoothed over 9 rows; zero where it cannot be told."""
+        if len(self.t) < 3:
+            return np.zeros_like(self.q)
+        slope = np.gradient(self.q, self.t, axis=0)
+        kernel = np.ones(min(9, len(slope)))
+        good = np.isfinite(slope).astype(float)
+        total = np.column_stack([np.convolve(column, kernel, "same") for column in np.nan_to_num(slope).T])
+        count = np.column_stack([np.convolve(column, kernel, "same") for column in good.T])
+        return total / np.maximum(count, 1.0)
+
+
+def shifted(run: Run, first: int, by: int) -> Run:
+    """The run with its points from row ``first`` on taken from ``by`` rows later (earlier for negative); rows that then have no
+    point get NaN."""
+    xyz = run.xyz.copy()
+    rows = np.arange(first, len(xyz))
+    source = rows + by
+    inside = (source >= 0) & (source < len(xyz))
+    xyz[rows] = np.nan
+    xyz[rows[inside]] = run.xyz[source[inside]]
+    return replace(run, xyz=xyz)
+
+
+def thinned(runs: Sequence[Run], most: int) -> list[Index]:
+    """Row numbers of the usable points of every run, evenly thinned so that all together are at most ``most``."""
+    rows = [np.flatnonzero(run.usable) for run in runs]
+    stride = max(1, -(-sum(map(len, rows)) // most))
+    return [r[::stride] for r in rows]
+
+
+def points_of(runs: Sequence[Run], rows: Sequence[Index]) -> Points:
+    """The chosen rows of all runs, one after the other."""
+    q = np.concatenate([run.q[r] for run, r in zip(runs, rows, strict=True)])
+    xyz = np.concatenate([run.xyz[r] for run, r in zip(runs, rows, strict=True)])
+    return Points(q, xyz)
+
+
+def velocity_of(runs: Sequence[Run], rows: Sequence[Index]) -> Array:
+    """Joint velocities (N, joints) of the chosen rows."""
+    return np.concatenate([run.velocity()[r] for run, r in zip(runs, rows, strict=True)])
+
+
+def correlation_time(residual: Array, rows: Sequence[Index]) -> float:
+    """How many points in a row count as one, >= 1: the integrated autocorrelation of residuals (N, 3), in points.
+
+    Points of one sweep share encoder steps and what the model lacks; taken as independent they would promise too much (Sokal,
+    "Monte Carlo methods in statistical mechanics", 1996: window at five times the integral).
+    """
+    ends = np.cumsum([0, *map(len, rows)])
+    longest = min(4000, max(map(len, rows)) - 1)
+    if longest < 2:
+        return 1.0
+    covariance = np.zeros(longest + 1)
+    pairs = np.zeros(longest + 1)
+    for first, last in pairwise(ends):
+        part = residual[first:last] - residual[first:last].mean(axis=0) if last > first else residual[first:last]
+        size = 1 << max(2 * len(part) - 1, 1).bit_length()
+        spectrum = np.abs(np.fft.rfft(part, size, axis=0)) ** 2
+        lags = np.fft.irfft(spectrum, size, axis=0).sum(axis=1)[: min(longest + 1, len(part))]
+        covariance[: len(lags)] += lags
+        pairs[: len(lags)] += len(part) - np.arange(len(lags))
+    if covariance[0] <= 0:
+        return 1.0
+    rho = (covariance / np.maximum(pairs, 1)) / (covariance[0] / pairs[0])
+    integral = 2.0 * np.cumsum(rho) - 1.0
+    window = np.flatnonzero(np.arange(longest + 1) >= 5.0 * integral)
+    return float(max(1.0, integral[window[0] if len(window) else -1]))
+
+
+def aligned(predicted: Array, measured: Array) -> Array:
+    """Pose (4, 4) of the predicted points' frame in the frame of the measured ones (Kabsch 1976, without wrong points).
+
+    measured = R predicted + p, in the least-squares sense over the points that agree.
+    """
+    weight = np.ones(len(predicted), bool)
+    pose = np.eye(4)
+    for _ in range(30):
+        a, b = predicted[weight], measured[weight]
+        u, _, v = np.linalg.svd((b - b.mean(axis=0)).T @ (a - a.mean(axis=0)))
+        turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
+        pose[:3, :3], pose[:3, 3] = turn, b.mean(axis=0) - turn @ a.mean(axis=0)
+        off = np.linalg.norm(measured - predicted @ turn.T - pose[:3, 3], axis=1)
+        fresh = off <= max(4.0 * float(np.median(off)), 1e-9)
+        if np.array_equal(fresh, weight) or fresh.sum() < 4:
+            break
+        weight = fresh
+    return pose

@@ -1,0 +1,1 @@
+"""Calibration: estimation of kinematic parameters, with cross-validation."""

@@ -1,0 +1,216 @@
+"""Robust maximum a posteriori estimation of a chain's values from tracked points, with the exact Jacobian.
+
+Minimised is  sum_i rho(|p_i - f(q_i, x)| / s) + sum_k ((x_k - x0_k) / scale_k)^2  by Levenberg-Marquardt: the first sum over
+points, with noise s estimated along the way, the second the priors, which decide only what the points cannot. While the
+estimate is still moving, points count with Geman and McClure's weight (Stat. 1985), so that beam breaks and wrong points pull
+little; at the end they are dropped altogether and the rest counts fully, so that the result and its covariance are those of
+ordinary least squares on the good points.
+
+Joint extensions (sag, scale ...) enter as deflections of the joint angle, linear in their parameters: q + D(q) c.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_io.types import Array
+from identification.kinematics.models.chain import Index, Mask, position, position_jacobian
+from identification.kinematics.models.parameters import Parameters
+
+REJECT = 5.0
+"""Points further off than this many noise deviations are outliers: 1.5e-5 of Gaussian points in three dimensions are."""
+_MEDIAN_OF_NORM = 1.5382  # median length of a standard normal vector in three dimensions
+_COARSE = 1500  # points with which the estimate is brought near; all of them then settle it
+_FLOOR = 1e-6  # m; better than any tracker: noise-free simulated data still needs a scale
+
+
+@dataclass(frozen=True)
+class Points:
+    """Tracked points: q (N, joints) rad or m as recorded, xyz (N, 3) m, deflections (N, joints, extensions) per unit."""
+
+    q: Array
+    xyz: Array
+    deflections: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def where(self, rows: Index | Mask | slice) -> Points:
+        """Some of the points."""
+        bent = None if self.deflections is None else self.deflections[rows]
+        return Points(self.q[rows], self.xyz[rows], bent)
+
+    def bent(self, extension: Array) -> Array:
+        """Joint coordinates (N, joints) with deflections applied, for extension parameters (extensions,)."""
+        if self.deflections is None or not len(extension):
+            return self.q
+        return self.q + self.deflections @ extension
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Estimate of the free values and extension parameters.
+
+    values      (values,) of the whole chain; rad, m
+    extension   (extensions,) in the units of their deflections
+    covariance  (free + extensions, same), in those units
+    noise       m, standard deviation of one coordinate of one point
+    inlier      (N,) bool: points that were used in the end
+    effective   effective number of parameters: how many directions the data decided rather than the prior
+    """
+
+    values: Array
+    extension: Array
+    covariance: Array
+    noise: float
+    inlier: Mask
+    effective: float
+    iterations: int
+
+
+def residuals(parameters: Parameters, values: Array, extension: Array, points: Points) -> Array:
+    """Measured minus predicted position (N, 3) m."""
+    return points.xyz - position(parameters.chain.at(values), points.bent(extension))
+
+
+def fit(
+    parameters: Parameters,
+    points: Points,
+    *,
+    start: Array | None = None,
+    extension_scale: Array | None = None,
+    extension_start: Array | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Fit:
+    """The estimate from ``points``, beginning at the chain's values or at ``start`` (values,).
+
+    extension_scale (extensions,) are the prior deviations of the extension parameters, about zero.
+    """
+    scale_x = np.zeros(0) if extension_scale is None else np.asarray(extension_scale, float)
+    scale = np.concatenate((parameters.scale[parameters.free], scale_x))
+    prior = np.concatenate((parameters.chain.values[parameters.free], np.zeros(len(scale_x))))
+    x = prior.copy()
+    if start is not None:
+        x[: len(parameters.free)] = np.asarray(start, float)[parameters.free]
+    if extension_start is not None:
+        x[len(parameters.free) :] = extension_start
+    coarse = points.where(slice(None, None, max(1, len(points) // _COARSE)))
+    x, iterations = _descend(_Problem(parameters, coarse, prior, scale), x, _soft_weight, 60, progress, enough=0.1)
+    problem = _Problem(parameters, points, prior, scale)
+    inlier = np.zeros(len(points), bool)
+    for _ in range(10):  # reject, refit, until the same points are rejected
+        length = np.linalg.norm(problem.residual(x), axis=1)
+        kept = length <= REJECT * _scale_of(length)
+        if np.array_equal(kept, inlier):
+            break
+        inlier = kept
+        x, more = _descend(problem, x, _only(kept), 20, progress)
+        iterations += more
+    return _result(problem, x, inlier, iterations)
+
+
+class _Problem:
+    """Residuals and normal equations in unit-prior coordinates u = (x - prior) / scale."""
+
+    def __init__(self, parameters: Parameters, points: Points, prior: Array, scale: Array) -> None:
+        self.parameters, self.points, self.prior, self.scale = parameters, points, prior, scale
+        self.joint_steps = parameters.chain.joint_steps()
+        self.n_free = len(parameters.free)
+
+    def values(self, x: Array) -> Array:
+        values = self.parameters.chain.values
+        values[self.parameters.free] = x[: self.n_free]
+        return values
+
+    def residual(self, x: Array) -> Array:
+        return residuals(self.parameters, self.values(x), x[self.n_free :], self.points)
+
+    def linear(self, x: Array) -> tuple[Array, Array]:
+        """Residuals (N, 3) and the Jacobian of the prediction (N, 3, unknowns), per prior deviation."""
+        chain = self.parameters.chain.at(self.values(x))
+        at, every = position_jacobian(chain, self.points.bent(x[self.n_free :]))
+        jacobian = every[:, :, self.parameters.free]
+        if self.points.deflections is not None and len(x) > self.n_free:
+            jacobian = np.concatenate((jacobian, every[:, :, self.joint_steps] @ self.points.deflections), axis=2)
+        return self.points.xyz - at, jacobian * self.scale
+
+    def cost(self, x: Array, weight: Array, noise: float, length: Array) -> float:
+        return float(np.sum(weight * length**2) / noise**2 + np.sum(((x - self.prior) / self.scale) ** 2))
+
+
+Weight = Callable[[Array, float], Array]
+
+
+def _soft_weight(length: Array, noise: float) -> Array:
+    return 1.0 / (1.0 + (length / (3.0 * noise)) ** 2) ** 2
+
+
+def _only(kept: Mask) -> Weight:
+    return lambda length, noise: kept.astype(float)
+
+
+def _scale_of(length: Array) -> float:
+    return max(float(np.median(length)) / _MEDIAN_OF_NORM, _FLOOR)
+
+
+def _descend(
+    problem: _Problem,
+    x: Array,
+    weight_of: Weight,
+    limit: int,
+    progress: Callable[[int, float], None] | None,
+    *,
+    enough: float = 1e-6,
+) -> tuple[Array, int]:
+    """Levenberg-Marquardt until Newton's decrement (twice the fall of the cost still to be had, in squared deviations) is ``enough``."""
+    damping = 1e-6
+    for iteration in range(1, limit + 1):
+        residual, jacobian = problem.linear(x)
+        length = np.linalg.norm(residual, axis=1)
+        noise = _scale_of(length)
+        weight = weight_of(length, noise)
+        if progress is not None:
+            progress(iteration, noise)
+        flat = jacobian.reshape(-1, jacobian.shape[2])
+        root = np.repeat(np.sqrt(weight) / noise, 3)
+        weighted = flat * root[:, None]
+        hessian = weighted.T @ weighted + np.eye(len(x))
+        gradient = weighted.T @ (root * residual.ravel()) - (x - problem.prior) / problem.scale
+        cost = problem.cost(x, weight, noise, length)
+        for _ in range(12):
+            step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
+            trial = x + problem.scale * step
+            reach = np.linalg.norm(problem.residual(trial), axis=1)
+            # judged with this iteration's weights: robust weighting by majorisation
+            if problem.cost(trial, weight, noise, reach) <= cost * (1 + 1e-12):
+                break
+            damping = max(damping * 10.0, 1e-6)
+        else:
+            return x, iteration
+        damping = max(damping / 10.0, 1e-12)
+        x = trial
+        if gradient @ step < enough:
+            return x, iteration
+    return x, limit
+
+
+def _result(problem: _Problem, x: Array, inlier: Mask, iterations: int) -> Fit:
+    residual, jacobian = problem.linear(x)
+    good = jacobian[inlier].reshape(-1, jacobian.shape[2])
+    information = good.T @ good
+    squares = float(np.sum(residual[inlier] ** 2))
+    noise = max(np.sqrt(squares / max(3 * inlier.sum(), 1)), _FLOOR)
+    effective = 0.0
+    # In the eigenvectors of the information, the prior (unity) and the points add up direction by direction.
+    strength, directions = np.linalg.eigh(information)
+    strength = np.maximum(strength, 0.0)
+    for _ in range(5):  # the effective number of parameters depends on the noise, weakly
+        effective = float(np.sum(strength / (strength + noise**2)))
+        noise = max(np.sqrt(squares / max(3 * inlier.sum() - effective, 1.0)), _FLOOR)
+    unit = (directions * (noise**2 / (strength + noise**2))) @ directions.T
+    covariance = unit * np.outer(problem.scale, problem.scale)
+    n = problem.n_free
+    return Fit(problem.values(x), x[n:], covariance, noise, inlier, effective, iterations)

@@ -1,0 +1,85 @@
+"""What a set of poses shows of the parameters: identifiable rank, and the observability indices O1 to O5.
+
+O1 to O5 from the singular values s1 >= ... >= sp of the identification Jacobian, columns per unit of what is expected of each
+parameter, for m poses (Sun and Hollerbach, "Observability index selection for robot calibration", ICRA 2008):
+
+    O1 = (s1 ... sp)^(1/p) / sqrt(m)   Borm and Menq: D-optimality        O2 = sp / s1     Driels and Pathre: condition
+    O3 = sp                            Nahvi et al.: E-optimality         O4 = sp^2 / s1   noise amplification, Nahvi and Hollerbach
+    O5 = 1 / (1/s1 + ... + 1/sp)       A-optimality
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_io.types import Array
+from identification.kinematics.models.chain import position_jacobian
+from identification.kinematics.models.parameters import Parameters
+
+RANK_TOLERANCE = 1e-8
+"""Relative to the largest singular value: parameters that do the same thing come out at 1e-16, distinct ones above 1e-4."""
+RESTING = np.radians(0.5)
+"""A joint (rad; m for prismatic ones) that moves less than this rests: its encoder's flicker is no motion."""
+
+
+@dataclass(frozen=True)
+class Observability:
+    """The five indices."""
+
+    o1: float
+    o2: float
+    o3: float
+    o4: float
+    o5: float
+
+
+def at_rest(q: Array) -> Array:
+    """q (N, joints) with the joints that rest put to their median, (moving joints stay)."""
+    q = np.array(q, float)
+    for j in range(q.shape[1]):
+        if len(q) and np.ptp(q[:, j]) < RESTING:
+            q[:, j] = np.median(q[:, j])
+    return q
+
+
+def identifiable(parameters: Parameters, q: ArrayLike, *, most: int = 2000) -> int:
+    """How many independent combinations of ALL parameters (base, joints, target) points at q (N, joints) can show.
+
+    27 for a 6R arm and 15 for a 3R arm in general poses (4 a revolute joint, and 3 for the point).
+    """
+    q = at_rest(np.atleast_2d(np.asarray(q, float)))
+    q = q[:: max(1, len(q) // most)]
+    _, jacobian = position_jacobian(parameters.chain, q)
+    columns = jacobian[:, :, parameters.every].reshape(-1, len(parameters.every))
+    return int(np.sum(singular_values(columns) > RANK_TOLERANCE * float(np.linalg.norm(columns))))
+
+
+def singular_values(columns: Array) -> Array:
+    """Singular values of (rows, p), by the small triangular factor of a QR decomposition where rows are many."""
+    if columns.shape[0] > 4 * columns.shape[1]:
+        columns = np.asarray(np.linalg.qr(columns, mode="r"), float)
+    return np.asarray(np.linalg.svd(columns, compute_uv=False), float)
+
+
+def indices(columns: Array, rank: int, poses: int) -> Observability:
+    """O1 to O5 over the ``rank`` identifiable directions of (rows, p) scaled columns, for ``poses`` poses."""
+    s = singular_values(columns)[:rank]
+    if len(s) < rank or s[-1] <= 0:
+        return Observability(0.0, 0.0, 0.0, 0.0, 0.0)
+    geometric = float(np.exp(np.mean(np.log(s))))
+    return Observability(
+        o1=geometric / np.sqrt(poses),
+        o2=float(s[-1] / s[0]),
+        o3=float(s[-1]),
+        o4=float(s[-1] ** 2 / s[0]),
+        o5=float(1.0 / np.sum(1.0 / s)),
+    )
+
+
+def scaled_jacobian(parameters: Parameters, q: ArrayLike) -> Array:
+    """(N, 3, free): derivatives of the point per prior deviation of each free value, m."""
+    _, jacobian = position_jacobian(parameters.chain, q)
+    return jacobian[:, :, parameters.free] * parameters.scale[parameters.free]

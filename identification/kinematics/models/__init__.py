@@ -1,0 +1,1 @@
+"""Kinematic chains and their parameterisations."""

@@ -1,0 +1,174 @@
+"""The arm of a model file as a chain with named parameters, how far each may be trusted, and the way back.
+
+World here is the frame in which the tracker's points are given. The chain is
+
+    nominal base (fixed) . base (a small correction, in link frame 0) . joints . target
+
+Several parameters do the same thing, and data cannot tell them apart (Everett and Hsu, IEEE T-RA 1988; Mooring, Roth and
+Driels, "Fundamentals of Manipulator Calibration", 1991): turning the base about joint 1 and joint 1's theta; the last link and
+the target. What is known decides. A tracker whose frame was surveyed leaves such an error in the joint; an unknown frame
+takes it. A target whose place the rig file gives stays there, and the last link takes the error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm, Pose
+from identification.kinematics.models.chain import Chain, Index, Motion, Step, forward, placement, target_steps
+from identification.kinematics.models.conversion import PARALLEL
+
+UNKNOWN_FRAME = 10.0
+"""Standard deviation, m and rad, of the pose of a tracker that may stand anywhere."""
+
+
+@dataclass(frozen=True)
+class Trust:
+    """Prior standard deviations: how far from the nominal an arm of this kind may be.
+
+    angle rad (joint zeros and twists), length m (of links), base_angle rad and base_length m (the mounting), target m. The defaults
+    cover the errors of the thesis's Puma (2.75 degrees, 3 mm) twice over; with data they only decide what data cannot.
+    """
+
+    angle: float = 0.05
+    length: float = 0.01
+    base_angle: float = 0.05
+    base_length: float = 0.02
+    target: float = 1e-4
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """A chain, which of its values are estimated, and their priors.
+
+    chain   at the nominal values
+    free    (free,) indices of the values that are estimated
+    every   (every,) indices of all physical values: what the identifiable rank is counted over
+    scale   (values,) prior standard deviation of every value, rad or m
+    """
+
+    chain: Chain
+    free: Index
+    every: Index
+    scale: Array
+
+
+def parameters_of(
+    arm: Arm, target: Sequence[float], *, frame_known: bool, trust: Trust, where: str = "model"
+) -> Parameters:
+    """What is to be estimated of an arm whose ``target`` (3,) m, in the frame of the last link, is tracked.
+
+    InputError if the arm is described otherwise than by D-H parameters.
+    """
+    chain = chain_of(arm, target, where)
+    parallel = parallel_next(arm)
+    free, every, scale = [], [], np.zeros(len(chain.steps))
+    for k, step in enumerate(chain.steps):
+        group, _, name = step.name.partition(".")
+        if group == "mount":
+            continue
+        every.append(k)
+        turning = step.motion[0] == "r"
+        if group == "base":
+            if not frame_known:
+                scale[k] = UNKNOWN_FRAME
+            elif name not in ("yaw", "z"):
+                scale[k] = trust.base_angle if turning else trust.base_length
+        elif group == "target":
+            scale[k] = trust.target
+        else:
+            j = int(group.removeprefix("joint")) - 1
+            along_axis = name in ("theta", "d")
+            hayati = parallel[j] and name == "d"
+            if not (hayati or (name == "beta" and not parallel[j]) or (j == 0 and along_axis and not frame_known)):
+                scale[k] = trust.angle if turning else trust.length
+        if scale[k] > 0:
+            free.append(k)
+    return Parameters(chain, np.array(free, int), np.array(every, int), scale)
+
+
+def chain_of(arm: Arm, target: Sequence[float], where: str = "model") -> Chain:
+    """The chain of an arm from its mounting to the tracked point."""
+    steps = placement("mount", np.array(arm.base)) + placement("base", np.eye(4))
+    for j, joint in enumerate(arm.joints):
+        if joint.convention == "placed":
+            raise InputError(
+                where,
+                f"joint[{j + 1}]: convention 'placed' has no D-H parameters to estimate; in_denavit_hartenberg(arm) gives it some",
+            )
+        row = (joint.theta, joint.d, joint.a, joint.alpha, joint.beta)
+        steps += link_steps(j, row, not joint.revolute, joint.convention == "modified")
+    return Chain((*steps, *target_steps("target", target)))
+
+
+def link_steps(joint: int, row: Sequence[float], prismatic: bool, modified: bool) -> list[Step]:
+    """One link: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta), or Craig's order Rx(alpha) Tx(a) Ry(beta) Rz(theta + q) Tz(d)."""
+    value = dict(zip(("theta", "d", "a", "alpha", "beta"), row, strict=True))
+    motion: dict[str, Motion] = {"theta": "rz", "d": "tz", "a": "tx", "alpha": "rx", "beta": "ry"}
+    order = ("alpha", "a", "beta", "theta", "d") if modified else ("theta", "d", "a", "alpha", "beta")
+    moving = "d" if prismatic else "theta"
+    return [Step(motion[n], float(value[n]), f"joint{joint + 1}.{n}", joint if n == moving else None) for n in order]
+
+
+def parallel_next(arm: Arm) -> list[bool]:
+    """Whether the twist of each link is (nearly) zero, so that two neighbouring axes are parallel and beta is wanted.
+
+    Standard D-H: the axes of joints j and j + 1. Modified: those of joints j - 1 and j. The outermost twists (of the last link, or
+    of the first modified one) join no two axes.
+    """
+    out = []
+    for j, joint in enumerate(arm.joints):
+        ends = j == 0 if joint.convention == "modified" else j == len(arm.joints) - 1
+        out.append(joint.revolute and not ends and abs(np.sin(joint.alpha)) < PARALLEL)
+    return out
+
+
+def calibrated_arm(arm: Arm, chain: Chain, *, frame_known: bool) -> Arm:
+    """The arm with the chain's values. With an unknown tracker frame the mounting stays nominal (see ``tracker_pose``)."""
+    value = {s.name: s.value for s in chain.steps}
+    joints = tuple(
+        replace(
+            joint,
+            theta=value[f"joint{j}.theta"],
+            d=value[f"joint{j}.d"],
+            a=value[f"joint{j}.a"],
+            alpha=value[f"joint{j}.alpha"],
+            beta=value[f"joint{j}.beta"],
+        )
+        for j, joint in enumerate(arm.joints, 1)
+    )
+    if not frame_known:
+        return replace(arm, joints=joints)
+    return replace(arm, joints=joints, base=as_pose(base_pose(chain)))
+
+
+def base_pose(chain: Chain) -> Array:
+    """Pose (4, 4) of link frame 0 in the world: nominal mounting and correction."""
+    steps = tuple(s for s in chain.steps if s.name.startswith(("mount.", "base.")))
+    return forward(Chain(steps), np.zeros((1, 0)))[0]
+
+
+def tracker_pose(arm: Arm, chain: Chain) -> Array:
+    """base_from_tracker (4, 4) as estimated: where the tracker's frame stands in the base frame of the model."""
+    return np.array(arm.base) @ np.linalg.inv(base_pose(chain))
+
+
+def target_of(chain: Chain) -> Array:
+    """(3,) m: the target in the frame of the last link."""
+    return np.array([s.value for s in chain.steps if s.name.startswith("target.")])
+
+
+def as_pose(matrix: ArrayLike) -> Pose:
+    """A pose as the tuples of an Arm, its rotation made orthogonal to the last digit."""
+    matrix = np.array(matrix, float)
+    u, _, v = np.linalg.svd(matrix[:3, :3])
+    matrix[:3, :3] = u @ v
+    matrix[3] = (0.0, 0.0, 0.0, 1.0)
+    rows = [tuple(float(v) for v in row) for row in matrix]
+    return (rows[0], rows[1], rows[2], rows[3])  # type: ignore[return-value]

@@ -1,0 +1,94 @@
+"""Product of exponentials: T(q) = exp([S1] q1) ... exp([Sn] qn) M (Brockett 1984; Lynch and Park, "Modern Robotics", ch. 4).
+
+A screw S = (w, v) is the joint axis in the world at q = 0: w its direction and v = -w x p for a point p on it (revolute),
+w = 0 and v the direction (prismatic). M is the end frame at q = 0. It has no singular cases and no choices of frames, so it
+is the hub through which the other models are converted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_io.types import Array
+from identification.kinematics.models.chain import Chain, forward, joint_axes
+
+
+@dataclass(frozen=True)
+class Exponentials:
+    """screws (joints, 6): direction w and moment v, unit speed; home (4, 4): the end frame at q = 0."""
+
+    screws: Array
+    home: Array
+
+    @property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Which joints translate."""
+        return tuple(bool(np.linalg.norm(s[:3]) < 0.5) for s in self.screws)
+
+    def lines(self) -> tuple[Array, Array]:
+        """Direction and the point nearest to the world's origin (joints, 3) of every axis; the origin for prismatic joints."""
+        w, v = self.screws[:, :3], self.screws[:, 3:]
+        sliding = np.array(self.prismatic)[:, None]
+        return np.where(sliding, v, w), np.where(sliding, 0.0, np.cross(w, v))
+
+
+def exponential(screw: ArrayLike, angle: float | Array) -> Array:
+    """exp([S] q) as (4, 4), or (N, 4, 4) for N angles: Rodrigues' formula for unit w, a translation for w = 0."""
+    screw = np.asarray(screw, float)
+    q = np.asarray(angle, float)
+    w, v = screw[:3], screw[3:]
+    out = np.zeros((*q.shape, 4, 4))
+    out[..., :, :] = np.eye(4)
+    if np.linalg.norm(w) < 0.5:
+        out[..., :3, 3] = q[..., None] * v
+        return out
+    k = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+    rotation = np.eye(3) + np.sin(q)[..., None, None] * k + (1 - np.cos(q))[..., None, None] * (k @ k)
+    point = np.cross(w, v)  # nearest to the origin; no pitch
+    out[..., :3, :3] = rotation
+    out[..., :3, 3] = point - rotation @ point
+    return out
+
+
+def forward_exponentials(model: Exponentials, q: ArrayLike) -> Array:
+    """Poses (N, 4, 4) of the end frame for q (N, joints)."""
+    q = np.atleast_2d(np.asarray(q, float))
+    pose = np.broadcast_to(np.eye(4), (len(q), 4, 4))
+    for j, screw in enumerate(model.screws):
+        pose = pose @ exponential(screw, q[:, j])
+    return pose @ model.home
+
+
+def exponentials_of(chain: Chain) -> Exponentials:
+    """The product of exponentials of any chain: its axes and its end frame at q = 0."""
+    zero = np.zeros(chain.joints)
+    direction, point = joint_axes(chain, zero)
+    sliding = np.array([chain.steps[k].motion[0] == "t" for k in chain.joint_steps()])[:, None]
+    w = np.where(sliding, 0.0, direction)
+    v = np.where(sliding, direction, -np.cross(direction, point))
+    return Exponentials(np.column_stack((w, v)), forward(chain, zero[None])[0])
+
+
+def from_lines(direction: ArrayLike, point: ArrayLike, home: ArrayLike, at: ArrayLike) -> Exponentials:
+    """Revolute arm from its axis lines (joints, 3) and end frame (4, 4) as seen in the configuration ``at`` (joints,) rad.
+
+    The axes at q = 0 follow by turning every axis back about the ones before it.
+    """
+    w, p, at = np.asarray(direction, float), np.asarray(point, float), np.asarray(at, float)
+    here = np.column_stack((w, -np.cross(w, p)))
+    back = np.eye(4)
+    screws = []
+    for screw, angle in zip(here, at, strict=True):
+        screws.append(_carried(back, screw))
+        # exp(S_0 q) at zero equals back . exp(S_here q) . back^-1, so turning back by -angle composes on the right.
+        back = back @ exponential(screw, -float(angle))
+    return Exponentials(np.array(screws), back @ np.asarray(home, float))
+
+
+def _carried(pose: Array, screw: Array) -> Array:
+    """A screw moved by a pose (the adjoint map)."""
+    w = pose[:3, :3] @ screw[:3]
+    return np.concatenate((w, pose[:3, :3] @ screw[3:] + np.cross(pose[:3, 3], w)))

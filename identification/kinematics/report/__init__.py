@@ -1,0 +1,1 @@
+"""Results of a calibration as files and a page."""

@@ -1,0 +1,245 @@
+"""report.html of a calibration: one self-contained page with its plots inside."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from identification.kinematics.estimation.calibration import Calibration, predicted
+from identification.kinematics.estimation.circle_point import Circle
+from identification.kinematics.estimation.extensions import Gravity
+from identification.kinematics.use.iso_cube import CubeReport
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BEFORE, AFTER, GREY = "#c8553d", "#1f6f8b", "#8a8f98"
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
+h1 { font-size: 1.6rem; } h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #ddd; }
+table { border-collapse: collapse; margin: .6rem 0; } td, th { padding: .2rem .7rem; text-align: right; }
+th { border-bottom: 1px solid #999; font-weight: 600; } td:first-child, th:first-child { text-align: left; }
+.big { font-size: 1.25rem; } .note { color: #8a3d00; } img { max-width: 100%; } small { color: #666; }
+"""
+
+
+def page(
+    name: str, table: dict[str, Any], calibration: Calibration, gravity: Gravity | None, cubes: Sequence[CubeReport]
+) -> str:
+    """The page for the result ``table`` of calibrating the arm called ``name``."""
+    parts = [
+        f"<h1>Kinematic calibration of {html.escape(name)}</h1>",
+        _headline(table),
+        *[f'<p class="note">{html.escape(w)}</p>' for w in [*table["warnings"], *map(str, calibration.shifts)]],
+        "<h2>Position error before and after</h2>",
+        _image(_error_figure(calibration, gravity)),
+        _error_table(table),
+        "<h2>Parameters</h2>",
+        _parameter_table(table),
+        _effects(table),
+    ]
+    if calibration.circles:
+        parts += [
+            "<h2>Circles of single-joint sweeps</h2>",
+            _circles_text(table),
+            _image(_circle_figure(calibration.circles)),
+        ]
+    if calibration.refused:
+        parts += ["<p>Sweeps without a circle: " + "; ".join(html.escape(r) for r in calibration.refused) + "</p>"]
+    for cube in cubes:
+        parts += ["<h2>ISO cube</h2>", _cube(cube)]
+    parts += ["<h2>What the poses show</h2>", _observability(table)]
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Calibration of {html.escape(name)}</title>'
+        f"<style>{_STYLE}</style></head><body>{''.join(parts)}</body></html>\n"
+    )
+
+
+def _headline(table: dict[str, Any]) -> str:
+    rms, better = table["position_rms"]["held_out"], 100 * table["improvement"]["held_out"]
+    where = "held-out blocks of the same runs" if table["held_out"] == "split" else "held-out runs"
+    return (
+        f'<p class="big">On {where} the position error falls from <b>{_mm(rms["before"])}</b> to <b>{_mm(rms["after"])}</b> '
+        f"rms a coordinate: {better:.2f} % better. The points' own noise is {_mm(table['noise'])}.</p>"
+    )
+
+
+def _error_table(table: dict[str, Any]) -> str:
+    rows = []
+    for part, words in (("fit", "fitted"), ("held_out", "held out")):
+        for when in ("before", "after"):
+            e = table["position_error"][part][when]
+            rows.append(
+                [f"{words}, {when}", _mm(e["rms"]), _mm(e["mean"]), _mm(e["largest"]), e["points"], e["outliers"]]
+            )
+    alone = table["circle_point"]
+    if alone is not None:
+        e = alone["fit"]
+        rows.append(
+            [
+                "fitted, circle points alone",
+                _mm(e["rms"]),
+                _mm(e["mean"]),
+                _mm(e["largest"]),
+                e["points"],
+                e["outliers"],
+            ]
+        )
+    return _table(["points", "rms a coordinate", "mean distance", "largest distance", "points", "left out"], rows)
+
+
+def _parameter_table(table: dict[str, Any]) -> str:
+    rows = []
+    for row in table["parameters"]:
+        cells: list[Any] = [f"joint {row['joint']}"]
+        for name in ("theta", "alpha", "beta"):
+            cells.append(_with_std(np.degrees(row[name]), np.degrees(row["std"][name]), "°"))
+        for name in ("a", "d"):
+            cells.append(_with_std(1e3 * row[name], 1e3 * row["std"][name], " mm"))
+        rows.append(cells)
+    frame = table["tracker_frame"]
+    text = (
+        ""
+        if frame["known"]
+        else "<p>The tracker's frame was unknown; its pose was estimated together with the arm.</p>"
+    )
+    base, tool = np.array(table["base"]), np.array(table["tool"])
+    text += (
+        f"<p>Base at ({', '.join(f'{1e3 * v:.3f}' for v in base[:3, 3])}) mm; "
+        f"target at ({', '.join(f'{1e3 * v:.3f}' for v in tool[:3, 3])}) mm in the frame of the last link.</p>"
+        "<small>A value without a deviation was not free: other parameters do the same thing. What data cannot tell apart (the last "
+        "link and the target's place; turning the base and joint 1's zero) is decided by what is known beforehand.</small>"
+    )
+    return _table(["", "theta", "alpha", "beta", "a", "d"], rows) + text
+
+
+def _effects(table: dict[str, Any]) -> str:
+    rows = []
+    for trial in table["tried"]:
+        place = "all joints" if trial["joint"] is None else f"joint {trial['joint']}"
+        seen = trial["unseen_rms"]
+        verdict = "accepted" if trial["accepted"] else "not needed"
+        rows.append(
+            [f"{trial['effect']}, {place}", _mm(seen["before"]), _mm(seen["after"]), f"{trial['z']:.1f}", verdict]
+        )
+    if not rows:
+        return ""
+    found = []
+    for effect in table["effects"]:
+        place = "" if effect["joint"] is None else f" of joint {effect['joint']}"
+        values = ", ".join(
+            f"{n} {p['value']:.4g} ± {p['std']:.1g} {p['unit']}" for n, p in effect["parameters"].items()
+        )
+        found.append(f"<li>{effect['effect']}{place}: {html.escape(values)}</li>")
+    return (
+        "<h2>Beyond geometry</h2><p>Each was tried on blocks of points that the fit had not seen; the best is listed, until none "
+        "is worth its parameters.</p>"
+        + _table(["effect", "unseen rms before", "after", "gain / its error", ""], rows)
+        + (f"<ul>{''.join(found)}</ul>" if found else "")
+    )
+
+
+def _circles_text(table: dict[str, Any]) -> str:
+    rows = []
+    for c in table["circles"]:
+        r, wave = c["residual_rms"], c["once_a_turn"]
+        turn = f"{1e3 * wave['amplitude']:.3f} mrad ({100 * wave['share']:.0f} %)" if wave["share"] > 0.3 else "-"
+        rows.append([f"joint {c['joint']}", _mm(c["radius"]), f"{np.degrees(c['arc']):.0f}°", f"{1e6 * c['std']['axis']:.0f} µrad",
+                     _mm(r["across"]), _mm(r["radial"]), _mm(r["tangential"]), turn])  # fmt: skip
+    return _table(["", "radius", "arc", "axis ±", "across", "radial", "tangential", "once a turn"], rows) + (
+        "<small>Tangential: the encoder's angle against the angle on the circle. Once a turn there: encoder eccentricity, or gravity "
+        "sag of a joint about a horizontal axis; the least-squares fit tells them apart. Across and radial no encoder can cause.</small>"
+    )
+
+
+def _cube(cube: CubeReport) -> str:
+    rows = [
+        [f"P{k}", _mm(before), _mm(after), _mm(over)]
+        for k, (before, after, over) in enumerate(zip(cube.before, cube.after, cube.overshoot, strict=True), 1)
+    ]
+    return _table(["point", "error of the nominal arm", "of the calibrated arm", "overshoot"], rows) + (
+        f"<small>{html.escape(cube.run)}: ISO 9283, cube of {1e3 * cube.side:.0f} mm, five points of its diagonal plane. Distances between "
+        "the measured standstill positions and what the nominal and the calibrated model predict.</small>"
+    )
+
+
+def _observability(table: dict[str, Any]) -> str:
+    o = table["observability"]
+    rows = [[name.upper(), f"{o[name]:.4g}"] for name in ("o1", "o2", "o3", "o4", "o5")]
+    return (
+        f"<p>{table['identifiable']} independent combinations of parameters show in these poses; "
+        f"{table['correlated_points']:.1f} neighbouring points count as one in the deviations.</p>"
+        + _table(["index", ""], rows)
+    )
+
+
+def _error_figure(calibration: Calibration, gravity: Gravity | None) -> Figure:
+    from matplotlib.figure import Figure
+
+    runs = [*((run, "fitted") for run in calibration.runs), *((run, "held out") for run in calibration.held_out)]
+    figure = Figure(figsize=(9, 2.6 * len(runs)), layout="constrained")
+    for k, (run, words) in enumerate(runs):
+        axes = figure.add_subplot(len(runs), 1, k + 1)
+        stride = max(1, len(run.t) // 4000)
+        for before, colour, label in ((True, BEFORE, "nominal"), (False, AFTER, "calibrated")):
+            off = np.linalg.norm(run.xyz - predicted(calibration, run, gravity, before=before), axis=1)[::stride]
+            axes.semilogy(run.t[::stride], 1e3 * np.maximum(off, 1e-7), ".", ms=2, color=colour, label=label)
+        axes.axhline(1e3 * 1.6 * calibration.fit.noise, color=GREY, lw=1, ls="--", label="noise (mean distance)")
+        axes.set_title(f"{run.name} ({words})", loc="left", fontsize=10)
+        axes.set_xlabel("t [s]")
+        axes.set_ylabel("distance [mm]")
+        axes.legend(loc="upper right", fontsize=8, ncol=3)
+    return figure
+
+
+def _circle_figure(circles: Sequence[Circle]) -> Figure:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 2.7 * len(circles)), layout="constrained")
+    for k, circle in enumerate(circles):
+        left = figure.add_subplot(len(circles), 2, 2 * k + 1)
+        ahead = np.linspace(circle.q.min(), circle.q.max(), 200)
+        at = circle.q + circle.tangential / circle.radius
+        reach = circle.radius + circle.radial
+        keep = np.flatnonzero(circle.inlier)[:: max(1, len(at) // 2000)]
+        left.plot(circle.radius * np.cos(ahead), circle.radius * np.sin(ahead), color=GREY, lw=1)
+        left.plot((reach * np.cos(at))[keep], (reach * np.sin(at))[keep], ".", ms=2, color=AFTER)
+        left.plot([0, circle.radius], [0, 0], color=BEFORE, lw=1)
+        left.plot(0, 0, "+", color=BEFORE)
+        left.set_aspect("equal", "datalim")
+        left.set_title(f"joint {circle.joint}: radius {1e3 * circle.radius:.2f} mm", loc="left", fontsize=10)
+        left.set_xlabel("along the zero direction [m]")
+        right = figure.add_subplot(len(circles), 2, 2 * k + 2)
+        for part, colour in (("across", GREY), ("radial", BEFORE), ("tangential", AFTER)):
+            right.plot(
+                np.degrees(circle.q[keep]), 1e3 * getattr(circle, part)[keep], ".", ms=1.5, color=colour, label=part
+            )
+        right.set_xlabel(f"joint {circle.joint} [°]")
+        right.set_ylabel("residual [mm]")
+        right.legend(loc="upper right", fontsize=8, markerscale=5)
+    return figure
+
+
+def _image(figure: Figure) -> str:
+    data = io.BytesIO()
+    figure.savefig(data, format="png", dpi=110)
+    return f'<img alt="" src="data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}">'
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    cells = "".join(f"<th>{h}</th>" for h in head)
+    body = "".join("<tr>" + "".join(f"<td>{c}</td>" for c in row) + "</tr>" for row in rows)
+    return f"<table><tr>{cells}</tr>{body}</table>"
+
+
+def _mm(metres: float | None) -> str:
+    return "-" if metres is None else f"{1e3 * metres:.4g} mm"
+
+
+def _with_std(value: float, std: float, unit: str) -> str:
+    return f"{value:.4f}{unit}" + (f" <small>± {std:.2g}</small>" if std > 0 else "")

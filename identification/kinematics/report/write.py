@@ -1,0 +1,154 @@
+"""What a calibration leaves behind: kinematics.json (armscope.kinematics/1) and the calibrated model."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_io import write_text
+from arm_model.description import Arm, EffectTerm
+from arm_model.effects.catalogue import CATALOGUE
+from identification.kinematics.estimation.calibration import Calibration
+from identification.kinematics.estimation.circle_point import Circle
+from identification.kinematics.estimation.cross_validation import PositionError
+from identification.kinematics.models.parameters import calibrated_arm, target_of, tracker_pose
+
+NAMES = ("theta", "alpha", "a", "d", "beta")
+
+
+def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
+    """The result as JSON has it; m and rad, joints from 1, poses as four rows of four.
+
+    base is the pose of link frame 0 in the base frame; tool the pose of the tracked target in the frame of the last link (a point
+    has no orientation: the rotation is that of the link). position_rms is a coordinate's: sqrt(mean(r^2)) over all coordinates.
+    """
+    calibrated = calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known)
+    tool = np.eye(4)
+    tool[:3, 3] = target_of(calibration.chain)
+    parameters = []
+    for j, joint in enumerate(calibrated.joints, 1):
+        row: dict[str, Any] = {"joint": j} | {name: getattr(joint, name) for name in NAMES}
+        row["std"] = {name: calibration.std.get(f"joint{j}.{name}", 0.0) for name in NAMES}
+        parameters.append(row)
+    before, after = calibration.before, calibration.after
+    parts = ("fit", "held_out")
+    return {
+        "schema": "armscope.kinematics/1",
+        "parameters": parameters,
+        "base": np.array(calibrated.base).tolist(),
+        "tool": tool.tolist(),
+        "position_rms": {part: {"before": before[part].rms, "after": after[part].rms} for part in parts},
+        "position_error": {part: {"before": _error(before[part]), "after": _error(after[part])} for part in parts},
+        "improvement": {part: _improvement(before[part], after[part]) for part in parts},
+        "identifiable": calibration.identifiable,
+        "observability": vars(calibration.observability),
+        "noise": calibration.fit.noise,
+        "floor": _floor(calibration),
+        "effective_parameters": calibration.fit.effective,
+        "correlated_points": calibration.correlated,
+        "base_std": {n.partition(".")[2]: s for n, s in calibration.std.items() if n.startswith("base.")},
+        "tool_std": {n.partition(".")[2]: s for n, s in calibration.std.items() if n.startswith("target.")},
+        "tracker_frame": {
+            "known": calibration.frame_known,
+            "base_from_tracker": None if calibration.frame_known else tracker_pose(arm, calibration.chain).tolist(),
+        },
+        "effects": _effects(calibration),
+        "tried": [
+            {"effect": t.extension.name, "joint": t.extension.joint, "unseen_rms": {"before": t.before, "after": t.after},
+             "z": t.z, "accepted": t.accepted}
+            for t in calibration.trials
+        ],
+        "circles": [_circle(c) for c in calibration.circles],
+        "circle_point": None if calibration.circle_point is None else {"fit": _error(calibration.circle_point)},
+        "refused_sweeps": list(calibration.refused),
+        "shifts": [vars(s) for s in calibration.shifts],
+        "fit": [run.name for run in calibration.runs],
+        "held_out": "split" if calibration.split else [run.name for run in calibration.held_out],
+        "warnings": list(calibration.warnings),
+    }  # fmt: skip
+
+
+def calibrated_model(arm: Arm, calibration: Calibration) -> Arm:
+    """The arm with calibrated geometry, and with those of the effects found that the catalogue has under the same parameters."""
+    out = calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known)
+    found = []
+    for term in _effects(calibration):
+        law = CATALOGUE.get(term["effect"])
+        if law is not None and {p.name for p in law.parameters} == set(term["parameters"]):
+            found.append(EffectTerm(law.name, term["joint"], {n: p["value"] for n, p in term["parameters"].items()}))
+    source = f"{arm.source}; kinematics calibrated by armscope" if arm.source else "kinematics calibrated by armscope"
+    kept = tuple(e for e in arm.effects if not any(f.name == e.name and f.joint == e.joint for f in found))
+    return replace(out, effects=(*kept, *found), source=source)
+
+
+def write_json(path: Path, table: dict[str, Any]) -> None:
+    """Writes a JSON file, whole or not at all."""
+    write_text(path, json.dumps(table, indent=1, allow_nan=False, default=float) + "\n")
+
+
+def summary(table: dict[str, Any]) -> str:
+    """A few lines for a person."""
+    lines = []
+    for part, words in (("fit", "fitted points  "), ("held_out", "held-out points")):
+        rms, better = table["position_rms"][part], table["improvement"][part]
+        lines.append(
+            f"{words}  {1e3 * rms['before']:8.3f} mm -> {1e3 * rms['after']:7.3f} mm rms a coordinate ({100 * better:.2f} % better)"
+        )
+    lines.append(f"identifiable     {table['identifiable']} parameters; tracker noise {1e3 * table['noise']:.4f} mm")
+    for effect in table["effects"]:
+        place = "" if effect["joint"] is None else f" of joint {effect['joint']}"
+        numbers = ", ".join(
+            f"{name} {p['value']:.4g} +- {p['std']:.1g} {p['unit']}" for name, p in effect["parameters"].items()
+        )
+        lines.append(f"found            {effect['effect']}{place}: {numbers}")
+    return "\n".join(lines)
+
+
+def _effects(calibration: Calibration) -> list[dict[str, Any]]:
+    out, k = [], 0
+    for extension in calibration.extensions:
+        parameters = {}
+        for name, unit in zip(extension.parameters, extension.units, strict=True):
+            parameters[name] = {
+                "value": float(calibration.fit.extension[k]),
+                "std": float(calibration.extension_std[k]),
+                "unit": unit,
+            }
+            k += 1
+        out.append({"effect": extension.name, "joint": extension.joint, "by": extension.by, "parameters": parameters})
+    return out
+
+
+def _circle(circle: Circle) -> dict[str, Any]:
+    amplitude, phase, share = circle.once_a_turn()
+    return {
+        "joint": circle.joint,
+        "axis": circle.axis.tolist(),
+        "centre": circle.centre.tolist(),
+        "radius": circle.radius,
+        "arc": circle.arc,
+        "std": {"axis": circle.std_angle, "centre": circle.std_centre},
+        "residual_rms": circle.rms,
+        "once_a_turn": {"amplitude": amplitude, "phase": phase, "share": share},
+    }
+
+
+def _error(error: PositionError) -> dict[str, Any]:
+    return {k: (None if isinstance(v, float) and not np.isfinite(v) else v) for k, v in vars(error).items()}
+
+
+def _floor(calibration: Calibration) -> dict[str, float]:
+    """m rms a coordinate, of the held-out error: the points' noise as fitted, the held-out runs' own encoder zeros, and both with what
+    p estimated parameters add on N points: sqrt(noise^2 + zeros^2) sqrt(1 + p/N)."""
+    noise, zeros = calibration.fit.noise, calibration.zero_error
+    points = 3.0 * float(np.sum(calibration.fit.inlier)) / calibration.correlated
+    both = np.hypot(noise, zeros) * np.sqrt(1.0 + calibration.fit.effective / max(points, 1.0))
+    return {"points": noise, "encoder_zeros": zeros, "expected": float(both)}
+
+
+def _improvement(before: PositionError, after: PositionError) -> float:
+    return 1.0 - after.rms / before.rms if before.rms > 0 else 0.0

@@ -1,0 +1,202 @@
+"""Which poses to measure: D-optimal selection, how many are enough, and an experiment file that ``record`` runs.
+
+Each pose adds J'J / sigma^2 to the information about the parameters. From many random poses within limits those are taken, one by
+one, that raise its determinant most, and then exchanged while that gains (Fedorov, "Theory of Optimal Experiments", 1972; for arms,
+Daney, Papegay and Madeline, IJRR 24(12), 2005). The priors make the determinant finite from the first pose on and keep directions
+out of it that no pose shows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.rigid_body.kinematics import link_frames
+from experiment import Experiment
+from experiment.segments import Hold, Move, Segment
+from identification.kinematics.estimation.observability import Observability, identifiable, indices, scaled_jacobian
+from identification.kinematics.models.parameters import Trust, parameters_of
+from identification.kinematics.use.correction import limits_of
+
+ENOUGH = np.sqrt(1.1**2 - 1.0)
+"""A model error of 0.458 of the tracker's noise adds a tenth to the rms of a measured point: that is as good as reached."""
+
+
+@dataclass(frozen=True)
+class PosePlan:
+    """Selected poses and what they promise.
+
+    q           (N, joints) rad, in an order of short ways
+    error       (N,) m: model error (rms a coordinate, over the whole workspace) expected with the first 1, 2 .. N poses selected
+    enough      how many poses bring it to ENOUGH x noise; None: more than N
+    random      m: the same error for N random poses, for comparison
+    """
+
+    q: Array
+    error: Array
+    enough: int | None
+    random: float
+    identifiable: int
+    observability: Observability
+
+
+def select_poses(
+    arm: Arm,
+    target: tuple[float, float, float],
+    count: int,
+    *,
+    noise: float = 1e-4,
+    trust: Trust | None = None,
+    floor: float | None = 0.0,
+    candidates: int = 1500,
+    seed: int = 0,
+) -> PosePlan:
+    """``count`` poses for a tracked ``target`` (3,) m and tracker noise of ``noise`` m a coordinate and point.
+
+    Candidates are random within 95 % of the joint ranges; those are left out that bring a link's origin beyond the shoulder, or
+    the target, below ``floor`` m in the base frame (None: anything goes) or the target within 0.25 m of the axis of joint 1: the
+    arm's own column. A person still looks whether the cell has room.
+    """
+    if count < 2:
+        raise InputError("--poses", f"{count} poses determine nothing; at least 2, better 30, are wanted")
+    parameters = parameters_of(arm, target, frame_known=True, trust=trust or Trust())
+    generator = np.random.default_rng(seed)
+    pool = allowed_poses(arm, target, candidates, generator, floor)
+    if len(pool) < count:
+        raise InputError(
+            "--poses", f"only {len(pool)} of {candidates} random poses are allowed; fewer poses are wanted"
+        )
+    information = scaled_jacobian(parameters, pool) / noise
+    chosen = _exchange(information, _greedy(information, count))
+    check = scaled_jacobian(parameters, allowed_poses(arm, target, 600, generator, floor))
+    error = np.array([_model_error(information[chosen[: k + 1]], check) for k in range(count)])
+    reached = np.flatnonzero(error <= ENOUGH * noise)
+    q = pool[chosen]
+    columns = scaled_jacobian(parameters, q)
+    rank = identifiable(parameters, q)
+    return PosePlan(
+        q=q[_short_way(q)],
+        error=error,
+        enough=int(reached[0]) + 1 if len(reached) else None,
+        random=_model_error(information[generator.choice(len(pool), count, replace=False)], check),
+        identifiable=rank,
+        observability=indices(columns.reshape(-1, columns.shape[2]), min(rank, columns.shape[2]), count),
+    )
+
+
+def allowed_poses(
+    arm: Arm, target: tuple[float, float, float], count: int, generator: np.random.Generator, floor: float | None
+) -> Array:
+    """Up to ``count`` random poses (N, joints) that keep off the floor and the arm's own column."""
+    low, high = limits_of(arm)
+    middle, half = (low + high) / 2, 0.95 * (high - low) / 2
+    q = generator.uniform(middle - half, middle + half, (count * (1 if floor is None else 6), len(arm)))
+    if floor is None:
+        return q
+    frames = link_frames(arm, q)
+    point = frames[:, -1, :3, :3] @ np.array(target) + frames[:, -1, :3, 3]
+    heights = np.column_stack((frames[:, 2:, 2, 3], point[:, 2]))
+    column = np.array(arm.base)
+    across = point - column[:3, 3]
+    across = across - np.outer(across @ column[:3, 2], column[:3, 2])
+    good = (heights > floor + 0.05).all(axis=1) & (np.linalg.norm(across, axis=1) > 0.25)
+    return q[good][:count]
+
+
+def experiment_of(
+    arm: Arm, plan: PosePlan, *, hold: float = 0.6, rows: int | None = None, speed: float = 0.5
+) -> Experiment:
+    """The experiment that visits the poses, standing ``hold`` s at each.
+
+    rows: the tracker's memory; the rate is then chosen so that the whole run fits into it.
+    """
+    full = []
+    for joint in arm.joints:
+        fastest = 1.0 if joint.motor_speed_limit is None else joint.motor_speed_limit / abs(joint.gear)
+        full.append(min(fastest, 2.0) * speed)
+    segments: list[Segment] = []
+    start = [0.0] * len(arm)
+    low, high = limits_of(arm)
+    start = [float(v) for v in np.clip(start, low, high)]
+    duration = 0.0
+    at = np.array(start)
+    for q in plan.q:
+        segments += [Move(type="move", to=[round(float(v), 6) for v in q]), Hold(type="hold", duration=hold)]
+        way = np.abs(q - at)
+        duration += hold + float(np.max(np.maximum(way / full + np.array(full) / 2.0, 2 * np.sqrt(way / 2.0))))
+        at = q
+    return Experiment(
+        name=f"{len(plan.q)} poses for calibration",
+        description="D-optimal poses; the arm stands at each long enough for the tracker",
+        start=start,
+        full_speed=full,
+        full_acceleration=[2.0] * len(arm),
+        rate=None if rows is None else max(1.0, np.floor(rows / (1.1 * duration))),
+        segment=segments,
+    )
+
+
+def _greedy(information: Array, count: int) -> list[int]:
+    """The poses that raise log det(I + sum J'J) most, one after the other (matrix determinant lemma)."""
+    inverse = np.eye(information.shape[2])
+    chosen: list[int] = []
+    for _ in range(count):
+        gain = _gains(information, inverse)
+        gain[chosen] = -np.inf
+        chosen.append(int(gain.argmax()))
+        inverse = _updated(inverse, information[chosen[-1]], 1.0)
+    return chosen
+
+
+def _exchange(information: Array, chosen: list[int], passes: int = 2) -> list[int]:
+    """Every selected pose in turn is taken out and the best of all put in."""
+    chosen = list(chosen)
+    for _ in range(passes):
+        changed = False
+        for k in range(len(chosen)):
+            rest = [c for i, c in enumerate(chosen) if i != k]
+            stacked = information[rest].reshape(-1, information.shape[2])
+            gain = _gains(information, np.asarray(np.linalg.inv(stacked.T @ stacked + np.eye(information.shape[2]))))
+            gain[rest] = -np.inf
+            best = int(gain.argmax())
+            if gain[best] > gain[chosen[k]] + 1e-9:
+                chosen[k], changed = best, True
+        if not changed:
+            break
+    return chosen
+
+
+def _gains(information: Array, inverse: Array) -> Array:
+    """log det(I3 + J A^-1 J') of every candidate (N, 3, p)."""
+    small = np.einsum("nip,njp->nij", information @ inverse, information) + np.eye(3)
+    return np.linalg.slogdet(small)[1]
+
+
+def _updated(inverse: Array, rows: Array, sign: float) -> Array:
+    """(A + sign J'J)^-1 from A^-1 (Woodbury)."""
+    gained = inverse @ rows.T
+    return inverse - sign * gained @ np.linalg.solve(np.eye(len(rows)) + sign * rows @ gained, gained.T)
+
+
+def _model_error(information: Array, check: Array) -> float:
+    """rms a coordinate (m) of the model's own error over the check poses (N, 3, p), expected from the information of some poses."""
+    stacked = information.reshape(-1, information.shape[2])
+    covariance = np.linalg.inv(stacked.T @ stacked + np.eye(information.shape[2]))
+    return float(np.sqrt(np.mean(np.einsum("nip,nip->ni", check @ covariance, check))))
+
+
+def _short_way(q: Array) -> list[int]:
+    """An order that goes to the nearest pose left (largest joint travel counts), beginning at the one nearest to zero."""
+    left = list(range(len(q)))
+    at = np.zeros(q.shape[1])
+    order = []
+    while left:
+        nearest = min(left, key=lambda k: float(np.abs(q[k] - at).max()))
+        order.append(nearest)
+        left.remove(nearest)
+        at = q[nearest]
+    return order

@@ -1,0 +1,201 @@
+"""Friction tuned until the simulated motors draw the measured current: thesis section 5.3.1, as an optimisation.
+
+There, friction was turned by hand, joint by joint, until simulated and measured currents looked alike (table 5.4). Here viscous and Coulomb
+friction of all joints are varied together in the simulated closed loop, the Jacobian from one batch of simulations (a lane for each
+parameter), and Gauss-Newton steps of limited length (Levenberg-Marquardt) are taken on the currents' and positions' errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.parameters import parameter, with_parameters
+from arm_model.simulation.simulation import simulate_batch
+from daq.recording import Recording
+from identification.preprocessing.aliased_ripple import drifting
+from identification.preprocessing.demands import demand_of_run
+from identification.preprocessing.signals import Motion, parallel_filter, parallel_rows
+from identification.regression.equations import Equations
+from identification.regression.least_squares import Fit
+from identification.regression.uncertainty import Uncertainty, uncertainty
+from identification.result import Prediction
+
+Progress = Callable[[str], None]
+
+STEP = 0.05  # of a parameter, for its column of the Jacobian
+DIRECTIONS = ("coulomb_positive", "coulomb_negative")
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """names and values (p,) at the joint side, their uncertainty, the arm with them, and the relative torque error of
+    the closed-loop simulation before and after."""
+
+    names: tuple[str, ...]
+    values: Array
+    uncertainty: Uncertainty
+    arm: Arm
+    before: float
+    after: float
+    simulations: int
+
+
+def tune_friction(
+    recordings: Sequence[Recording],
+    motions: Sequence[Motion],
+    arm: Arm,
+    *,
+    iterations: int = 12,
+    progress: Progress = lambda _: None,
+) -> Tuning:
+    """Viscous and Coulomb friction (either direction) of the joints that move. InputError without demands or controller."""
+    for recording in recordings:
+        if recording.qref is None:
+            raise InputError(
+                recording.path,
+                "has no demanded positions (qref); friction is tuned in the closed loop that follows them",
+            )
+    if arm.controller is None:
+        raise InputError("model", "has no [controller]; friction is tuned in the closed loop")
+    moving = [j for j in range(len(arm)) if any(motion.moves(j) for motion in motions)]
+    if not any(parallel_rows(motion)[1].any() for motion in motions):
+        raise InputError(
+            ", ".join(str(recording.path) for recording in recordings),
+            "have no row in which a joint moves for long enough",
+        )
+    names = tuple(f"joint{j + 1}.{kind}" for j in moving for kind in ("viscous", *DIRECTIONS))
+    values = np.array([parameter(arm, name) for name in names])
+    floor = _floors(arm, names, motions)
+    values = np.maximum(values, floor)
+    damping, count = 1e-3, 0
+    scale = _scales(motions)
+    error = _errors(recordings, motions, arm, names, values[None], scale)[0]
+    first = _relative(recordings, motions, arm, names, values)
+    jacobian = np.zeros((len(error), len(names)))
+    for number in range(iterations):
+        progress(f"friction: step {number + 1}, error {np.linalg.norm(error) / np.sqrt(len(error)):.4g}")
+        nudge = STEP * np.maximum(values, floor)
+        lanes = values + np.concatenate([np.diag(nudge), -np.diag(nudge)])
+        lanes = np.maximum(lanes, 0.0)
+        found = _errors(recordings, motions, arm, names, lanes, scale)
+        count += len(lanes)
+        width = np.diag(lanes[: len(names)] - lanes[len(names) :])
+        jacobian = ((found[: len(names)] - found[len(names) :]) / width[:, None]).T
+        gram, slope = jacobian.T @ jacobian, jacobian.T @ error
+        dampings = damping * 10.0 ** np.arange(-1, 4)
+        trials = np.array([np.maximum(values - _step(gram, slope, d), 0.0) for d in dampings])
+        errors = _errors(recordings, motions, arm, names, trials, scale)
+        count += len(trials)
+        costs = np.sum(errors**2, axis=1)
+        best = int(np.nanargmin(costs))
+        if not costs[best] < np.sum(error**2) * (1 - 1e-6):
+            break
+        values, error, damping = trials[best], errors[best], float(np.clip(dampings[best], 1e-9, 1e3))
+    rows = _rows(motions, jacobian, error, names)
+    spread = uncertainty(jacobian, rows, Fit(values, np.ones(len(error)), error, jacobian * values))
+    tuned = with_parameters(arm, dict(zip(names, map(float, values))))
+    return Tuning(names, values, spread, tuned, first, _relative(recordings, motions, arm, names, values), count)
+
+
+def _rows(motions: Sequence[Motion], jacobian: Array, error: Array, names: Sequence[str]) -> Equations:
+    """What ``_errors`` strings together, as rows that know their run, joint and time."""
+    run, joint, t, unseen = [], [], [], []
+    scale = _scales(motions)
+    for number, motion in enumerate(motions):
+        stamps, trusted = parallel_rows(motion)
+        row, here = np.nonzero(trusted)
+        run.append(np.full(len(row), number))
+        joint.append(here)
+        t.append(stamps[row])
+        folded = np.zeros(motion.q.shape) if motion.folded is None else motion.folded / scale
+        added = parallel_filter(motion, drifting(folded, motion.t))[row, :, here]
+        unseen.append(np.concatenate([added * (here == j)[:, None] for j in range(len(scale))], axis=1))
+    return Equations(
+        jacobian, error, np.concatenate(joint), np.concatenate(run), np.concatenate(t), tuple(names),
+        systematic=linalg.block_diag(*unseen),
+    )  # fmt: skip
+
+
+def _step(gram: Array, slope: Array, damping: float) -> Array:
+    """Levenberg-Marquardt in units of the columns' own sizes (Marquardt, 1963)."""
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scaled = gram / size[:, None] / size
+    return np.asarray(np.linalg.solve(scaled + damping * np.eye(len(size)), slope / size) / size)
+
+
+def _floors(arm: Arm, names: Sequence[str], motions: Sequence[Motion]) -> Array:
+    """A hundredth of each joint's torque, as friction: where to start from nothing, and the least nudge."""
+    floor = []
+    for name in names:
+        j = int(name.partition(".")[0].removeprefix("joint")) - 1
+        torque = max(float(np.std(motion.torque[:, j])) for motion in motions)
+        speed = max(float(np.std(motion.qd[:, j])) for motion in motions)
+        floor.append(0.01 * torque / speed if name.endswith("viscous") else 0.01 * torque)
+    return np.array(floor)
+
+
+def _scales(motions: Sequence[Motion]) -> Array:
+    """(n,) what a torque error of each joint is measured in: its torque's own spread."""
+    return np.maximum(np.sqrt(np.mean([np.var(motion.torque, axis=0) for motion in motions], axis=0)), 1e-9)
+
+
+def _simulated(recording: Recording, motion: Motion, arm: Arm, names: Sequence[str], lanes: Array) -> Array:
+    """(lanes, m, n) torque of the closed loop on the recording's demands, on the motion's grid."""
+    demand, sampled = demand_of_run(recording, arm)
+    run = simulate_batch(
+        arm,
+        demand,
+        duration=float(motion.t[-1]),
+        rate=1 / motion.dt,
+        times=motion.t,
+        start=motion.q[0],
+        sampled=sampled,
+        parameters={name: lanes[:, k] for k, name in enumerate(names)},
+    )
+    return run.torque
+
+
+def _errors(
+    recordings: Sequence[Recording],
+    motions: Sequence[Motion],
+    arm: Arm,
+    names: Sequence[str],
+    lanes: Array,
+    scale: Array,
+) -> Array:
+    """(lanes, rows) filtered torque errors over their scale, of the trusted rows of all runs."""
+    parts = []
+    for recording, motion in zip(recordings, motions):
+        trusted = parallel_rows(motion)[1]
+        simulated = _simulated(recording, motion, arm, names, lanes)
+        off = (simulated - motion.torque) / scale
+        filtered = parallel_filter(motion, np.moveaxis(off, 0, -1))
+        parts.append(filtered[trusted].T)
+    return np.concatenate(parts, axis=1)
+
+
+def _relative(
+    recordings: Sequence[Recording], motions: Sequence[Motion], arm: Arm, names: Sequence[str], values: Array
+) -> float:
+    """Norm of the filtered torque error of the closed loop over that of the measured torque."""
+    off = _errors(recordings, motions, arm, names, values[None], np.ones(len(arm)))
+    measured = [parallel_filter(motion, motion.torque)[parallel_rows(motion)[1]] for motion in motions]
+    return float(np.linalg.norm(off) / np.linalg.norm(np.concatenate(measured)))
+
+
+def simulated_error(recording: Recording, motion: Motion, arm: Arm, held_out: bool) -> Prediction:
+    """Measured torque and that of the simulated closed loop, both through the parallel filter."""
+    if recording.qref is None:
+        raise InputError(recording.path, "has no demanded positions (qref); the closed loop is simulated from them")
+    simulated = _simulated(recording, motion, arm, (), np.empty((1, 0)))[0]
+    t, trusted = parallel_rows(motion)
+    measured, predicted = parallel_filter(motion, motion.torque), parallel_filter(motion, simulated)
+    joint, row = np.nonzero(trusted.T)
+    return Prediction(recording.path.name, held_out, t[row], joint, measured[row, joint], predicted[row, joint])

@@ -1,0 +1,98 @@
+"""Link after link, from the tip inwards, the others blocked: each step's result is used by the next (thesis, section 5.4).
+
+While one joint moves alone, its equation shows few combinations of parameters, and with those of the outer links known already, fewer
+still: each step is a small, well-conditioned fit. What a step finds is held by all later ones; directions that no step shows stay where the
+model has them. The price: what a step gets wrong, the next ones inherit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm
+from daq.recording import Recording
+from identification.methods.joint_by_joint import own_run
+from identification.regression.conclusion import conclude
+from identification.regression.equations import Friction, model_values
+from identification.regression.least_squares import Fit, least_squares
+from identification.regression.problem import Problem, Progress, prepare
+from identification.regression.uncertainty import uncertainty
+from identification.result import Identification
+
+SHOWN = 1e-2  # of a step's largest singular value, columns scaled: fainter directions are left to a later step
+
+
+def identify_in_sequence(
+    fit: Sequence[Recording],
+    arm: Arm,
+    *,
+    held_out: Sequence[Recording] = (),
+    friction: Friction = "symmetric",
+    progress: Progress = lambda _: None,
+) -> Identification:
+    """Base parameters joint by joint; each joint from the runs in which it moves furthest. InputError where none moves."""
+    problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress, sparse=True)
+    problem = replace(problem, excited=np.arange(len(problem.base)))
+    values, covariance, steps = _steps(problem, progress)
+    columns = problem.rows.columns[:, problem.columns]
+    fitted = Fit(values, np.ones(len(columns)), problem.rows.torque - columns @ values, np.empty((0, 0)))
+    spread = uncertainty(columns, problem.rows, fitted)
+    spread = replace(
+        spread,
+        covariance=covariance,
+        std=np.sqrt(np.diag(covariance)),
+        information=np.asarray(np.linalg.pinv(covariance, rcond=1e-12, hermitian=True), float),
+        normal=(np.empty((0, len(values), len(values))), np.empty((0, len(values)))),
+    )
+
+    def solve(rows: object) -> Fit:
+        return fitted
+
+    result = conclude(problem, "sequence", fitted, spread, solve)
+    if problem.held is None:
+        result.warnings.append("the later part of a sequence's runs is not held out: its steps used all of the time")
+    result.notes.extend(steps)
+    return result
+
+
+def _steps(problem: Problem, progress: Progress) -> tuple[Array, Array, list[str]]:
+    """values (b,), covariance (b, b) of the base parameters, and a sentence a step.
+
+    In units of ``size``: beta = size (x0 + open z), where the columns of ``open`` span what no step has shown yet.
+    """
+    base, rows = problem.base, problem.rows
+    start = base.grouping @ model_values(problem.arm, problem.friction)
+    size = np.maximum(np.abs(start), 0.1 * float(np.median(np.abs(start[start != 0]))) if start.any() else 1.0)
+    x, open_ = start / size, np.eye(len(base))
+    covariance = np.zeros((len(base), len(base)))
+    sentences = []
+    for j in reversed(range(len(problem.arm))):
+        runs = [run for run, motion in enumerate(problem.motions) if own_run([motion], j) is not None]
+        mine = rows.of(np.isin(rows.run, runs) & (rows.joint == j))
+        if not len(mine):
+            sentences.append(f"joint {j + 1} moves in no run; its step is left out")
+            continue
+        progress(f"joint {j + 1}")
+        columns = mine.columns[:, base.kept] * size
+        left, right = np.linalg.svd(columns @ open_, full_matrices=True)[1:]
+        count = int(np.sum(left > SHOWN * left[0]))
+        shown = open_ @ right[:count].T
+        fit = least_squares(columns @ shown, mine.torque - columns @ x, np.zeros(len(mine), np.intp), "ols")
+        spread = uncertainty(columns @ shown, mine, fit)
+        x = x + shown @ fit.values
+        covariance += shown @ spread.covariance @ shown.T
+        open_ = open_ @ right[count:].T
+        names = ", ".join(problem.fit[run].path.name for run in runs)
+        sentences.append(f"joint {j + 1}: {count} combinations from {names}, condition {fit.condition:.3g}")
+    if open_.shape[1] == len(base):
+        raise InputError(
+            ", ".join(str(r.path) for r in problem.fit), "no joint moves in any run; one run a joint is wanted"
+        )
+    # What no step has shown is as uncertain as the model's own number is large.
+    covariance += open_ @ open_.T
+    return x * size, covariance * size[:, None] * size, sentences

@@ -1,0 +1,1 @@
+"""Recordings made ready: filtered signals, spectra, quality flags, input checks."""

@@ -1,0 +1,75 @@
+"""Servo ripple that sampling folds onto the motion, where no residual shows it: how far it may put a joint's inertia wrong.
+
+The host sends a setpoint every T s, servos follow a broken line, and every corner kicks the currents in proportion to the acceleration. Seen at
+times, these kicks are lines at whole multiples of 1/T, modulated by the acceleration. Sampled n times a setpoint, the line at n/T falls onto 0 Hz:
+what is recorded is torque + c q'', where c depends on the phase of the two clocks. The columns of a joint's own inertia say the same, so that the
+fit is wrong by c and its residual is as small as ever (measured on the simulated Puma: ``docs/identification.md``).
+
+The lines below half the sampling rate are seen. A held command falls with its frequency f at least as 1/f, a lag makes it fall faster, so
+that the lines seen bound the one that is not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import signal
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from identification.preprocessing.signals import Motion
+
+BEAT = 1.0  # Hz
+BESIDE = 0.4  # of the setpoints' rate, from a multiple of it
+STRETCH = 5.0  # s in which two clocks stay in phase to a fraction of a line's period
+
+
+def rows_a_setpoint(arm: Arm, motion: Motion) -> int:
+    """How many rows there are to a setpoint of the arm's controller, where that line beats with the rows slower than BEAT; else 0.
+
+    A quicker beat changes its sign many times in a run: it is seen as a residual, and the blocks of ``uncertainty`` count it.
+    """
+    period = 0.0 if arm.controller is None else arm.controller.setpoint_period
+    rows = round(period / motion.dt)
+    return rows if rows > 1 and abs(rows / period - 1 / motion.dt) <= BEAT else 0
+
+
+def drifting(folded: Array, t: Array) -> Array:
+    """(m, 2, ...) what ``folded`` (m, ...) at t (m,) s of a run is while two clocks keep their phase, and what changes as they drift apart."""
+    along = (2 * t / max(t[-1], 1e-9) - 1).reshape(-1, *[1] * (folded.ndim - 1))
+    return np.stack([folded, folded * along], axis=1)
+
+
+def rate_beside(arm: Arm, rate: float) -> float:
+    """``rate`` Hz, or the next lower one at which the ripple is folded far from the motion: 0.4 of the setpoints' own rate beside a multiple."""
+    period = 0.0 if arm.controller is None else arm.controller.setpoint_period
+    rows = round(rate * period)
+    return rate if rows < 2 or abs(rate * period - rows) > BESIDE / 2 else round((rows - BESIDE) / period, 2)
+
+
+def folded_torque(arm: Arm, motion: Motion, t: Array, torque: Array) -> Array | None:
+    """(m, J) N m (N) on the motion's grid: one standard deviation of c q'' above, of recorded torques (n, J) at t (n,) s from the motion's start.
+
+    None where nothing folds, and of two rows a setpoint, where no line is seen. Two deviations bound c at any phase.
+    """
+    rows = rows_a_setpoint(arm, motion)
+    lines = np.arange(max(1, -(-rows // 4)), (rows + 1) // 2)
+    if arm.controller is None or rows == 0 or not len(lines):
+        return None
+    # The acceleration that is demanded, without what the kicks themselves do.
+    cut = min(motion.band.parallel, 0.5 / arm.controller.setpoint_period)
+    low_pass = signal.butter(4, min(2 * cut * motion.dt, 0.98), output="sos")
+    acceleration = signal.sosfiltfilt(low_pass, motion.qdd, axis=0)
+    angle = 2 * np.pi * t[:, None] * lines / arm.controller.setpoint_period
+    kicks = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+    deviation = np.zeros(len(arm))
+    for j in np.flatnonzero(motion.usable.any(axis=0)):
+        pushed = np.interp(t, motion.t, acceleration[:, j])[:, None] * kicks
+        ripple = torque[:, j] - np.interp(t, motion.t, motion.torque[:, j])
+        power = []
+        for stretch in np.array_split(np.arange(len(t)), max(1, int(t[-1] / STRETCH))):
+            here = stretch[np.isfinite(ripple[stretch])]
+            if len(here) > 10 * kicks.shape[1]:
+                cosine, sine = np.linalg.lstsq(pushed[here], ripple[here], rcond=None)[0].reshape(2, -1)
+                power.append(np.mean((cosine**2 + sine**2) * (lines / rows) ** 2))
+        deviation[j] = np.sqrt(np.mean(power)) / 2 if power else 0.0
+    return np.asarray(acceleration * deviation)

@@ -1,0 +1,150 @@
+"""Recordings that no identification can use are refused before minutes of computing, in one line that says what would be right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.model_file import arm_of
+from daq.recording import Recording
+from identification.preprocessing.quality import as_trusted
+from identification.preprocessing.signals import Motion
+
+MISSING = 0.5  # share of a channel's samples: more missing is no recording of that channel
+EXPLAINED = 0.7  # of the variation of a joint's torque: a model of the wrong joint explains less
+LENGTH = 0.02  # m by which the axes of one mechanism may stand otherwise in two models of it
+DEAD = 0.05  # of it: not even friction is seen
+MOVED = 20.0  # noise levels: less is no motion
+
+
+def check_recording(recording: Recording, arm: Arm) -> None:
+    """InputError, one line, where no identification of ``arm`` can come of this recording."""
+    where, joints = recording.path, len(arm)
+    recording = as_trusted(recording)
+    if recording.q.shape[1] != joints:
+        raise InputError(
+            where,
+            f"has {recording.q.shape[1]} joints, the model '{arm.name}' has {joints}; a recording of that arm is wanted",
+        )
+    if len(recording.t) < 50:
+        raise InputError(where, f"has {len(recording.t)} rows; an identification wants some seconds of motion")
+    for name, channel, unit in (("q", recording.q, "position"), ("i", recording.i, "current")):
+        missing = np.mean(~np.isfinite(channel), axis=0)
+        if missing.max() > MISSING:
+            j = int(missing.argmax())
+            raise InputError(
+                where, f"{name}{j + 1}: {missing[j]:.0%} of its samples are missing; most of the {unit} is wanted"
+            )
+    _check_channels(recording)
+    _check_rig(recording, arm)
+
+
+def _check_channels(recording: Recording) -> None:
+    """A channel that stands while others tell of motion is broken, not at rest."""
+    where = recording.path
+    span_q = np.nanmax(recording.q, axis=0) - np.nanmin(recording.q, axis=0)
+    span_i = np.nanmax(recording.i, axis=0) - np.nanmin(recording.i, axis=0)
+    if not (span_q > 0).any():
+        raise InputError(where, "no joint moves; an identification wants motion")
+    for j in np.flatnonzero(span_i == 0):
+        if span_q[j] > 0:
+            raise InputError(
+                where, f"i{j + 1}: constant at {recording.i[0, j]:g} A while joint {j + 1} moves; the channel is stuck"
+            )
+    if recording.qref is not None:
+        demanded = np.nanmax(recording.qref, axis=0) - np.nanmin(recording.qref, axis=0)
+        for j in np.flatnonzero((span_q == 0) & (demanded > 0.01)):
+            raise InputError(where, f"q{j + 1}: constant while it is demanded to move; the encoder channel is stuck")
+
+
+def _check_rig(recording: Recording, arm: Arm) -> None:
+    """A recording that carries its model must be of the same mechanism; positions must lie within the arm's limits.
+
+    Lengths may differ by what a calibration finds, and no more.
+    """
+    import tomllib
+
+    where = recording.path
+    if recording.model is not None:
+        own = arm_of(tomllib.loads(recording.model), where)
+        for number, (mine, other) in enumerate(zip(arm.joints, own.joints), 1):
+            if mine.type != other.type:
+                raise InputError(
+                    where,
+                    f"was recorded with '{own.name}', whose joint {number} is {other.type}; '{arm.name}' has a {mine.type} one",
+                )
+            for length in ("a", "d") if mine.convention == other.convention else ():
+                now, then = getattr(mine, length), getattr(other, length)
+                if abs(now - then) > LENGTH + 0.05 * abs(now):
+                    raise InputError(
+                        where,
+                        f"was recorded with '{own.name}', whose joint {number} has {length} = {then:.4g} m; '{arm.name}' has {now:.4g} m",
+                    )
+            if abs(mine.drive_constant / other.drive_constant - 1) > 0.5:
+                raise InputError(
+                    where,
+                    f"was recorded with '{own.name}': {other.drive_constant:.4g} N m/A at joint {number}, '{arm.name}' has {mine.drive_constant:.4g}",
+                )
+    for number, joint in enumerate(arm.joints, 1):
+        if joint.limits is None:
+            continue
+        low, high = np.nanmin(recording.q[:, number - 1]), np.nanmax(recording.q[:, number - 1])
+        slack = 0.1 * (joint.limits[1] - joint.limits[0])
+        if low < joint.limits[0] - slack or high > joint.limits[1] + slack:
+            raise InputError(
+                where,
+                f"q{number}: runs from {low:.4g} to {high:.4g}, outside the limits {joint.limits[0]:g} .. {joint.limits[1]:g}"
+                f" of '{arm.name}'; is it of another rig, or in degrees?",
+            )
+
+
+def check_motion(where: object, motion: Motion) -> None:
+    """InputError where nothing moves beyond the noise."""
+    moved = np.ptp(motion.q, axis=0) / np.maximum(motion.band.noise_rms, 1e-12)
+    if moved.max() < MOVED:
+        raise InputError(str(where), "no joint moves by more than its encoder's noise; an identification wants motion")
+
+
+def check_signs(where: Sequence[object], dissipated: Array, doubt: Array) -> None:
+    """InputError where the friction fitted to a joint would drive it: mean friction power (J,) W with its standard deviation (J,)."""
+    for j in np.flatnonzero(dissipated < -5 * np.maximum(doubt, 1e-12)):
+        raise InputError(
+            ", ".join(map(str, where)),
+            f"i{j + 1}: the friction of joint {j + 1} would drive it; the sign of its current is reversed (positive must drive"
+            " the joint positive): give the transducer's turns (or the table's column) the other sign",
+        )
+
+
+def unexplained_channels(where: object, residual: Array, torque: Array, joint: NDArray[np.intp]) -> list[str]:
+    """A sentence for every joint of whose current the fit explains too little: residual, torque and joint (from 0), (rows,) each.
+
+    InputError for a current that knows nothing of its joint's motion: that of an open input only hums.
+    """
+    found = []
+    for j in np.unique(joint):
+        mine = joint == j
+        explained = 1 - float(np.var(residual[mine])) / max(float(np.var(torque[mine])), 1e-300)
+        if explained < DEAD:
+            raise InputError(
+                str(where),
+                f"i{j + 1}: knows nothing of the motion of joint {j + 1} ({max(explained, 0.0):.0%} of it explained): the channel is dead, or"
+                " of something else; a current that follows the drive is wanted",
+            )
+        if explained < EXPLAINED:
+            found.append(
+                f"joint {j + 1}: the fit explains {max(explained, 0.0):.0%} of the variation of its current; is i{j + 1} dead, or of another joint?"
+            )
+    return found
+
+
+def too_short(where: Sequence[object], rows: int, parameters: int) -> InputError:
+    """The error for recordings with fewer independent rows than two a parameter."""
+    return InputError(
+        ", ".join(map(str, where)),
+        f"leave {rows} usable rows for {parameters} parameters; longer or livelier motion is wanted",
+    )

@@ -1,0 +1,41 @@
+"""What the servos of a run were asked, from its recorded demands.
+
+A recording may hold what the host planned, at every row, or what the servos made of it: straight lines between setpoints. A plan that is
+taken for the lines is too lively by what the lines cut off its corners, (pi f T)^2 / 3 of its acceleration at f Hz: 1 % at 2 Hz for
+setpoints every T = 28 ms, and in a closed loop that simulates it, 1 % of the inertias.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from daq.recording import Recording
+
+BENT = 1e-9  # rad or m: what a straight line's second difference may be
+FEW = 3  # rows a setpoint: with fewer, nobody can tell lines from a plan
+MOSTLY = 0.5
+
+
+def demand_of_run(recording: Recording, arm: Arm) -> tuple[Callable[[Array], Array], bool]:
+    """t (k,) s from the run's start -> demanded positions (k, n); and whether the servos tracked just these (``sampled`` of a simulation),
+    instead of lines between setpoints taken of them."""
+    demands, t = recording.qref, recording.t - recording.t[0]
+    assert demands is not None
+    known = [(t[ok], column[ok]) for column in demands.T for ok in [np.isfinite(column)]]
+
+    def demand(times: Array) -> Array:
+        return np.column_stack([np.interp(times, stamps, column) for stamps, column in known])
+
+    period = 0.0 if arm.controller is None else arm.controller.setpoint_period
+    return demand, period < FEW * recording.dt or not _planned(demands)
+
+
+def _planned(demands: Array) -> bool:
+    """Whether demands (n, J) bend at most rows in which they move."""
+    first = np.diff(demands, axis=0)
+    bend, moves = np.abs(np.diff(first, axis=0)), np.abs(first[1:]) > BENT
+    return bool(moves.any()) and float(np.mean(bend[moves] > BENT)) > MOSTLY

@@ -1,0 +1,200 @@
+"""Is a recording fit to be identified? Travel, speed, rows that count and why others do not, lag of the current, limits that were reached.
+
+What makes a recording unusable is refused (``identification.preprocessing.checks``); what weakens it is said here, run by run and joint by joint, before any
+parameter is believed; how well the runs together excite the arm's parameters is told beside it (``Excitation``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from arm_model.description import Arm
+from daq.recording import Recording
+from identification.preprocessing.aliased_ripple import rate_beside, rows_a_setpoint
+from identification.preprocessing.quality import Trusted
+from identification.preprocessing.signals import Motion
+
+HOLES = 0.05  # share of excluded rows worth a warning;
+STANDING = 0.3  # where a joint stands: a motion begins and ends so
+LAG = 0.5  # s within which current and acceleration are compared
+FURTHEST = 0.1  # s: the largest lag that is looked for
+TOLD = 0.9  # of the torque's square: a motion that explains less of it tells no lag
+ILL_CONDITIONED = 1e4  # of the regressor with its columns scaled alike
+TELLING = 1.5  # times the unexplained at no lag over that at the best: less is chance
+LIMIT = 0.98  # of the torque limit counts as reached
+
+
+@dataclass(frozen=True)
+class JointReadiness:
+    """One joint in one run: joint from 1; travel rad (m), top_speed rad/s (m/s), noise rad (m) rms of its angle;
+    used rows of all; left_out: reason -> rows; lag s of the torque behind the motion, None where the motion does not tell;
+    torque: largest over the drive's limit, None without one."""
+
+    joint: int
+    travel: float
+    top_speed: float
+    noise: float
+    used: int
+    left_out: dict[str, int]
+    lag: float | None
+    torque: float | None
+
+
+@dataclass(frozen=True)
+class RunReadiness:
+    """One recording: rows on the even grid of ``period`` s, doubts of its instruments (channel -> doubt -> rows), and its joints."""
+
+    run: str
+    rows: int
+    period: float
+    doubts: dict[str, dict[str, int]]
+    joints: list[JointReadiness]
+    warnings: list[str]
+
+    def to_json(self) -> dict[str, Any]:
+        table = asdict(self)
+        del table["warnings"]
+        return table
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What the fitted runs together show: base parameters excited of all, condition of the weighted regressor, the expressions not shown."""
+
+    excited: int
+    base: int
+    condition: float
+    silent: list[str]
+
+
+@dataclass(frozen=True)
+class Readiness:
+    """All runs, fitted ones first, and what the fitted ones excite together."""
+
+    runs: list[RunReadiness]
+    excitation: Excitation
+    warnings: list[str]
+
+    @property
+    def sentence(self) -> str:
+        """What a person wants to know first."""
+        e = self.excitation
+        what = f"These runs excite {e.excited} of {e.base} base parameters, condition number {e.condition:.3g}"
+        if e.condition > ILL_CONDITIONED:
+            return f"{what}: too alike to be told apart; a livelier motion is wanted (armscope excite)."
+        if e.silent:
+            return (
+                f"{what}; the others will be taken from the model. 'armscope excite' designs a motion that shows more."
+            )
+        return f"{what}: ready{' but for the warnings' if self.warnings else ''}."
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "schema": "armscope.readiness/1",
+            "runs": [run.to_json() for run in self.runs],
+            "excitation": asdict(self.excitation),
+            "warnings": self.warnings,
+            "sentence": self.sentence,
+        }
+
+
+def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm) -> RunReadiness:
+    """The account of one run."""
+    joints = []
+    for j, joint in enumerate(arm.joints):
+        torque = float(np.max(np.abs(motion.torque[:, j])))
+        joints.append(
+            JointReadiness(
+                joint=j + 1,
+                travel=float(np.ptp(motion.q[:, j])),
+                top_speed=float(np.max(np.abs(motion.qd[:, j]))),
+                noise=float(motion.band.noise_rms[j]),
+                used=int(motion.usable[:, j].sum()),
+                left_out={reason: int(counts[j]) for reason, counts in motion.excluded.items() if counts[j]},
+                lag=lag_of_torque(motion, j) if motion.moves(j) else None,
+                torque=torque / joint.torque_limit if joint.torque_limit else None,
+            )
+        )
+    name = recording.path.name
+    warnings = [f"{name}: {note}" for note in recording.notes]
+    if recording.ledger.lost:
+        warnings.append(
+            f"{name}: {recording.ledger.lost} of {recording.ledger.triggers} rows were lost as it was recorded"
+        )
+    warnings += [*found.doubts, *_left_out(name, motion), *_folded(name, motion, arm)]
+    for entry, joint in zip(joints, arm.joints):
+        warnings += _weaknesses(name, entry, motion, joint.torque_limit)
+    return RunReadiness(name, len(motion.t), motion.dt, found.counted, joints, warnings)
+
+
+def _left_out(name: str, motion: Motion) -> list[str]:
+    found = []
+    for reason, counts in motion.excluded.items():
+        shares = counts / len(motion.t)
+        many = np.flatnonzero(shares > (STANDING if reason == "standstill" else HOLES))
+        many = np.array([j for j in many.tolist() if reason != "standstill" or motion.moves(j)], np.intp)
+        if reason != "end" and len(many):
+            joints = ", ".join(f"joint {k + 1}: {shares[k]:.0%}" for k in many)
+            found.append(f"{name}: rows left out ({reason}) of {joints}")
+    return found
+
+
+def _folded(name: str, motion: Motion, arm: Arm) -> list[str]:
+    """Where setpoints kick the currents in step with the samples (``setpoint_ripple``)."""
+    rows = rows_a_setpoint(arm, motion)
+    if rows == 0 or arm.controller is None:
+        return []
+    period, known = arm.controller.setpoint_period, "how far cannot be seen at so few rows a setpoint"
+    if motion.folded is not None:
+        shares = 2 * np.std(motion.folded, axis=0) / np.maximum(np.std(motion.torque, axis=0), 1e-12)
+        known = f"the standard deviations allow for it (up to {shares.max():.1%} of the torque of joint {int(shares.argmax()) + 1})"
+    return [
+        f"{name}: {1 / motion.dt:.5g} Hz is {rows} times the rate of the controller's setpoints (every {period * 1e3:.3g} ms): the servos'"
+        f" ripple is folded onto the acceleration, and a joint's own inertia may be off; {known};"
+        f" at {rate_beside(arm, 1 / motion.dt):.5g} Hz, or with currents averaged over each row, it would not be"
+    ]
+
+
+def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float | None) -> list[str]:
+    if entry.used == 0:
+        return [f"{name}: joint {entry.joint} never moves: its friction and rotor cannot be seen here"]
+    found = []
+    lag = entry.lag
+    if lag is not None and abs(lag) > 2 * motion.dt and abs(lag) > 0.05 / motion.band.motion:
+        found.append(
+            f"{name}: the torque of joint {entry.joint} is {abs(lag) * 1e3:.1f} ms {'behind' if lag > 0 else 'ahead of'} its acceleration;"
+            " are all channels of the same instant?"
+        )
+    if entry.torque is not None and entry.torque > LIMIT:
+        found.append(f"{name}: joint {entry.joint} reaches its torque limit of {limit:g}")
+    return found
+
+
+def lag_of_torque(motion: Motion, j: int) -> float | None:
+    """s by which joint j's torque is late against what its own motion explains of it; None where motion explains little.
+
+    The delay at which q'', q', sign q', q and a constant leave the least of the torque, to a fraction of a row by a parabola.
+    """
+    rows = slice(int(LAG / motion.dt), -int(LAG / motion.dt))
+    columns = np.stack(
+        [motion.qdd[:, j], motion.qd[:, j], np.sign(motion.qd[:, j]), motion.q[:, j], np.ones(len(motion.t))], 1
+    )[rows]
+    if len(columns) < 100:
+        return None
+    basis = np.linalg.qr(columns)[0]
+    reach = max(2, min(int(FURTHEST / motion.dt), int(LAG / motion.dt) - 1))
+    shifts = np.arange(-reach, reach + 1)
+    start, stop = rows.start, len(motion.t) + rows.stop
+    torques = np.stack([motion.torque[start + s : stop + s, j] for s in shifts], axis=1)
+    explained = np.sum((basis.T @ torques) ** 2, axis=0) / np.maximum(np.sum(torques**2, axis=0), 1e-300)
+    best = int(np.argmax(explained))
+    if explained[best] < TOLD or best in (0, len(shifts) - 1):
+        return None
+    if abs(best - reach) > 1 and 1 - explained[reach] < TELLING * (1 - explained[best]):
+        return None
+    left, middle, right = explained[best - 1 : best + 2]
+    bend = left - 2 * middle + right
+    return float((shifts[best] + (0.5 * (left - right) / bend if bend < 0 else 0.0)) * motion.dt)

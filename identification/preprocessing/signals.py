@@ -1,0 +1,282 @@
+"""From a recording's samples to the smooth motion and the rows that an identification may use.
+
+One chain for every method: samples with their own stamps -> uniform grid -> zero-phase low-pass, the same for positions and torques ->
+velocity and acceleration -> parallel filter and decimation, the same for the regressor and the torque. What cannot be trusted (missing
+samples, gaps, saturation, standstill, the ends) is marked per joint, and every marked row is counted under its reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+from scipy.interpolate import PchipInterpolator, make_interp_spline
+
+from arm_io.types import Array
+from identification.preprocessing.spectrum import Band, choose_band
+
+Mask = NDArray[np.bool_]
+
+JITTER = 0.01  # of the period: stamps this close to a grid are on it
+HOLE = 2.5  # periods between two samples that are no mere jitter
+FLAT = 5  # rows at the extreme value of a channel, while the joint moves, that make it saturated
+SHAKEN = 0.02  # of the liveliest joint's travel: less is no motion of a joint's own
+CREEP = 0.005  # of a joint's peak speed: below it the direction of Coulomb friction is not known
+
+REVERSAL = 0.01  # s: a joint slow for longer stands, or sticks; what is quicker is a reversal, and Coulomb's law holds through it
+ROWS = 16  # rows of the parallel filter at a time
+SMEARED = 0.6  # periods of the low-pass's cut-off until a step that went through it is within 5 % of itself
+SPLINE_END = 25  # rows in which a quintic spline forgets its end or a hole (by 0.43 a row; Unser, 1999)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Smooth motion on a uniform grid of dt s.
+
+    t (m,) s; q, qd, qdd (m, J) rad, rad/s, rad/s2 (m for prismatic joints); torque (m, J) N m or N at the joint, after the same low-pass;
+    usable (m, J); excluded: reason -> rows per joint (J,). certain (m, J): usable, and the sign of the velocity is known for as long as the
+    low-pass smears a step. Around a reversal the torque's step of Coulomb friction is smeared and the column's is not, and what friction does
+    there is not Coulomb's law in the first place: for a fit, such samples are made zero on both sides; in a motion for judging fits they stay.
+    folded (m, J): what sampling may have put into the torque unseen, one standard deviation (``setpoint_ripple``).
+    """
+
+    dt: float
+    t: Array
+    q: Array
+    qd: Array
+    qdd: Array
+    torque: Array
+    usable: Mask
+    certain: Mask
+    excluded: Mapping[str, NDArray[np.int64]]
+    band: Band
+    folded: Array | None = None
+    for_judging: bool = False
+
+    def moves(self, j: int) -> bool:
+        """Whether joint j (from 0) moves by itself, and is not just shaken by the others."""
+        travel = np.ptp(self.q, axis=0)
+        return bool(self.usable[:, j].any() and travel[j] > SHAKEN * travel.max())
+
+    def without(self, joints: Mask, reason: str) -> Motion:
+        """Not a row of these ``joints`` (J,) usable; those that were are counted under ``reason``."""
+        excluded = {**self.excluded, reason: np.where(joints, self.usable.sum(axis=0), 0)}
+        return replace(self, usable=self.usable & ~joints, certain=self.certain & ~joints, excluded=excluded)
+
+
+def smooth_motion(
+    t: Array, q: Array, torque: Array, *, saturated: Mask | None = None, band: Band | None = None
+) -> Motion:
+    """The motion behind samples t (n,) s increasing, q (n, J), torque (n, J); NaN where a sample is missing.
+
+    ``saturated`` (n, J) marks torques that the instrument clipped; flat tops are found here. ``band``: see ``choose_band``, the default.
+    """
+    dt = float(np.median(np.diff(t)))
+    grid = t[0] + dt * np.arange(int(np.floor((t[-1] - t[0]) / dt + JITTER)) + 1)
+    q_grid, far_q = _on_grid(t, q, grid, dt)
+    torque_grid, far_torque = _on_grid(t, torque, grid, dt)
+    band = band or choose_band(q_grid[_longest_whole(far_q, dt)], dt)
+    low_pass = signal.butter(4, min(band.motion * dt * 2, 0.98), output="sos")
+    q_smooth = _both_ways(low_pass, q_grid)
+    torque_smooth = _both_ways(low_pass, torque_grid)
+    spline = make_interp_spline(grid, q_smooth, k=5)
+    qd, qdd = spline(grid, 1), spline(grid, 2)
+
+    # A hole narrower than an eighth of the shortest period that passes is as good as sampled.
+    bridge = max(1.5 * dt, 1 / (8 * band.motion))
+    memory = int(np.ceil(1 / (band.motion * dt)))
+    reach = memory + SPLINE_END
+    clipped = flat_tops(torque, q) if saturated is None else saturated | flat_tops(torque, q)
+    slow = np.abs(qd) <= slowest_certain_speed(q, qd, band, dt)
+    reasons = {
+        "gap": _dilate(np.any(far_q > bridge, axis=1, keepdims=True) | (far_torque > bridge), reach),
+        "end": np.repeat(_ends(len(grid), reach)[:, None], q.shape[1], axis=1),
+        "saturated": _dilate(_nearest(t, clipped, grid), reach),
+        "standstill": _lasting(slow, int(np.ceil(REVERSAL / dt))),
+    }
+    usable = np.ones(q_grid.shape, bool)
+    excluded = {}
+    for reason, marked in reasons.items():
+        excluded[reason] = np.sum(usable & marked, axis=0)
+        usable &= ~marked
+    certain = usable & ~_dilate(slow, int(np.ceil(SMEARED / (band.motion * dt))))
+    return Motion(dt, grid - t[0], q_smooth, qd, qdd, torque_smooth, usable, certain, excluded, band)
+
+
+def parallel_filter(motion: Motion, columns: Array) -> Array:
+    """``columns`` (m, ...) through the parallel low-pass, decimated to 2.5 rows per period of the cut-off frequency.
+
+    A finite symmetric impulse response (zero phase), so that row k rests on rows k step .. k step + window - 1 alone.
+    """
+    taps, step = _parallel(motion)
+    return _decimated(columns, taps, step)
+
+
+def _decimated(columns: Array, taps: Array, step: int) -> Array:
+    """``columns`` (m, ...) by the impulse response ``taps``, every ``step``-th row that it fits under."""
+    flat = columns.reshape(len(columns), -1)
+    rows = (len(flat) - len(taps)) // step + 1
+    # A product with a band of shifted taps, some rows at a time: most of it is zeros, and still the quickest way for many columns.
+    band = np.zeros((min(ROWS, rows), (min(ROWS, rows) - 1) * step + len(taps)))
+    for row in range(len(band)):
+        band[row, row * step : row * step + len(taps)] = taps
+    kept = np.empty((rows, flat.shape[1]))
+    for first in range(0, rows, ROWS):
+        count = min(ROWS, rows - first)
+        width = (count - 1) * step + len(taps)
+        kept[first : first + count] = band[:count, :width] @ flat[first * step : first * step + width]
+    return kept.reshape(-1, *columns.shape[1:])
+
+
+def parallel_window(motion: Motion) -> tuple[int, int]:
+    """Rows under the parallel filter's impulse response, and from one kept row to the next."""
+    taps, step = _parallel(motion)
+    return len(taps), step
+
+
+def parallel_rows(motion: Motion) -> tuple[Array, Mask]:
+    """Stamps (k,) s of the rows of ``parallel_filter`` and which of them rest on usable rows alone (k, J).
+
+    Each is trusted where at least 98 % of the filter's weight is.
+    """
+    taps, step = _parallel(motion)
+    weight = np.abs(taps) / np.abs(taps).sum()
+    bad = _decimated((~motion.usable).astype(float), weight, step)
+    first = (len(taps) - 1) // 2
+    return motion.t[first : first + step * len(bad) : step], np.asarray(bad < 0.02)
+
+
+def equation_rows(motion: Motion) -> tuple[Array, Mask]:
+    """Stamps (k,) s of the rows of ``parallel_filter`` and which of them may be used (k, J): those of ``parallel_rows``; of a motion for
+    fitting, those in which samples that are certain have half of the weight."""
+    t, trusted = parallel_rows(motion)
+    return t, trusted if motion.for_judging else parallel_filter(motion, equation_weight(motion)) > 0.5
+
+
+def sure_rows(motion: Motion) -> Mask:
+    """(k, J) of the rows of ``parallel_filter``, those that rest on certain samples alone: no reversal, and no standstill, is near."""
+    return parallel_rows(replace(motion, usable=motion.certain))[1]
+
+
+def equation_weight(motion: Motion) -> Array:
+    """(m, J) by which both sides of the equations are multiplied before the parallel filter: 0 where they do not hold."""
+    return np.ones(motion.usable.shape) if motion.for_judging else motion.certain.astype(float)
+
+
+def with_reversals(motion: Motion) -> Motion:
+    """The motion for judging a fit rather than for fitting."""
+    return replace(motion, for_judging=True)
+
+
+def _parallel(motion: Motion) -> tuple[Array, int]:
+    cut = motion.band.parallel * motion.dt  # of the rate
+    half = min(int(np.ceil(2.0 / cut)), (len(motion.t) - 1) // 4)
+    taps = signal.firwin(2 * half + 1, min(2 * cut, 0.98))
+    return taps, max(1, int(1 / (2.5 * cut)))
+
+
+def slowest_certain_speed(q: Array, qd: Array, band: Band, dt: float) -> Array:
+    """Below this speed (J,) the sign of the velocity, and with it Coulomb friction, is not known.
+
+    Less than one encoder step within a period of the filter; three times the velocity noise that passes it; creep.
+    """
+    step = np.array([_resolution(column) for column in q.T])
+    # White position noise of rms s has density 2 dt s^2; differentiated and cut at f: s_v^2 = 2 dt s^2 (2 pi)^2 f^3 / 3.
+    noise = band.noise_rms * 2 * np.pi * np.sqrt(2 * dt * band.motion**3 / 3)
+    rounding = 1e-9 * np.maximum(np.max(np.abs(q), axis=0), 1.0)  # of a joint that stands in a simulation
+    still = np.where(np.ptp(q, axis=0) < rounding, np.inf, 0.0)
+    return np.maximum.reduce([step * band.motion, 3 * noise, CREEP * np.max(np.abs(qd), axis=0), still])
+
+
+def flat_tops(channel: Array, q: Array) -> Mask:
+    """Rows (n, J) of runs of at least FLAT equal samples at the channel's largest or smallest value, while the joint moves."""
+    flat = np.zeros(channel.shape, bool)
+    for j, column in enumerate(channel.T):
+        if not np.isfinite(column).any():
+            continue
+        low, high = np.nanmin(column), np.nanmax(column)
+        for extreme in (low, high):
+            at = (column == extreme) & (high > low)
+            edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
+            for start, stop in edges.reshape(-1, 2):
+                if stop - start >= FLAT and np.ptp(q[start:stop, j]) > 0:
+                    flat[start:stop, j] = True
+    return flat
+
+
+def _on_grid(t: Array, samples: Array, grid: Array, dt: float) -> tuple[Array, Array]:
+    """Samples at the grid's instants, and the distance (m, J) s from each to the nearest real sample (holes only)."""
+    on = len(grid) == len(t) and float(np.max(np.abs(t - grid))) < JITTER * dt
+    values, distance = np.empty((len(grid), samples.shape[1])), np.zeros((len(grid), samples.shape[1]))
+    for j, column in enumerate(samples.T):
+        there = np.isfinite(column)
+        if on and there.all():
+            values[:, j] = column
+            continue
+        known, inside = t[there], np.clip(grid, t[there][0], t[there][-1])
+        after = np.searchsorted(known, grid).clip(1, len(known) - 1)
+        hole = known[after] - known[after - 1]
+        # A hole is crossed without overshoot. Elsewhere that would cut the tops off servo ripple, always on the same side, by 0.5 % of an inertia.
+        across = PchipInterpolator(known, column[there])(inside)
+        values[:, j] = np.where(hole > HOLE * dt, across, make_interp_spline(known, column[there], k=3)(inside))
+        distance[:, j] = np.where((grid < known[0]) | (grid > known[-1]), np.inf, hole / 2)
+    return values, distance
+
+
+def _longest_whole(far: Array, dt: float) -> slice:
+    """The longest stretch of the grid without holes of more than ten rows in any joint."""
+    torn = np.concatenate([[True], np.any(far > 5.5 * dt, axis=1), [True]])
+    edges = np.flatnonzero(torn)
+    longest = int(np.argmax(np.diff(edges)))
+    return slice(int(edges[longest]), int(edges[longest + 1]) - 1)
+
+
+def _both_ways(sos: Array, columns: Array) -> Array:
+    pad = min(len(columns) - 1, 3 * int(np.ceil(10 / max(1e-3, 1 - np.max(np.abs(signal.sos2zpk(sos)[1]))))))
+    return np.asarray(signal.sosfiltfilt(sos, columns, axis=0, padlen=pad))
+
+
+def _nearest(t: Array, marked: Mask, grid: Array) -> Mask:
+    out = np.zeros((len(grid), marked.shape[1]), bool)
+    rows, joints = np.nonzero(marked)
+    dt = grid[1] - grid[0] if len(grid) > 1 else 1.0
+    out[np.clip(np.rint((t[rows] - grid[0]) / dt).astype(int), 0, len(grid) - 1), joints] = True
+    return out
+
+
+def _lasting(marked: Mask, rows: int) -> Mask:
+    """Only those runs of ``marked`` (m, J) that last longer than ``rows``: a reversal at speed is not a standstill."""
+    lasting = np.zeros_like(marked)
+    for j, column in enumerate(marked.T):
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], column, [False]]).astype(np.int8)))
+        for start, stop in edges.reshape(-1, 2):
+            lasting[start:stop, j] = stop - start > rows
+    return lasting
+
+
+def _dilate(marked: Mask, reach: int) -> Mask:
+    """``marked`` (m, J) widened by ``reach`` rows either way."""
+    count = np.cumsum(
+        np.concatenate([np.zeros((reach + 1, marked.shape[1])), marked, np.zeros((reach, marked.shape[1]))]), axis=0
+    )
+    return np.asarray(count[2 * reach + 1 :] - count[: -2 * reach - 1] > 0)
+
+
+def _ends(rows: int, reach: int) -> Mask:
+    ends = np.zeros(rows, bool)
+    ends[:reach] = ends[-reach:] = True
+    return ends
+
+
+def _resolution(column: Array) -> float:
+    """Smallest step between the values that an encoder channel takes, rad or m; 0 where it is not quantised."""
+    values = np.unique(column[np.isfinite(column)])
+    steps = np.diff(values)
+    if len(steps) < 10:
+        return float(steps.min()) if len(steps) else 0.0
+    step = float(np.quantile(steps, 0.02))
+    whole = np.abs(steps / step - np.rint(steps / step)) < 0.05 if step > 0 else np.zeros(1, bool)
+    return step if np.mean(whole) > 0.9 else 0.0

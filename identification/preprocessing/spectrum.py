@@ -1,0 +1,106 @@
+"""Where the motion ends and the noise begins: cut-off frequencies read off the recording's own spectrum.
+
+The spectrum of the acceleration, from positions differenced twice, falls where the motion of the arm ends and rises as f^4 where
+encoder noise takes over. The cut-off for differentiation stands at twice the far side of the valley between them, whatever the
+instrument. The second, parallel filter passes what the equations of motion speak about: twice the band that holds 95 % of the
+power of the acceleration, and of the sign of the velocity, whose harmonics alone tell Coulomb from viscous friction (Janot,
+Vandanjon, Gautier, IEEE T-CST 22 (2014) 132: at least twice the bandwidth of the dynamics).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+
+from arm_io.types import Array
+
+OCCUPIED = 0.95  # share of the acceleration's power that counts as the bandwidth of the dynamics
+STANDING = 0.02  # of a joint's peak speed: below it the sign of the velocity may be noise
+SHAKEN = 0.01  # of the liveliest joint's travel in noise levels
+SEGMENT = 8.0  # s, length of Welch's segments: resolution 0.125 Hz
+
+
+@dataclass(frozen=True)
+class Band:
+    """Cut-off frequencies (-6 dB, zero phase) common to all joints and both sides of the equations, Hz.
+
+    ``motion`` for differentiating positions, ``parallel`` for the regression. ``frequency`` (f,) Hz and ``density`` (f, J),
+    (rad/s2)^2/Hz, are the acceleration spectrum from which they were read; ``noise_rms`` (J,) rad is the white part of the position noise.
+    """
+
+    motion: float
+    parallel: float
+    frequency: Array
+    density: Array
+    noise_rms: Array
+
+
+def choose_band(q: Array, dt: float) -> Band:
+    """The band of positions q (n, J) rad or m on a uniform grid of dt s. Joints that do not move have no say."""
+    rate = 1.0 / dt
+    acceleration = np.diff(q, 2, axis=0) / dt**2
+    segment = int(min(len(acceleration), max(SEGMENT * rate, 16)))
+    f, density = signal.welch(acceleration, rate, nperseg=segment, axis=0)
+    noise = _white_noise(f, density, dt)
+    travel = np.ptp(q, axis=0) / np.maximum(noise, 1e-15)
+    # Joints that the moving ones only shake by a few counts would make the spectrum that of their counts.
+    moving = travel > max(20.0, SHAKEN * travel.max())
+    if not moving.any():
+        return Band(rate / 4, rate / 8, f, density, noise)
+    share = density[:, moving] / np.maximum(density[:, moving].max(axis=0), 1e-300)
+    valley = _valley(f, share)
+    # Twice: the noise let in by this is cut by the parallel filter, while a reversal, and with it friction, stays where it was.
+    motion = min(2.0 * valley, 0.25 / dt)
+    inside = (f > 0) & (f <= valley)
+    dynamics = _occupied(f[inside], share[inside])
+    signs = _signs(q[:, moving], dt, valley)
+    turns, sign_density = signal.welch(signs, rate, nperseg=segment, axis=0, detrend="constant")
+    dynamics = max(dynamics, _occupied(turns[1:], sign_density[1:]))
+    return Band(motion, min(valley, 2.0 * dynamics), f, density, noise)
+
+
+def _occupied(f: Array, density: Array) -> float:
+    """Hz below which OCCUPIED of the power is, of the mean over columns of equal power each."""
+    power = np.cumsum(np.mean(density / np.maximum(density.sum(axis=0), 1e-300), axis=1))
+    return float(f[np.searchsorted(power, OCCUPIED * power[-1])])
+
+
+def _signs(q: Array, dt: float, cut: float) -> Array:
+    """Direction of motion (n, J), 0 where a joint all but stands."""
+    low_pass = signal.butter(2, min(2 * cut * dt, 0.98), output="sos")
+    speed = np.gradient(signal.sosfiltfilt(low_pass, q, axis=0), dt, axis=0)
+    return np.where(np.abs(speed) > STANDING * np.max(np.abs(speed), axis=0), np.sign(speed), 0.0)
+
+
+def _white_noise(f: Array, density: Array, dt: float) -> Array:
+    """Rms of the white part of the position noise, from the upper part of the spectrum of its second difference (J,)."""
+    upper = (f > 0.3 / dt) & (f < 0.475 / dt)
+    if not upper.any():
+        return np.zeros(density.shape[1])
+    gain = (2 * np.sin(np.pi * f[upper] * dt) / dt) ** 4
+    floor = np.median(density[upper] / gain[:, None], axis=0) / np.log(2)  # a periodogram's median is ln 2 of its mean
+    return np.asarray(np.sqrt(floor / (2 * dt)))
+
+
+def _valley(f: Array, share: Array) -> float:
+    """The frequency of least power beyond the motion's own: minimum of the joints' mean log spectrum, smoothed over a third of an octave."""
+    speed = np.cumsum(np.mean(share[1:], axis=1) / f[1:] ** 2)
+    slow = f[1:][np.searchsorted(speed, 0.5 * speed[-1])]  # half of the speed's power is below
+    level = np.mean(np.log(np.maximum(share[1:], 1e-300)), axis=1)
+    octave = np.log2(f[1:])
+    grid = np.arange(octave[0], octave[-1], 1 / 24)
+    total = np.concatenate([[0.0], np.cumsum(level)])
+    first = np.searchsorted(octave, grid - 1 / 6, side="left")
+    last = np.maximum(np.searchsorted(octave, grid + 1 / 6, side="right"), first + 1)
+    last = np.minimum(last, len(level))
+    first = np.minimum(first, last - 1)
+    smooth = (total[last] - total[first]) / (last - first)
+    # Beyond half the Nyquist frequency anti-aliasing makes valleys of its own, and filters ring long.
+    usable = (2.0**grid <= 0.5 * f[-1]) & (2.0**grid >= min(slow, 0.25 * f[-1]))
+    floor, frequency = smooth[usable], 2.0 ** grid[usable]
+    lowest = int(np.argmin(floor))
+    # Its far side, where the power has doubled again.
+    risen = np.flatnonzero(floor[lowest:] > floor[lowest] + np.log(2.0))
+    return float(frequency[lowest + (risen[0] if len(risen) else 0)])

@@ -1,0 +1,1 @@
+"""The linear regression behind every method: equations, base parameters, least squares, uncertainty."""

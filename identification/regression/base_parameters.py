@@ -1,0 +1,123 @@
+"""Which combinations of an arm's parameters its torques can show at all.
+
+Some links' parameters never act alone: only sums do (Gautier, "Numerical calculation of the base inertial parameters of robots",
+J. Robotic Systems 8(4), 1991). Found here on random states of the arm, where nothing but its structure decides: the rank by a
+column-pivoted QR, then, in an order that people like to read (drives first, then links from the tip inwards), the columns that
+no earlier one makes up. Every other column is a combination of those.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from arm_io.types import Array
+from identification.regression.effect_columns import is_effect
+from identification.regression.qr import pivoted_triangle, triangle_of
+
+NEGLIGIBLE = 1e-8  # of a column's own size: what is left of it counts as rounding
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """b base parameters beta = grouping @ delta of p standard parameters delta, with Y delta = Y[:, kept] beta for every Y.
+
+    names (p,); kept (b,) indices of the columns that stand for a group; grouping (b, p) has the identity in the kept columns.
+    """
+
+    names: tuple[str, ...]
+    kept: NDArray[np.intp]
+    grouping: Array
+
+    def __len__(self) -> int:
+        return len(self.kept)
+
+    def alone(self, row: int) -> bool:
+        """Whether base parameter ``row`` is one standard parameter and nothing else."""
+        return int(np.count_nonzero(self.grouping[row])) == 1
+
+    def expression(self, row: int) -> str:
+        """'link2.mx + 0.4318 link3.mass - link3.my'."""
+        first = int(self.kept[row])
+        terms = [self.names[first]]
+        for column in np.flatnonzero(self.grouping[row]):
+            if column != first:
+                factor = self.grouping[row, column]
+                size = "" if abs(abs(factor) - 1) < 1e-9 else f"{abs(factor):.6g} "
+                terms.append(f"{'-' if factor < 0 else '+'} {size}{self.names[column]}")
+        return " ".join(terms)
+
+
+def base_parameters(
+    columns: Array, names: Sequence[str], *, order: Sequence[int] | None = None, negligible: float = NEGLIGIBLE
+) -> BaseParameters:
+    """The base parameters that ``columns`` (rows, p), rows >> p, can tell apart.
+
+    ``order``: indices of columns, those that had better stand for a group first; the default is ``reading_order(names)``.
+    ``negligible``: share of a column that, left over by the earlier ones, counts as nothing; for measured columns the noise's.
+    """
+    triangle = triangle_of(columns)
+    size = np.linalg.norm(triangle, axis=0)
+    seen = size > NEGLIGIBLE * max(size.max(), 1e-300)
+    wanted = np.array(
+        [column for column in (reading_order(tuple(names)) if order is None else order) if seen[column]], np.intp
+    )
+    scaled = triangle[:, wanted] / size[wanted]
+    pivoted, turned = pivoted_triangle(scaled)
+    pivots = np.abs(np.diag(pivoted))
+    rank = int(np.sum(pivots > negligible * max(pivots.max(initial=0.0), 1e-300)))
+    scaled = np.empty((rank, len(wanted)))  # beyond the rank, rows are rounding
+    scaled[:, turned] = pivoted[:rank]
+    standing = _first_independent(scaled, negligible)
+    kept, others = wanted[standing], np.delete(wanted, standing)
+
+    # R of [kept others] = [Rk Ro], and others = kept Rk^-1 Ro.
+    both = triangle_of(np.concatenate([scaled[:, standing], np.delete(scaled, standing, axis=1)], axis=1))
+    both = both[: len(kept)]
+    grouping = np.zeros((len(kept), len(size)))
+    if len(kept):
+        made = lapack.dtrtrs(both[:, : len(kept)], both[:, len(kept) :])[0]
+        grouping[:, others] = made * size[others] / size[kept][:, None]
+    grouping[np.abs(grouping) < 1e-7] = 0.0
+    grouping[:, kept] = np.eye(len(kept))
+    return BaseParameters(tuple(names), kept, grouping)
+
+
+def _first_independent(columns: Array, negligible: float) -> NDArray[np.intp]:
+    """Indices of the columns (of unit size) of which more than ``negligible`` is left beyond all before them.
+
+    What an unpivoted QR decomposition keeps up to the first column with nothing left of it; then once more on what is left of the rest.
+    """
+    found, rest = [], np.arange(columns.shape[1])
+    while columns.size:
+        alive = np.linalg.norm(columns, axis=0) > negligible
+        columns, rest = columns[:, alive], rest[alive]
+        triangle = triangle_of(columns)
+        small = np.flatnonzero(np.abs(np.diag(triangle)) <= negligible)
+        good = small[0] if len(small) else min(triangle.shape)
+        found.append(rest[:good])
+        columns, rest = triangle[good:, good:], rest[good:]
+    return np.concatenate(found) if found else rest
+
+
+@cache
+def reading_order(names: tuple[str, ...]) -> list[int]:
+    """Drives first, then links from the tip inwards; what is commonly summed into the next link inwards last: iyy, mz, mass; then effects."""
+    last = {"iyy": 1, "mz": 2, "mass": 3}
+    within = {"mx": 0, "my": 1, "izz": 2, "ixx": 3}
+
+    def rank(index: int) -> tuple[int, int, int, int]:
+        head, _, rest = names[index].partition(".")
+        if is_effect(names[index]):
+            return (2, 0, index, 0)
+        number = int("".join(c for c in head if c.isdigit()) or 0)
+        if head.startswith("link"):
+            return (1, last.get(rest, 0), -number, within.get(rest, 4))
+        return (0, 0, number, 0)
+
+    return sorted(range(len(names)), key=rank)

@@ -1,0 +1,258 @@
+"""The equations of motion as rows of a linear regression: Y(q, q', q'') delta + rest = torque, for all runs of an identification.
+
+``rest`` is what an arm with effects shows beyond its columns times its parameters (``identification.regression.effect_columns``); without effects it is nothing.
+Through the same parallel filter on both sides; samples for which they do not hold (``signals.equation_weight``) are zero on both sides before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.parameters import parameter
+from arm_model.rigid_body.regressor import parameter_names, parameter_vector, regressor
+from identification.preprocessing.aliased_ripple import drifting
+from identification.preprocessing.signals import (
+    Motion,
+    equation_rows,
+    equation_weight,
+    parallel_filter,
+    parallel_window,
+    sure_rows,
+)
+from identification.regression.base_parameters import BaseParameters, base_parameters
+from identification.regression.effect_columns import effect_columns, effect_parameters, shown_torque
+
+Friction = Literal["symmetric", "asymmetric"]
+
+
+PER_ROW = ("columns", "torque", "joint", "run", "t", "rest", "systematic", "sure")
+
+
+@dataclass(frozen=True)
+class Equations:
+    """columns (rows, p) of the standard parameters ``names``, torque (rows,) N m or N, and where each row comes from:
+    joint (rows,) from 0, run (rows,) from 0, t (rows,) s within the run. Rows of one run and joint follow in time.
+    rest (rows,): the part of the torque that no column carries; None: nothing.
+    systematic (rows, s): errors that the torques may have and no residual shows, each one standard deviation of its own cause.
+    sure (rows,): those that rest on samples alone in which the direction of motion is known; None: all."""
+
+    columns: Array
+    torque: Array
+    joint: NDArray[np.intp]
+    run: NDArray[np.intp]
+    t: Array
+    names: tuple[str, ...]
+    rest: Array | None = None
+    systematic: Array | None = None
+    sure: NDArray[np.bool_] | None = None
+
+    def __len__(self) -> int:
+        return len(self.torque)
+
+    def of(self, rows: NDArray[np.bool_]) -> Equations:
+        """Only those rows."""
+        given = {name: value[rows] for name in PER_ROW if (value := getattr(self, name)) is not None}
+        return replace(self, **given)
+
+
+def column_names(arm: Arm, friction: Friction) -> list[str]:
+    """Names of ``model_columns``: the regressor's, friction as asked for, rotors only where the model has one; then the effects'.
+
+    symmetric   viscous, coulomb, offset: with a constant offset, Coulomb friction may differ by direction
+    asymmetric  viscous_positive, viscous_negative, coulomb_positive, coulomb_negative; an offset could not be told from these
+    """
+    described = [name for name in parameter_names(arm, friction=friction) if not _left_out(arm, name, friction)]
+    return described + effect_parameters(arm)
+
+
+def model_columns(
+    arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction = "symmetric", t: Array | None = None
+) -> Array:
+    """(N, n, p) regressor with the columns ``column_names(arm, friction)``; t (N,) s matters to effects that change in time."""
+    described = described_columns(arm, q, qd, qdd, friction)
+    if not arm.effects:
+        return described
+    t = np.zeros(len(q)) if t is None else t
+    shown = shown_torque(arm, arm, q, qd, qdd, t)
+    return np.concatenate([described, effect_columns(arm, arm, q, qd, qdd, t, shown)], axis=2)
+
+
+def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction) -> Array:
+    """(N, n, p - e) columns of links and drives, which count as moving alike: those of a Gauss-Newton step need no more.
+
+    With symmetric friction, the offset of a joint whose Coulomb friction the model has by direction is half of that difference, and goes
+    through zero with the velocity: sign^2 instead of 1.
+    """
+    full, names = regressor(arm, q, qd, qdd, friction=friction)
+    for j, joint in enumerate(arm.joints if friction == "symmetric" else ()):
+        if joint.coulomb[0] != joint.coulomb[1]:
+            sign = full[:, j, names.index(f"joint{j + 1}.coulomb")]
+            full[:, j, names.index(f"joint{j + 1}.offset")] = sign**2
+    return full[:, :, [k for k, name in enumerate(names) if not _left_out(arm, name, friction)]]
+
+
+def model_values(arm: Arm, friction: Friction = "symmetric") -> Array:
+    """(p,) the arm's own values of the parameters ``column_names(arm, friction)``.
+
+    While a joint moves, no one can tell a constant torque from a difference of the two Coulomb magnitudes: with symmetric friction the
+    offset carries half of that difference, with asymmetric friction the magnitudes carry the offset.
+    """
+    values = []
+    for name, value in zip(parameter_names(arm, friction=friction), parameter_vector(arm, friction=friction)):
+        if _left_out(arm, name, friction):
+            continue
+        head, _, rest = name.partition(".")
+        joint = arm.joints[int(head.removeprefix("joint")) - 1] if head.startswith("joint") else None
+        if joint is not None and rest == "offset":
+            value += joint.ratio * (joint.coulomb[0] - joint.coulomb[1]) / 2
+        elif joint is not None and rest in ("coulomb_positive", "coulomb_negative"):
+            value += joint.ratio * joint.offset * (1 if rest.endswith("positive") else -1)
+        values.append(value)
+    return np.array(values + [parameter(arm, name) for name in effect_parameters(arm)])
+
+
+def _left_out(arm: Arm, name: str, friction: Friction) -> bool:
+    head, _, rest = name.partition(".")
+    if rest == "offset":
+        return friction == "asymmetric"
+    # Without a rotor in the model, its inertia is part of what the joint moves.
+    return rest == "rotor_inertia" and arm.joints[int(head.removeprefix("joint")) - 1].rotor_inertia == 0.0
+
+
+def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int = 0, seed: int = 1) -> BaseParameters:
+    """What any motion of this arm could show: base parameters from random states within its limits."""
+    # Where friction only turns about, Coulomb's magnitudes and an offset are not the same: let it turn at once.
+    arm = replace(arm, joints=tuple(replace(joint, sign_velocity=1e-7) for joint in arm.joints))
+    names = column_names(arm, friction)
+    random = np.random.default_rng(seed)
+    count = states or 4 * len(names)
+    limits = [joint.limits or ((-np.pi, np.pi) if joint.revolute else (-1.0, 1.0)) for joint in arm.joints]
+    q = random.uniform([low for low, _ in limits], [high for _, high in limits], (count, len(arm)))
+    qd, qdd = random.uniform(-2, 2, q.shape), random.uniform(-5, 5, q.shape)
+    columns = model_columns(arm, q, qd, qdd, friction, random.uniform(0.0, 60.0, count))
+    return base_parameters(columns.reshape(-1, len(names)), names)
+
+
+def equations(
+    arm: Arm, motions: Sequence[Motion], friction: Friction = "symmetric", base: BaseParameters | None = None
+) -> Equations:
+    """The rows of all runs; ``rest`` is what the arm shows beyond the columns of its ``base`` parameters (default: of all)."""
+    (rows,) = equations_of(arm, [motions], friction, base)
+    return rows
+
+
+def equations_of(
+    arm: Arm, views: Sequence[Sequence[Motion]], friction: Friction = "symmetric", base: BaseParameters | None = None
+) -> list[Equations]:
+    """``equations`` of several views of the same runs, which differ in the rows that they trust: the regressor is made once for all."""
+    found = []
+    parts = [_run_equations(arm, same, run, friction) for run, same in enumerate(zip(*views))]
+    for motions, own in zip(views, zip(*parts)):
+        columns, torque, joint, run, t = (np.concatenate(part) for part in zip(*own))
+        rows = Equations(columns, torque, joint, run, t, tuple(column_names(arm, friction)))
+        sure = np.concatenate([sure_rows(motion).T[equation_rows(motion)[1].T] for motion in motions])
+        rows = replace(rows, systematic=_systematic(rows, motions), sure=sure)
+        found.append(with_effects(rows, arm, arm, motions, friction, base))
+    return found
+
+
+def _systematic(rows: Equations, motions: Sequence[Motion]) -> Array | None:
+    """(rows, s) what folded ripple may have added, each joint and run for itself, all along and as two clocks drift apart; None: nothing."""
+    found = []
+    for run, motion in enumerate(motions):
+        if motion.folded is None:
+            continue
+        unseen = drifting(motion.folded, motion.t) * equation_weight(motion)[:, None]
+        added = parallel_filter(motion, unseen)
+        joint, row = np.nonzero(equation_rows(motion)[1].T)
+        for j in np.flatnonzero(motion.folded.any(axis=0)):
+            columns = np.zeros((len(rows), 2))
+            columns[rows.run == run] = np.where((joint == j)[:, None], added[row, :, j], 0.0)
+            found.append(columns)
+    return np.concatenate(found, axis=1) if found else None
+
+
+def _run_equations(
+    arm: Arm, views: Sequence[Motion], number: int, friction: Friction
+) -> list[tuple[Array, Array, NDArray[np.intp], NDArray[np.intp], Array]]:
+    """columns of links and drives, torque, joint, run and t of one run's rows, for each view of it."""
+    found = []
+    for motion, columns in zip(views, _filtered(arm, views, views[0], friction)):
+        t, trusted = equation_rows(motion)
+        torque = parallel_filter(motion, motion.torque * equation_weight(motion))
+        joint, row = np.nonzero(trusted.T)
+        found.append((columns[row, joint], torque[row, joint], joint, np.full(len(row), number, np.intp), t[row]))
+    return found
+
+
+def filtered_columns(arm: Arm, motion: Motion, moved: Motion, friction: Friction) -> Array:
+    """(k, n, p - e) ``described_columns`` of the positions of ``moved`` through the parallel filter of ``motion``, whose grid it has."""
+    (columns,) = _filtered(arm, [motion], moved, friction)
+    return columns
+
+
+def _filtered(arm: Arm, views: Sequence[Motion], moved: Motion, friction: Friction) -> list[Array]:
+    """``filtered_columns`` for each of some views of one run. A stretch at a time, to save memory."""
+    motion = views[0]
+    window, step = parallel_window(motion)
+    weights = [equation_weight(view)[..., None] for view in views]
+    kept = (len(motion.t) - window) // step + 1
+    stretch = max(1, 4 * window // step)
+    parts: list[list[Array]] = [[] for _ in views]
+    for first in range(0, kept, stretch):
+        last = min(first + stretch, kept)
+        rows = slice(first * step, (last - 1) * step + window)
+        unfiltered = described_columns(arm, moved.q[rows], moved.qd[rows], moved.qdd[rows], friction)
+        for part, weight in zip(parts, weights):
+            part.append(parallel_filter(motion, unfiltered * weight[rows]))
+    return [np.concatenate(part) for part in parts]
+
+
+def with_effects(
+    rows: Equations,
+    arm: Arm,
+    model: Arm,
+    motions: Sequence[Motion],
+    friction: Friction,
+    base: BaseParameters | None = None,
+    moved: Sequence[Motion] | None = None,
+) -> Equations:
+    """``rows`` with the columns of the effects at the values of ``arm``, and the ``rest``. ``model``: that of the readings (``shown_torque``);
+    ``moved``: other positions on the grids of ``motions``, simulated ones."""
+    if not arm.effects:
+        return rows
+    parts = [_effect_rows(arm, model, motion, other) for motion, other in zip(motions, moved or motions)]
+    found = np.concatenate(parts)
+    values = model_values(arm, friction)
+    effects = len(effect_parameters(arm))
+    described = rows.columns[:, : len(values) - effects]
+    columns = np.concatenate([described, found[:, 1:]], axis=1)
+    linear = columns @ values if base is None else columns[:, base.kept] @ (base.grouping @ values)
+    return replace(rows, columns=columns, rest=found[:, 0] - linear)
+
+
+def _effect_rows(arm: Arm, model: Arm, motion: Motion, moved: Motion) -> Array:
+    """(rows of this run, 1 + e): the torque that the arm shows, then its derivatives by the effects' parameters."""
+    q, qd, qdd = moved.q, moved.qd, moved.qdd
+    shown = shown_torque(arm, model, q, qd, qdd, motion.t)
+    columns = effect_columns(arm, model, q, qd, qdd, motion.t, shown)
+    joint, row = np.nonzero(equation_rows(motion)[1].T)
+    both = np.concatenate([shown[..., None], columns], axis=2) * equation_weight(motion)[..., None]
+    return np.asarray(parallel_filter(motion, both)[row, joint])
+
+
+def shown_rows(arm: Arm, model: Arm, motions: Sequence[Motion]) -> Array:
+    """(rows,) the torque that a recording of ``arm`` shows on these motions, as the rows of ``equations``."""
+    parts = []
+    for motion in motions:
+        joint, row = np.nonzero(equation_rows(motion)[1].T)
+        shown = shown_torque(arm, model, motion.q, motion.qd, motion.qdd, motion.t)
+        parts.append(parallel_filter(motion, shown * equation_weight(motion))[row, joint])
+    return np.concatenate(parts)

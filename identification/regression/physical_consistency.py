@@ -1,0 +1,177 @@
+"""From base parameters to an arm that could exist: every link's mass distribution real, friction that dissipates.
+
+A rigid body exists if its 4x4 pseudo-inertia  P = [[tr(I)/2 1 - I, h], [h^T, m]]  is positive definite (Wensing, Kim, Slotine, IEEE RA-L
+3(1), 2018). Base parameters leave many arms; the one nearest to a prior in Bregman's log-det divergence is taken (Lee, Wensing, Park, IEEE T-RO
+36(3), 2020), which needs no units to be balanced:
+
+    min  1/2 |K delta - beta|^2_S  +  regularisation * sum_links [ tr(P0^-1 P) - logdet(P) ]  +  barrier * sum [ f / f0 - log(f) ]
+
+over links and frictions f (the same divergence of one number: where no data speaks, the prior's own value is the nearest), with S the inverse
+covariance of beta. Convex and self-concordant: damped Newton steps reach it from the prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.rigid_body.inertia import PARAMETERS
+from identification.regression.effect_columns import definition, is_effect
+
+REGULARISATION = 1e-2  # a divergence of 1 (a mass 2.1 times the prior's) weighs like a tenth of a standard deviation
+BARRIER = 1e-3
+SMALLEST = (
+    1e-6  # of the arm's mean link: what a massless or sizeless prior is given, so that it can be written as a body
+)
+DISSIPATIVE = {
+    *("rotor_inertia", "viscous", "viscous_positive", "viscous_negative"),
+    *("coulomb", "coulomb_positive", "coulomb_negative"),
+}
+
+
+def pseudo_inertia(parameters: Array) -> Array:
+    """(..., 4, 4) of barycentric parameters (..., 10)."""
+    return np.asarray(np.tensordot(parameters, _UNITS, 1))
+
+
+def _unit_pseudo_inertias() -> Array:
+    """(10, 4, 4) the pseudo-inertia's derivatives by each parameter."""
+    units = np.zeros((10, 4, 4))
+    for k, name in enumerate(PARAMETERS):
+        if name == "mass":
+            units[k, 3, 3] = 1.0
+        elif name in ("mx", "my", "mz"):
+            axis = "xyz".index(name[1])
+            units[k, axis, 3] = units[k, 3, axis] = 1.0
+        else:
+            row, column = ("xyz".index(c) for c in name[1:])
+            units[k, row, column] -= 1.0
+            if row == column:
+                units[k, :3, :3] += np.eye(3) / 2
+            else:
+                units[k, column, row] -= 1.0
+    return units
+
+
+_UNITS = _unit_pseudo_inertias()
+
+
+def consistent_parameters(
+    grouping: Array,
+    base: Array,
+    information: Array,
+    prior: Array,
+    names: Sequence[str],
+    *,
+    regularisation: float = REGULARISATION,
+) -> Array:
+    """(p,) physical standard parameters with grouping (b, p) @ them near base (b,), whose inverse covariance is ``information`` (b, b).
+
+    ``prior`` (p,): of ``names``; links without mass or inertia get a small one. Parameters that are neither of a link nor friction are
+    free, held to the prior only where no base parameter speaks of them; so are signed parameters of effects, while those that have no sign
+    (an amplitude, a share) stay positive as friction does.
+    """
+    problem = _Problem(grouping, base, information, np.array(prior, float), names)
+    delta = problem.centre
+    # From a path well inside the cone of bodies towards its wall, where the data may lie beyond it.
+    for factor in 10.0 ** np.arange(6, -1, -1):
+        delta = _newton(problem, delta, regularisation * factor, BARRIER * factor)
+    # What acts in none of these sums is the prior's, to the last digit, though it were no friction at all.
+    untold = np.setdiff1d(np.flatnonzero(~np.any(grouping != 0, axis=0)), problem.inertial)
+    delta[untold] = np.asarray(prior, float)[untold]
+    return delta
+
+
+class _Problem:
+    """The convex function of the module's docstring, with its first and second derivatives."""
+
+    def __init__(self, grouping: Array, base: Array, information: Array, centre: Array, names: Sequence[str]) -> None:
+        of_effects = np.array([is_effect(name) for name in names], bool)
+        self.links = [k for k, name in enumerate(names) if name.endswith(".mass") and not of_effects[k]]
+        self.friction = np.array([k for k, name in enumerate(names) if _never_negative(name)], np.intp)
+        _fill_bodies(centre, self.links)
+        least = np.where(of_effects[self.friction], 1e-6, 1e-3)
+        centre[self.friction] = np.maximum(np.abs(centre[self.friction]), least)
+        self.centre = centre
+        self.inverse = [np.linalg.inv(pseudo_inertia(centre[k : k + 10])) for k in self.links]
+        self.quadratic = grouping.T @ information @ grouping
+        self.linear = grouping.T @ information @ base
+        self.constant = float(base @ information @ base)
+        self.inertial = np.array([k + i for k in self.links for i in range(10)], np.intp)
+        free = np.setdiff1d(np.arange(len(names)), np.concatenate([self.inertial, self.friction]))
+        self.ridge = np.zeros(len(names))
+        self.ridge[free] = 1e-6 / np.maximum(np.abs(centre[free]), 1.0) ** 2
+        for k in np.flatnonzero(of_effects).tolist():  # what repeats a drive's own friction must not run off against it
+            self.ridge[k] = REGULARISATION / max(abs(centre[k]), definition(names[k]).typical[0]) ** 2
+
+    def cost(self, delta: Array, regularisation: float, barrier: float) -> float:
+        """Infinite outside the cone of bodies."""
+        if self.friction.size and np.min(delta[self.friction]) <= 0:
+            return np.inf
+        total = 0.5 * float(delta @ self.quadratic @ delta - 2 * self.linear @ delta + self.constant)
+        total += 0.5 * float(self.ridge @ (delta - self.centre) ** 2)
+        for k, inverse in zip(self.links, self.inverse):
+            p = pseudo_inertia(delta[k : k + 10])
+            try:
+                diagonal = np.diag(np.linalg.cholesky(p))
+            except np.linalg.LinAlgError:
+                return np.inf
+            total += regularisation * float(np.sum(inverse * p) - 2 * np.sum(np.log(diagonal)))
+        friction = delta[self.friction]
+        return total + barrier * float(np.sum(friction / self.centre[self.friction] - np.log(friction)))
+
+    def derivatives(self, delta: Array, regularisation: float, barrier: float) -> tuple[Array, Array]:
+        """Gradient (p,) and Hessian (p, p)."""
+        gradient = self.quadratic @ delta - self.linear + self.ridge * (delta - self.centre)
+        hessian = self.quadratic + np.diag(self.ridge)
+        for k, inverse in zip(self.links, self.inverse):
+            here = slice(k, k + 10)
+            turned = np.linalg.solve(pseudo_inertia(delta[here]), _UNITS)  # P^-1 E_i
+            gradient[here] += regularisation * (np.tensordot(_UNITS, inverse, 2) - np.trace(turned, axis1=1, axis2=2))
+            hessian[here, here] += regularisation * np.einsum("iab,jba->ij", turned, turned)
+        gradient[self.friction] += barrier * (1 / self.centre[self.friction] - 1 / delta[self.friction])
+        hessian[self.friction, self.friction] += barrier / delta[self.friction] ** 2
+        return gradient, hessian
+
+
+def _newton(problem: _Problem, delta: Array, regularisation: float, barrier: float, *, iterations: int = 60) -> Array:
+    """Damped Newton steps until the expected decrease is nothing."""
+    value = problem.cost(delta, regularisation, barrier)
+    for _ in range(iterations):
+        gradient, hessian = problem.derivatives(delta, regularisation, barrier)
+        scale = 1 / np.sqrt(np.diag(hessian))
+        step = -scale * np.linalg.lstsq(hessian * scale[:, None] * scale, scale * gradient, rcond=1e-14)[0]
+        decrement = -float(gradient @ step)
+        if decrement < 1e-9 * max(1.0, abs(value)):
+            break
+        length = 1.0
+        while (
+            trial := problem.cost(delta + length * step, regularisation, barrier)
+        ) > value - 1e-4 * length * decrement:
+            length /= 2
+            if length < 1e-9:
+                return delta
+        delta, value = delta + length * step, trial
+    return delta
+
+
+def _never_negative(name: str) -> bool:
+    return not definition(name).signed if is_effect(name) else name.split(".")[-1] in DISSIPATIVE
+
+
+def _fill_bodies(parameters: Array, links: Sequence[int]) -> None:
+    """Gives every link (in place) a positive definite pseudo-inertia, changing only what cannot be a body."""
+    masses = parameters[list(links)]
+    mass = float(masses[masses > 0].mean()) if (masses > 0).any() else 1.0
+    for k in links:
+        p = pseudo_inertia(parameters[k : k + 10])
+        least = SMALLEST * mass
+        if np.linalg.eigvalsh(p)[0] < least:
+            values, vectors = np.linalg.eigh(p)
+            p = (vectors * np.maximum(values, least)) @ vectors.T
+            parameters[k] = p[3, 3]
+            parameters[k + 1 : k + 4] = p[:3, 3]
+            inertia = np.trace(p[:3, :3]) * np.eye(3) - p[:3, :3]
+            parameters[k + 4 : k + 10] = inertia[np.triu_indices(3)]

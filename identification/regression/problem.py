@@ -1,0 +1,175 @@
+"""Recordings -> what is regressed: check -> smooth -> equations -> base parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from daq.recording import Recording
+from identification.preprocessing import checks
+from identification.preprocessing.aliased_ripple import folded_torque
+from identification.preprocessing.quality import trusted
+from identification.preprocessing.readiness import Excitation, RunReadiness, readiness_of
+from identification.preprocessing.signals import Motion, smooth_motion, with_reversals
+from identification.regression.base_parameters import BaseParameters, base_parameters
+from identification.regression.effect_columns import left_to_the_model, repeated, true_readings
+from identification.regression.equations import (
+    Equations,
+    Friction,
+    equations,
+    equations_of,
+    model_values,
+    structural_base,
+    with_effects,
+)
+from identification.regression.least_squares import weighted
+
+Progress = Callable[[str], None]
+
+TREMBLE = 20.0  # rms of its angle's noise: a joint whose whole travel is less has not left its place;
+SHAKEN = 0.01  # of the travel of the liveliest joint of its kind: nor has one that the others shake
+EXCITED = 1e-4  # share of a column that no other explains; below it, this experiment says nothing about the parameter
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is regressed: the arm, the runs, their rows and the columns that this data excites.
+
+    base    what the arm could show; excited: indices into it that this data shows
+    rows    those that are fitted; judged, held: those, reversals and all, of the fitted and the held-out runs (None: split) to judge on
+    runs    how fit each recording is, fitted ones first
+    """
+
+    arm: Arm
+    friction: Friction
+    fit: Sequence[Recording]
+    held_out: Sequence[Recording]
+    motions: list[Motion]
+    held_motions: list[Motion]
+    rows: Equations
+    judged: Equations
+    held: Equations | None
+    base: BaseParameters
+    excited: NDArray[np.intp]
+    warnings: list[str]
+    runs: list[RunReadiness]
+
+    @property
+    def columns(self) -> NDArray[np.intp]:
+        """Indices of the excited base parameters' columns among the standard ones."""
+        return self.base.kept[self.excited]
+
+    def given(self, rows: Equations) -> Array:
+        """(rows,) torque of the base parameters that this data does not excite, at the model's own values; and what no column carries."""
+        silent = np.setdiff1d(np.arange(len(self.base)), self.excited)
+        values = self.base.grouping[silent] @ model_values(self.arm, self.friction)
+        torque = rows.columns[:, self.base.kept[silent]] @ values
+        return np.asarray(torque if rows.rest is None else torque + rows.rest)
+
+    def around(self, arm: Arm) -> Problem:
+        """The same equations with effects taken at the values of ``arm``."""
+        common = self.friction, self.base
+        rows = with_effects(self.rows, arm, self.arm, self.motions, *common)
+        judged = with_effects(self.judged, arm, self.arm, list(map(with_reversals, self.motions)), *common)
+        held = None if self.held is None else with_effects(self.held, arm, self.arm, self.held_motions, *common)
+        return replace(self, rows=rows, judged=judged, held=held)
+
+
+def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
+    """The smooth motion of a recording, and how fit it is. Torques are its currents times the arm's drive constants; errors of angle and time
+    that the arm has as effects are put right, what the instruments doubt is left out."""
+    found = trusted(recording)
+    q, current = true_readings(arm, recording.t, found.q, found.i)
+    torque = current * arm.joint_array("drive_constant")
+    motion = smooth_motion(recording.t, q, torque, saturated=found.saturated)
+    checks.check_motion(recording.path, motion)
+    motion = motion.without(resting(motion, arm), "at rest")
+    motion = replace(motion, folded=folded_torque(arm, motion, recording.t - recording.t[0], torque))
+    return motion, readiness_of(recording, found, motion, arm)
+
+
+def resting(motion: Motion, arm: Arm) -> NDArray[np.bool_]:
+    """(J,) joints that rest for the whole run, or tremble within a few encoder steps.
+
+    Friction holds them: their drives may bear any torque within it, so that nothing can be learnt from a row of theirs.
+    """
+    travel = np.ptp(motion.q, axis=0)
+    revolute = np.array([joint.revolute for joint in arm.joints])
+    liveliest = np.array([travel[revolute == kind].max() for kind in revolute])
+    return np.asarray(travel <= np.maximum(TREMBLE * motion.band.noise_rms, SHAKEN * liveliest))
+
+
+def motions_of(
+    fit: Sequence[Recording], held_out: Sequence[Recording], arm: Arm, progress: Progress = lambda _: None
+) -> tuple[list[Motion], list[Motion], list[RunReadiness]]:
+    """Smooth motions of the fitted and of the held-out recordings, and how fit each is; InputError for one that cannot be used at all."""
+    for recording in [*fit, *held_out]:
+        checks.check_recording(recording, arm)
+    progress("smoothing")
+    seen = [motion_of(recording, arm) for recording in [*fit, *held_out]]
+    return (
+        [motion for motion, _ in seen[: len(fit)]],
+        [with_reversals(motion) for motion, _ in seen[len(fit) :]],
+        [run for _, run in seen],
+    )
+
+
+def prepare(
+    fit: Sequence[Recording],
+    arm: Arm,
+    *,
+    held_out: Sequence[Recording] = (),
+    friction: Friction = "symmetric",
+    progress: Progress = lambda _: None,
+    sparse: bool = False,
+) -> Problem:
+    """Checks the recordings and makes their equations; InputError where nothing can come of them.
+
+    ``sparse``: the runs are of one joint each and need not excite the whole arm.
+    """
+    motions, held_motions, runs = motions_of(fit, held_out, arm, progress)
+    # Ripples reach to the low-pass's edge, where both sides differ; leaving samples out would fold that onto the motion.
+    motions = [*map(with_reversals, motions)] if arm.effects else motions
+    warnings = [warning for run in runs for warning in run.warnings]
+    warnings += [
+        f"{name}: held as the model has it, and counted as rigid or sliding here" for name in left_to_the_model(arm)
+    ]
+    warnings += [f"{name} is in the model more than once: only the first is fitted" for name in repeated(arm)]
+    progress("equations of motion")
+    base = structural_base(arm, friction)
+    views = [motions, list(map(with_reversals, motions))]
+    rows, judged = equations_of(arm, views, friction, base)
+    held = equations(arm, held_motions, friction, base) if held_motions else None
+    shown = rows.columns[:, base.kept] / _spread(rows, arm)[:, None]
+    if len(shown) < (1 if sparse else 2) * len(base):
+        raise checks.too_short([recording.path for recording in fit], len(shown), len(base))
+    labels = [base.names[k] for k in base.kept]
+    excited = base_parameters(shown, labels, order=range(len(base)), negligible=EXCITED).kept
+    excited = np.sort(excited)
+    silent = [base.expression(int(k)) for k in np.setdiff1d(np.arange(len(base)), excited)]
+    if silent and not sparse:
+        warnings.append(
+            f"{len(silent)} of {len(base)} base parameters are not excited by these runs, and taken from the model: {', '.join(silent)}"
+        )
+    return Problem(
+        arm, friction, fit, held_out, motions, held_motions, rows, judged, held, base, excited, warnings, runs
+    )
+
+
+def _spread(rows: Equations, arm: Arm) -> Array:
+    """(rows,) standard deviation of the torque of each row's joint."""
+    mine = [rows.torque[rows.joint == j] for j in range(len(arm))]
+    return np.array([max(float(np.std(torque)), 1e-12) if len(torque) else 1.0 for torque in mine])[rows.joint]
+
+
+def excitation_of(problem: Problem) -> Excitation:
+    """What the fitted runs show of the arm, before anything is fitted: rows of a joint over the spread of its torque."""
+    base, rows = problem.base, problem.rows
+    fit = weighted(rows.columns[:, problem.columns], rows.torque, 1 / _spread(rows, problem.arm))
+    silent = [base.expression(int(k)) for k in np.setdiff1d(np.arange(len(base)), problem.excited)]
+    return Excitation(len(problem.excited), len(base), fit.condition, silent)

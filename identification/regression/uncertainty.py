@@ -1,0 +1,182 @@
+"""Standard deviations of a least-squares fit whose residual is coloured.
+
+The textbook formula sigma^2 (W^T W)^-1 counts every row as news. Filters, quantisation and whatever the model lacks make neighbouring
+rows say the same, and the formula too sure by a factor of two to ten. Here whole blocks of time are resampled (moving them
+together over all joints): the spread of the refits is what another recording of the same motion would give (Kuensch, Annals of Statistics
+17 (1989) 1217). Each block enters by its normal equations, so that a refit costs one small solve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, stats
+
+from arm_io.types import Array
+from identification.regression.equations import Equations
+from identification.regression.least_squares import Fit
+from identification.regression.qr import triangle_of
+
+REPLICATES = 400
+LEAST_BLOCKS = 12  # fewer say nothing about their own spread
+MEMORIES = 4.0  # block length in correlation times of the residual
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """covariance (b, b) from blocks of ``block`` s (``blocks`` of them); std (b,) its root, never below std_formula (b,), which
+    takes residuals for white.
+
+    information (b, b): inverse of the formula's covariance, divided by how much too sure the formula is on the whole. Unlike the blocks'
+    own covariance, whose rank is at most their number, it can be inverted and is what a further fit may lean on.
+
+    normal: W^T W (blocks, b, b) and W^T e (blocks, b) of each block.
+    """
+
+    covariance: Array
+    std: Array
+    std_formula: Array
+    information: Array
+    block: float
+    blocks: int
+    normal: tuple[Array, Array]
+
+    @cached_property
+    def std_bootstrap(self) -> Array:
+        """(b,) spread of refits to blocks drawn anew, with replacement: half of what holds 68 % of them, since a draw may miss all blocks that
+        show a parameter; NaN without blocks."""
+        low, high = np.quantile(self.bootstrap(), [0.16, 0.84], axis=0)
+        return np.asarray((high - low) / 2)
+
+    def bootstrap(self, *, replicates: int = REPLICATES, seed: int = 0) -> Array:
+        """(replicates, b) by how much refits to blocks drawn anew differ from the fit."""
+        grams, scores = self.normal
+        count = len(grams)
+        if not count:
+            return np.full((replicates, scores.shape[1]), np.nan)
+        scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(grams.sum(axis=0))), 1e-300))
+        drawn = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), size=replicates).astype(float)
+        return np.array([_solve(np.tensordot(c, grams, 1), c @ scores, scale) for c in drawn])
+
+
+def uncertainty(columns: Array, rows: Equations, fit: Fit, *, instruments: Array | None = None) -> Uncertainty:
+    """Of ``fit`` = least squares of ``rows.torque`` by ``columns`` (rows, b), or by ``instruments`` (rows, b) of these.
+
+    2 std covers 95 %: the factor between Student's quantile at the blocks' degrees of freedom and 1.96 is in it.
+    """
+    by = columns if instruments is None else instruments
+    variance = float(np.sum((fit.weight * fit.residual) ** 2)) / max(len(fit.residual) - len(fit.values), 1)
+    weight = fit.weight[:, None]
+    root = _root(columns * weight, None if instruments is None else instruments * weight)
+    formula = _formula(root, variance)
+    length = block_length(rows, fit.residual)
+    block = _blocks(rows, length)
+    count = int(block.max()) + 1
+    grams, scores = _normal_equations(columns, fit, block, count, by)
+    total = grams.sum(axis=0)
+    # Leaving out one block at a time: unlike plain resampling, not deceived where a block alone determines a parameter.
+    scale = 1 / np.sqrt(np.maximum(np.diag(total), 1e-300))
+    away = np.empty((count, len(fit.values)))
+    for b in range(count):
+        away[b] = _solve(total - grams[b], scores.sum(axis=0) - scores[b], scale)
+    spread = away - away.mean(axis=0)
+    factor = stats.t.ppf(0.975, max(count - 1, 1)) / stats.norm.ppf(0.975)
+    covariance = factor**2 * (count - 1) / count * spread.T @ spread
+    # Few blocks may agree by luck; no claim is finer than what white residuals would allow.
+    blockwise = np.sqrt(np.diag(covariance))
+    std = np.maximum(blockwise, formula)
+    raised = std / np.maximum(blockwise, 1e-300)
+    covariance = covariance * raised[:, None] * raised
+    too_sure = float(np.exp(np.mean(np.log(np.maximum(std, 1e-300) / np.maximum(formula, 1e-300)))))
+    information = root.T @ root / (variance * max(too_sure, 1.0) ** 2)
+    if rows.systematic is not None:
+        # What the torques may be off by all along, and no block differs in.
+        score = by.T @ (weight**2 * rows.systematic)
+        shift = np.stack([_solve(total, column, scale) for column in score.T], axis=1)
+        covariance = covariance + shift @ shift.T
+        std = np.sqrt(np.diag(covariance))
+        seen = information @ shift  # Woodbury: the inverse of the inverse plus shift shift^T
+        information = information - seen @ np.linalg.solve(np.eye(shift.shape[1]) + shift.T @ seen, seen.T)
+    return Uncertainty(covariance, std, formula, information, length, count, (grams, scores))
+
+
+def block_length(rows: Equations, residual: Array) -> float:
+    """s: MEMORIES correlation times of the most persistent joint's residual, yet at least LEAST_BLOCKS blocks in all."""
+    longest, duration = 0.0, 0.0
+    for run in np.unique(rows.run):
+        here = rows.run == run
+        duration += float(np.ptp(rows.t[here]))
+        for j in np.unique(rows.joint[here]):
+            mine = here & (rows.joint == j)
+            if mine.sum() > 10:
+                longest = max(longest, correlation_time(rows.t[mine], residual[mine]))
+    return float(min(MEMORIES * longest, duration / LEAST_BLOCKS))
+
+
+def correlation_time(t: Array, residual: Array) -> float:
+    """Integral of the autocorrelation up to its first passage through zero, s (at least one row)."""
+    period = float(np.median(np.diff(t)))
+    e = residual - residual.mean()
+    n = len(e)
+    spectrum = np.abs(np.fft.rfft(e, 2 * n)) ** 2
+    correlation = np.fft.irfft(spectrum)[: n // 2]
+    correlation = correlation / max(correlation[0], 1e-300)
+    crossing = np.flatnonzero(correlation <= 0)
+    reach = crossing[0] if len(crossing) else len(correlation)
+    return period * max(1.0, float(2 * correlation[:reach].sum() - 1))
+
+
+def _root(columns: Array, instruments: Array | None) -> Array:
+    """Triangle R (b, b), R^T R the inverse covariance of a fit to rows of white noise of variance 1: W^T W, or W^T Z (Z^T Z)^-1 Z^T W
+    with instruments Z."""
+    if instruments is None:
+        return triangle_of(columns)
+    scale = np.linalg.norm(instruments, axis=0)
+    scale[scale == 0] = 1.0
+    return triangle_of(np.linalg.qr(instruments / scale)[0].T @ columns)
+
+
+def _formula(root: Array, variance: float) -> Array:
+    scale = np.linalg.norm(root, axis=0)
+    scale[scale == 0] = 1.0
+    inverse = linalg.solve_triangular(root / scale, np.eye(len(root)), check_finite=False)
+    return np.asarray(np.sqrt(variance * np.sum(inverse**2, axis=1)) / scale)
+
+
+def _blocks(rows: Equations, length: float) -> NDArray[np.intp]:
+    """(rows,) number of the block of time each row is in, 0 .. count-1, the same for all joints."""
+    first = 0
+    block = np.zeros(len(rows), np.intp)
+    for run in np.unique(rows.run):
+        here = rows.run == run
+        _, number = np.unique((rows.t[here] / max(length, 1e-9)).astype(np.intp), return_inverse=True)
+        block[here] = first + number
+        first = int(block[here].max()) + 1
+    return block
+
+
+def _normal_equations(columns: Array, fit: Fit, block: NDArray[np.intp], count: int, by: Array) -> tuple[Array, Array]:
+    """Per block: W^T W (count, b, b) and W^T e (count, b) of the weighted rows; e the residual, so that a solve gives the change;
+    Z^T W and Z^T e where Z = ``by`` are instruments."""
+    weighted, residual = columns * fit.weight[:, None], fit.weight * fit.residual
+    by = by * fit.weight[:, None]
+    grams = np.empty((count, columns.shape[1], columns.shape[1]))
+    scores = np.empty((count, columns.shape[1]))
+    order = np.argsort(block, kind="stable")
+    edges = np.searchsorted(block[order], np.arange(count + 1))
+    for b in range(count):
+        mine = order[edges[b] : edges[b + 1]]
+        grams[b], scores[b] = by[mine].T @ weighted[mine], by[mine].T @ residual[mine]
+    return grams, scores
+
+
+def _solve(gram: Array, score: Array, scale: Array) -> Array:
+    """gram^-1 score, scaled; least norm where a resample leaves a direction without rows."""
+    scaled = gram * scale[:, None] * scale
+    try:
+        return scale * np.linalg.solve(scaled, scale * score)
+    except linalg.LinAlgError:
+        return scale * (np.linalg.pinv(scaled, rcond=1e-10) @ (scale * score))

@@ -1,0 +1,64 @@
+"""Combinations of base parameters that these runs hardly show, and where they do not refute the model, its values are kept.
+
+Least squares gives such a direction a value all the same: the noise's. On the runs that were fitted it does no harm, and on another motion, where
+the two nearly equal columns part (a spring beside gravity, of a joint that hardly moved), it ruins the prediction.
+
+In units of what the model's own numbers amount to, the eigenvectors of the information are directions that the data knows independently of each
+other. One is held if its deviation is above WEAK of that size and the model's value lies within SURE deviations; all others keep the least-squares
+value to the last digit. A pretest estimator (Judge & Bock, 1978), rather than a ridge, which would draw on the strong directions too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_io.types import Array
+from identification.regression.equations import model_values
+from identification.regression.least_squares import Fit
+from identification.regression.problem import Problem
+from identification.result import unit_of
+
+WEAK = 0.1  # of the model's size
+SURE = 3.0  # standard deviations, with the residual's colour in them
+LEAST = 0.1  # of the largest of its unit: the size of a parameter that the model has as nothing
+
+
+def held_to_the_model(problem: Problem, fit: Fit, information: Array) -> tuple[Fit, int]:
+    """The fit of the excited base parameters with its weak directions at the model's values, and how many these are.
+
+    information (b, b): inverse covariance of the fitted values, as ``Uncertainty`` has it.
+    """
+    model = problem.base.grouping[problem.excited] @ model_values(problem.arm, problem.friction)
+    size = _sizes(problem, information)
+    known, directions = np.linalg.eigh(information * size[:, None] * size)
+    deviation = 1 / np.sqrt(np.maximum(known, 1e-300))
+    off = directions.T @ ((fit.values - model) / size)
+    held = (deviation > WEAK) & (np.abs(off) < SURE * deviation)
+    values = fit.values - size * (directions[:, held] @ off[held])
+    residual = fit.residual + problem.rows.columns[:, problem.columns] @ (fit.values - values)
+    return Fit(values, fit.weight, residual, fit.scaled), int(held.sum())
+
+
+def held_note(held: int, directions: int) -> list[str]:
+    """What the result says of it."""
+    if not held:
+        return []
+    return [
+        f"{held} of {directions} directions among the base parameters are known to no better than {WEAK:.0%} of the model's own"
+        " numbers, and do not contradict these: held there (method ols holds none)"
+    ]
+
+
+def _sizes(problem: Problem, information: Array) -> Array:
+    """(b,) of the excited base parameters: the sum of the magnitudes that the model adds up in each.
+
+    At least LEAST of the largest of its unit; of a unit that the model knows nothing of, so much that nothing is held.
+    """
+    size = np.abs(problem.base.grouping[problem.excited]) @ np.abs(model_values(problem.arm, problem.friction))
+    units = np.array([unit_of(problem.base.names[column], problem.arm) for column in problem.columns])
+    for unit in set(units):
+        mine = units == unit
+        size[mine] = np.maximum(size[mine], LEAST * size[mine].max())
+    unknown = size == 0
+    size[unknown] = 1e3 / np.sqrt(np.maximum(np.diag(information)[unknown], 1e-300))
+    return np.asarray(size)

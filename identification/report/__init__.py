@@ -1,0 +1,1 @@
+"""Results of an identification as files, plots and a page."""

@@ -1,0 +1,88 @@
+"""The arm of a simulated rig: ``arm_model``'s computed dynamics under its servos, as the plant of a ``World``.
+
+What an experiment's ``setup`` asks of a person is done here: a payload is bolted on, drives are left off. The arm may hide what the rig's
+own model does not know; its servos do not know it either: a controller is tuned once, for the arm as its maker knew it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.effects import check_terms
+from arm_model.model_file import read_model
+from arm_model.rigid_body.inertia import about_com, barycentric
+from arm_model.servo import fixed_gains
+from arm_model.tracking import latency, target_at
+from experiment import Experiment, demand_of
+from experiment.file import Payload
+from sim_backend.arm.arm_motion import Instruments, Servoed, Standing
+from sim_backend.arm.signals import Mover
+
+
+class SimulatedArm:
+    """sim_backend.rig.world.Plant."""
+
+    def __init__(self, arm: Arm, hold: float) -> None:
+        self.arm, self._hold = arm, hold
+        self.encoder_lines = arm.joint_array("encoder_lines")
+        self.rest = np.zeros(len(arm))
+        self.tracker_latency = latency(arm)
+
+    def standing(self, pose: Array) -> Mover:
+        return Standing(self.arm, pose, pose)
+
+    def loadable(self, experiment: Experiment) -> str:
+        if len(experiment.start) != len(self.arm):
+            return f"is for {len(experiment.start)} joints, the arm has {len(self.arm)}"
+        demand = demand_of(experiment)
+        asked = demand(np.arange(0.0, demand.duration + 1e-3, 1e-3))
+        for number, (joint, low, high) in enumerate(zip(self.arm.joints, asked.min(axis=0), asked.max(axis=0)), 1):
+            if joint.limits is not None and (low < joint.limits[0] - 1e-9 or high > joint.limits[1] + 1e-9):
+                return (
+                    f"joint {number} is asked to go from {low:.4g} to {high:.4g}; "
+                    f"its stops are at {joint.limits[0]:g} and {joint.limits[1]:g}"
+                )
+        return ""
+
+    def moving(self, experiment: Experiment) -> Mover:
+        if experiment.setup.drives_off:
+            return Standing(self.arm, np.array(experiment.start), np.array(experiment.start))
+        arm = self.arm if experiment.setup.payload is None else with_payload(self.arm, experiment.setup.payload)
+        return Servoed(arm, experiment, self._hold)
+
+    def target(self, position: Array, point: tuple[float, float, float]) -> Array:
+        return target_at(self.arm, position, point)
+
+
+def read_arm(path: Path, known: Path | None, hold: float) -> SimulatedArm:
+    """The arm in a model file, with the servos that the model ``known`` (None: itself) asks for; ``hold``: see ``Servoed``.
+
+    InputError where it cannot be moved.
+    """
+    arm = read_model(path)
+    check_terms(arm, path)
+    Instruments(arm)  # refuses what cannot be simulated
+    if arm.controller is None:
+        raise InputError(path, "has no [controller]; an arm that is to move wants one")
+    for number, joint in enumerate(arm.joints, 1):
+        if joint.encoder_lines is None:
+            raise InputError(path, f"joint[{number}].encoder_lines: is missing; the simulated encoder wants it")
+    tuned = fixed_gains(arm if known is None or arm.controller.kind != "bandwidth" else read_model(known))
+    if len(tuned) != len(arm):
+        raise InputError(path, f"has {len(arm)} joints; the rig's own model, {known}, has {len(tuned)}")
+    return SimulatedArm(replace(arm, controller=tuned.controller), hold)
+
+
+def with_payload(arm: Arm, payload: Payload) -> Arm:
+    """The arm with a point mass bolted to its last link."""
+    last = arm.joints[-1]
+    together = barycentric(last.mass, last.com, last.inertia) + barycentric(payload.mass, payload.com, (0.0,) * 6)
+    mass, com, (xx, yy, zz, xy, yz, xz) = about_com(together)
+    loaded = replace(last, mass=mass, com=com, inertia=(xx, yy, zz, xy, yz, xz))
+    return replace(arm, joints=(*arm.joints[:-1], loaded))

@@ -1,0 +1,1 @@
+"""Models of encoders, transducers, converters, counter registers and their noise."""

@@ -1,0 +1,1 @@
+"""What the simulated devices share: settings, faults, clock, trigger line, latches."""
