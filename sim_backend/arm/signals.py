@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from sim_backend.arm.history import History
 from sim_backend.electronics import hall_transducer, noise, sine_encoder
-from sim_backend.rig.settings import Electronics
+from sim_backend.electronics.electronics import Electronics
 
 Times = NDArray[np.int64]
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from experiment import Experiment, demand_of
 from sim_backend.protocol.wires import Times, TriggerLine, Wires
-from sim_backend.rig.settings import electronics_of
 from sim_backend.rig.world import World
 
 IN_POSITION = 0.1  # s after the demand's end at which the controller says that the arm has arrived
@@ -92,7 +91,7 @@ def wires(
     tracker_from_base: Array | None = None,
 ) -> Wires:
     """The terminals of one device: channel -> what is wired to it; channels that are not there are open (0 counts, 0 V)."""
-    hall = electronics_of(world.settings, world.plant.encoder_lines).transducer
+    hall = world.electronics.transducer
 
     motor_counts, motor_angle, transducer_volts = (
         _asked_once(signal) for signal in (world.motor_counts, world.motor_angle, world.transducer_volts)

@@ -22,9 +22,10 @@ from drivers.protocols import CounterMode, HostClock
 from experiment import Experiment
 from sim_backend.arm.signals import Mover, Run
 from sim_backend.electronics import quadrature
+from sim_backend.electronics.electronics import electronics_of
 from sim_backend.rig.clock import FastClock
 from sim_backend.rig.faults import ClockDrift, Fault, Unplugged
-from sim_backend.rig.settings import Simulation, electronics_of
+from sim_backend.rig.settings import Simulation
 from sim_backend.rig.trigger_line import TriggerLine
 
 Times = NDArray[np.int64]
@@ -61,7 +62,7 @@ class World:
         self.line: TriggerLine | None = None
         self.start_ns: int | None = None  # when the start line rose; None while it is low
         self._lock = threading.RLock()
-        self.electronics = electronics_of(settings, plant.encoder_lines)
+        self.electronics = electronics_of(settings.encoder, settings.transducer, settings.seed, plant.encoder_lines)
         self._pulses: Callable[[int], TriggerLine] | None = None
         self._waiting: Mover | None = None
         self._watchers: list[Callable[[], None]] = []

@@ -22,8 +22,9 @@ from drivers.counting import extend
 from drivers.protocols import CounterMode
 from sim_backend.electronics import adc, hall_transducer, quadrature, sine_encoder
 from sim_backend.electronics.adc import Converter
+from sim_backend.electronics.electronics import Electronics, electronics_of
 from sim_backend.electronics.noise import LARGEST
-from sim_backend.rig.settings import Electronics, Simulation, electronics_of
+from sim_backend.rig.settings import Simulation
 from tests.blind.hide import Signals
 
 RIG = Path(__file__).resolve().parents[2] / "config" / "puma560_sim.toml"
@@ -47,7 +48,8 @@ def instruments() -> Instruments:
     """Of the simulated Puma rig."""
     rig = read_rig(RIG, drivers=False)
     lines = np.array([joint.encoder.lines for joint in rig.joint if joint.encoder], float)
-    electronics = electronics_of(Simulation.model_validate(rig.simulation), lines)
+    settings = Simulation.model_validate(rig.simulation)
+    electronics = electronics_of(settings.encoder, settings.transducer, settings.seed, lines)
     counters = tuple((j.encoder.device, j.encoder.channel) for j in rig.joint if j.encoder)
     inputs = tuple((j.current.device, j.current.channel) for j in rig.joint if j.current)
     columns = Columns(counters, (BITS,) * len(counters), inputs, None)

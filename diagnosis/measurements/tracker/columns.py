@@ -16,8 +16,9 @@ from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, Effect, Signals, Values, described
 from diagnosis.measurements.currents.estimates import Estimate
 from diagnosis.measurements.tracker.points import Side
+from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import correlation_time
-from identification.kinematics.estimation.map_estimation import Fit, Points, fit, residuals
+from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
 from identification.kinematics.models.parameters import Parameters, chain_of, parallel_next
 
 GEOMETRY = {"d_theta": "theta", "d_alpha": "alpha", "d_a": "a", "d_d": "d", "beta": "beta"}

@@ -13,10 +13,10 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.rigid_body.numeric import rigid_torque
 from daq.recording import Recording, open_recording
-from identification.kinematics.data.encoder_quantisation import between_counts, counts_of
+from identification.kinematics.data.encoder_counts import between_counts, counts_of
 from identification.kinematics.data.runs import Run
 from identification.kinematics.data.tracker_file import Merge, merge, read_tracker
-from identification.kinematics.estimation.extensions import Gravity
+from identification.kinematics.models.chain import Gravity
 from identification.preprocessing.quality import NO_VALUE, as_trusted
 
 

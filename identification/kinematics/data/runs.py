@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from arm_io.types import Array
-from identification.kinematics.estimation.map_estimation import Points
+from identification.kinematics.data.points import Points
 from identification.kinematics.models.chain import Index, Mask
 
 

@@ -19,15 +19,14 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm
-from identification.kinematics.data.encoder_quantisation import expected, with_own_zeros, with_zeros
+from identification.kinematics.data.points import Points
 from identification.kinematics.data.row_shifts import Shift, find_constant, find_step
 from identification.kinematics.data.runs import Run, aligned, correlation_time, points_of, shifted, thinned, velocity_of
-from identification.kinematics.data.sweeps import circles_of
 from identification.kinematics.estimation.axes import circle_point_model
 from identification.kinematics.estimation.circle_point import Circle
 from identification.kinematics.estimation.cross_validation import PositionError, Trial, choose, position_error
-from identification.kinematics.estimation.extensions import Extension, Gravity, candidates, deflections, prior_scales
-from identification.kinematics.estimation.map_estimation import Fit, Points, fit, residuals
+from identification.kinematics.estimation.extensions import Extension, candidates, deflections, prior_scales
+from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
 from identification.kinematics.estimation.observability import (
     RESTING,
     Observability,
@@ -36,7 +35,9 @@ from identification.kinematics.estimation.observability import (
     indices,
     scaled_jacobian,
 )
-from identification.kinematics.models.chain import Chain, Index, position, xyz_ypr
+from identification.kinematics.estimation.run_zeros import expected, with_own_zeros, with_zeros
+from identification.kinematics.estimation.sweeps import circles_of
+from identification.kinematics.models.chain import Chain, Gravity, Index, position, xyz_ypr
 from identification.kinematics.models.parameters import Parameters, Trust, base_pose, parameters_of
 
 Progress = Callable[[str], None]

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm_io.types import Array
+from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.extensions import Extension, prior_scales
-from identification.kinematics.estimation.map_estimation import REJECT, Fit, Points, fit
+from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit
 from identification.kinematics.models.chain import Index, position_jacobian
 from identification.kinematics.models.parameters import Parameters
 

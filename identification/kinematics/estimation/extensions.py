@@ -11,15 +11,13 @@ Constants are left to the joint's theta. Which of them are real is decided on po
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from arm_io.types import Array
-
-Gravity = Callable[[Array], Array]
-"""Joint torques (N, joints) N m that hold the arm at rest in q (N, joints)."""
+from identification.kinematics.models.chain import Gravity
 
 
 @dataclass(frozen=True)

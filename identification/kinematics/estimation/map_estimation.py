@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm_io.types import Array
-from identification.kinematics.models.chain import Index, Mask, position, position_jacobian
+from identification.kinematics.data.points import Points
+from identification.kinematics.models.chain import Mask, position, position_jacobian
 from identification.kinematics.models.parameters import Parameters
 
 REJECT = 5.0
@@ -25,29 +26,6 @@ REJECT = 5.0
 _MEDIAN_OF_NORM = 1.5382  # median length of a standard normal vector in three dimensions
 _COARSE = 1500  # points with which the estimate is brought near; all of them then settle it
 _FLOOR = 1e-6  # m; better than any tracker: noise-free simulated data still needs a scale
-
-
-@dataclass(frozen=True)
-class Points:
-    """Tracked points: q (N, joints) rad or m as recorded, xyz (N, 3) m, deflections (N, joints, extensions) per unit."""
-
-    q: Array
-    xyz: Array
-    deflections: Array | None = None
-
-    def __len__(self) -> int:
-        return len(self.q)
-
-    def where(self, rows: Index | Mask | slice) -> Points:
-        """Some of the points."""
-        bent = None if self.deflections is None else self.deflections[rows]
-        return Points(self.q[rows], self.xyz[rows], bent)
-
-    def bent(self, extension: Array) -> Array:
-        """Joint coordinates (N, joints) with deflections applied, for extension parameters (extensions,)."""
-        if self.deflections is None or not len(extension):
-            return self.q
-        return self.q + self.deflections @ extension
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from identification.kinematics.estimation.calibration import Calibration, predicted
 from identification.kinematics.estimation.circle_point import Circle
-from identification.kinematics.estimation.extensions import Gravity
+from identification.kinematics.models.chain import Gravity
 from identification.kinematics.use.iso_cube import CubeReport
 
 if TYPE_CHECKING:

@@ -17,7 +17,8 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.rigid_body.kinematics import forward, jacobian
-from identification.kinematics.estimation.extensions import Extension, Gravity, deflections
+from identification.kinematics.estimation.extensions import Extension, deflections
+from identification.kinematics.models.chain import Gravity
 
 
 @dataclass(frozen=True)

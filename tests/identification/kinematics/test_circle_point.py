@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.kinematics.data.sweeps import circles_of, find_sweeps
 from identification.kinematics.estimation.axes import circle_point_model
 from identification.kinematics.estimation.circle_point import DegenerateSweep, fit_circle
+from identification.kinematics.estimation.sweeps import circles_of, find_sweeps
 from identification.kinematics.models.chain import position
 from identification.kinematics.models.parameters import Trust, chain_of, parameters_of
 

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identification.kinematics.data.encoder_quantisation import between_counts, counts_of
+from identification.kinematics.data.encoder_counts import between_counts, counts_of
 from identification.kinematics.data.recordings import gravity_of
 from identification.kinematics.estimation.calibration import calibrate
 from identification.kinematics.report.write import table_of

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from arm_io import InputError
-from identification.kinematics.estimation.map_estimation import Points, fit
+from identification.kinematics.data.points import Points
+from identification.kinematics.estimation.map_estimation import fit
 from identification.kinematics.estimation.observability import identifiable
 from identification.kinematics.models.chain import position
 from identification.kinematics.models.parameters import Trust, base_pose, calibrated_arm, chain_of, parameters_of

@@ -11,7 +11,8 @@ import pytest
 from arm_io import InputError
 from arm_model.rigid_body.kinematics import link_frames
 from experiment import demand_of, read_experiment, write_experiment
-from identification.kinematics.estimation.map_estimation import Points, fit
+from identification.kinematics.data.points import Points
+from identification.kinematics.estimation.map_estimation import fit
 from identification.kinematics.estimation.observability import indices, scaled_jacobian, singular_values
 from identification.kinematics.models.chain import position
 from identification.kinematics.models.parameters import Trust, parameters_of

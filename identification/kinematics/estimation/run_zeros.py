@@ -1,66 +1,24 @@
-"""What the steps of a counted encoder add to a tracked point, and what of it can be taken away.
+"""Encoder zeros that hold for one run only (``preset = "start"``): estimated for fitted runs, bounded for predicted ones.
 
-Within a run, the counts of neighbouring rows tell where between two counts a moving motor stands: the angles are smoothed over a
-few hundredths of a second, which an arm's motion does not notice. From run to run, a counter that is set at each start
-(``preset = "start"``) is up to a count off, anew each time: on the Puma's joint 2 a count is 0.07 mm at the target, as much as the
-tracker's noise. Runs that are fitted each get zeros of their own, with a count as prior deviation; of a run that is to be
-predicted nobody can know them, and ``expected`` says how much that is.
+A counter that is set at each start is up to one count off, differently in every run: at joint 2 of the Puma one count is 0.07 mm at the
+target, as much as the noise of the tracker. Each fitted run gets zeros of its own, with one count as prior standard deviation. The zeros of
+a run that is to be predicted are unknown; ``expected`` is the error that they cause.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import savgol_filter
 
 from arm_io.types import Array
-from daq.recording import Recording
+from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import Run, points_of, velocity_of
-from identification.kinematics.estimation.extensions import Extension, Gravity, deflections, prior_scales
-from identification.kinematics.estimation.map_estimation import Fit, Points, fit
-from identification.kinematics.models.chain import Chain, Index, position_jacobian
+from identification.kinematics.estimation.extensions import Extension, deflections, prior_scales
+from identification.kinematics.estimation.map_estimation import Fit, fit
+from identification.kinematics.models.chain import Chain, Gravity, Index, position_jacobian
 from identification.kinematics.models.parameters import Parameters
-
-SMOOTHED = 0.025
-"""s: length of the local cubics; what is slower than 60 Hz passes."""
-_PAUSE = 1.5
-"""Periods between two rows that are not neighbours."""
-
-
-def between_counts(t: Array, q: Array) -> Array:
-    """Angles q (N, joints) rad at t (N,) s as local cubics over ``SMOOTHED`` s (Savitzky and Golay, Anal. Chem. 36, 1964).
-
-    Rows nearer to a missing sample than that, stretches shorter than that, and rows too far apart for it stay as they are.
-    """
-    smooth = q.copy()
-    period = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
-    rows = 2 * int(SMOOTHED / 2 / period) + 1 if period > 0 else 0
-    if rows < 5:
-        return smooth
-    there = np.isfinite(q)
-    whole = uniform_filter1d(there.astype(float), rows, axis=0, mode="nearest") > 1 - 0.5 / rows
-    bridged = np.column_stack(
-        [np.interp(t, t[ok], column[ok]) if ok.any() else column for ok, column in zip(there.T, q.T)]
-    )
-    edges = [0, *(np.flatnonzero(np.diff(t) > _PAUSE * period) + 1), len(t)]
-    for first, last in pairwise(edges):
-        if last - first >= rows:
-            local = savgol_filter(bridged[first:last], rows, 3, axis=0)
-            smooth[first:last] = np.where(whole[first:last], local, q[first:last])
-    return smooth
-
-
-def counts_of(recording: Recording) -> Array | None:
-    """(joints,) rad of one count of the encoders whose zero is set anew at every start, 0 for others; None where it is not known."""
-    calibration, joints = recording.calibration, recording.rig.get("joint", [])
-    if calibration is None or len(joints) != recording.joints or "scale" not in calibration:
-        return None
-    anew = [joint.get("encoder", {}).get("preset") == "start" for joint in joints]
-    return np.where(anew, 1.0 / np.abs(np.array(calibration["scale"], float)), 0.0)
 
 
 def with_own_zeros(
