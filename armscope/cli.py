@@ -13,10 +13,12 @@ from collections.abc import Sequence
 
 from arm_io import DeviceFault, InputError
 from armscope import __version__
+from armscope.shipped import shipped_file
 
 DONE, UNUSABLE_INPUT, DEVICE_FAILED, SAMPLES_LOST = 0, 2, 3, 4
 
 COMMANDS: dict[str, str] = {
+    "init": "a commented starter project: rig, model, experiments, and what to edit",
     "doctor": "finds, identifies and checks every device of a rig; what to do about each fault",
     "daemon": "the service of a rig: opens its devices, samples, publishes over Zenoh, answers commands",
     "record": "one experiment to one file, through a running daemon or with an embedded one",
@@ -56,7 +58,7 @@ def run(arguments: list[str]) -> int:
     if name not in COMMANDS:
         return _refuse(f"{name}: no such command; one of {', '.join(COMMANDS)} is wanted")
     try:
-        return _call(name, arguments[1:])
+        return _call(name, with_shipped(arguments[1:]))
     except InputError as error:
         return _refuse(str(error))
     except DeviceFault as fault:
@@ -97,6 +99,22 @@ def spread(arguments: list[str], many: tuple[str, ...]) -> list[str]:
         else:
             wide.append(argument)
     return wide
+
+
+def with_shipped(arguments: list[str]) -> list[str]:
+    """Every ``config/...`` that is not in the working directory becomes the shipped file, and standard error says so.
+
+    What ``--out`` names is written, and stays as it is.
+    """
+    resolved: list[str] = []
+    for previous, argument in zip(["", *arguments], arguments):
+        option, equals, value = argument.rpartition("=") if argument.startswith("--") else ("", "", argument)
+        shipped = None if "--out" in (option, previous) else shipped_file(value)
+        if shipped is not None:
+            print(f"note: there is no {value} here; armscope's own is taken", file=sys.stderr)
+            value = str(shipped)
+        resolved.append(f"{option}{equals}{value}")
+    return resolved
 
 
 def _refuse(line: str) -> int:

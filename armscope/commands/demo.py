@@ -16,11 +16,11 @@ from typing import Annotated, Any
 import typer
 
 from arm_io import DeviceFault, InputError, read_toml, write_toml
+from armscope.shipped import shipped_folder
 from daq.rig.rig_file import Rig, read_rig
 from daq.service.subscriber import Subscriber
 from daq.service.zenoh_session import keys_of, open_session
 
-CONFIG = Path(__file__).resolve().parents[2] / "config"
 FIT, HELD_OUT = "excitation", "iso_cube"
 
 
@@ -38,7 +38,7 @@ def command(
         raise InputError("--out", f"{folder} exists already; a new folder is wanted") from None
     rig_file = _write_rig(folder)
     runs = {name: folder / f"{name}.mcap" for name in (fit, held_out)}
-    model = CONFIG / "models/puma560.toml"
+    model = shipped_folder() / "models/puma560.toml"
 
     _say(
         "1. A rig. Six motors' encoders on counters, six Hall transducers on a 12-bit converter, and a tracker whose",
@@ -51,7 +51,7 @@ def command(
         for number, (name, run) in enumerate(runs.items(), 3):
             purpose = "to identify the arm from" if name == fit else "to judge by: another motion"
             _say(f"{number}. Recording '{name}', {purpose}.")
-            experiment = CONFIG / f"experiments/{name}.toml"
+            experiment = shipped_folder() / f"experiments/{name}.toml"
             _tell("record", "--rig", str(rig_file), "--experiment", str(experiment), "--out", str(run))
         _say("   " + listener.end())
     _say("5. Identification: which friction, inertia and gravity explain the measured currents?")
@@ -74,16 +74,13 @@ def command(
 
 def _write_rig(folder: Path) -> Path:
     """The simulated Puma under a name and an endpoint of its own, so that the demo disturbs no daemon that runs here."""
-    source = CONFIG / "puma560_sim.toml"
-    if not source.is_file():
-        raise InputError("demo", f"needs {source}: run it in a checkout of armscope")
-    table = read_toml(source)
+    table = read_toml(shipped_folder() / "puma560_sim.toml")
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
     table |= {
         "name": f"puma560_demo_{os.getpid()}",
-        "model": str(CONFIG / "models/puma560.toml"),
+        "model": str(shipped_folder() / "models/puma560.toml"),
         "zenoh": {"endpoint": endpoint},
     }
     write_toml(folder / "rig.toml", table, heading="config/puma560_sim.toml, with a name and an endpoint of its own")

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from arm_io import InputError
+from armscope.shipped import shipped_folder
 from daq.recording import open_recording
 from daq.rig.rig_file import read_rig
 from daq.service.foxglove import LiveView
@@ -49,10 +50,11 @@ def _live(subscriber: Subscriber) -> Iterator[Columns]:
 
 
 def _show(name: str, joints: list[str] | tuple[str, ...], port: int, blocks: Iterator[Columns]) -> None:
+    layouts = shipped_folder() / "views"
     view = LiveView(name, joints, port=port)
     print(
-        f"showing {name} on ws://127.0.0.1:{view.port}: open it in Foxglove (config/views/foxglove.json) or in "
-        "PlotJuggler's Foxglove bridge (config/views/plotjuggler.xml); Ctrl-C ends it",
+        f"showing {name} on ws://127.0.0.1:{view.port}: open it in Foxglove ({layouts / 'foxglove.json'}) or in "
+        f"PlotJuggler's Foxglove bridge ({layouts / 'plotjuggler.xml'}); Ctrl-C ends it",
         file=sys.stderr,
         flush=True,
     )

@@ -1,0 +1,89 @@
+"""``armscope init``: a commented starter project, made of the files that armscope ships."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from arm_io import InputError, make_folder, write_text
+from armscope.shipped import shipped_folder
+
+
+class Like(StrEnum):
+    """What the starter project is like."""
+
+    SIM = "sim"
+    LAB = "lab"
+    CAN = "can"
+    CSV = "csv"
+
+
+@dataclass(frozen=True)
+class Starter:
+    """Shipped files of one starter project: rig, model and experiments; ``others``: place in the project -> shipped file."""
+
+    rig: str
+    model: str
+    experiments: tuple[str, ...]
+    others: tuple[tuple[str, str], ...] = ()
+
+    def files(self, like: Like) -> dict[str, str]:
+        """Place in the project -> shipped file."""
+        experiments = {f"experiments/{Path(file).name}": file for file in self.experiments}
+        project = {"README.md": f"starters/{like}.md", "rig.toml": self.rig, "model.toml": self.model}
+        return project | experiments | dict(self.others)
+
+
+_VIEWS = (("views/foxglove.json", "views/foxglove.json"), ("views/plotjuggler.xml", "views/plotjuggler.xml"))
+_SERVICE = ("armscope@.service", "systemd/armscope@.service")
+_PUMA, _FIRST = "models/puma560.toml", "starters/puma560/first_move.toml"
+_EXCITATIONS = ("experiments/excitation.toml", "experiments/excitation_held_out.toml")
+STARTERS = {
+    Like.SIM: Starter("puma560_sim.toml", _PUMA, (_FIRST, *_EXCITATIONS), _VIEWS),
+    Like.LAB: Starter("puma560_lab.toml", _PUMA, (_FIRST,), (*_VIEWS, _SERVICE)),
+    Like.CAN: Starter("puma560_can.toml", _PUMA, (_FIRST,), (*_VIEWS, _SERVICE)),
+    Like.CSV: Starter("starters/csv/rig.toml", "starters/csv/model.toml", ("starters/csv/first_move.toml",)),
+}
+
+
+def command(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="the folder to write; new or empty")],
+    like: Annotated[
+        Like,
+        typer.Option(
+            help="sim: the simulated Puma; lab: LabJack T7, tracker and VAL; can: encoders and current sensors on CAN;"
+            " csv: tables measured elsewhere"
+        ),
+    ] = Like.SIM,
+) -> None:
+    """Writes a starter project."""
+    written = write_starter(folder, like)
+    print(f"{folder}: {', '.join(written)}")
+    print(f"next: cd {folder}; README.md says what to run first and what to edit")
+
+
+def write_starter(folder: Path, like: Like) -> list[str]:
+    """The names of the files written; InputError where the folder holds something already."""
+    if folder.is_dir() and any(folder.iterdir()):
+        raise InputError(folder, "is not empty; a starter project must have a folder of its own")
+    texts = {place: _text(folder, source) for place, source in STARTERS[like].files(like).items()}
+    for place, text in texts.items():
+        make_folder((folder / place).parent)
+        write_text(folder / place, text)
+    return list(texts)
+
+
+def _text(folder: Path, source: str) -> str:
+    """A shipped file as the project needs it: the rig named after the folder, its model beside it, its own name in the comments."""
+    text = (shipped_folder() / source).read_text(encoding="utf-8")
+    if source not in {starter.rig for starter in STARTERS.values()}:
+        return text
+    name = re.sub(r"\W+", "_", folder.resolve().name, flags=re.ASCII).strip("_") or "my_arm"
+    text = re.sub(r'^name = ".*"', f'name = "{name}"', text, count=1, flags=re.MULTILINE)
+    text = re.sub(r'^model = ".*?"', 'model = "model.toml"', text, count=1, flags=re.MULTILINE)
+    return text.replace(f"config/{source}", "rig.toml")

@@ -1,0 +1,35 @@
+"""The files that armscope brings along: rigs, models, experiments, starter projects, viewer layouts, the systemd unit.
+
+They stand in ``config/`` of the repository; ``setup.py`` installs them as ``armscope/config``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+NAME = "config"
+
+
+def shipped_folder() -> Path:
+    """``config/``: of the installed package, or of the checkout that this module runs from."""
+    package = Path(__file__).resolve().parent
+    installed = package / NAME
+    return installed if installed.is_dir() else package.parent / NAME
+
+
+def shipped_file(path: str | Path) -> Path | None:
+    """The shipped file that a path such as ``config/models/puma560.toml`` means; None where it means none.
+
+    Only a path that begins with ``config/`` and does not exist in the working directory means a shipped file: what a
+    person has in place always comes first.
+    """
+    path = Path(path)
+    if path.parts[:1] != (NAME,) or ".." in path.parts or path.exists():
+        return None
+    shipped = shipped_folder().joinpath(*path.parts[1:])
+    return shipped if shipped.is_file() else None
+
+
+def found(path: str | Path) -> Path:
+    """The path itself, or the shipped file that it means."""
+    return shipped_file(path) or Path(path)
