@@ -2,6 +2,23 @@
 
 from arm_model.effects.catalogue import CATALOGUE, values_of
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
+from arm_model.effects.observation import Excitation, Instrument, Observation, Scale, Span, Variable
 from arm_model.effects.terms import check_terms, described
 
-__all__ = ["CATALOGUE", "Effect", "Parameter", "Place", "Signals", "Values", "check_terms", "described", "values_of"]
+__all__ = [
+    "CATALOGUE",
+    "Effect",
+    "Excitation",
+    "Instrument",
+    "Observation",
+    "Parameter",
+    "Place",
+    "Scale",
+    "Signals",
+    "Span",
+    "Values",
+    "Variable",
+    "check_terms",
+    "described",
+    "values_of",
+]

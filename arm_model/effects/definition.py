@@ -24,10 +24,15 @@ limit       limit(p, s): the largest magnitude of motor current that the drive g
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
+from math import inf
 from typing import Any
+
+import numpy as np
+
+from arm_model.effects.observation import Excitation, Instrument, Observation, Scale, Span
 
 
 class Place(StrEnum):
@@ -40,11 +45,36 @@ class Place(StrEnum):
     GEOMETRY = "geometry"
 
 
+SYSTEMATIC = 0.02
+"""Relative error of a first-order column, as a share of the value estimated by it; ``Effect.model_error`` where more is known."""
+
+
+def geometric(low: float, high: float, count: int) -> tuple[float, ...]:
+    """``count`` values from low to high, each the same factor above the one before."""
+    return tuple(float(value) for value in np.geomspace(low, high, count))
+
+
+def integers(low: int, high: int) -> tuple[float, ...]:
+    """All integers from low to high."""
+    return tuple(float(value) for value in range(low, high + 1))
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of an effect. ``linear``: the law is proportional to it (all linear ones together, others held).
 
-    typical: magnitudes of a Puma-sized geared arm, in ``unit``; where a search for a nonlinear one begins and ends.
+    typical        magnitudes of a Puma-sized geared arm, in ``unit``
+    signed         may be negative
+    whole          an integer
+    search         values that a search begins with; (): it is a coefficient, is spanned, or is derived
+    fixed          the recordings hardly show it: it stays at its first search value and is not reported
+    span           why no search is needed: see ``Span``
+    derived        follows from the joint where it is not given (``arm_model.system.step_size``); searched in closed loop only
+    inverse        the effect is largest where this is least
+    most           largest magnitude that is physically admissible
+    scale, shares  on an axis of any size, the search is at these shares of that scale (of its inverse for ``inverse``)
+    chain          value of the kinematic chain that it changes: theta, alpha, a, d or beta of its joint
+    tracker_prior  prior standard deviation where only tracked points show it, in ``unit`` (``inverse``: of its reciprocal)
     """
 
     name: str
@@ -52,8 +82,18 @@ class Parameter:
     typical: tuple[float, float]
     linear: bool
     meaning: str
-    signed: bool = False  # may be negative
-    whole: bool = False  # an integer
+    signed: bool = False
+    whole: bool = False
+    search: tuple[float, ...] = ()
+    fixed: bool = False
+    span: Span | None = None
+    derived: bool = False
+    inverse: bool = False
+    most: float = inf
+    scale: Scale | None = None
+    shares: tuple[float, ...] = ()
+    chain: str = ""
+    tracker_prior: float | None = None
 
 
 @dataclass(frozen=True)
@@ -104,6 +144,17 @@ class Effect:
     per_joint        False: it belongs to the arm (or the instrument) as a whole
     shows            what a person sees in the residual
     confused_with    effects that a recording may fail to tell from it, each with what separates them
+    observed_by      the instruments that show it, and how each does
+    excited_by       what a joint must do for it to show
+    aliases          effects that may as well be it, whatever is recorded; two that name each other have the same columns
+    special_cases    simpler effects of the catalogue that it contains
+    near_cases       simpler effects that it nearly contains, while poses differ little
+    model_error      relative error of its first-order column
+    link_parameters  its columns are this many barycentric parameters of its joint's link (of the last one, for the whole arm): mass, first
+                     moments, inertia about the frame's origin; 0: they follow from its law
+    own_joint        a change of the description that only the current of its own joint shows
+    sparse           acts at a few instants of a recording: may also be judged by when these are
+    directional      differs between the directions of motion, or is made up for by an effect that does
     """
 
     name: str
@@ -113,6 +164,16 @@ class Effect:
     shows: str
     confused_with: dict[str, str]
     per_joint: bool = True
+    observed_by: Mapping[Instrument, Observation] = field(default_factory=dict)
+    excited_by: Excitation = Excitation.MOTION
+    aliases: tuple[str, ...] = ()
+    special_cases: tuple[str, ...] = ()
+    near_cases: tuple[str, ...] = ()
+    model_error: float = SYSTEMATIC
+    link_parameters: int = 0
+    own_joint: bool = False
+    sparse: bool = False
+    directional: bool = False
     torque: Law | None = None
     rate: Law | None = None
     deflection: Law | None = None
@@ -138,3 +199,18 @@ class Effect:
     def nonlinear(self) -> tuple[Parameter, ...]:
         """Parameters that have to be searched for."""
         return tuple(p for p in self.parameters if not p.linear)
+
+    @property
+    def screened(self) -> bool:
+        """Found in raw rows or lags and taken out of the data before currents are compared."""
+        return bool(self.observed_by) and set(self.observed_by) <= {Instrument.RAW, Instrument.LAG}
+
+    @property
+    def span(self) -> Parameter | None:
+        """The parameter by which the law spans a plane, if there is one."""
+        return next((p for p in self.parameters if p.span is not None and p.span.values), None)
+
+    @property
+    def wave(self) -> bool:
+        """Whether it is a sine, with an amplitude and a phase."""
+        return self.span is not None and self.span.span is Span.PHASE

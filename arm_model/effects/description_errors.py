@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_model.effects.definition import Effect, Parameter, Place, Values
+from arm_model.effects.observation import Excitation, Instrument, Observation, Span, Variable
 
 if TYPE_CHECKING:
     from arm_model.description import Arm, Joint
@@ -82,14 +83,26 @@ PAYLOAD = Effect(
     place=Place.MECHANICS,
     parameters=(
         Parameter("mass", "kg", (0.1, 5.0), True, "mass at the flange"),
-        Parameter("x", "m", (0.0, 0.3), False, "centre of the mass in the frame of the last link", signed=True),
-        Parameter("y", "m", (0.0, 0.3), False, "", signed=True),
-        Parameter("z", "m", (0.0, 0.3), False, "", signed=True),
+        Parameter(
+            "x",
+            "m",
+            (0.0, 0.3),
+            False,
+            "centre of the mass in the frame of the last link",
+            signed=True,
+            span=Span.MOMENT,
+        ),
+        Parameter("y", "m", (0.0, 0.3), False, "", signed=True, span=Span.MOMENT),
+        Parameter("z", "m", (0.0, 0.3), False, "", signed=True, span=Span.MOMENT),
     ),
     equation="a mass point m at (x, y, z) of the last link",
     shows="gravity by pose, plus inertia",
     confused_with={"link_inertia": "runs with and without a known mass"},
     per_joint=False,
+    observed_by={Instrument.CURRENT: Observation()},
+    excited_by=Excitation.LOAD,
+    # mass and first moment, which carry gravity; its own inertia follows from them where it is simulated
+    link_parameters=4,
     change=_payload,
 )
 
@@ -112,6 +125,9 @@ LINK_INERTIA = Effect(
     equation="mass, centre or inertia of the link differ",
     shows="inertial and gravity columns of the link",
     confused_with={"payload": "runs with and without a known mass", "torque_constant": "a known payload"},
+    observed_by={Instrument.CURRENT: Observation()},
+    near_cases=("rotor_inertia",),
+    link_parameters=10,
     change=_link_inertia,
 )
 
@@ -124,6 +140,12 @@ ROTOR_INERTIA = Effect(
     equation="tau = G^2 Jm q''",
     shows="follows acceleration in every pose",
     confused_with={"link_inertia": "other poses"},
+    observed_by={
+        Instrument.CURRENT: Observation(against=Variable.ACCELERATION),
+        Instrument.SINGLE_AXIS: Observation(against=Variable.VELOCITY),
+    },
+    excited_by=Excitation.ACCELERATION,
+    own_joint=True,
     change=_rotor_inertia,
 )
 
@@ -138,6 +160,7 @@ BASE_TILT = Effect(
     shows="torque of joint 1 as sin(q1 + phi)",
     confused_with={"link_inertia": "turn the base"},
     per_joint=False,
+    observed_by={Instrument.CURRENT: Observation()},
     change=_base_tilt,
 )
 
@@ -148,6 +171,10 @@ TORQUE_CONSTANT = Effect(
     equation="tau = (1 + e) k i",
     shows="all torques of one joint scaled",
     confused_with={"current_gain": "a reference shunt", "link_inertia": "a known payload"},
+    observed_by={Instrument.CURRENT: Observation(against=Variable.CURRENT)},
+    excited_by=Excitation.CURRENT,
+    aliases=("current_gain",),
+    own_joint=True,
     change=_torque_constant,
 )
 
@@ -156,12 +183,29 @@ JOINT_ZERO_OFFSET = Effect(
     place=Place.GEOMETRY,
     parameters=(
         Parameter(
-            "offset", "rad", (0.002, 0.1), True, "what the encoder reads where the link stands at 0", signed=True
+            "offset",
+            "rad",
+            (0.002, 0.1),
+            True,
+            "what the encoder reads where the link stands at 0",
+            signed=True,
+            chain="theta",
         ),
     ),
     equation="q_read = q + delta",
     shows="gravity out of phase",
     confused_with={"link_inertia": "tracker, level"},
+    observed_by={
+        Instrument.CURRENT: Observation(),
+        # which of the two encoders is off they cannot say
+        Instrument.LINK_ENCODER: Observation(of_arm=False),
+        Instrument.TRACKER: Observation(
+            shows="the tracked point is turned by one angle about the axis",
+            # d_theta is the zero's error with its sign turned
+            aliases=("link_geometry",),
+        ),
+    },
+    excited_by=Excitation.GRAVITY,
     change=_zero_offset,
 )
 
@@ -172,6 +216,8 @@ CURRENT_LIMIT = Effect(
     equation="|i| <= limit",
     shows="current flat while the error grows",
     confused_with={"current_nonlinearity": "is the motion clipped too?"},
+    observed_by={Instrument.RAW: Observation()},
+    excited_by=Excitation.CURRENT,
     limit=lambda p, s: p.limit,
 )
 

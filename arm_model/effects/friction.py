@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
+from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values, geometric
+from arm_model.effects.observation import Excitation, Instrument, Observation, Scale, Variable
 from arm_model.rigid_body import scalar
+
+_AGAINST_VELOCITY = {
+    Instrument.CURRENT: Observation(against=Variable.VELOCITY),
+    Instrument.SINGLE_AXIS: Observation(against=Variable.VELOCITY),
+}
 
 VISCOUS_FRICTION = Effect(
     name="viscous_friction",
@@ -14,6 +20,9 @@ VISCOUS_FRICTION = Effect(
     equation="tau = B q'",
     shows="error proportional to velocity",
     confused_with={"time_skew": "two speeds", "hydrodynamic_drag": "two speeds"},
+    observed_by=_AGAINST_VELOCITY,
+    excited_by=Excitation.SPEED,
+    directional=True,
     torque=lambda p, s: p.viscous * s.v,
 )
 
@@ -29,6 +38,8 @@ COULOMB_FRICTION = Effect(
         "presliding_friction": "reversals at different speeds",
         "backlash": "reversals at different speeds",
     },
+    observed_by=_AGAINST_VELOCITY,
+    directional=True,
     torque=lambda p, s: p.coulomb * s.sign,
 )
 
@@ -48,6 +59,9 @@ FRICTION_ASYMMETRY = Effect(
     equation="tau = F+ + B+ q' for q' > 0, -F- + B- q' for q' < 0",
     shows="steps and slopes against velocity that differ between the two directions, an offset while moving",
     confused_with={"current_offset": "standstill with the drives off"},
+    observed_by=_AGAINST_VELOCITY,
+    special_cases=("viscous_friction", "coulomb_friction", "current_offset"),
+    directional=True,
     torque=lambda p, s: (
         (p.positive * (s.sign + s.sign**2) + p.negative * (s.sign - s.sign**2)) / 2
         + (p.viscous_positive * (s.v + scalar.absolute(s.v)) + p.viscous_negative * (s.v - scalar.absolute(s.v))) / 2
@@ -59,11 +73,32 @@ STRIBECK_FRICTION = Effect(
     place=Place.MECHANICS,
     parameters=(
         Parameter("breakaway", "N m", (0.05, 15.0), True, "friction above Coulomb's at rest"),
-        Parameter("stribeck_velocity", "rad/s", (0.01, 0.2), False, "velocity at which it has fallen to 1/e"),
+        Parameter(
+            "stribeck_velocity",
+            "rad/s",
+            (0.01, 0.2),
+            False,
+            "velocity at which it has fallen to 1/e",
+            search=geometric(0.01, 0.2, 6),
+            scale=Scale.SPEED,
+            shares=geometric(0.005, 0.4, 10),
+        ),
     ),
     equation="tau = (Fs - Fc) exp(-(q'/vs)^2) sign(q')",
     shows="a hump at low speed",
     confused_with={"hydrodynamic_drag": "a ladder of speeds", "presliding_friction": "a ladder of speeds"},
+    observed_by={
+        Instrument.CURRENT: Observation(against=Variable.VELOCITY),
+        Instrument.SINGLE_AXIS: Observation(
+            against=Variable.VELOCITY,
+            shows=lambda p, unit: (
+                f"below some {p.stribeck_velocity:.2g} {unit['stribeck_velocity']} there is up to {abs(p.breakaway):.3g} "
+                f"{unit['breakaway']} {'more' if p.breakaway > 0.0 else 'less'} friction than Coulomb's"
+            ),
+        ),
+    },
+    # friction at rest and in reversal is inferred from friction while moving; the law of its turn is not known
+    model_error=0.1,
     torque=lambda p, s: p.breakaway * scalar.exp(-((s.v / p.stribeck_velocity) ** 2)) * s.sign,
 )
 
@@ -76,12 +111,35 @@ PRESLIDING_FRICTION = Effect(
     name="presliding_friction",
     place=Place.MECHANICS,
     parameters=(
-        Parameter("stiffness", "N m/rad", (300.0, 3e4), False, "stiffness s0 of the bristles"),
-        Parameter("damping", "N m s/rad", (0.0, 50.0), False, "damping s1 of the bristles"),
+        Parameter(
+            "stiffness",
+            "N m/rad",
+            (300.0, 3e4),
+            False,
+            "stiffness s0 of the bristles",
+            search=geometric(300.0, 3e4, 6),
+            inverse=True,
+            scale=Scale.YIELD,
+            shares=geometric(1e-5, 1e-2, 10),
+        ),
+        Parameter(
+            "damping",
+            "N m s/rad",
+            (0.0, 50.0),
+            False,
+            "damping s1 of the bristles",
+            search=(10.0,),
+            fixed=True,
+            scale=Scale.YIELD,
+            shares=(0.0,),
+        ),
     ),
     equation="tau = s0 z + s1 z' - F sign(q'),  z' = q' - s0 |q'| z / F   (Canudas de Wit et al., IEEE TAC 40(3), 1995)",
     shows="a loop of torque over position after each reversal",
     confused_with={"backlash": "slow small torque ramps", "joint_compliance": "slow small torque ramps"},
+    observed_by=_AGAINST_VELOCITY,
+    # as of Stribeck's
+    model_error=0.1,
     torque=lambda p, s: p.stiffness * s.state + p.damping * _bristle_rate(p, s) - s.coulomb * s.sign,
     rate=_bristle_rate,
 )
@@ -96,6 +154,8 @@ LOAD_FRICTION = Effect(
         "torque_constant": "poses with and without payload",
         "current_nonlinearity": "poses with and without payload",
     },
+    observed_by={Instrument.CURRENT: Observation(against=Variable.LOAD)},
+    excited_by=Excitation.LOAD,
     torque=lambda p, s: p.mu * scalar.absolute(s.load) * s.sign,
 )
 
@@ -103,12 +163,25 @@ FRICTION_DRIFT = Effect(
     name="friction_drift",
     place=Place.MECHANICS,
     parameters=(
-        Parameter("fraction", "1", (0.05, 0.5), True, "share of the Coulomb friction that goes as the arm warms up"),
-        Parameter("time_constant", "s", (3.0, 600.0), False, "time constant of the warming"),
+        Parameter(
+            "fraction", "1", (0.05, 0.5), True, "share of the Coulomb friction that goes as the arm warms up", most=1.0
+        ),
+        Parameter(
+            "time_constant",
+            "s",
+            (3.0, 600.0),
+            False,
+            "time constant of the warming",
+            search=geometric(3.0, 600.0, 6),
+        ),
     ),
     equation="tau = -a F (1 - exp(-t/T)) sign(q')",
     shows="the same move needs less torque each time",
     confused_with={"torque_constant": "one cycle repeated, with holds"},
+    observed_by={
+        Instrument.CURRENT: Observation(),
+        Instrument.SINGLE_AXIS: Observation(against=Variable.VELOCITY),
+    },
     torque=lambda p, s: -p.fraction * s.coulomb * (1 - scalar.exp(-s.t / p.time_constant)) * s.sign,
 )
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from arm_model.effects.definition import Effect, Parameter, Place
+from arm_model.effects.definition import Effect, Parameter, Place, integers
+from arm_model.effects.observation import Excitation, Instrument, Observation, Span, Variable
 from arm_model.rigid_body import scalar
 
 GRAVITY_SPRING = Effect(
@@ -10,11 +11,23 @@ GRAVITY_SPRING = Effect(
     place=Place.MECHANICS,
     parameters=(
         Parameter("stiffness", "N m/rad", (1.0, 60.0), True, "stiffness of the balancing spring", signed=True),
-        Parameter("rest_angle", "rad", (-3.0, 3.0), False, "joint angle at which it is slack", signed=True),
+        Parameter(
+            "rest_angle",
+            "rad",
+            (-3.0, 3.0),
+            False,
+            "joint angle at which it is slack",
+            signed=True,
+            # slack a turn and more beyond every place that a joint can reach, it is a constant torque and no spring
+            most=9.0,
+            span=Span.SHIFT,
+        ),
     ),
     equation="tau = k (q - q0)",
     shows="error proportional to joint angle",
     confused_with={"current_offset": "the full range of the joint", "link_inertia": "the full range of the joint"},
+    observed_by={Instrument.CURRENT: Observation(), Instrument.SINGLE_AXIS: Observation()},
+    directional=True,
     torque=lambda p, s: p.stiffness * (s.q - p.rest_angle),
     link_side=True,
 )
@@ -24,7 +37,7 @@ COGGING = Effect(
     place=Place.MECHANICS,
     parameters=(
         Parameter("amplitude", "N m", (0.05, 5.0), True, "amplitude at the joint"),
-        Parameter("pole_pairs", "1", (1, 60), False, "cycles a motor revolution", whole=True),
+        Parameter("pole_pairs", "1", (1, 60), False, "cycles a motor revolution", whole=True, search=integers(1, 60)),
         Parameter(
             "phase",
             "rad",
@@ -32,6 +45,7 @@ COGGING = Effect(
             False,
             "phase at motor angle 0 (the motor's angle is abs(gear) q)",
             signed=True,
+            span=Span.PHASE,
         ),
     ),
     equation="tau = A sin(Np q_motor + phi)",
@@ -39,6 +53,13 @@ COGGING = Effect(
     confused_with={
         "gear_ripple": "the motor off its gear: the torque of uneven teeth is gone then, that of magnets is not"
     },
+    observed_by={
+        Instrument.CURRENT: Observation(against=Variable.MOTOR_ANGLE),
+        Instrument.SINGLE_AXIS: Observation(),
+    },
+    excited_by=Excitation.SPEED,
+    # a torque that goes with the motor's angle is made by uneven teeth as well as by magnets
+    aliases=("gear_ripple",),
     torque=lambda p, s: p.amplitude * scalar.sin(p.pole_pairs * s.motor + p.phase),
 )
 

@@ -2,20 +2,42 @@
 
 from __future__ import annotations
 
-from arm_model.effects.definition import Effect, Parameter, Place
+from arm_model.effects.definition import Effect, Parameter, Place, integers
+from arm_model.effects.observation import Excitation, Instrument, Observation, Span, Variable
 from arm_model.rigid_body import scalar
 
 ENCODER_RIPPLE = Effect(
     name="encoder_ripple",
     place=Place.SENSING,
     parameters=(
-        Parameter("amplitude", "rad", (1e-5, 2e-3), True, "amplitude at the joint"),
-        Parameter("order", "1", (1, 2), False, "cycles a motor revolution (or line, times the lines)", whole=True),
-        Parameter("phase", "rad", (-3.15, 3.15), False, "phase at motor angle 0", signed=True),
+        Parameter("amplitude", "rad", (1e-5, 2e-3), True, "amplitude at the joint", tracker_prior=0.01),
+        Parameter(
+            "order",
+            "1",
+            (1, 2),
+            False,
+            "cycles a motor revolution (or line, times the lines)",
+            whole=True,
+            search=integers(1, 2),
+        ),
+        Parameter("phase", "rad", (-3.15, 3.15), False, "phase at motor angle 0", signed=True, span=Span.PHASE),
     ),
     equation="q_read = q + e sin(n q_motor - phi)",
     shows="orders 1 and 2 of the encoder's own angle, also without load",
     confused_with={"gear_ripple": "tracker or link encoder"},
+    observed_by={
+        Instrument.CURRENT: Observation(against=Variable.MOTOR_ANGLE),
+        Instrument.LINK_ENCODER: Observation(
+            shows=lambda p, unit: (
+                f"motor less link encoder repeats {p.order:.0f} times a turn of the joint: the link encoder is off centre"
+            ),
+            of_arm=False,
+        ),
+        Instrument.TRACKER: Observation(
+            shows="the tracked point is ahead and behind by orders of the motor's angle", aliases=("gear_ripple",)
+        ),
+    },
+    excited_by=Excitation.SPEED,
     angle=lambda p, s: p.amplitude * scalar.sin(p.order * s.motor - p.phase),
 )
 
@@ -30,6 +52,7 @@ MISSED_COUNTS = Effect(
     equation="q_read = q + n r for t > t0",
     shows="a step in position that stays",
     confused_with={},
+    observed_by={Instrument.RAW: Observation()},
     # a step one millisecond wide: a law has no comparison
     angle=lambda p, s: p.counts * p.resolution * scalar.minimum(scalar.maximum((s.t - p.time) * 1e3, 0.0), 1.0),
 )
@@ -41,6 +64,12 @@ CURRENT_OFFSET = Effect(
     equation="i_read = i + o",
     shows="a constant",
     confused_with={"friction_asymmetry": "drives off", "gravity_spring": "drives off"},
+    observed_by={
+        # while the drives are on: friction that is more by the same one way and less the other
+        Instrument.CURRENT: Observation(against=Variable.VELOCITY, aliases=("friction_asymmetry",)),
+        Instrument.SINGLE_AXIS: Observation(against=Variable.VELOCITY),
+    },
+    directional=True,
     current=lambda p, s: p.offset + 0.0 * s.current,
 )
 
@@ -51,6 +80,13 @@ CURRENT_GAIN = Effect(
     equation="i_read = (1 + g) i",
     shows="all torques of one joint scaled",
     confused_with={"torque_constant": "a reference shunt"},
+    observed_by={
+        Instrument.CURRENT: Observation(against=Variable.CURRENT),
+        Instrument.SINGLE_AXIS: Observation(against=Variable.VELOCITY),
+    },
+    excited_by=Excitation.CURRENT,
+    # one scales the measured current, the other the expected
+    aliases=("torque_constant",),
     current=lambda p, s: p.error * s.current,
 )
 
@@ -61,6 +97,13 @@ CURRENT_NONLINEARITY = Effect(
     equation="i_read = i - c i^3",
     shows="error as a function of the measured current",
     confused_with={"load_friction": "a reference shunt"},
+    observed_by={
+        Instrument.CURRENT: Observation(against=Variable.CURRENT),
+        Instrument.SINGLE_AXIS: Observation(against=Variable.VELOCITY),
+    },
+    excited_by=Excitation.CURRENT,
+    # the current has transients that the smoothed motion does not show, and they are cubed as well
+    model_error=0.05,
     current=lambda p, s: -p.cubic * s.current**3,
 )
 
@@ -75,6 +118,7 @@ MAINS_HUM = Effect(
     equation="i_read = i + a sin(2 pi f t + phi)",
     shows="a line at 50 or 60 Hz, also at rest",
     confused_with={"gear_ripple": "stand still", "cogging": "stand still"},
+    observed_by={Instrument.RAW: Observation()},
     current=lambda p, s: p.amplitude * scalar.sin(6.283185307179586 * p.frequency * s.t + p.phase) + 0.0 * s.current,
 )
 
@@ -92,6 +136,17 @@ TIME_SKEW = Effect(
         "backlash": "several axes and speeds",
     },
     per_joint=False,
+    observed_by={
+        Instrument.CURRENT: Observation(against=Variable.ACCELERATION),
+        Instrument.SINGLE_AXIS: Observation(
+            against=Variable.CURRENT_RATE,
+            shows=lambda p, unit: (
+                f"the command as recorded {'leads' if p.delay < 0.0 else 'lags'} the motion by {abs(1e3 * p.delay):.2f} ms"
+            ),
+        ),
+        Instrument.LINK_ENCODER: Observation(against=Variable.VELOCITY, of_arm=False),
+    },
+    excited_by=Excitation.ACCELERATION,
     delay=lambda p, s: p.delay,
 )
 
@@ -107,6 +162,8 @@ DROPPED_TRIGGER = Effect(
     shows="a lag that changes at one instant and stays",
     confused_with={"time_skew": "correlation piece by piece; edge counters"},
     per_joint=False,
+    # rows that the counters lost show in raw rows as well, rows of the currents only here
+    observed_by={Instrument.LAG: Observation(of_arm=False)},
     delay=lambda p, s: -p.count * p.period * scalar.minimum(scalar.maximum(s.t / p.period - p.row + 1.0, 0.0), 1.0),
 )
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from arm_model.effects.definition import Effect, Parameter, Place, Values
+from arm_model.effects.observation import Excitation, Instrument, Observation
 from arm_model.rigid_body import scalar
 
 if TYPE_CHECKING:
@@ -32,17 +33,42 @@ LINK_GEOMETRY = Effect(
     name="link_geometry",
     place=Place.GEOMETRY,
     parameters=(
-        Parameter("d_theta", "rad", (5e-4, 0.05), True, "error of theta", signed=True),
-        Parameter("d_alpha", "rad", (5e-4, 0.02), True, "error of alpha, the twist", signed=True),
-        Parameter("d_a", "m", (2e-4, 5e-3), True, "error of a, the length", signed=True),
-        Parameter("d_d", "m", (2e-4, 5e-3), True, "error of d, the offset", signed=True),
-        Parameter("beta", "rad", (5e-4, 0.02), True, "error of Hayati's turn about y", signed=True),
+        Parameter(
+            "d_theta", "rad", (5e-4, 0.05), True, "error of theta", signed=True, chain="theta", tracker_prior=0.05
+        ),
+        Parameter(
+            "d_alpha",
+            "rad",
+            (5e-4, 0.02),
+            True,
+            "error of alpha, the twist",
+            signed=True,
+            chain="alpha",
+            tracker_prior=0.05,
+        ),
+        Parameter("d_a", "m", (2e-4, 5e-3), True, "error of a, the length", signed=True, chain="a", tracker_prior=0.02),
+        Parameter("d_d", "m", (2e-4, 5e-3), True, "error of d, the offset", signed=True, chain="d", tracker_prior=0.02),
+        Parameter(
+            "beta",
+            "rad",
+            (5e-4, 0.02),
+            True,
+            "error of Hayati's turn about y",
+            signed=True,
+            chain="beta",
+            tracker_prior=0.05,
+        ),
     ),
     equation="link = Rz(theta + d_theta) Tz(d + d_d) Tx(a + d_a) Rx(alpha + d_alpha) Ry(beta)",
     shows="the tracked point is off, smoothly with the joint angles and the same every time",
     confused_with={
         "joint_zero_offset": "a level or an index mark at the joint",
         "link_sag": "loaded and unloaded points",
+    },
+    observed_by={
+        Instrument.TRACKER: Observation(
+            experiment="poses in which this joint and those behind it turn: armscope calibrate --poses 40"
+        )
     },
     change=_other_links,
 )
@@ -51,7 +77,14 @@ LINK_SAG = Effect(
     name="link_sag",
     place=Place.GEOMETRY,
     parameters=(
-        Parameter("compliance", "rad/(N m)", (2e-6, 2e-4), True, "turn a N m of the torque that holds against gravity"),
+        Parameter(
+            "compliance",
+            "rad/(N m)",
+            (2e-6, 2e-4),
+            True,
+            "turn per N m of the torque that holds against gravity",
+            tracker_prior=1e-3,
+        ),
     ),
     equation="link angle = q - c tau_gravity, as the tracker sees it",
     shows="the tracked point hangs lower where gravity pulls more",
@@ -59,6 +92,13 @@ LINK_SAG = Effect(
         "link_geometry": "loaded and unloaded points",
         "joint_compliance": "fast motion: compliance follows the whole torque, sag gravity's",
     },
+    observed_by={
+        Instrument.TRACKER: Observation(
+            experiment="poses with this link level and upright, or a known mass on and off the flange"
+        ),
+        Instrument.CALIBRATION: Observation(),
+    },
+    excited_by=Excitation.GRAVITY,
     bend=lambda p, s: -p.compliance * s.load,
 )
 
@@ -66,12 +106,25 @@ TRACKER_LATENCY = Effect(
     name="tracker_latency",
     place=Place.TIMING,
     parameters=(
-        Parameter("delay", "s", (2e-4, 2e-2), True, "by which tracked points are late against the angles", signed=True),
+        Parameter(
+            "delay",
+            "s",
+            (2e-4, 2e-2),
+            True,
+            "by which tracked points are late against the angles",
+            signed=True,
+            tracker_prior=0.05,
+        ),
     ),
     equation="xyz_read(t) = xyz(t - d)",
     shows="the tracked point is off along its velocity",
     confused_with={"time_skew": "points at rest"},
     per_joint=False,
+    observed_by={
+        Instrument.TRACKER: Observation(experiment="a motion: at 0.5 m/s a delay of 1 ms is 0.5 mm"),
+        Instrument.CALIBRATION: Observation(),
+    },
+    excited_by=Excitation.SPEED,
     late=lambda p, s: p.delay,
 )
 
@@ -86,6 +139,7 @@ TRACKER_OUTLIERS = Effect(
     shows="single points far from their neighbours, or missing (broken beam)",
     confused_with={},
     per_joint=False,
+    observed_by={Instrument.TRACKER: Observation(experiment="a recording with a tracker", of_arm=False)},
     # s.state is a number in 0..1 drawn for the row
     stray=lambda p, s: p.size * scalar.minimum(scalar.maximum((p.share - s.state) * 1e12, 0.0), 1.0),
 )

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
+from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values, geometric, integers
+from arm_model.effects.observation import Excitation, Instrument, Observation, Span, Variable
 from arm_model.rigid_body import scalar
 
 
@@ -31,9 +32,36 @@ BACKLASH = Effect(
     name="backlash",
     place=Place.TRANSMISSION,
     parameters=(
-        Parameter("half_gap", "rad", (1e-4, 5e-3), True, "half of the free play between motor and link"),
-        Parameter("contact_stiffness", "N m/rad", (1e4, 1e6), False, "stiffness of the teeth in contact"),
-        Parameter("contact_damping", "N m s/rad", (0.0, 500.0), False, "damping of the teeth in contact"),
+        # how long the link flies depends on the gap alone: along a motion nothing shows how hard the teeth are
+        Parameter(
+            "half_gap",
+            "rad",
+            (1e-4, 5e-3),
+            True,
+            "half of the free play between motor and link",
+            search=geometric(2e-4, 1e-2, 12),
+            # a gear this worn is not run
+            most=7.5e-3,
+            tracker_prior=0.02,
+        ),
+        Parameter(
+            "contact_stiffness",
+            "N m/rad",
+            (1e4, 1e6),
+            False,
+            "stiffness of the teeth in contact",
+            search=(5e4, 1e5, 2e5, 4e5),
+            derived=True,
+        ),
+        Parameter(
+            "contact_damping",
+            "N m s/rad",
+            (0.0, 500.0),
+            False,
+            "damping of the teeth in contact",
+            search=(80.0,),
+            derived=True,
+        ),
     ),
     equation="q_motor - q = +b where the load pushes, -b where it pulls",
     shows="lost motion at reversal and where the load changes sign: a current jump, felt by resting neighbours",
@@ -41,6 +69,20 @@ BACKLASH = Effect(
         "joint_compliance": "a load bias closes the gap; compliance stays",
         "joint_zero_offset": "the joint slowly through the place where its load changes sign: play jumps there, a zero stays",
     },
+    observed_by={
+        Instrument.CURRENT: Observation(against=Variable.LOAD),
+        Instrument.LINK_ENCODER: Observation(
+            shows="motor less link encoder jumps between two values where the load or the motion turns round"
+        ),
+        Instrument.TRACKER: Observation(
+            shows="the tracked point gives way where the load changes sign, about the axis"
+        ),
+        Instrument.CLOSED_LOOP: Observation(shows="a transmission with play"),
+    },
+    excited_by=Excitation.LOAD_REVERSAL,
+    # a gap is inferred from the flight through it; the spring of the teeth is not known
+    model_error=0.1,
+    sparse=True,
     deflection=lambda p, s: p.half_gap * s.load / scalar.sqrt(s.load**2 + 1e-2),
     spring=_teeth,
 )
@@ -49,8 +91,18 @@ JOINT_COMPLIANCE = Effect(
     name="joint_compliance",
     place=Place.TRANSMISSION,
     parameters=(
-        Parameter("stiffness", "N m/rad", (1e3, 2e5), False, "stiffness of the transmission"),
-        Parameter("damping", "N m s/rad", (0.0, 500.0), False, "damping of the transmission"),
+        Parameter(
+            "stiffness",
+            "N m/rad",
+            (1e3, 2e5),
+            False,
+            "stiffness of the transmission",
+            # a resonance is as narrow as its damping: in the band of comparison the grid has to be fine
+            search=geometric(1e3, 1e5, 18),
+            inverse=True,
+            tracker_prior=1e-3,
+        ),
+        Parameter("damping", "N m s/rad", (0.0, 500.0), False, "damping of the transmission", search=(20.0,)),
     ),
     equation="q_motor - q = tau_load / k",
     shows="deflection follows the load; a resonance",
@@ -58,6 +110,13 @@ JOINT_COMPLIANCE = Effect(
         "time_skew": "link-side encoder or tracker, a chirp",
         "backlash": "a load bias closes the gap; compliance stays",
     },
+    observed_by={
+        Instrument.CURRENT: Observation(against=Variable.LOAD),
+        Instrument.LINK_ENCODER: Observation(against=Variable.LOAD, shows="motor less link encoder follows the load"),
+        Instrument.TRACKER: Observation(shows="the tracked point gives way with the torque, about the axis"),
+        Instrument.CLOSED_LOOP: Observation(shows="a transmission that swings behind its spring"),
+    },
+    excited_by=Excitation.LOAD,
     deflection=lambda p, s: s.load / p.stiffness,
     spring=lambda p, s: p.stiffness * s.twist + p.damping * s.twist_rate,
 )
@@ -67,7 +126,7 @@ GEAR_RIPPLE = Effect(
     place=Place.TRANSMISSION,
     parameters=(
         Parameter("amplitude", "rad", (1e-5, 2e-3), True, "amplitude of the link's position error"),
-        Parameter("order", "1", (1, 60), False, "cycles a motor revolution", whole=True),
+        Parameter("order", "1", (1, 60), False, "cycles a motor revolution", whole=True, search=integers(1, 60)),
         Parameter(
             "phase",
             "rad",
@@ -75,6 +134,7 @@ GEAR_RIPPLE = Effect(
             False,
             "phase at motor angle 0 (the motor's angle is abs(gear) q)",
             signed=True,
+            span=Span.PHASE,
         ),
     ),
     equation="q_motor - q = -A sin(n q_motor + phi)",
@@ -84,6 +144,15 @@ GEAR_RIPPLE = Effect(
         "mains_hum": "two speeds: hum is fixed in time",
         "encoder_ripple": "tracker or link encoder",
     },
+    observed_by={
+        Instrument.CURRENT: Observation(against=Variable.MOTOR_ANGLE),
+        Instrument.LINK_ENCODER: Observation(
+            shows=lambda p, unit: f"motor less link encoder repeats {p.order:.4g} times a motor turn",
+            # of the motor's encoder
+            aliases=("encoder_ripple",),
+        ),
+    },
+    excited_by=Excitation.SPEED,
     deflection=lambda p, s: -p.amplitude * scalar.sin(p.order * s.motor + p.phase),
 )
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from arm_model.effects.definition import Effect, Parameter, Place, Values
+from arm_model.effects.observation import Excitation, Instrument, Observation, Variable
 from arm_model.rigid_body.hydrodynamics import own_drag
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ HYDRODYNAMIC_DRAG = Effect(
     equation="dF = rho C_d R |v| v dl across the link (Morison); D |q'| q' on a joint that moves alone, or has no cylinder",
     shows="error with the square of velocity",
     confused_with={"stribeck_friction": "a ladder of speeds; air against water"},
+    observed_by={Instrument.CURRENT: Observation(against=Variable.VELOCITY)},
+    excited_by=Excitation.SPEED,
     change=_drag,
 )
 
@@ -68,6 +71,8 @@ ADDED_MASS = Effect(
     equation="dF = (rho C_a pi R^2 a + b rho pi R^2 g) dl across the link's cylinder (Morison; Archimedes)",
     shows="follows acceleration, by pose; a lighter link",
     confused_with={"link_inertia": "air against water"},
+    observed_by={Instrument.CURRENT: Observation()},
+    excited_by=Excitation.ACCELERATION,
     change=_added_mass,
     cylinder=True,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from arm_model.effects.definition import Effect, Parameter, Place
+from arm_model.effects.observation import Excitation, Instrument, Observation
 
 WRIST_COUPLING = Effect(
     name="wrist_coupling",
@@ -16,6 +17,8 @@ WRIST_COUPLING = Effect(
     shows="a resting joint's motor turns, or is loaded, as another axis moves",
     confused_with={"link_inertia": "slow single moves"},
     per_joint=False,
+    observed_by={Instrument.CURRENT: Observation(), Instrument.DEMAND: Observation()},
+    excited_by=Excitation.SPEED,
     coupling=True,
 )
 

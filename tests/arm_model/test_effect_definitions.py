@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from arm_model.effects import CATALOGUE, Effect, Signals, Values
+from arm_model.effects import CATALOGUE, Effect, Excitation, Instrument, Parameter, Signals, Values
 
 LAWS = ("torque", "deflection", "angle", "current", "delay", "change", "limit", "bend", "late", "stray")
 
@@ -32,6 +33,56 @@ def test_has_one_law_and_says_what_it_is(effect: Effect) -> None:
     assert len(laws) == 1
     assert effect.equation and effect.shows
     assert all(name in CATALOGUE for name in effect.confused_with)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE.keys())
+def test_says_by_which_instrument_it_is_observed_what_excites_it_and_where_its_parameters_are_searched(
+    effect: Effect,
+) -> None:
+    assert effect.observed_by
+    assert all(isinstance(instrument, Instrument) for instrument in effect.observed_by)
+    assert isinstance(effect.excited_by, Excitation)
+    regressed = {Instrument.CURRENT, Instrument.SINGLE_AXIS, Instrument.CLOSED_LOOP} & set(effect.observed_by)
+    for parameter in effect.parameters:
+        if regressed and effect.delay is None:
+            assert _found(parameter), f"{effect.name}.{parameter.name}: neither a coefficient nor spanned nor searched"
+        assert all(np.isfinite(parameter.search)) and list(parameter.search) == sorted(parameter.search)
+        assert parameter.scale is None or parameter.shares
+        assert parameter.most >= parameter.typical[1]
+    if Instrument.TRACKER in effect.observed_by and effect.stray is None:
+        assert any(p.tracker_prior or p.chain for p in effect.parameters)
+
+
+def _found(parameter: Parameter) -> bool:
+    """How an estimator finds it: as a coefficient, by the plane that it spans, or by a search."""
+    return parameter.linear or parameter.span is not None or bool(parameter.search)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE.keys())
+def test_names_other_effects_by_names_that_exist(effect: Effect) -> None:
+    named = [*effect.aliases, *effect.special_cases, *effect.near_cases]
+    named += [name for observation in effect.observed_by.values() for name in observation.aliases]
+    assert set(named) <= set(CATALOGUE) - {effect.name}
+    assert not set(effect.special_cases) & {*effect.aliases, *effect.near_cases}
+
+
+@pytest.mark.parametrize("name", [name for name, effect in CATALOGUE.items() if effect.special_cases])
+def test_contains_its_special_cases(name: str) -> None:
+    """While the joint moves, the torque of each special case is a combination of the effect's own columns."""
+    whole, signals = CATALOGUE[name], _random_signals(np.random.default_rng(7))
+    signals = replace(signals, sign=np.sign(signals.v))
+    columns = _columns(whole, signals)
+    for part in whole.special_cases:
+        for column in _columns(CATALOGUE[part], signals).T:
+            rest = column - columns @ np.linalg.lstsq(columns, column, rcond=None)[0]
+            np.testing.assert_allclose(rest, 0.0, atol=1e-9 * np.linalg.norm(column))
+
+
+def _columns(effect: Effect, signals: Signals) -> np.ndarray:
+    law = effect.torque or effect.current
+    assert law is not None
+    ones = [{p.name: float(p is one) for p in effect.parameters} for one in effect.linear]
+    return np.column_stack([law(Values(one), signals) for one in ones])
 
 
 def over_signals(effect: Effect) -> Any:
