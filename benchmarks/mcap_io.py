@@ -26,10 +26,11 @@ import numpy as np
 
 from benchmarks.report import report
 from daq.acquisition.rows import Rows
-from daq.recording import open_recording, ros2_messages
+from daq.recording import open_recording
+from daq.recording.messages import ros2_messages
+from daq.recording.messages.row_format import RowFormat
 from daq.recording.parts import Attachments
 from daq.recording.recorder import Recorder, rows_layout
-from daq.recording.row_format import RowFormat
 
 JOINTS = [f"joint{joint}" for joint in range(1, 7)]
 LAYOUT = rows_layout(JOINTS, counters=[f"c{k}" for k in range(6)], inputs=[f"v{k}" for k in range(8)], demand=True)

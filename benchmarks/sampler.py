@@ -33,7 +33,7 @@ def rig_at(rate: float, tracker_rate: float = 1000.0) -> Rig:
             "trigger": {"source": "timer", "device": "analog", "rate": rate},
             "device": [
                 {"name": "counter", **driver, "counters": 3},
-                {"name": "analog", **driver, "arm_io": 8},
+                {"name": "analog", **driver, "inputs": 8},
                 {"name": "tracker", **driver, "tracker": True, "rate": tracker_rate},
             ],
             "joint": [

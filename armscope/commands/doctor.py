@@ -49,7 +49,7 @@ def command(
         lock.release()
     healthy = not problems and not any(finding["problems"] for finding in findings)
     if as_json:
-        result: dict[str, Any] = {"schema": "armscope.commands.doctor/1", "rig": checked.name, "healthy": healthy}
+        result: dict[str, Any] = {"schema": "armscope.doctor/1", "rig": checked.name, "healthy": healthy}
         print(json.dumps(result | {"devices": findings, "problems": problems}, indent=1))
     else:
         print("\n".join(_text(checked.name, findings, problems)))

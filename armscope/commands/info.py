@@ -37,7 +37,7 @@ def _text(table: dict[str, Any]) -> str:
         rate=_rate(table),
         joints=", ".join(table["joints"]),
         counters=", ".join(table["counters"]),
-        inputs=", ".join(table["arm_io"]),
+        inputs=", ".join(table["inputs"]),
         extra=", ".join(table["extra"]),
         samples=_ledger(table["ledger"]),
     )

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from arm_io import InputError
 from daq.acquisition.ledger import LedgerSummary, Loss, LossReason
-from daq.recording import mcap_walk
-from daq.recording.mcap_writer import ACTIVE, MAGIC, PROGRESS, Progress
+from daq.recording.mcap_file import walk as mcap_walk
+from daq.recording.mcap_file.writer import ACTIVE, MAGIC, PROGRESS, Progress
+from daq.recording.messages.row_format import Layout, RowFormat, format_of
 from daq.recording.missing_rows import Found, account
-from daq.recording.row_format import Layout, RowFormat, format_of
 
 
 @dataclass

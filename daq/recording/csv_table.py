@@ -13,8 +13,8 @@ import numpy as np
 
 from arm_io import InputError, whole_file
 from arm_io.types import Array
+from daq.recording.messages.row_format import JOINT_TOPICS
 from daq.recording.reader import Recording
-from daq.recording.row_format import JOINT_TOPICS
 
 _JOINT_COLUMN = re.compile(rf"({'|'.join(JOINT_TOPICS)})([1-9][0-9]*)")
 _LARGEST = 1e15

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.acquisition.ledger import LedgerSummary, Loss, LossReason
-from daq.recording.mcap_writer import Progress
+from daq.recording.mcap_file.writer import Progress
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from arm_io import DeviceFault
 from daq.acquisition.ledger import SENTENCES, LedgerSummary
-from daq.recording import mcap_writer, ros2_messages
-from daq.recording.mcap_writer import McapFile
-from daq.recording.row_format import Layout, RowFormat
+from daq.recording.mcap_file import writer as mcap_writer
+from daq.recording.mcap_file.writer import McapFile
+from daq.recording.messages import ros2_messages
+from daq.recording.messages.row_format import Layout, RowFormat
 
 
 @dataclass(frozen=True)

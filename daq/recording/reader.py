@@ -15,7 +15,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from daq.acquisition.ledger import LedgerSummary
 from daq.recording.contents import Contents, read_contents
-from daq.recording.row_format import JOINT_TOPICS, Layout
+from daq.recording.messages.row_format import JOINT_TOPICS, Layout
 from drivers.protocols import Quality
 
 PAUSE = 10.0

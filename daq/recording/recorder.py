@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from arm_io import DeviceFault
 from daq.acquisition.ledger import LedgerSummary, Loss, LossReason
 from daq.acquisition.rows import Rows
-from daq.recording.mcap_writer import Progress, as_json
+from daq.recording.mcap_file.writer import Progress, as_json
+from daq.recording.messages.row_format import Layout, format_of
 from daq.recording.parts import Attachments, Derivatives, finish_file, open_file, write_chunk
-from daq.recording.row_format import Layout, format_of
 
 CHUNK_BYTES = 1 << 20
 """Before compression, at most: what fits into a processor's cache is written and read fastest."""

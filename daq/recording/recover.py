@@ -10,11 +10,11 @@ import numpy as np
 
 from arm_io import DeviceFault, InputError
 from daq.acquisition.ledger import LedgerSummary
-from daq.recording import mcap_walk
 from daq.recording.contents import mapped, read_contents
-from daq.recording.mcap_writer import ACTIVE, as_json, being_written
+from daq.recording.mcap_file import walk as mcap_walk
+from daq.recording.mcap_file.writer import ACTIVE, as_json, being_written
+from daq.recording.messages.row_format import format_of
 from daq.recording.parts import finish_file, open_file, write_content
-from daq.recording.row_format import format_of
 
 
 @dataclass(frozen=True)

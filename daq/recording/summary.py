@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from daq.recording.messages.row_format import JOINT_TOPICS, format_of
 from daq.recording.parts import ledger_table
 from daq.recording.reader import Recording
-from daq.recording.row_format import JOINT_TOPICS, format_of
 from drivers.protocols import Quality
 
 _UNITS = {"v": "V", "temp": "degC"}
@@ -22,7 +22,7 @@ def summary(recording: Recording) -> dict[str, Any]:
     layout, t = recording.layout, recording.t
     steps = np.diff(t) if len(t) > 1 else np.full(1, np.nan)
     return {
-        "schema": "armscope.commands.info/1",
+        "schema": "armscope.info/1",
         "file": str(recording.path),
         "bytes": recording.path.stat().st_size,
         "kind": recording.provenance.get("kind", "measured" if layout.raw else "table"),
@@ -41,7 +41,7 @@ def summary(recording: Recording) -> dict[str, Any]:
         "joints": list(layout.joints),
         "signals": _signals(recording),
         "counters": list(layout.counters),
-        "arm_io": list(layout.inputs),
+        "inputs": list(layout.inputs),
         "extra": list(layout.extra),
         "doubts": _doubts(recording),
         "topics": [{"topic": topic.name, "type": topic.type} for topic in format_of(layout.to_json()).topics],

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from arm_io import DeviceFault
 from daq.acquisition.ledger import LedgerSummary
-from daq.recording.mcap_writer import Progress
+from daq.recording.mcap_file.writer import Progress
+from daq.recording.messages.row_format import JOINT_TOPICS, Layout, format_of
 from daq.recording.parts import Attachments, Derivatives, finish_file, open_file, write_chunk
-from daq.recording.row_format import JOINT_TOPICS, Layout, format_of
 
 CHUNK_BYTES = 1 << 20
 
@@ -32,7 +32,7 @@ def write_table(
     """Writes a recording that has no devices behind it: an imported table, or a simulation. An existing ``path`` is replaced.
 
     t        (n,) s, strictly increasing; kept to the last bit, as are all other numbers
-    signals  'q' and 'i' and any other key of ``daq.recording.row_format.JOINT_TOPICS`` -> (n, J) rad (m), A, V, degC; NaN: missing sample;
+    signals  'q' and 'i' and any other key of ``daq.recording.messages.row_format.JOINT_TOPICS`` -> (n, J) rad (m), A, V, degC; NaN: missing sample;
              a joint whose column (of other than q and i) is NaN throughout does not have that signal
     xyz      (n, 3) m, tracker's target in the base frame
     joints   (J,) names; default joint1 ...

@@ -38,7 +38,7 @@ class Columns:
     def as_table(self) -> dict[str, Any]:
         """The columns as plain data, for the head of a recording."""
         counters, inputs = self.names()
-        return {"counters": counters, "arm_io": inputs, "tracker": self.tracker}
+        return {"counters": counters, "inputs": inputs, "tracker": self.tracker}
 
 
 def columns_of(rig: Rig, devices: Mapping[str, Device]) -> Columns:

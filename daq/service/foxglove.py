@@ -1,6 +1,6 @@
 """Rows on the screen: a WebSocket server for Foxglove and PlotJuggler, on loopback only.
 
-The topics and messages are those of a recording (``daq.recording.row_format``), so that one screen layout serves live and recorded data alike.
+The topics and messages are those of a recording (``daq.recording.messages.row_format``), so that one screen layout serves live and recorded data alike.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_io import DeviceFault
-from daq.recording import ros2_messages
-from daq.recording.cdr import Message, fillable, stamps
-from daq.recording.row_format import JOINT_TOPICS, POINT_TOPIC
+from daq.recording.messages import ros2_messages
+from daq.recording.messages.cdr import Message, fillable, stamps
+from daq.recording.messages.row_format import JOINT_TOPICS, POINT_TOPIC
 from daq.service.row_block import Columns
 
 if TYPE_CHECKING:

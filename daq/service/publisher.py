@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.recording import ros2_messages
-from daq.recording.cdr import fillable, stamps
+from daq.recording.messages import ros2_messages
+from daq.recording.messages.cdr import fillable, stamps
 from daq.service.row_block import MEDIA_TYPE, Columns, describe, encode
 from daq.service.zenoh_session import Keys
 

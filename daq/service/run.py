@@ -174,7 +174,7 @@ class Run:
             ledger = LedgerSummary(account.triggers, account.latched, self._recorder.recorded, account.losses)
             ending = {"reason": str(End.RECORDER), "sentence": str(fault), "fault": True}
         return {
-            "schema": "armscope.commands.record/1",
+            "schema": "armscope.record/1",
             "file": str(self.order.out),
             "experiment": self.order.experiment.name,
             "rig": self._bench.rig.name,

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from arm_io import InputError
 from daq.acquisition.ledger import Loss, LossReason
 from daq.recording import Recording, open_recording
+from daq.recording.messages.row_format import format_of
 from daq.recording.parts import Attachments
 from daq.recording.recorder import Recorder
 from daq.recording.recover import recover
-from daq.recording.row_format import format_of
 from tests.daq.recorded import COLUMNS, LAYOUT, make_rows
 
 ROWS, LOST, CHUNK = 240, (100, 120), 20

@@ -14,7 +14,7 @@ import armscope
 from arm_io import DeviceFault, InputError
 from daq.acquisition.ledger import Loss, LossReason
 from daq.recording import open_recording
-from daq.recording.mcap_writer import McapFile, create
+from daq.recording.mcap_file.writer import McapFile, create
 from daq.recording.parts import Attachments
 from daq.recording.recorder import Recorder, rows_layout
 from daq.recording.table import write_table
@@ -143,7 +143,7 @@ def test_a_full_disk_costs_only_what_did_not_fit(tmp_path: Path, monkeypatch: py
 
     sync = McapFile.sync
     monkeypatch.setattr(McapFile, "sync", lambda self: (sync(self), written.release())[0])
-    monkeypatch.setattr("daq.recording.mcap_writer.os.pwrite", limited)
+    monkeypatch.setattr("daq.recording.mcap_file.writer.os.pwrite", limited)
     recorder = Recorder(tmp_path / "run.mcap", LAYOUT, Attachments(), chunk_seconds=0.0)
     for first, space in ((0, 10**9), (100, 3000), (200, 0), (300, 10**9)):
         room[0] = space
@@ -165,7 +165,7 @@ def test_a_disk_that_stays_full_leaves_what_was_there(tmp_path: Path, monkeypatc
     def full(*_: object) -> int:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("daq.recording.mcap_writer.os.pwrite", full)
+    monkeypatch.setattr("daq.recording.mcap_file.writer.os.pwrite", full)
     recorder.append(make_rows(100, 100))
     with pytest.raises(DeviceFault, match=r"No space left.*100 rows are safe.*100 are lost"):
         recorder.finish()

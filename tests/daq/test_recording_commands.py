@@ -82,6 +82,7 @@ def test_info_accounts_for_every_sample(recorded: Path, capsys: pytest.CaptureFi
     assert (info["ledger"]["triggers"], info["ledger"]["recorded"], info["ledger"]["lost"]) == (105, 100, 5)
     assert info["ledger"]["losses"][0]["reason"] == "lost_edge" and info["ledger"]["balanced"]
     assert [(gap["row"], gap["triggers"]) for gap in info["gaps"]] == [(49, 5)]
+    assert info["schema"] == "armscope.info/1" and info["inputs"] == list(LAYOUT.inputs)
     assert info["rows"] == 100 and info["finished"] and info["calibration"] == {"hash": "abc"}
     recording = open_recording(recorded)
     one = next(row for row in info["signals"] if (row["signal"], row["joint"]) == ("i", 2))

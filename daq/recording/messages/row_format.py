@@ -19,7 +19,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 from numpy.typing import NDArray
 
-from daq.recording import cdr, ros2_messages
+from daq.recording.messages import cdr, ros2_messages
 
 JOINT_TOPICS = {
     "q": ("/joint_states", "position"),

@@ -23,8 +23,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Header, McapRecord, Metadata, Schema
 from numpy.typing import NDArray
 
-from daq.recording.mcap_writer import MAGIC
-from daq.recording.row_format import RowFormat, format_of
+from daq.recording.mcap_file.writer import MAGIC
+from daq.recording.messages.row_format import RowFormat, format_of
 
 LARGEST_CHUNK = 1 << 30
 """Content of a chunk, bytes; more is a broken length."""
