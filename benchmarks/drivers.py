@@ -197,17 +197,18 @@ def in_turns(driver: Callable[[], bool], bare: Callable[[], bool], turn: float =
 
 
 def cia406() -> dict[str, float]:
-    """One encoder at 125 kbit/s and six at 500 kbit/s, on a multicast bus whose frames take as long as their bits: asked row by row, which
+    """One encoder at 125 kbit/s and six at 500 kbit/s, on a bus of Unix sockets whose frames take as long as their bits: asked row by row, which
     leaves the wire idle while the host turns round, and by the SYNCs of a node (X_synced), at 99 % of the wire, where a busy
     machine's simulated node leaves some out (X_synced_good: the share of good rows among those of the SYNCs that it made)."""
     figures = {}
     for name, nodes, bitrate in (("cia406", [1], 125_000), ("cia406_6_nodes", [1, 2, 3, 4, 5, 6], 500_000)):
-        bus = {"interface": "udp_multicast", "channel": "239.74.163.9", "bitrate": bitrate}
-        with device("cia406", nodes=nodes, timeout=0.05, port=free_port(), **bus) as encoders:
-            encoders.arm(Plan(EdgeSource.POLL, 100.0, None))
-            figures |= measure(name, encoders.poll, encoders.max_rate, 0.0)
-        with device("cia406", nodes=nodes, sync=1, port=free_port(), **bus) as encoders:
-            figures |= by_syncs(f"{name}_synced", encoders)
+        with tempfile.TemporaryDirectory() as folder:
+            bus = {"interface": "unix", "channel": folder, "bitrate": bitrate}
+            with device("cia406", nodes=nodes, timeout=0.05, **bus) as encoders:
+                encoders.arm(Plan(EdgeSource.POLL, 100.0, None))
+                figures |= measure(name, encoders.poll, encoders.max_rate, 0.0)
+            with device("cia406", nodes=nodes, sync=1, **bus) as encoders:
+                figures |= by_syncs(f"{name}_synced", encoders)
     return figures
 
 
@@ -229,11 +230,11 @@ def by_syncs(name: str, encoders: Any) -> dict[str, float]:
 
 
 def isabellenhuette_ivts() -> dict[str, float]:
-    """Six sensors with a result every ms, the fastest there is, over a multicast bus; polled 1000 times a second for the newest.
+    """Six sensors with a result every ms, the fastest there is, over a bus of Unix sockets; polled 1000 times a second for the newest.
     ivts_rate_vs_sent: results taken over those that the sensors make in the time; ivts_taken_vs_sent by the counters in the frames."""
-    bus = {"interface": "udp_multicast", "channel": "239.74.163.10", "port": free_port()}
     sensors = [{"command": 0x411 + k, "reply": 0x451 + k, "result": 0x521 + 16 * k} for k in range(6)]
-    with device("isabellenhuette_ivts", sensors=sensors, period=1, timeout=1.0, **bus) as currents:
+    options = {"sensors": sensors, "period": 1, "timeout": 1.0, "interface": "unix"}
+    with tempfile.TemporaryDirectory() as folder, device("isabellenhuette_ivts", channel=folder, **options) as currents:
         currents.arm(Plan(EdgeSource.POLL, 1000.0, None))
         taken, lost = (sum(getattr(box, name) for box in currents._results) for name in ("taken", "lost"))
         begun = time.monotonic()

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from drivers.registry import World
 
@@ -24,20 +24,32 @@ ATTENDED = (
 LEFT = 0.01  # s between such looks
 TURN = 0.001  # s after which somebody who waits for another thread's reading looks into his mailbox again
 OLDEST = 2.0  # s: a frame's stamp that is older was not given by this computer's clock
+NETWORKED = ("udp_multicast",)  # python-can's interfaces that open a port to everybody
+NO_BIT_RATE = ("virtual", "unix")
 Frame = tuple[int, int, bytes]
 
 
 class CanConfig(BaseModel):
     """Where the bus is, in python-can's words: interface "socketcan" and channel "can0" for a Linux adapter.
 
-    udp_multicast (a group address as channel) and virtual carry the same frames without any wire.
+    "unix" (a folder as channel, ``drivers.can_unix``) and "virtual" (within one process) carry the same frames without any wire.
+    ValueError for an interface that listens to the network: CAN frames carry neither sender nor secret.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     interface: str = "socketcan"
     channel: str = "can0"
     bitrate: Annotated[int, Field(gt=0)] = 1_000_000
-    port: int | None = None  # udp_multicast only
+
+    @field_validator("interface")
+    @classmethod
+    def _stays_here(cls, interface: str) -> str:
+        if interface in NETWORKED:
+            raise ValueError(
+                f"{interface!r} listens to the whole network, unsecured; without a CAN adapter it must be 'unix', "
+                "with a folder as 'channel', or 'socketcan' with a vcan channel"
+            )
+        return interface
 
 
 def frame_bits(data_bytes: int) -> int:
@@ -148,11 +160,8 @@ class CanBus:
 
         self._can: Any = can
         config = self.config
-        extra: dict[str, Any] = {} if config.port is None else {"port": config.port}
-        if config.interface not in ("virtual", "udp_multicast"):
-            extra["bitrate"] = config.bitrate
         try:
-            self._bus = can.Bus(interface=config.interface, channel=config.channel, **extra)
+            self._bus = _python_can(config)
         except (can.CanError, OSError, ValueError) as error:
             self._bus = None
             raise OSError(f"no CAN bus {config.interface} {config.channel}: {error}") from None
@@ -217,6 +226,18 @@ class CanBus:
             network.notify(identifier, message.data, message.timestamp)
 
 
+def _python_can(config: CanConfig) -> Any:
+    """python-can's bus at this place."""
+    import can
+
+    if config.interface == "unix":  # found without an installed entry point, too
+        from drivers.can_unix import UnixBus
+
+        return UnixBus(config.channel)
+    rate = {} if config.interface in NO_BIT_RATE else {"bitrate": config.bitrate}
+    return can.Bus(interface=config.interface, channel=config.channel, **rate)
+
+
 def _arrival(stamp: float) -> int:
     """Host ns (monotonic) of a frame stamped with so many s of Unix time, as the kernel does; now, for a stamp of another kind."""
     age = time.time_ns() - int(stamp * 1e9)
@@ -226,6 +247,6 @@ def _arrival(stamp: float) -> int:
 
 def shared_bus(world: World, config: CanConfig) -> CanBus:
     """The rig's one bus at this interface and channel."""
-    buses: dict[tuple[str, str, int | None], CanBus] = world.setdefault("can", {})
-    key = (config.interface, config.channel, config.port)
+    buses: dict[tuple[str, str], CanBus] = world.setdefault("can", {})
+    key = (config.interface, config.channel)
     return buses.setdefault(key, CanBus(config))

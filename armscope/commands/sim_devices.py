@@ -17,6 +17,7 @@ import typer
 from arm_io import InputError
 from daq.rig.calibration import COUNTS_PER_LINE
 from daq.rig.rig_file import DeviceTable, Rig, make_world, read_rig
+from drivers.loopback import is_loopback
 from drivers.registry import check_config
 
 if TYPE_CHECKING:
@@ -69,6 +70,10 @@ def make_simulators(rig: Rig, where: str | Path) -> list[Simulator]:
     trackers: list[Any] = []
     for number, device in enumerate(rig.device, 1):
         config: Any = check_config(device.driver, device.options, f"{where}: device[{number}] ({device.name})")
+        if not is_loopback(host := getattr(config, "host", "localhost")):
+            raise InputError(
+                where, f"device {device.name}: host {host} is not loopback; simulators answer on 127.0.0.1 only"
+            )
         amperes = device.driver.endswith("isabellenhuette_ivts")
         wires = puma.wires(
             world,

@@ -10,7 +10,6 @@ backwards when the joint goes forward); counts and volts are of the motor, and c
 
 from __future__ import annotations
 
-import ipaddress
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -18,6 +17,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, field_validator, model_validator
 
 from arm_io import InputError, check_table, read_toml
+from drivers.loopback import is_loopback
 from drivers.protocols import (
     AnalogInput,
     AnalogOutput,
@@ -210,12 +210,7 @@ class ZenohTable(_Table):
     def loopback(self) -> bool:
         """Whether only programs of this machine can reach the endpoint."""
         protocol, _, place = self.endpoint.partition("/")
-        host = place.rpartition(":")[0].strip("[]")
-        try:
-            local = host == "localhost" or ipaddress.ip_address(host).is_loopback
-        except ValueError:
-            local = False
-        return local or protocol == "unixsock-stream"
+        return protocol == "unixsock-stream" or is_loopback(place.rpartition(":")[0])
 
     @model_validator(mode="after")
     def _secured(self) -> Self:

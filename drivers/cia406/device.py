@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 
 from drivers.blocks import one_row
-from drivers.can_bus import CanBus, CanConfig, shared_bus
+from drivers.can_bus import CanBus, shared_bus
 from drivers.cia406 import protocol as cia
 from drivers.cia406.nodes import Config as Config
 from drivers.cia406.nodes import EncoderNodes
@@ -94,9 +94,7 @@ def make(name: str, config: Config, world: World) -> EncoderNodes:
 
 def find(config: Config) -> list[str]:
     """The nodes that answer on the bus when all are asked for their device type."""
-    bus = CanBus(
-        CanConfig(interface=config.interface, channel=config.channel, bitrate=config.bitrate, port=config.port)
-    )
+    bus = CanBus(config)
     answers = bus.listen([cia.SDO_REPLY + n for n in range(1, 128)])
     try:
         bus.open()

@@ -238,9 +238,7 @@ def make(name: str, config: Config, world: World) -> IvtSensors:
 
 def find(config: Config) -> list[str]:
     """Identifiers on which something sends 6-byte frames, as results are."""
-    bus = CanBus(
-        CanConfig(interface=config.interface, channel=config.channel, bitrate=config.bitrate, port=config.port)
-    )
+    bus = CanBus(config)
     heard = bus.listen(range(0x800))
     try:
         bus.open()

@@ -8,7 +8,6 @@ memory are checked before arming.
 from __future__ import annotations
 
 import contextlib
-import ipaddress
 import socket
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -19,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from arm_io import DeviceFault
 from drivers.blocks import empty
 from drivers.clock import SystemClock
+from drivers.loopback import is_loopback
 from drivers.protocols import Block, EdgeSource, HostClock, Identity, Plan, Quality
 from drivers.reconnect import Reconnect, in_words
 from drivers.registry import World
@@ -32,7 +32,7 @@ TICK_HZ = 1e6  # block ticks: microseconds of the tracker's clock
 class Config(BaseModel):
     """A tracker in the rig file.
 
-    host, port    UDP: where its datagrams arrive; a host other than loopback wants ``sender``, the one address listened to
+    host, port    UDP: where its datagrams arrive; a host other than loopback needs ``sender``, the one address listened to
     serial, baud  or a serial port instead
     rate          Hz, as set on the tracker; max_rate and memory are its ceilings (memory: samples)
     file          where its own file lies after the run, if it writes one
@@ -58,9 +58,8 @@ class Config(BaseModel):
             raise ValueError("give either 'port' (UDP) or 'serial'")
         if self.rate > self.max_rate:
             raise ValueError(f"'rate' {self.rate:g} Hz is more than the tracker's 'max_rate', {self.max_rate:g} Hz")
-        loopback = self.host == "localhost" or ipaddress.ip_address(self.host).is_loopback
-        if self.port is not None and not loopback and self.sender is None:
-            raise ValueError(f"{self.host} is not loopback: 'sender', the tracker's address, is wanted")
+        if self.port is not None and not is_loopback(self.host) and self.sender is None:
+            raise ValueError(f"{self.host} is not loopback: 'sender' must name the tracker's address")
         return self
 
 

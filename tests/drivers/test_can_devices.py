@@ -1,10 +1,11 @@
-"""CiA 406 encoders and IVT-S sensors on python-can's virtual bus, and over multicast as another process would see them."""
+"""CiA 406 encoders and IVT-S sensors on python-can's virtual bus, and over Unix sockets as another process would see them."""
 
 from __future__ import annotations
 
 import time
 import uuid
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,6 @@ from drivers.protocols import Block, CounterMode, EdgeSource, Plan, Quality
 from sim_backend.protocol import cia406 as sim_cia406
 from sim_backend.protocol import isabellenhuette_ivts as sim_ivts
 from tests.drivers.swing import counts, swing_wires, volts
-from tests.ports import free_port
 
 POLL = Plan(EdgeSource.POLL, 100.0, None)
 SENSORS = [{"command": 0x411 + k, "reply": 0x511 + k, "result": 0x521 + 16 * k} for k in range(2)]
@@ -30,8 +30,8 @@ def virtual() -> dict[str, Any]:
     return {"interface": "virtual", "channel": uuid.uuid4().hex}
 
 
-def multicast() -> dict[str, Any]:
-    return {"interface": "udp_multicast", "channel": "239.74.163.2", "port": free_port()}
+def sockets(folder: Path) -> dict[str, Any]:
+    return {"interface": "unix", "channel": str(folder / "can")}
 
 
 def together(driver: Any, simulator: Any, where: Any) -> Iterator[tuple[Any, Any]]:
@@ -43,9 +43,14 @@ def together(driver: Any, simulator: Any, where: Any) -> Iterator[tuple[Any, Any
     box.close()
 
 
-@pytest.fixture(params=[virtual, multicast], ids=["virtual", "multicast"])
-def encoders(request: pytest.FixtureRequest) -> Iterator[tuple[Any, Any]]:
-    yield from together(cia406, sim_cia406, cia406.Config(nodes=(1, 2, 5), bits=25, timeout=1.0, **request.param()))
+@pytest.fixture(params=["virtual", "unix"])
+def bus(request: pytest.FixtureRequest, tmp_path: Path) -> dict[str, Any]:
+    return virtual() if request.param == "virtual" else sockets(tmp_path)
+
+
+@pytest.fixture
+def encoders(bus: dict[str, Any]) -> Iterator[tuple[Any, Any]]:
+    yield from together(cia406, sim_cia406, cia406.Config(nodes=(1, 2, 5), bits=25, timeout=1.0, **bus))
 
 
 @pytest.fixture
@@ -53,9 +58,9 @@ def one_bus() -> Iterator[tuple[Any, Any]]:
     yield from together(cia406, sim_cia406, cia406.Config(nodes=(1, 2), bits=25, patience=2.0, latest=0.4, **virtual()))
 
 
-@pytest.fixture(params=[virtual, multicast], ids=["virtual", "multicast"])
-def sensors(request: pytest.FixtureRequest) -> Iterator[tuple[Any, Any]]:
-    where = isabellenhuette_ivts.Config(sensors=SENSORS, period=2, patience=2.0, **request.param())
+@pytest.fixture
+def sensors(bus: dict[str, Any]) -> Iterator[tuple[Any, Any]]:
+    where = isabellenhuette_ivts.Config(sensors=SENSORS, period=2, patience=2.0, **bus)
     yield from together(isabellenhuette_ivts, sim_ivts, where)
 
 

@@ -78,7 +78,7 @@ def test_a_device_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_what_there_is_instead(tmp_path: Path) -> None:
-    bus = {"interface": "udp_multicast", "channel": "239.74.163.5", "port": free_port()}
+    bus = {"interface": "unix", "channel": str(tmp_path / "can")}
     encoders = sim_cia406.make("e", cia406.Config(nodes=(3, 17), bits=25, **bus), swing_wires())
     encoders.open()
     there = find_devices("drivers.cia406", {"nodes": (1,), **bus}, "rig")
