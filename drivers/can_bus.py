@@ -234,7 +234,7 @@ def _python_can(config: CanConfig) -> Any:
         from drivers.can_unix import UnixBus
 
         return UnixBus(config.channel)
-    rate = {} if config.interface in NO_BIT_RATE else {"bitrate": config.bitrate}
+    rate: dict[str, Any] = {} if config.interface in NO_BIT_RATE else {"bitrate": config.bitrate}
     return can.Bus(interface=config.interface, channel=config.channel, **rate)
 
 
