@@ -15,8 +15,9 @@ from armscope.commands.record import record
 from daq.acquisition.states import check_motion
 from daq.recording import Recording, open_recording
 from daq.rig.rig_file import Rig, read_rig
+from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
-from diagnosis.experiments.discriminating import Separation, named, separations
+from diagnosis.experiments.discriminating import Separation, separations
 from diagnosis.report.wording import title
 from experiment import write_experiment
 from identification.experiment_design.excitation import Limits
@@ -107,7 +108,7 @@ def _allowed(bench: Bench, case: Case, place: int, found: Separation, most: int)
     """Shows the experiment; whether it may be run."""
     assert found.experiment is not None
     cause = case.result.causes[place]
-    members = " or ".join(map(named, cause.group))
+    members = " or ".join(map(in_words, cause.group))
     bench.say(f"experiment {len(case.experiments) + 1} of at most {most}, for {title(cause)}: is it {members}?")
     bench.say(f"  {found.words}; recorded twice; predictions then differ by {found.distance:.0f} standard deviations")
     problems = check_motion(bench.rig, found.experiment)

@@ -1,27 +1,50 @@
-"""One named cause, whatever showed it: the currents, raw rows, one axis seen finely, two encoders or a tracker."""
+"""What a diagnosis says: causes with parameters, structure that no effect explains, effects that are not detectable. A leaf: it imports no measurement."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from enum import StrEnum
 
 from arm_model.description import Arm, EffectTerm
 from arm_model.servo import fixed_gains
-from diagnosis.measurements.currents.estimates import Estimate
 
-SUREST = 0.98
+EffectKey = tuple[str, int | None]
+"""An effect of the catalogue and its joint (from 1); None: of the whole arm."""
+
+MAX_CONFIDENCE = 0.98
 """Confidence that no recording lifts a cause above: of 120 names on a bank of cases that were as sure of themselves, 117 were right."""
 
 
+class Signal(StrEnum):
+    """The signal whose residual shows a cause."""
+
+    CURRENT = "current"
+    ANGLE = "angle"
+    LINK_ANGLE = "link angle"
+    TRACKER = "tracker"
+    CLOSED_LOOP = "closed loop"
+
+
 @dataclass(frozen=True)
+class Estimate:
+    """One parameter of a cause: its value and standard deviation, both in ``unit``."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Cause:
     """One accepted effect.
 
+    joint          from 1; None: of the whole arm
     confidence     that it is there, it or another of its ``group``
-    before, after  rms of its joint's held-out residual in ``signal`` without and with it, in ``unit``; of a tracker's points, of a coordinate
-    group          effects and joints that this data cannot tell from it, itself first; separate_by: what would
-    felt_at        the joint (from 1) where it shows most; 0: at none more than at another
+    before, after  rms of its joint's held-out residual in ``signal`` without and with it, in ``unit``; of tracked points, per coordinate
+    group          ambiguity group: effects and joints that this data cannot distinguish from it, itself first; separate_by: what would
+    felt_at        the joint (from 1) with the largest fall of the residual; None: tracked points only
     of_arm         False for a fact about the instruments that the model has no place for
     """
 
@@ -31,45 +54,80 @@ class Cause:
     confidence: float
     before: float
     after: float
-    group: tuple[tuple[str, int | None], ...]
-    separate_by: str | None
+    group: tuple[EffectKey, ...]
     evidence: str
-    felt_at: int
+    felt_at: int | None
     unit: str
-    signal: Literal["current", "angle", "link angle", "tracker", "closed loop"] = "current"
+    separate_by: str | None = None
+    signal: Signal = Signal.CURRENT
     of_arm: bool = True
+
+    @property
+    def key(self) -> EffectKey:
+        """Effect and joint."""
+        return self.effect, self.joint
 
     @property
     def by_tracker(self) -> bool:
         """Whether tracked points show it."""
-        return self.signal == "tracker"
+        return self.signal is Signal.TRACKER
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Unexplained structure: ``share`` of the variance of a joint's held-out residual (of tracked points: joint None) that is predictable
+    from ``against``."""
+
+    signal: Signal
+    joint: int | None
+    against: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Undetectable:
+    """An effect that the recordings cannot show: why, and the detection experiment that would."""
+
+    effect: str
+    joint: int | None
+    why: str
+    experiment: str
+
+
+def in_words(key: EffectKey) -> str:
+    """``backlash of joint 2``."""
+    effect, joint = key
+    return f"{effect.replace('_', ' ')} of joint {joint}" if joint else effect.replace("_", " ")
 
 
 def confidence_of(p: float) -> float:
     """Confidence in a cause whose gain is chance with probability p."""
-    return float(min(max(1.0 - p, 0.0), SUREST))
+    return float(min(max(1.0 - p, 0.0), MAX_CONFIDENCE))
 
 
-def together(causes: Sequence[Cause], tracked: Sequence[Cause]) -> list[Cause]:
-    """Causes of the currents and those that a tracker saw: what both name is said once, with the tracker's parameters where it names the same,
-    and a group of the tracker's that holds what the currents name is that."""
-    named = {(cause.effect, cause.joint): cause for cause in causes}
+def merge(causes: Sequence[Cause], tracked: Sequence[Cause]) -> list[Cause]:
+    """Causes of the currents and those of the tracker, each named once.
+
+    A cause that both name has the tracker's parameters; a group of the tracker's that contains what the currents name is that cause.
+    """
+    named = {cause.key: cause for cause in causes}
     alone = []
-    for one in tracked:
-        same = next((named[key] for key in one.group if key in named), None)
+    for seen in tracked:
+        same = next((named[key] for key in seen.group if key in named), None)
         if same is None:
-            alone.append(one)
-        else:
-            key = same.effect, same.joint
-            parameters = one.parameters if key == (one.effect, one.joint) else same.parameters
-            sentence = f"{same.evidence}; the tracker agrees: {one.evidence}"
-            named[key] = replace(same, parameters=parameters, group=(key,), separate_by=None, evidence=sentence)
+            alone.append(seen)
+            continue
+        parameters = seen.parameters if same.key == seen.key else same.parameters
+        sentence = f"{same.evidence}; the tracker agrees: {seen.evidence}"
+        named[same.key] = replace(same, parameters=parameters, group=(same.key,), separate_by=None, evidence=sentence)
     return [*alone, *named.values()]
 
 
 def extend(arm: Arm, causes: Sequence[Cause]) -> Arm:
     """The model with every cause as an effect of its own, beside those it had."""
-    terms = list(arm.effects)
-    for cause in (one for one in causes if one.of_arm):
-        terms.append(EffectTerm(cause.effect, cause.joint, {p.name: float(p.value) for p in cause.parameters}))
-    return replace(fixed_gains(arm), effects=tuple(terms))
+    terms = [
+        EffectTerm(cause.effect, cause.joint, {p.name: float(p.value) for p in cause.parameters})
+        for cause in causes
+        if cause.of_arm
+    ]
+    return replace(fixed_gains(arm), effects=(*arm.effects, *terms))

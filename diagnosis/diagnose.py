@@ -15,21 +15,21 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.description import Arm
 from daq.recording import Recording
-from diagnosis.cause import Cause, extend, together
+from diagnosis.cause import Cause, Signal, Structure, Undetectable, extend, merge
 from diagnosis.closed_loop.comparison import Compared, along_motion, compare, faithful, with_widths
 from diagnosis.find_causes import has_dynamics, named_causes
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.design_matrix import Side
-from diagnosis.measurements.currents.detectability import Invisible, not_judged, not_visible
-from diagnosis.measurements.currents.unexplained import LOUD, Structure, loudness
+from diagnosis.measurements.currents.detectability import not_judged, not_visible
+from diagnosis.measurements.currents.unexplained import LOUD, loudness
 from diagnosis.measurements.demands.wrist_coupling import turned_wrist
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
 from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
+from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import check
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
-from diagnosis.screening.events import encoder_step
 from diagnosis.screening.plausibility import check_motion, mixed_up
 from diagnosis.units import unit_at
 
@@ -44,7 +44,7 @@ class Diagnosis:
     held_out: tuple[Run, ...]
     left: tuple[Array, Array]
     causes: list[Cause]
-    not_visible: list[Invisible]
+    not_visible: list[Undetectable]
     unexplained: list[Structure]
     compared: dict[str, list[tuple[Compared, Compared]]] = field(repr=False)
     along: dict[str, list[tuple[Array, Array]]]
@@ -95,9 +95,9 @@ def diagnose(
     accepted = named.problem.accepted(found.chosen, found.sides)
     causes = [from_event(event, known_arm, found.sides) for event in [*named.sight.found, *turned_wrist(fit, held_out)]]
     causes += named.causes
-    beside = together(causes if judged else [*causes, *of_links], [one for one in tracked.causes if one not in known])
+    beside = merge(causes if judged else [*causes, *of_links], [one for one in tracked.causes if one not in known])
     extended = extend(named.base, beside) if beside else known_arm
-    causes = together([*swung, *causes, *of_links], tracked.causes)
+    causes = merge([*swung, *causes, *of_links], tracked.causes)
     extended = with_widths(extended, fit) if extended is not arm else extended
     halves = {"fit": (fit, runs[: len(fit)]), "held_out": (held_out, runs[len(fit) :])}
     compared = {
@@ -111,7 +111,7 @@ def diagnose(
     structures = found.remainder.structures if judged else []
     unjudged = [] if judged else not_judged(known_arm, link.seen.joints.tolist() if link else [])
     if axis and axis.wave:
-        structures = [Structure("current", 1, "position", axis.wave.share)]
+        structures = [Structure(Signal.CURRENT, 1, "position", axis.wave.share)]
     told = {(one.effect, one.joint) for one in [*named.causes, *known]} | tracked.shown
     return Diagnosis(
         arm, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
@@ -167,12 +167,13 @@ def _shown_in_loop(
     cause: Cause, extended: Arm, having: Sequence[Compared], recordings: Sequence[Recording], runs: Sequence[Run]
 ) -> Cause:
     """A cause that shows in a closed loop only (a limit: the motion obeys it, and along it nothing is missing) with the errors of that loop."""
-    if cause.before != cause.after or len(having) != len(recordings):
+    joint = cause.felt_at
+    if joint is None or cause.before != cause.after or len(having) != len(recordings):
         return cause
     others = tuple(term for term in extended.effects if (term.name, term.joint) != (cause.effect, cause.joint))
     without = [compare(r, replace(extended, effects=others), run) for r, run in zip(recordings, runs)]
     before, after = (
-        float(np.sqrt(np.mean([one.error_rms("current")[cause.felt_at - 1] ** 2 for one in several if one])))
+        float(np.sqrt(np.mean([one.error_rms("current")[joint - 1] ** 2 for one in several if one])))
         for several in (without, having)
     )
     return replace(cause, before=before, after=after) if all(without) else cause

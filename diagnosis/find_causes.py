@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from arm_model.description import Arm, EffectTerm
 from arm_model.effects import CATALOGUE
 from daq.recording import Recording
-from diagnosis.cause import Cause, extend
+from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import refuted, with_widths
 from diagnosis.measurements.currents.causes import from_axis, of_candidate
@@ -24,7 +24,7 @@ from diagnosis.measurements.currents.search import Found, Problem, search, terms
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, sharply
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Sight, seen_through, with_edges
-from diagnosis.selection.regression import Key, Pair
+from diagnosis.selection.regression import Pair
 
 SEARCHED_AGAIN = 2
 """Refuted causes in whose place another is looked for; what has no better name by then is left unexplained."""
@@ -87,7 +87,7 @@ def _searched(
     sight: Sight,
     held_out: Sequence[Recording],
     parts: bool,
-    banned: Set[Key],
+    banned: Set[EffectKey],
     progress: Callable[[str], None],
 ) -> Named:
     """Names causes in recordings as they are seen, those held out last; none of ``banned``. parts: both sides are parts of the same recordings."""
@@ -107,7 +107,7 @@ def _searched(
         sides = replace(sides[0], y=side_with(sides[0], terms)), replace(sides[1], y=side_with(sides[1], terms))
     free = list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
     problem = Problem(arm, sides, library, free, lines) if axis is None else Problem(arm, sides, {}, free)
-    refused: list[Key] = []
+    refused: list[EffectKey] = []
     found = search(problem, progress, banned)
     while True:
         progress("estimating parameters")
@@ -173,4 +173,4 @@ def _untenable(arm: Arm, causes: list[Cause], recordings: Sequence[Recording], r
         replace(one, joints=tuple(replace(joint, sign_velocity=w) for joint, w in zip(one.joints, widths)))
         for one in less
     ]
-    return refuted(full, turned, [cause.felt_at for cause in causes], recordings, runs)
+    return refuted(full, turned, [cause.felt_at or 1 for cause in causes], recordings, runs)

@@ -164,7 +164,7 @@ def _same(one: Recording, other: Recording) -> bool:
 
 
 def _print(result: Diagnosis, report: dict[str, Any], out: Path) -> None:
-    from diagnosis.experiments.discriminating import named
+    from diagnosis.cause import in_words
     from diagnosis.report.wording import estimate, gain, sentence, title
 
     said = [sentence(result), *(f"warning: {warning}" for warning in result.warnings)]
@@ -176,7 +176,9 @@ def _print(result: Diagnosis, report: dict[str, Any], out: Path) -> None:
             f"   held-out error of {where} without -> with it: {gain(cause)}; confidence {cause.confidence:.0%}"
         )
         if len(cause.group) > 1:
-            said.append(f"   may as well be {', '.join(map(named, cause.group[1:]))}; what tells: {row['separate_by']}")
+            said.append(
+                f"   may as well be {', '.join(map(in_words, cause.group[1:]))}; what tells: {row['separate_by']}"
+            )
     unseen = len(report["not_visible"])
     said += ["", f"{out / 'report.html'}{f' (and {unseen} effects that could not have been seen)' if unseen else ''}"]
     print("\n".join(said))

@@ -21,13 +21,12 @@ from arm_model.description import Arm
 from arm_model.sensing import recorded
 from arm_model.simulation.simulation import simulate, simulate_batch
 from daq.recording import Recording
+from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
 from diagnosis.residual.run import Run, kept, residual_under
 from diagnosis.residual.run_setup import loaded, setup_of
 from identification.preprocessing.demands import demand_of_run
 
-CERTAIN = 3.0
-"""Times the instruments' noise: rows where the residual could deviate more with nothing wrong are not compared."""
 FAITHFUL = 1.5
 """Times the error along the measured motion: a closed loop that errs more at some joint is not that of the arm's controller."""
 WIDTHS = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
@@ -54,19 +53,6 @@ class Compared:
         return rms_where(low_pass(difference, COMPARE_BAND, rate)[kept(rate)], self.known)
 
 
-def rms_where(values: Array, known: NDArray[np.bool_]) -> Array:
-    """(n,) root mean square of values (m, n) where they are known; of a column that never is, of all its rows."""
-    weight = np.where(known.any(axis=0), known, True).astype(float)
-    rms: Array = np.sqrt(np.sum(values**2 * weight, axis=0) / weight.sum(axis=0))
-    return rms
-
-
-def known_rows(run: Run) -> NDArray[np.bool_]:
-    """(m, n): rows of a run where its residual has no reason but the instruments to be other than zero."""
-    known: NDArray[np.bool_] = run.deviation < CERTAIN * run.noise
-    return known
-
-
 def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     """The recording's demands run through the model's closed loop; None without a demand, a controller or a stable loop."""
     if arm.controller is None or not able(recording):
@@ -80,7 +66,7 @@ def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     except InputError:  # it left all bounds: a loop that cannot judge
         return None
     shown = recorded(arm, motion)
-    return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q, known_rows(run))
+    return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q, comparable_rows(run))
 
 
 def able(recording: Recording) -> bool:
@@ -90,7 +76,7 @@ def able(recording: Recording) -> bool:
 
 def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
     """(n,) A each: rms of the run's residual current under its model and under the extended one, without a closed loop."""
-    known = known_rows(run)
+    known = comparable_rows(run)
     return rms_where(residual_under(run, before.effects), known), rms_where(residual_under(run, after.effects), known)
 
 

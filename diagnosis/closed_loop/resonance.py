@@ -22,9 +22,9 @@ from arm_model.rigid_body.numeric import mass_matrix
 from arm_model.sensing import recorded
 from arm_model.simulation.simulation import simulate_batch
 from daq.recording import Recording
-from diagnosis.cause import Cause, confidence_of
+from diagnosis.cause import Cause, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import able
-from diagnosis.measurements.currents.estimates import SYSTEMATIC, Estimate
+from diagnosis.measurements.currents.estimates import SYSTEMATIC
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run_setup import loaded, setup_of
 from diagnosis.selection.regression import SIGNIFICANT
@@ -226,11 +226,19 @@ def _judged(
         f"{BAND[1]:.0f} Hz to {after[j]:.3g} instead of {before[j]:.3g} {unit} rms, better in {int(np.sum(gains > 0))} of {len(gains)} "
         "one-second blocks"
     )
-    key = (trial.effect, trial.joint)
     return Cause(
-        trial.effect, trial.joint, _estimates(arm, trial, fit, noise), confidence_of(p), float(before[j]), float(after[j]), (key,), None,
-        sentence, trial.joint, unit, "closed loop",
-    )  # fmt: skip
+        effect=trial.effect,
+        joint=trial.joint,
+        parameters=_estimates(arm, trial, fit, noise),
+        confidence=confidence_of(p),
+        before=float(before[j]),
+        after=float(after[j]),
+        group=((trial.effect, trial.joint),),
+        evidence=sentence,
+        felt_at=trial.joint,
+        unit=unit,
+        signal=Signal.CLOSED_LOOP,
+    )
 
 
 def _estimates(arm: Arm, trial: Trial, fit: Sequence[Recording], noise: Array) -> list[Estimate]:

@@ -14,16 +14,16 @@ import numpy as np
 
 from arm_model.effects import CATALOGUE
 from arm_model.rigid_body.numeric import rigid_torque
-from diagnosis.cause import Cause
+from diagnosis.cause import Cause, EffectKey, Signal, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.motions import Kind, Stage, Trial, room, trials
-from diagnosis.experiments.t_optimality import Key, Question, foreseen, rival_of
+from diagnosis.experiments.t_optimality import Question, foreseen, rival_of
 from diagnosis.measurements.currents.columns import Candidate, candidates
 from experiment import Experiment, demand_of
 from identification.experiment_design.excitation import Limits
 
 Progress = Callable[[str], None]
-Distances = dict[tuple[Key, Key], float]
+Distances = dict[tuple[EffectKey, EffectKey], float]
 
 ENOUGH = 10.0
 """Standard deviations of the noise by which predictions should differ: what the model does not know of the motion costs some of them."""
@@ -65,12 +65,12 @@ def separation(
     """The experiment for the group of a cause; ``rig``: limits beside those of the model."""
     keys = [key for key in cause.group if _shapes(result, key)]
     others = _nuisances(result, set(cause.group))
-    nothing = Separation(None, 0.0, in_words(cause.group), 0)
+    nothing = Separation(None, 0.0, separated_by(cause.group), 0)
     # of what encoders, a tracker or a closed loop show, predictions of currents do not decide
-    if len(keys) < 2 or cause.signal != "current" or {effect for effect, _ in keys} in BY_NO_MOTION:
+    if len(keys) < 2 or cause.signal is not Signal.CURRENT or {effect for effect, _ in keys} in BY_NO_MOTION:
         return nothing
     rivals = [rival_of(_shapes(result, key), others, result.fit, result.arm) for key in keys]
-    joints = sorted({joint or cause.felt_at for _, joint in keys})
+    joints = sorted({felt for _, joint in keys if (felt := joint or cause.felt_at)})
     return _best(Question(rivals, others, result.fit, result.arm), result, joints, rig, progress) or nothing
 
 
@@ -83,7 +83,7 @@ class _Found:
     kind: Kind = Kind.MOTION
     visited: bool = True
     trial: Trial | None = None
-    together: tuple[tuple[Key, Key], ...] = ()
+    together: tuple[tuple[EffectKey, EffectKey], ...] = ()
 
 
 def _best(
@@ -132,7 +132,7 @@ def _told(found: _Found, trial: Trial, tried: int) -> Separation:
     if not found.visited:
         words = further(words)
     if found.together:
-        pairs = ", ".join(f"{named(one)} from {named(other)}" for one, other in found.together)
+        pairs = ", ".join(f"{in_words(one)} from {in_words(other)}" for one, other in found.together)
         words += f"; it does not tell {pairs}"
     return Separation(trial.experiment.model_copy(update={"description": words}), found.distance, words, tried)
 
@@ -140,12 +140,6 @@ def _told(found: _Found, trial: Trial, tried: int) -> Separation:
 def further(words: str) -> str:
     """Said of a motion that leaves where the arm was seen to move freely."""
     return f"{words}; this goes further than the recordings did: see that the way is free"
-
-
-def named(key: Key) -> str:
-    """``backlash of joint 2``."""
-    effect, joint = key
-    return f"{effect.replace('_', ' ')} of joint {joint}" if joint else effect.replace("_", " ")
 
 
 def stage_of(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visited: bool) -> Stage:
@@ -163,7 +157,7 @@ def stage_of(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visit
     return Stage(result.arm, start, np.array(poses), limits)
 
 
-def _shapes(result: Diagnosis, key: Key) -> list[Candidate]:
+def _shapes(result: Diagnosis, key: EffectKey) -> list[Candidate]:
     """All shapes of an effect at its joint; where it is a named cause, the one that was found among them."""
     several = [c for c in candidates(result.arm) if c.key == key]
     for cause in result.causes:
@@ -174,13 +168,13 @@ def _shapes(result: Diagnosis, key: Key) -> list[Candidate]:
     return list(dict.fromkeys(several))
 
 
-def _nuisances(result: Diagnosis, group: set[Key]) -> list[Candidate]:
+def _nuisances(result: Diagnosis, group: set[EffectKey]) -> list[Candidate]:
     """The causes beside a group, as they were found."""
     keys = [(cause.effect, cause.joint) for cause in result.causes]
     return [shapes[-1] for key in keys if key not in group and (shapes := _shapes(result, key))]
 
 
-def in_words(group: Sequence[Key]) -> str:
+def separated_by(group: Sequence[EffectKey]) -> str:
     """What the catalogue knows to separate the members of a group; none of it is a motion."""
     names = [effect for effect, _ in group]
     said = [CATALOGUE[a].confused_with[b] for a in names for b in names if b in CATALOGUE[a].confused_with]

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm_io.types import Array
+from diagnosis.cause import EffectKey, Undetectable
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import further, stage_of
 from diagnosis.experiments.motions import Stage, Trial, of_joint, with_payload
 from diagnosis.experiments.t_optimality import foreseen
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, side_of
-from diagnosis.measurements.currents.detectability import BY_ENCODERS, Invisible, felt, need_of, times_noise
-from diagnosis.selection.regression import Key
+from diagnosis.measurements.currents.detectability import BY_ENCODERS, felt, need_of, times_noise
 from experiment import Experiment, demand_of
 from identification.experiment_design.excitation import Limits
 
@@ -40,7 +40,7 @@ BESIDES = "an encoder at the link, or a tracker"
 class Showing:
     """An effect that could not be seen, with words for the experiment that would show it; ``experiment`` to record, where a motion does."""
 
-    invisible: Invisible
+    invisible: Undetectable
     experiment: Experiment | None = None
 
 
@@ -53,7 +53,7 @@ def shown_by(
     stage = stage_of(result, [1], rig, visited=False)
     noise = np.mean([run.noise for run in result.fit], axis=0)
     known = {c.key for c in candidates(result.arm)}
-    tried: dict[tuple[int, str], list[tuple[Trial, dict[Key, float]]]] = {}
+    tried: dict[tuple[int, str], list[tuple[Trial, dict[EffectKey, float]]]] = {}
     found = []
     for one in result.not_visible:
         if one.joint is None or (one.effect, one.joint) not in known:
@@ -62,7 +62,7 @@ def shown_by(
         progress(f"what would show {one.effect.replace('_', ' ')} of joint {one.joint}")
         at = one.joint, FAMILIES[need_of(one.effect)]
         if at not in tried:
-            alike: set[Key] = {(e.effect, e.joint) for e in result.not_visible if e.joint == at[0]}
+            alike: set[EffectKey] = {(e.effect, e.joint) for e in result.not_visible if e.joint == at[0]}
             alike = {key for key in alike if FAMILIES[need_of(key[0])] == at[1]}
             tried[at] = list(_tried(stage, noise, *at, alike))
         found.append(_best(one, tried[at]))
@@ -70,8 +70,8 @@ def shown_by(
 
 
 def _tried(
-    stage: Stage, noise: Array, joint: int, family: str, wanted: set[Key]
-) -> Iterator[tuple[Trial, dict[Key, float]]]:
+    stage: Stage, noise: Array, joint: int, family: str, wanted: set[EffectKey]
+) -> Iterator[tuple[Trial, dict[EffectKey, float]]]:
     """A joint's motion of a family (or the one that does instead), from the pose of the recordings that loads it most differently; and if that
     does not show all that is ``wanted``, the same with a known payload. With each, how much it shows of what."""
     named = {trial.experiment.name: trial for trial in of_joint(stage, stage.poses[-1], joint)}
@@ -84,19 +84,19 @@ def _tried(
         yield with_payload(trial), _strengths(with_payload(trial), stage, noise, wanted)
 
 
-def _strengths(trial: Trial, stage: Stage, noise: Array, wanted: set[Key]) -> dict[Key, float]:
+def _strengths(trial: Trial, stage: Stage, noise: Array, wanted: set[EffectKey]) -> dict[EffectKey, float]:
     """Times the noise: how much effects of the largest typical size change the currents of a simulated motion; empty where it cannot be made."""
     run = foreseen(trial, stage, noise)
     if run is None:
         return {}
-    side, strongest = side_of([run]), dict[Key, float]()
+    side, strongest = side_of([run]), dict[EffectKey, float]()
     for c in candidates(stage.arm):
         if c.key in wanted:
             strongest[c.key] = max(strongest.get(c.key, 0.0), felt(c, columns_of(c, side, stage.arm), side.rows))
     return strongest
 
 
-def _best(one: Invisible, tried: Sequence[tuple[Trial, dict[Key, float]]]) -> Showing:
+def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]]]) -> Showing:
     key = one.effect, one.joint
     for trial, strengths in tried:
         if strengths.get(key, 0.0) >= ENOUGH:

@@ -16,6 +16,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.simulation.simulation import simulate
+from diagnosis.cause import EffectKey
 from diagnosis.experiments.motions import Stage, Trial
 from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side, columns_of, free_columns, side_of
@@ -23,8 +24,6 @@ from diagnosis.residual.expected_current import COMPARE_BAND
 from diagnosis.residual.run import ROWS_PER_SECOND, Run, see
 from diagnosis.residual.run_setup import loaded
 from experiment import demand_of
-
-Key = tuple[str, int | None]
 
 SIMULATED_RATE = 2.0 * ROWS_PER_SECOND
 """Rows/s of a simulated motion: enough for the bands of ``evidence``."""
@@ -39,7 +38,7 @@ class Rival:
     No shapes: the rival is that nothing of the kind is there.
     """
 
-    key: Key
+    key: EffectKey
     shapes: tuple[Candidate, ...]
     best: Candidate | None
     coefficients: Array
@@ -61,7 +60,7 @@ class Question:
         self.noise = np.mean([run.noise for run in runs], axis=0)
         self._told, self._squares = self._equations(side_of(runs))
 
-    def apart(self, run: Run) -> dict[tuple[Key, Key], float]:
+    def apart(self, run: Run) -> dict[tuple[EffectKey, EffectKey], float]:
         """The distance of every pair of rivals, whichever of the two is true; see ``distances``."""
         found = self.distances(run)
         count = range(len(self.rivals))

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from arm_model.effects import CATALOGUE
 from daq.recording import Recording
-from diagnosis.cause import Cause
+from diagnosis.cause import Cause, Signal, in_words
 from diagnosis.diagnose import Diagnosis
-from diagnosis.experiments.discriminating import named
 from diagnosis.report.plots import overview as plots
 from diagnosis.report.plots.link_encoders import link_overview
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
@@ -148,7 +147,7 @@ def _left_pictures(result: Diagnosis) -> list[str]:
     drawn = (
         left_against(result, one.joint, one.against)
         for one in result.unexplained
-        if one.joint and one.signal == "current"
+        if one.joint and one.signal is Signal.CURRENT
     )
     return [_picture(*one) for one in drawn if one is not None]
 
@@ -156,7 +155,7 @@ def _left_pictures(result: Diagnosis) -> list[str]:
 def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
     where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
     equation = CATALOGUE[cause.effect].equation
-    if cause.signal == "link angle" and cause.joint is None:
+    if cause.signal is Signal.LINK_ANGLE and cause.joint is None:
         where, equation = "the joints with two encoders", "q_link_read(t) = q_link(t - d)"
     meaning = {p.name: p.meaning for p in CATALOGUE[cause.effect].parameters}
     rows = [
@@ -181,7 +180,7 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
         f"Confidence {cause.confidence:.0%}{sure}.</p>",
     ]
     if len(cause.group) > 1:
-        others = ", ".join(map(named, cause.group[1:]))
+        others = ", ".join(map(in_words, cause.group[1:]))
         parts.append(f"<p class=warning>This data cannot tell it from {escape(others)}. {_separated_by(row)}</p>")
     return parts
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
-from diagnosis.experiments.discriminating import named
 from diagnosis.measurements.currents.design_matrix import side_of
 from diagnosis.measurements.currents.structure_share import FROM
 from diagnosis.report.plots.residuals import SURE
@@ -32,7 +32,7 @@ def summary(result: Diagnosis) -> str:
         return ""
     rows = []
     for number, cause in enumerate(result.causes, 1):
-        alike = f" or {', '.join(map(named, cause.group[1:]))}" if len(cause.group) > 1 else ""
+        alike = f" or {', '.join(map(in_words, cause.group[1:]))}" if len(cause.group) > 1 else ""
         link = f"<a href=#cause{number}>{escape(title(cause))}</a>{escape(alike)}"
         values = "<br>".join(escape(estimate(p)) for p in cause.parameters)
         rows.append((link, values, escape(gain(cause)).replace("-&gt;", "&rarr;"), f"{cause.confidence:.0%}"))

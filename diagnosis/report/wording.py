@@ -6,10 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagnosis.cause import Cause
+from diagnosis.cause import Cause, Estimate, in_words
 from diagnosis.diagnose import Diagnosis
-from diagnosis.experiments.discriminating import named
-from diagnosis.measurements.currents.estimates import Estimate
 
 MILLI = ("A", "rad", "m")
 """Units whose small values are told in thousandths."""
@@ -17,13 +15,13 @@ MILLI = ("A", "rad", "m")
 
 def title(cause: Cause) -> str:
     """``backlash of joint 2``."""
-    return named((cause.effect, cause.joint))
+    return in_words((cause.effect, cause.joint))
 
 
 def either(cause: Cause) -> str:
     """A cause with what it may be as well: ``torque constant or current gain of joint 2``."""
     if len({joint for _, joint in cause.group}) > 1:
-        return " or ".join(map(named, cause.group))
+        return " or ".join(map(in_words, cause.group))
     names = " or ".join(effect.replace("_", " ") for effect, _ in cause.group)
     return f"{names} of joint {cause.joint}" if cause.joint else names
 

@@ -12,9 +12,9 @@ import numpy as np
 from arm_io import make_folder, write_text
 from arm_model.model_file import write_model
 from daq.recording import Recording
-from diagnosis.cause import Cause
+from diagnosis.cause import Cause, in_words
 from diagnosis.diagnose import Diagnosis
-from diagnosis.experiments.discriminating import Separation, named, separations
+from diagnosis.experiments.discriminating import Separation, separations
 from diagnosis.experiments.revealing import Showing, shown_by
 from diagnosis.measurements.currents.design_matrix import side_of
 from diagnosis.measurements.currents.structure_share import predictable
@@ -180,7 +180,7 @@ def _add_showing(out: Path, table: dict[str, Any], showing: Sequence[Showing]) -
 
 
 def _heading(cause: Cause, found: Separation) -> str:
-    members = ", ".join(map(named, cause.group))
+    members = ", ".join(map(in_words, cause.group))
     return (
         f"Tells apart: {members}.\n{found.words[:1].upper()}{found.words[1:]}.\n"
         f"Their predictions then differ by at least {found.distance:.0f} standard deviations of the noise;\n"

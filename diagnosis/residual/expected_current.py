@@ -28,7 +28,7 @@ COLUMN_BAND = 10.0
 COMPARE_BAND = 20.0
 """Hz: pass-band in which measured and expected currents are compared."""
 TAKEN_OUT = {"mains_hum", "missed_counts", "dropped_trigger", "current_limit"}
-"""Events and lines are taken out of the data (``diagnosis.screening.events``), not put into the expectation."""
+"""Events and lines are taken out of the data (``diagnosis.screening``), not put into the expectation."""
 
 
 def low_pass(values: Array, band: float, rate: float) -> Array:

@@ -10,6 +10,7 @@ from scipy import ndimage, signal
 
 from arm_io.types import Array
 from daq.recording import Recording
+from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
 
 QUIET_ROWS, QUIET_BLOCKS = 60, 5
@@ -30,16 +31,9 @@ def scatter(values: Array) -> Array:
     return deviation
 
 
-def smallest_step(values: Array) -> float:
-    """Smallest step that occurs often in (m,) samples: that of an encoder or converter; no more than their noise where there is no such."""
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 1e-9]
-    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
-
-
 def angle_noise(q: Array) -> Array:
     """(n,) rad: standard deviation of recorded angles (m, n), from their step (variance step^2 / 12) or, where it is more, their scatter."""
-    quantised = np.array([smallest_step(column) for column in q.T]) / np.sqrt(12)
+    quantised = np.array([encoder_step(column) for column in q.T]) / np.sqrt(12)
     white = scatter(q)
     # quantised angles scatter as much as their steps say, give or take a third: only more than that is noise beside the steps
     noise: Array = np.where(white > 2.0 * quantised, white, quantised)

@@ -11,13 +11,15 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm
 from daq.recording import Recording
-from diagnosis.closed_loop.comparison import known_rows, rms_where
+from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.noise import still_noise
 from diagnosis.residual.run import Run, residual_with, see
 from diagnosis.residual.run_setup import loaded, setup_of
+from diagnosis.screening.current_limit import current_limits
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
-from diagnosis.screening.events import Event, Gain, clipped, hum, without_hum
+from diagnosis.screening.event import Event, Gain
 from diagnosis.screening.lost_triggers import event_of, lost_edges, put_back
+from diagnosis.screening.mains_hum import mains_hum, without_hum
 
 Samples = tuple[Array, Array, Array]
 
@@ -47,9 +49,9 @@ def seen_through(
     check(arm, recordings)
     progress("looking for events")
     found = [
-        *hum(recordings),
+        *mains_hum(recordings),
         *jumps(recordings, arm),
-        *(one for one in clipped(recordings) if not _its_own(arm, one)),
+        *(one for one in current_limits(recordings) if not _its_own(arm, one)),
     ]
     runs, samples = [], []
     still = still_noise([r for r in recordings if not setup_of(r).drives_off])
@@ -86,13 +88,14 @@ def with_edges(sight: Sight, terms: Sequence[EffectTerm]) -> Sight:
 
 def _of_putting_back(lost: Run, put: Run, terms: Sequence[EffectTerm]) -> Gain:
     """What currents in the rows where they belong explain, at the joint where that is most."""
-    before, after = (rms_where(residual_with(run, terms), known_rows(run)) for run in (lost, put))
+    before, after = (rms_where(residual_with(run, terms), comparable_rows(run)) for run in (lost, put))
     most = int(np.argmax((before**2 - after**2) / put.noise**2))
-    return Gain(float(before[most]), float(after[most]), "A", most + 1)
+    return Gain(before=float(before[most]), after=float(after[most]), unit="A", joint=most + 1)
 
 
 def _its_own(arm: Arm, limit: Event) -> bool:
     """Whether a clipped current is clipped at the torque limit that the model has itself."""
+    assert limit.joint is not None
     joint = arm.joints[limit.joint - 1]
     value, std = next((p.value, p.std) for p in limit.parameters if p.name == "limit")
     own = None if joint.torque_limit is None else joint.torque_limit / joint.drive_constant

@@ -13,9 +13,10 @@ from scipy import signal
 from arm_io.types import Array
 from arm_model.description import Arm, Joint
 from daq.recording import Recording
-from diagnosis.measurements.currents.estimates import Estimate
+from diagnosis.cause import Estimate
+from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.noise import scatter
-from diagnosis.screening.events import Event, Gain, encoder_step
+from diagnosis.screening.event import Event, Gain
 
 JUMP_IN_STEPS = 2.4
 """Steps of the encoder that a jump must exceed."""
@@ -44,17 +45,19 @@ def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
         t, dt, name = recordings[index].t[row], recordings[index].dt, recordings[index].path.name
         events.append(
             Event(
-                "missed_counts",
-                j + 1,
-                [
+                effect="missed_counts",
+                joint=j + 1,
+                parameters=[
                     Estimate("counts", float(np.round(size / step)), max(1.0, 0.01 * abs(size / step)), "1"),
                     Estimate("time", float(t), dt, "s"),
                     Estimate("resolution", step, 0.01 * step, "rad"),
                 ],
-                f"the angle of joint {j + 1} jumps by {size:.3g} rad between two rows at {t:.3f} s of {name} and stays there "
+                evidence=f"the angle of joint {j + 1} jumps by {size:.3g} rad between two rows at {t:.3f} s of {name} and stays there "
                 f"({len(found)} of {len(recordings)} recordings show a jump)",
-                tuple(index for index, _ in found),
-                Gain(abs(size), abs(size - step * np.round(size / step)), "rad", j + 1),
+                recordings=tuple(index for index, _ in found),
+                gain=Gain(
+                    before=abs(size), after=float(abs(size - step * np.round(size / step))), unit="rad", joint=j + 1
+                ),
             )
         )
     return events
@@ -98,15 +101,15 @@ def _lost_edges(recordings: Sequence[Recording], lost: Sequence[tuple[int, int] 
     names = ", ".join(f"{recordings[k].path.name} {n} at {recordings[k].t[at]:.3f} s" for k, at, n in told)
     period = recordings[index].dt
     return Event(
-        "dropped_trigger",
-        0,
-        [
+        effect="dropped_trigger",
+        joint=None,
+        parameters=[
             Estimate("row", float(row), 1.0, "1"),
             Estimate("count", -float(count), 0.2, "1"),
             Estimate("period", period, 1e-3 * period, "s"),
         ],
-        f"all angles that move jump in one row as far as they turn in some rows: these rows of the counters are missing ({names})",
-        tuple(k for k, _, _ in told),
+        evidence=f"all angles that move jump in one row as far as they turn in some rows: these rows of the counters are missing ({names})",
+        recordings=tuple(k for k, _, _ in told),
     )
 
 
@@ -152,7 +155,7 @@ def without_jumps(recording: Recording, index: int, events: list[Event]) -> Arra
         if event.effect == "dropped_trigger" and index in event.recordings:
             missing = _rows_missing(recording, [_jump(recording, j) for j in range(recording.joints)])
             q = q if missing is None else _bridged(q, *missing)
-        if event.effect == "missed_counts" and index in event.recordings:
+        if event.effect == "missed_counts" and event.joint is not None and index in event.recordings:
             found = _jump(recording, event.joint - 1)
             if found is not None:
                 row, size = found

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from diagnosis.measurements.currents.estimates import Estimate
+from diagnosis.cause import Estimate
 from diagnosis.residual.run import Run
-from diagnosis.screening.events import Event
+from diagnosis.screening.event import Event
 
 Index = NDArray[np.intp]
 
@@ -94,7 +94,13 @@ def event_of(losses: Sequence[Loss], runs: Sequence[Run]) -> Event:
         Estimate("period", best.period, 1e-3 * best.period, "s"),
     ]
     sentence = "the lag of the currents changes by whole rows and stays, in " + "; ".join(told)
-    return Event("dropped_trigger", 0, parameters, sentence, tuple(one.recording for one in losses))
+    return Event(
+        effect="dropped_trigger",
+        joint=None,
+        parameters=parameters,
+        evidence=sentence,
+        recordings=tuple(one.recording for one in losses),
+    )
 
 
 def change_of_lag(run: Run) -> Change | None:

@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from arm_io.types import Array
+from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side
 from diagnosis.selection.significance import benjamini_hochberg, p_value, shift_p_value
 
-Key = tuple[str, int | None]
 Pair = tuple[Columns, Columns]
 
 SIGNIFICANT = 0.05
@@ -131,9 +131,11 @@ def gain_of(pair: Pair, accepted: Accepted, held_out: Side) -> tuple[float, Arra
     return gain, c, accepted.held_out**2 - after**2
 
 
-def best_shapes(library: Mapping[Candidate, Pair], accepted: Accepted, fit: Side, taken: set[Key]) -> list[Candidate]:
+def best_shapes(
+    library: Mapping[Candidate, Pair], accepted: Accepted, fit: Side, taken: set[EffectKey]
+) -> list[Candidate]:
     """For every effect at every joint, the shape that fits the currents of its own joint best beside the accepted ones."""
-    shapes: dict[Key, list[Candidate]] = {}
+    shapes: dict[EffectKey, list[Candidate]] = {}
     for candidate in library:
         if candidate.key not in taken:
             shapes.setdefault(candidate.key, []).append(candidate)
@@ -173,7 +175,7 @@ def round_of(
     accepted: Accepted,
     fit: Side,
     held_out: Side,
-    taken: set[Key],
+    taken: set[EffectKey],
     physical: Callable[[Candidate, Array], bool],
 ) -> list[Look]:
     """One round: every candidate looked at; those that may enter (and are ``physical``), best held-out gain first."""

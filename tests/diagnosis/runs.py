@@ -44,4 +44,15 @@ def seen(root: Path, arm: Arm, terms: Sequence[EffectTerm], names: Sequence[str]
 def group_of(*members: tuple[str, int | None], felt_at: int = 1) -> Cause:
     """A cause that the data cannot tell from others."""
     effect, joint = members[0]
-    return Cause(effect, joint, [], 0.5, 0.0, 0.0, tuple(members), None, "", felt_at, "A")
+    return Cause(
+        effect=effect,
+        joint=joint,
+        parameters=[],
+        confidence=0.5,
+        before=0.0,
+        after=0.0,
+        group=tuple(members),
+        evidence="",
+        felt_at=felt_at,
+        unit="A",
+    )

@@ -10,7 +10,7 @@ import pytest
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.table import write_table
-from diagnosis.screening.events import clipped
+from diagnosis.screening.current_limit import current_limits
 
 
 def _recorded(path: Path, current: np.ndarray, noise: float, seed: int) -> Recording:
@@ -35,7 +35,7 @@ def _motion(seed: int) -> np.ndarray:
 def test_a_limit_is_found_with_its_value(tmp_path: Path, noise: float, seed: int) -> None:
     free = _motion(seed)
     limit = 0.75 * float(np.abs(free).max())
-    (event,) = clipped([_recorded(tmp_path / "a.mcap", np.clip(free, -limit, limit), noise, seed)])
+    (event,) = current_limits([_recorded(tmp_path / "a.mcap", np.clip(free, -limit, limit), noise, seed)])
     (parameter,) = event.parameters
     assert abs(parameter.value - limit) < 2 * parameter.std < 0.1 * limit
 
@@ -47,4 +47,4 @@ def test_peaks_and_slow_tops_are_no_limit(tmp_path: Path, seed: int) -> None:
     # constant acceleration against viscous friction: a flat-looking top that rises by 5 %, the same in every stroke
     strokes = 3.0 * np.sign(np.sin(2 * np.pi * 0.5 * t)) * (1.0 + 0.05 * np.mod(t, 1.0)) * (np.mod(t, 1.0) < 0.3)
     for name, current in (("peaks", free), ("strokes", strokes)):
-        assert clipped([_recorded(tmp_path / f"{name}.mcap", current, 0.005, seed)]) == []
+        assert current_limits([_recorded(tmp_path / f"{name}.mcap", current, 0.005, seed)]) == []

@@ -50,7 +50,7 @@ def test_missing_rows_of_the_counters_are_no_missed_counts(tmp_path: Path) -> No
 
     events = jumps([recording], ARM)
 
-    assert [(event.effect, event.joint) for event in events] == [("dropped_trigger", 0)]
+    assert [(event.effect, event.joint) for event in events] == [("dropped_trigger", None)]
     assert {p.name: p.value for p in events[0].parameters} == pytest.approx(
         {"row": 5000, "count": -missing, "period": 1e-3}
     )

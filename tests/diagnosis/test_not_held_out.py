@@ -9,9 +9,9 @@ from typing import Any, cast
 import numpy as np
 
 from arm_model.model_file import read_model
+from diagnosis.cause import Signal, Structure
 from diagnosis.diagnose import not_held_out
 from diagnosis.measurements.currents.design_matrix import Side
-from diagnosis.measurements.currents.unexplained import Structure
 
 ARM = read_model(Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml")
 ROWS = 1200
@@ -30,5 +30,5 @@ def test_a_joint_that_only_the_fitted_recordings_find_loud_is_told() -> None:
     (said,) = not_held_out(left.ravel(), _side(), [], ARM)
 
     assert "joint 2" in said and "hold out" in said
-    assert not_held_out(left.ravel(), _side(), [Structure("current", 2, "position", 0.5)], ARM) == ()
+    assert not_held_out(left.ravel(), _side(), [Structure(Signal.CURRENT, 2, "position", 0.5)], ARM) == ()
     assert not_held_out(np.random.default_rng(2).normal(size=6 * ROWS), _side(), [], ARM) == ()

@@ -10,13 +10,14 @@ import pytest
 
 from arm_model.description import Arm
 from arm_model.model_file import read_model
+from diagnosis.cause import Undetectable
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.motions import Stage, Trial, room
 from diagnosis.experiments.revealing import shown_by
 from diagnosis.experiments.t_optimality import foreseen
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, side_of
-from diagnosis.measurements.currents.detectability import Invisible, not_visible
+from diagnosis.measurements.currents.detectability import not_visible
 from diagnosis.measurements.currents.ripple_orders import order_of
 from diagnosis.residual.run import Run
 from tests.diagnosis.runs import seen
@@ -28,7 +29,7 @@ class Judged:
 
     arm: Arm
     fit: tuple[Run, ...]
-    not_visible: list[Invisible]
+    not_visible: list[Undetectable]
     judged: bool = True
     causes: list[object] = field(default_factory=list)
 
@@ -44,7 +45,7 @@ def one_joint(root: Path, arm: Arm) -> Run:
     return seen(root, arm, [], ["thesis_01_joint1_50_forward"]).fit[0]
 
 
-def _unseen(run: Run, arm: Arm) -> dict[tuple[str, int | None], Invisible]:
+def _unseen(run: Run, arm: Arm) -> dict[tuple[str, int | None], Undetectable]:
     side = side_of([run])
     every = [c for c in candidates(arm) if c.joint in (1, 2, None)]
     library = {c: (x, x) for c in every if order_of(c) is None for x in [columns_of(c, side, arm)]}

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 from arm_model.model_file import read_model
+from diagnosis.cause import Estimate, Signal, Structure
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import side_of
-from diagnosis.measurements.currents.estimates import Estimate
 from diagnosis.measurements.currents.structure_share import predictable
-from diagnosis.measurements.currents.unexplained import Structure
 from diagnosis.report.tables import unseen
 from diagnosis.report.wording import either, estimate, gain, sentence
 from tests.diagnosis.runs import group_of, seen
@@ -58,8 +57,8 @@ def test_a_group_is_never_told_as_one_lucky_member() -> None:
 
 def test_what_is_left_is_said_with_its_place() -> None:
     left = [
-        Structure("current", 3, "position", 0.8),
-        Structure("current", 1, "no single variable (4.0 times the noise)", 0.0),
+        Structure(Signal.CURRENT, 3, "position", 0.8),
+        Structure(Signal.CURRENT, 1, "no single variable (4.0 times the noise)", 0.0),
     ]
     said = sentence(cast(Diagnosis, Verdict("unexplained", [], left)))
     assert "the current of joint 3 against position, the current of joint 1, no single variable" in said

@@ -10,13 +10,12 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.description import Arm, Joint
 from arm_model.effects import CATALOGUE
-from diagnosis.cause import Cause, confidence_of
+from diagnosis.cause import Cause, Estimate, Signal, confidence_of
 from diagnosis.measurements.currents.columns import TWINS, Candidate
 from diagnosis.measurements.currents.design_matrix import Side
-from diagnosis.measurements.currents.estimates import Estimate
 from diagnosis.measurements.currents.search import NESTED, Found, Problem
 from diagnosis.measurements.single_axis.causes import AxisCause
-from diagnosis.screening.events import Event, Gain
+from diagnosis.screening.event import Event, Gain
 from diagnosis.selection.aliasing import confusability, span_of
 from diagnosis.selection.regression import Look, look
 from diagnosis.units import unit_at
@@ -66,19 +65,18 @@ def of_candidate(
     separate = None
     if len(group) > 1:
         separate = next((definition.confused_with[e] for e, _ in group[1:] if e in definition.confused_with), None)
-    confidence = confidence_of(one.p)
     return Cause(
-        candidate.effect,
-        candidate.joint,
-        values,
-        confidence,
-        before,
-        after,
-        tuple(group),
-        separate,
-        sentence,
-        joint,
-        unit,
+        effect=candidate.effect,
+        joint=candidate.joint,
+        parameters=values,
+        confidence=confidence_of(one.p),
+        before=before,
+        after=after,
+        group=tuple(group),
+        separate_by=separate,
+        evidence=sentence,
+        felt_at=joint,
+        unit=unit,
     )
 
 
@@ -104,17 +102,25 @@ def _rms_in_amperes(whitened: Array, side: Side, joint: int) -> float:
 
 
 def from_event(event: Event, arm: Arm, sides: tuple[Side, Side]) -> Cause:
-    at = max(event.joint - 1, 0)
-    noise = float(np.mean([run.noise[at] for run in sides[1].runs]))
-    gain = event.gain or Gain(noise, noise, "A", at + 1)
-    joint = event.joint or None
-    confidence, felt = confidence_of(gain.p), arm.joints[gain.joint - 1]
+    joint = event.joint or 1
+    noise = float(np.mean([run.noise[joint - 1] for run in sides[1].runs]))
+    gain = event.gain or Gain(before=noise, after=noise, unit="A", joint=joint)
+    felt = arm.joints[gain.joint - 1]
     parameters = [replace(p, unit=unit_at(felt, p.unit, p.name)) for p in event.parameters]
     return Cause(
-        event.effect, joint, parameters, confidence, gain.before, gain.after, ((event.effect, joint),), None,
-        event.evidence, gain.joint, unit=unit_at(felt, gain.unit), signal="current" if gain.unit == "A" else "angle",
+        effect=event.effect,
+        joint=event.joint,
+        parameters=parameters,
+        confidence=confidence_of(gain.p),
+        before=gain.before,
+        after=gain.after,
+        group=((event.effect, event.joint),),
+        evidence=event.evidence,
+        felt_at=gain.joint,
+        unit=unit_at(felt, gain.unit),
+        signal=Signal.CURRENT if gain.unit == "A" else Signal.ANGLE,
         of_arm=event.effect != "dropped_trigger",
-    )  # fmt: skip
+    )
 
 
 def from_axis(one: AxisCause, arm: Arm) -> Cause:
@@ -126,12 +132,21 @@ def from_axis(one: AxisCause, arm: Arm) -> Cause:
     )
     if one.effect == "friction_asymmetry":
         sentence += f"; {_by_direction(arm, values)}"
-    confidence = confidence_of(one.p)
     group = tuple((effect, 1 if CATALOGUE[effect].per_joint else None) for effect in one.group)
     apart = CATALOGUE[one.effect].confused_with
     separate = next((apart[effect] for effect in one.group[1:] if effect in apart), None)
     return Cause(
-        one.effect, joint, one.parameters, confidence, one.before, one.after, group, separate, sentence, 1, unit
+        effect=one.effect,
+        joint=joint,
+        parameters=one.parameters,
+        confidence=confidence_of(one.p),
+        before=one.before,
+        after=one.after,
+        group=group,
+        separate_by=separate,
+        evidence=sentence,
+        felt_at=1,
+        unit=unit,
     )
 
 

@@ -240,7 +240,7 @@ def _grid(parameter: Parameter) -> tuple[float, ...]:
 
 
 LEFT_TO_OTHERS = {"missed_counts", "dropped_trigger", "mains_hum", "current_limit"}
-"""Found by detectors of their own (``diagnosis.screening.events``), not by columns."""
+"""Found by detectors of their own (``diagnosis.screening``), not by columns."""
 
 TRACKED = {"link_geometry", "link_sag", "tracker_latency", "tracker_outliers"}
 """Only a tracker shows them (``diagnosis.measurements.tracker.causes``)."""

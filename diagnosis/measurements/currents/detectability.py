@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass
 
 import numpy as np
 
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE
 from arm_model.rigid_body.numeric import rigid_torque
+from diagnosis.cause import EffectKey, Undetectable
 from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side
-from diagnosis.selection.regression import Key, Pair
+from diagnosis.selection.regression import Pair
 from diagnosis.units import unit_at
 
 SOFTEST = ("joint_compliance", "presliding_friction")
@@ -49,24 +49,14 @@ INSTEAD = {
 }
 
 
-@dataclass(frozen=True)
-class Invisible:
-    """An effect that the recordings cannot show: why, and the experiment that would."""
-
-    effect: str
-    joint: int | None
-    why: str
-    experiment: str
-
-
 def not_visible(
-    library: Mapping[Candidate, Pair], lines: Iterable[Candidate], held_out: Side, known: Set[Key], arm: Arm
-) -> list[Invisible]:
+    library: Mapping[Candidate, Pair], lines: Iterable[Candidate], held_out: Side, known: Set[EffectKey], arm: Arm
+) -> list[Undetectable]:
     """Effects whose largest typical magnitude changes the held-out currents by less than a third of the noise; none of ``known`` ones.
 
     lines: ripples, whose columns are in the library only where they were heard: a motor that made no whole turn shows none.
     """
-    strongest: dict[Key, float] = {c.key: 0.0 for c in lines if c.joint and _turns(held_out, arm, c.joint) < 1.0}
+    strongest: dict[EffectKey, float] = {c.key: 0.0 for c in lines if c.joint and _turns(held_out, arm, c.joint) < 1.0}
     for candidate, (_, columns) in library.items():
         strength = felt(candidate, columns, held_out.rows)
         strongest[candidate.key] = max(strongest.get(candidate.key, 0.0), strength)
@@ -79,7 +69,7 @@ def not_visible(
             )
             where = f"joint {joint}" if joint else "all joints"
             found.append(
-                Invisible(effect, joint, "; ".join(filter(None, said)), INSTEAD[need_of(effect)].format(where))
+                Undetectable(effect, joint, "; ".join(filter(None, said)), INSTEAD[need_of(effect)].format(where))
             )
     return found
 
@@ -133,7 +123,7 @@ def _did(need: str, joint: int | None, side: Side, arm: Arm) -> str:
     return f"joint {joint} moved {np.ptp(q):.2g} {unit_at(drive, 'rad')}, at up to {np.abs(v).max():.2g} {unit_at(drive, 'rad/s')}"
 
 
-def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Invisible]:
+def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Undetectable]:
     """What currents would show, of a model that expects none; less what the two encoders of the joints ``of_links`` show without currents."""
     why, instead = (
         "the model has neither masses nor friction to hold currents against",
@@ -145,9 +135,9 @@ def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Invisible]:
             continue
         joints = [j for j in range(1, len(arm) + 1) if effect not in BY_ENCODERS or j not in of_links]
         if definition.per_joint:
-            found += [Invisible(effect, joint, why, instead) for joint in joints]
+            found += [Undetectable(effect, joint, why, instead) for joint in joints]
         elif effect not in BY_ENCODERS or not of_links:
-            found.append(Invisible(effect, None, why, instead))
+            found.append(Undetectable(effect, None, why, instead))
     return found
 
 

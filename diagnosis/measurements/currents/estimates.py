@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy import optimize
 
 from arm_io.types import Array
 from arm_model.description import Arm
+from diagnosis.cause import Estimate
 from diagnosis.measurements.currents.columns import FIXED, Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side, columns_of
 from diagnosis.selection.regression import INDEPENDENT, Accepted, fit_gain
@@ -21,16 +21,6 @@ INFERRED = {"stribeck_friction": 0.1, "presliding_friction": 0.1, "backlash": 0.
 """... and to those of effects that are inferred from what the data does not show itself: friction at rest and in reversal from friction while moving,
 where the law of its turn is not known; a gap from the flight through it, where the spring of the teeth is not known; a transducer's cubic, where the
 current has kicks that the motion does not show."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One parameter of a cause."""
-
-    name: str
-    value: float
-    std: float
-    unit: str
 
 
 def parameters_of(candidate: Candidate, coefficients: Array) -> dict[str, float]:

@@ -12,13 +12,13 @@ from collections.abc import Callable, Mapping, Sequence, Set
 import numpy as np
 
 from arm_io.types import Array
+from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.columns import TWINS, Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side
 from diagnosis.selection.regression import (
     ALIKE,
     SIGNIFICANT,
     Accepted,
-    Key,
     Pair,
     at_joint,
     best_shapes,
@@ -38,7 +38,7 @@ def two_of(
     fit: Side,
     held_out: Side,
     joints: Sequence[int],
-    taken: Set[Key],
+    taken: Set[EffectKey],
     physical: Callable[[Candidate, Array], bool],
 ) -> list[Candidate]:
     """The two effects that together explain most of the first of ``joints`` where two do; empty where none do.

@@ -14,6 +14,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm
+from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.columns import TWINS, Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side, columns_of, side_with
 from diagnosis.measurements.currents.estimates import parameters_of, physical, sharpened
@@ -30,7 +31,6 @@ from diagnosis.measurements.currents.unexplained import (
 from diagnosis.selection.regression import (
     SHARE_OF_NOISE,
     Accepted,
-    Key,
     Look,
     Pair,
     accept,
@@ -98,10 +98,10 @@ class Found:
     remainder: Remainder
 
 
-def search(problem: Problem, progress: Callable[[str], None], banned: Set[Key] = frozenset()) -> Found:
+def search(problem: Problem, progress: Callable[[str], None], banned: Set[EffectKey] = frozenset()) -> Found:
     """Candidates that explain the residual together; none of ``banned``, effect and joint."""
     sides, chosen = problem.sides, list[Candidate]()
-    equals: dict[tuple[str, int | None], list[Look]] = {}
+    equals: dict[EffectKey, list[Look]] = {}
     for number in range(1, MOST_CAUSES + 1):
         progress(f"looking for cause {number}")
         accepted = problem.accepted(chosen, sides)
@@ -136,7 +136,7 @@ def search(problem: Problem, progress: Callable[[str], None], banned: Set[Key] =
     return Found(chosen, [equals[c.key] for c in chosen], sides, remainder)
 
 
-def _taken(chosen: Sequence[Candidate]) -> set[tuple[str, int | None]]:
+def _taken(chosen: Sequence[Candidate]) -> set[EffectKey]:
     """The chosen, and their twins: both together would explain anything, as their difference is the residual itself."""
     twins = dict(TWINS) | {other: one for one, other in TWINS}
     return {c.key for c in chosen} | {(twins[c.effect], c.joint) for c in chosen if c.effect in twins}
@@ -212,8 +212,8 @@ def simplified(
     chosen: list[Candidate],
     problem: Problem,
     sides: tuple[Side, Side],
-    equals: dict[tuple[str, int | None], list[Look]],
-    banned: Set[Key],
+    equals: dict[EffectKey, list[Look]],
+    banned: Set[EffectKey],
 ) -> tuple[list[Candidate], tuple[Side, Side]]:
     """The chosen, with fewer or simpler effects in the place of others where nothing that matters is lost.
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
+from diagnosis.cause import Signal, Structure
 from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
 from diagnosis.measurements.currents.design_matrix import Columns, Side
 from diagnosis.residual.noise import quiet_noise
@@ -39,16 +40,6 @@ MOST = 3
 
 
 @dataclass(frozen=True)
-class Structure:
-    """``share`` of the variance of a joint's held-out residual (or of the tracker's points, joint None) that is predictable from ``against``."""
-
-    signal: str
-    joint: int | None
-    against: str
-    share: float
-
-
-@dataclass(frozen=True)
 class Remainder:
     """Structures, and the columns that describe them."""
 
@@ -67,7 +58,7 @@ def structure_left(fit: Side, held_out: Side, accepted: Accepted, arm: Arm) -> R
             if best is None:
                 break
             name, pair, share = best
-            found.append(Structure("current", joint, name, share))
+            found.append(Structure(Signal.CURRENT, joint, name, share))
             here.append(pair)
             shapes = [one for one in shapes if one.name != name]
         pairs += here
@@ -83,8 +74,8 @@ def _likeliest(shapes: Sequence[Shape], accepted: Accepted, held_out: Side, join
     able = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > HALF * before]
     p, best = min(able, default=(1.0, 0))
     if p > PROBABLE:
-        return Structure("current", joint, f"no single variable ({loud:.1f} times the noise)", 0.0)
-    return Structure("current", joint, shapes[best].name, float(gains[best].sum()) / before)
+        return Structure(Signal.CURRENT, joint, f"no single variable ({loud:.1f} times the noise)", 0.0)
+    return Structure(Signal.CURRENT, joint, shapes[best].name, float(gains[best].sum()) / before)
 
 
 def loud(accepted: Accepted, held_out: Side, arm: Arm) -> list[int]:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from daq.recording import Recording
-from diagnosis.measurements.currents.estimates import Estimate
+from diagnosis.cause import Estimate
 from diagnosis.residual.noise import angle_noise
-from diagnosis.screening.events import Event, Gain
+from diagnosis.screening.event import Event, Gain
 from diagnosis.selection.significance import BLOCK_SECONDS, block_sums, p_value
 
 Index = NDArray[np.intp]
@@ -86,8 +86,8 @@ def turned_wrist(fit: Sequence[Recording], held_out: Sequence[Recording]) -> lis
         f"falls from {most.before:.3g} to {most.after:.3g} rad rms"
     )
     every = tuple(range(len(fit) + len(held_out)))
-    gain = Gain(most.before, most.after, "rad", most.axis, max(one.p for one in found))
-    return [Event("wrist_coupling", 0, rows, sentence, every, gain)]
+    gain = Gain(before=most.before, after=most.after, unit="rad", joint=most.axis, p=max(one.p for one in found))
+    return [Event(effect="wrist_coupling", joint=None, parameters=rows, evidence=sentence, recordings=every, gain=gain)]
 
 
 def _turned(fit: Sequence[Recording], held_out: Sequence[Recording], axis: int) -> Turned | None:

@@ -11,9 +11,8 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.description import Arm
 from daq.recording import Recording
-from diagnosis.cause import SUREST, Cause, confidence_of
-from diagnosis.measurements.currents.estimates import SYSTEMATIC, Estimate
-from diagnosis.measurements.currents.unexplained import Structure
+from diagnosis.cause import MAX_CONFIDENCE, Cause, EffectKey, Estimate, Signal, Structure, confidence_of
+from diagnosis.measurements.currents.estimates import SYSTEMATIC
 from diagnosis.measurements.link_encoders.columns import DELAY, Seen, Shape, shapes, standing_orders, turns
 from diagnosis.measurements.link_encoders.regression import (
     OVER_NOISE,
@@ -29,8 +28,6 @@ from diagnosis.measurements.link_encoders.regression import (
 )
 from diagnosis.selection.significance import BLOCK_SECONDS
 from diagnosis.units import unit_at
-
-Key = tuple[str, int | None]
 
 ALIKE = 0.95
 """A candidate that explains this share of what the named one does, in its place, and beside it less than the rest of this share of what it does
@@ -94,13 +91,23 @@ def _cause(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> Cause:
         else _sentence(shape, before, after, one.share, unit)
     )
     return Cause(
-        shape.effect, shape.joint, _parameters(shape, chosen, sides, arm), confidence_of(one.p), before, after, group, None, evidence,
-        int(sides.fit.joints[most]), unit, "link angle", of_arm=shape.effect not in ("time_skew", "encoder_ripple"),
-    )  # fmt: skip
+        effect=shape.effect,
+        joint=shape.joint,
+        parameters=_parameters(shape, chosen, sides, arm),
+        confidence=confidence_of(one.p),
+        before=before,
+        after=after,
+        group=group,
+        evidence=evidence,
+        felt_at=int(sides.fit.joints[most]),
+        unit=unit,
+        signal=Signal.LINK_ANGLE,
+        of_arm=shape.effect not in ("time_skew", "encoder_ripple"),
+    )
 
 
-def _group(shape: Shape, others: list[Shape], gain: float, sides: Sides) -> tuple[Key, ...]:
-    group: list[Key] = [(shape.effect, shape.joint)]
+def _group(shape: Shape, others: list[Shape], gain: float, sides: Sides) -> tuple[EffectKey, ...]:
+    group: list[EffectKey] = [(shape.effect, shape.joint)]
     if shape.effect == "gear_ripple" and shape.value in (1.0, 2.0):
         group.append(("encoder_ripple", shape.joint))  # of the motor: to the link encoder it is the same
     for other in best_shapes(list(shapes(sides.fit)), others, sides):
@@ -255,20 +262,20 @@ def _offsets(chosen: list[Shape], sides: Sides, arm: Arm) -> list[Cause]:
         left = float(np.sqrt(np.mean(rest**2)))
         causes.append(
             Cause(
-                "joint_zero_offset",
-                joint,
-                [Estimate("offset", offset, std, unit)],
-                SUREST,
-                float(np.hypot(offset, left)),
-                left,
-                (("joint_zero_offset", joint),),
-                None,
-                f"the motor encoder of joint {joint} reads {abs(1e3 * offset):.3g} m{unit} {'more' if offset > 0 else 'less'} than the link encoder, "
-                "everywhere alike; "
-                "which of the two is off, a level or a tracker says, and the model stays as it is",
-                joint,
-                unit,
-                "link angle",
+                effect="joint_zero_offset",
+                joint=joint,
+                parameters=[Estimate("offset", offset, std, unit)],
+                confidence=MAX_CONFIDENCE,
+                before=float(np.hypot(offset, left)),
+                after=left,
+                group=(("joint_zero_offset", joint),),
+                evidence=(
+                    f"the motor encoder of joint {joint} reads {abs(1e3 * offset):.3g} m{unit} {'more' if offset > 0 else 'less'} than the "
+                    "link encoder, everywhere alike; which of the two is off, a level or a tracker says, and the model stays as it is"
+                ),
+                felt_at=joint,
+                unit=unit,
+                signal=Signal.LINK_ANGLE,
                 of_arm=False,
             )
         )
@@ -308,7 +315,7 @@ def _structure(chosen: list[Shape], sides: Sides) -> list[Structure]:
         }
         name = max(shares, key=lambda one: shares[one])
         if shares[name] > PREDICTED:
-            found.append(Structure("link angle", joint, name, shares[name]))
+            found.append(Structure(Signal.LINK_ANGLE, joint, name, shares[name]))
     return found
 
 

@@ -18,8 +18,8 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.rigid_body.numeric import rigid_torque
 from daq.recording import Recording
+from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import low_pass
-from diagnosis.screening.events import encoder_step
 
 Index = NDArray[np.intp]
 

@@ -15,6 +15,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.description import Arm
 from daq.recording import Recording
+from diagnosis.cause import EffectKey
 from diagnosis.measurements.link_encoders.columns import (
     Seen,
     Shape,
@@ -25,8 +26,6 @@ from diagnosis.measurements.link_encoders.columns import (
     standing_orders,
 )
 from diagnosis.selection.significance import BLOCK_SECONDS, benjamini_hochberg, p_value
-
-Key = tuple[str, int | None]
 
 SIGNIFICANT = 0.05
 """False-discovery rate at which a candidate may enter."""
@@ -143,7 +142,7 @@ def best_shapes(everything: Sequence[Shape], chosen: Sequence[Shape], sides: Sid
     """For each effect at each joint, the shape that fits best beside what is named; an effect named already may come again as
     another order only."""
     taken = {(s.effect, s.joint) for s in chosen if s.name != "order"} | {(s.effect, s.joint, s.value) for s in chosen}
-    best: dict[Key, tuple[float, Shape]] = {}
+    best: dict[EffectKey, tuple[float, Shape]] = {}
     for k, joint in enumerate(int(j) for j in sides.fit.joints):
         x = np.column_stack([np.ones(sides.fit.rows), *(sides.columns(s, sides.fit, k) for s in chosen)])
         basis = np.linalg.qr(x / np.linalg.norm(x, axis=0))[0]

@@ -16,8 +16,8 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, Signals, Values, described
 from arm_model.system.dynamics import inverse_dynamics
+from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import integrated, low_pass, motion_of
-from diagnosis.screening.events import encoder_step
 from diagnosis.selection.significance import Index
 
 MOTION_BAND, COMPARE_BAND = 100.0, 60.0

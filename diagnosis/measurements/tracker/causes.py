@@ -17,15 +17,12 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import described
 from daq.recording import Recording
-from diagnosis.cause import SUREST, Cause, confidence_of
-from diagnosis.measurements.currents.detectability import Invisible
-from diagnosis.measurements.currents.estimates import Estimate
-from diagnosis.measurements.currents.unexplained import Structure
+from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Structure, Undetectable, confidence_of
 from diagnosis.measurements.tracker.columns import Candidate, State, candidates, estimates, fitted
 from diagnosis.measurements.tracker.detectability import no_tracker, not_visible, sizes, structure, visible
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
 from diagnosis.measurements.tracker.regression import Named, Refit, energy, good, left, named, select
-from diagnosis.screening.events import encoder_step
+from diagnosis.residual.encoder_step import encoder_step
 from identification.kinematics.data.runs import aligned
 from identification.kinematics.models.chain import Chain, position, position_jacobian, xyz_ypr
 from identification.kinematics.models.parameters import chain_of
@@ -56,7 +53,7 @@ class Tracked:
     "held_out"; shown: effects (and joints) that these points would show."""
 
     causes: list[Cause]
-    not_visible: list[Invisible]
+    not_visible: list[Undetectable]
     noise: float
     rms: dict[str, tuple[float, float]]
     unexplained: list[Structure]
@@ -242,9 +239,19 @@ def _cause(one: Named, sure: State, state: State, sides: Sequence[Side]) -> Caus
             (definition.confused_with[e] for e, _ in group[1:] if e in definition.confused_with), OTHER_POSES
         )
     return Cause(
-        candidate.effect, candidate.joint, estimates(candidate, values, covariance), confidence_of(one.look.p), before, now,
-        tuple(group), separate, sentence, candidate.joint or 0, "m", "tracker",
-    )  # fmt: skip
+        effect=candidate.effect,
+        joint=candidate.joint,
+        parameters=estimates(candidate, values, covariance),
+        confidence=confidence_of(one.look.p),
+        before=before,
+        after=now,
+        group=tuple(group),
+        separate_by=separate,
+        evidence=sentence,
+        felt_at=candidate.joint,
+        unit="m",
+        signal=Signal.TRACKER,
+    )
 
 
 def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str]]) -> Cause | None:
@@ -262,13 +269,25 @@ def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str
         name for part, files in zip(outliers, names) for one, name in zip(part, files) if one.wrong + one.missing
     )
     return Cause(
-        "tracker_outliers", None,
-        [Estimate("share", share, float(np.sqrt(share / expected)), "1"), Estimate("size", typical, spread, "m")],
-        SUREST, typical * np.sqrt(wrong / expected / 3.0), 0.0, (("tracker_outliers", None),), None,
-        f"{wrong} of {expected} tracked points are off by {1e3 * typical:.3g} mm from their neighbours, {missing} are missing in "
-        f"{sum(o.breaks for o in every)} breaks ({listed}); they were left out",
-        0, "m", "tracker", of_arm=False,
-    )  # fmt: skip
+        effect="tracker_outliers",
+        joint=None,
+        parameters=[
+            Estimate("share", share, float(np.sqrt(share / expected)), "1"),
+            Estimate("size", typical, spread, "m"),
+        ],
+        confidence=MAX_CONFIDENCE,
+        before=float(typical * np.sqrt(wrong / expected / 3.0)),
+        after=0.0,
+        group=(("tracker_outliers", None),),
+        evidence=(
+            f"{wrong} of {expected} tracked points are off by {1e3 * typical:.3g} mm from their neighbours, {missing} are missing in "
+            f"{sum(o.breaks for o in every)} breaks ({listed}); they were left out"
+        ),
+        felt_at=None,
+        unit="m",
+        signal=Signal.TRACKER,
+        of_arm=False,
+    )
 
 
 def _rms(residual: Array) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, Effect, Signals, Values, described
-from diagnosis.measurements.currents.estimates import Estimate
+from diagnosis.cause import Estimate
 from diagnosis.measurements.tracker.points import Side
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import correlation_time

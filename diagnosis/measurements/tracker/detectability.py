@@ -9,13 +9,10 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE
-from diagnosis.measurements.currents.detectability import Invisible
-from diagnosis.measurements.currents.unexplained import Structure
+from diagnosis.cause import EffectKey, Signal, Structure, Undetectable
 from diagnosis.measurements.tracker.columns import Candidate, State
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import Linear, columns_of, good, linear
-
-Key = tuple[str, int | None]
 
 BINS = 24
 SHARE = 0.1
@@ -32,7 +29,7 @@ EXPERIMENTS = {
 }
 
 
-def no_tracker(placed: bool, fitted: bool) -> list[Invisible]:
+def no_tracker(placed: bool, fitted: bool) -> list[Undetectable]:
     """Everything that only a tracker shows, where there is none."""
     if placed:
         why = "the model places its joints as URDF does; the tracker's points are compared with D-H models only"
@@ -43,7 +40,7 @@ def no_tracker(placed: bool, fitted: bool) -> list[Invisible]:
             f"no {which} recording has points of a tracker",
             "the same motion with a tracker (columns x, y, z)",
         )
-    return [Invisible(effect, None, why, experiment) for effect in EXPERIMENTS]
+    return [Undetectable(effect, None, why, experiment) for effect in EXPERIMENTS]
 
 
 def sizes(every: Sequence[Candidate], nothing: State, sides: Sequence[Side]) -> dict[Candidate, float]:
@@ -52,7 +49,7 @@ def sizes(every: Sequence[Candidate], nothing: State, sides: Sequence[Side]) -> 
     return {c: float(np.sqrt(_typical_squares(c, nothing, sides, parts))) for c in every}
 
 
-def not_visible(moves: Mapping[Candidate, float], level: float, found: set[Key]) -> list[Invisible]:
+def not_visible(moves: Mapping[Candidate, float], level: float, found: set[EffectKey]) -> list[Undetectable]:
     """Effects that only a tracker shows and that move the held-out points by less than a third of what they can tell (``level``, m);
     ``moves``: see ``sizes``."""
     invisible = []
@@ -61,11 +58,11 @@ def not_visible(moves: Mapping[Candidate, float], level: float, found: set[Key])
             where = f" at joint {candidate.joint}" if candidate.joint else ""
             by = f"by {1e3 * size:.2g} mm rms" if size > 1e-3 * level else "by nothing"
             why = f"even {_typical(candidate)[1]}{where} would move these points {by}; they tell {1e3 * level:.2g} mm"
-            invisible.append(Invisible(candidate.effect, candidate.joint, why, EXPERIMENTS[candidate.effect]))
+            invisible.append(Undetectable(candidate.effect, candidate.joint, why, EXPERIMENTS[candidate.effect]))
     return invisible
 
 
-def visible(moves: Mapping[Candidate, float], level: float) -> frozenset[Key]:
+def visible(moves: Mapping[Candidate, float], level: float) -> frozenset[EffectKey]:
     """Effects that these points would show, whatever the currents do."""
     return frozenset(candidate.key for candidate, size in moves.items() if size >= level / 3.0)
 
@@ -114,7 +111,7 @@ def structure(sides: Sequence[Side], left: Sequence[Array], level: float) -> lis
             inner = np.bincount(block, weights=np.sum(held * predicted, axis=1))
             signs = generator.choice([-1.0, 1.0], size=(200, len(inner)))
             if np.mean(signs @ inner >= inner.sum()) < 0.01:
-                best = Structure("tracker", None, name, share)
+                best = Structure(Signal.TRACKER, None, name, share)
     return [best] if best else []
 
 

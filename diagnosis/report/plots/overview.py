@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagnosis.cause import Cause
+from diagnosis.cause import Cause, Signal
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import side_of
 from diagnosis.report.plots.closed_loop import loop_figure
@@ -83,16 +83,17 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
 
     if result.tracked is not None and cause.by_tracker:
         return tracker_figure(result.tracked)
-    if result.link is not None and cause.signal == "link angle":
-        return link_figure(result.link, result.arm, cause.effect, cause.felt_at)
-    if cause.signal == "closed loop":
-        return loop_figure(result.compared["held_out"], cause.felt_at, cause.unit)
+    joint = cause.felt_at
+    assert joint is not None, "only tracked points are felt at no joint"
+    if result.link is not None and cause.signal is Signal.LINK_ANGLE:
+        return link_figure(result.link, result.arm, cause.effect, joint)
+    if cause.signal is Signal.CLOSED_LOOP:
+        return loop_figure(result.compared["held_out"], joint, cause.unit)
 
     if result.axis is not None and any(one.effect == cause.effect for one in result.axis.causes):
         return axis_figure(result.axis, cause.effect, result.arm.joints[0])
 
     side = side_of(result.held_out)
-    joint = cause.felt_at
     name = view_of(cause.effect)
     x = dict(variables(side, result.arm, joint))[name]
     deviation = np.concatenate([run.deviation[:, joint - 1] for run in result.held_out])
