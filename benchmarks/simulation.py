@@ -26,7 +26,7 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.simulation.engine import cores
-from arm_model.simulation.simulation import references, servo_period, simulate, simulate_batch
+from arm_model.simulation.simulation import references, row_times, servo_period, simulate, simulate_batch
 from benchmarks import pendulum
 from benchmarks import simulation_peers as peers
 from benchmarks.report import report
@@ -72,7 +72,7 @@ def ours(figures: dict[str, float], puma: Arm) -> None:
         figures[f"{name}_one_x_real_time"] = 20.0 / seconds
         sets = variations(SETS)
         seconds, _ = timed(
-            lambda a=arm, n=n, sets=sets: simulate_batch(a, move(n), duration=5.0, rate=20, parameters=sets)
+            lambda a=arm, n=n, sets=sets: simulate_batch(a, move(n), row_times(5.0, 20), parameters=sets)
         )
         figures[f"{name}_1000_sets_x_real_time"] = 5.0 * SETS / seconds
 
@@ -111,9 +111,7 @@ def against(figures: dict[str, float], puma: Arm) -> None:
         "jax_1000_sets": peers.jax_batch,
     }
     sets, given = variations(SETS), demands(1.0)
-    last = simulate_batch(
-        arm, demand, duration=1.0, rate=1, parameters=sets, times=np.array([(len(given) - 1) * period])
-    )
+    last = simulate_batch(arm, demand, np.array([(len(given) - 1) * period]), parameters=sets)
     for name, build in batches.items():
         try:
             begin = time.perf_counter()

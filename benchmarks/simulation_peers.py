@@ -215,7 +215,7 @@ def printed(arm: Arm, variations: dict[str, Array], start: Array) -> Printed:
     used = list(dict.fromkeys(used))
     names = {name: f"p[{k}]" for k, name in enumerate(used)} | {s: f"x[{k}]" for k, s in enumerate(system.states)}
     names |= {f"current{j}": f"current[{j}]" for j in range(system.joints)}
-    still = simulate_batch(arm, lambda t: np.tile(start, (len(t), 1)), duration=0.0, rate=1, parameters=variations)
+    still = simulate_batch(arm, lambda t: np.tile(start, (len(t), 1)), np.zeros(1), parameters=variations)
     return Printed(
         python_function("rates", ["x", "current", "p"], system.tape, system.rates, names),
         np.stack([given[name] for name in used], axis=1),

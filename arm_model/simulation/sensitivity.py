@@ -16,21 +16,13 @@ from arm_model.simulation.simulation import Demand, simulate_batch, single
 
 
 def sensitivities(
-    arm: Arm,
-    demand: Demand,
-    steps: Mapping[str, float],
-    *,
-    duration: float,
-    rate: float,
-    start: Array | None = None,
-    sampled: bool = False,
-    times: Array | None = None,
+    arm: Arm, demand: Demand, steps: Mapping[str, float], times: Array, *, start: Array | None = None
 ) -> tuple[Motion, Motion]:
     """The motion, and its derivatives by the parameters that ``steps`` names (``arm_model.parameters``), in their order on the leading axis
     of every entry of the second Motion but t and demand: rad/(N m s/rad), A/kg, ...
 
-    Central differences over +-step, in the parameter's unit; their error is of the square of the step. The other arguments are those of
-    ``simulate``.
+    Central differences over +-step, in the parameter's unit; their error is of the order of step^2. times, start: as in ``simulate_batch``.
+    InputError: a step that is not positive.
     """
     for name, step in steps.items():
         if not step > 0:
@@ -40,9 +32,7 @@ def sensitivities(
     for k, (name, step) in enumerate(steps.items()):
         lanes[name][1 + 2 * k] += step
         lanes[name][2 + 2 * k] -= step
-    batch = simulate_batch(
-        arm, demand, duration=duration, rate=rate, parameters=lanes, start=start, sampled=sampled, times=times
-    )
+    batch = simulate_batch(arm, demand, times, parameters=lanes, start=start)
     widths = 2 * np.array(list(steps.values()))[:, None, None]
     changing = [field.name for field in fields(Motion) if field.name not in ("t", "demand")]
     slopes = {name: (getattr(batch, name)[1::2] - getattr(batch, name)[2::2]) / widths for name in changing}

@@ -56,20 +56,35 @@ def servo_period(arm: Arm) -> float:
     return OPEN_LOOP_PERIOD if arm.controller is None else arm.controller.servo_period
 
 
-def references(arm: Arm, demand: Demand, first: int, count: int, *, sampled: bool = False) -> Array:
-    """(count, n) what the servos are given at ticks first, first + 1, ...
+@dataclass(frozen=True)
+class Sampled:
+    """A demand recorded at the servo's ticks: taken as it is, without interpolation between the setpoints of a host."""
 
-    The host sends demand(k setpoint_period); the servos interpolate linearly in between. With ``sampled`` (a recorded demand,
-    which is interpolated already) demand is taken at the ticks themselves.
+    demand: Demand
+
+    def __call__(self, t: Array) -> Array:
+        """t (k,) s -> demanded positions (k, n) rad (m)."""
+        return self.demand(t)
+
+
+def references(arm: Arm, demand: Demand, first: int, count: int) -> Array:
+    """(count, n) references of the servos at ticks first, first + 1, ...
+
+    The host sends demand(k setpoint_period); the servos interpolate linearly in between. A ``Sampled`` demand is taken at the ticks themselves.
     """
     times: Array = np.arange(first, first + count, dtype=np.float64) * servo_period(arm)
-    if arm.controller is None or sampled:
+    if arm.controller is None or isinstance(demand, Sampled):
         return np.asarray(demand(times), dtype=np.float64)
     period = arm.controller.setpoint_period
     start, end = math.floor(times[0] / period + 1e-9), math.ceil(times[-1] / period + 1e-9) + 1
     knots = np.arange(start, end + 1) * period
     setpoints = np.asarray(demand(knots), dtype=np.float64)
     return np.column_stack([np.interp(times, knots, setpoints[:, j]) for j in range(setpoints.shape[1])])
+
+
+def row_times(duration: float, rate: float) -> Array:
+    """(R,) s: rows at ``rate`` per second from 0 to ``duration``, both ends included."""
+    return np.asarray(np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate)
 
 
 _kept: dict[str, Program] = {}
@@ -235,27 +250,22 @@ def _motion(run: _Run, rows: Array, times: Array, demand: Array) -> Motion:
 def simulate_batch(
     arm: Arm,
     demand: Demand,
+    times: Array,
     *,
-    duration: float,
-    rate: float,
     parameters: Mapping[str, Array] | None = None,
     start: Array | None = None,
-    sampled: bool = False,
-    times: Array | None = None,
     substeps: int | None = None,
 ) -> Motion:
     """One simulation per lane, all of the same demand: ``parameters`` maps names (``arm_model.parameters``) to (lanes,) values.
 
-    duration s; rate rows/s, the first at t = 0 (or ``times`` (R,), s, increasing); the arm starts at rest at ``start`` (n,) or
-    (lanes, n), by default demand(0), held by its motors. ``sampled``: see ``references``.
+    times (R,) s of the rows, increasing, from 0 on; the arm starts at rest at ``start`` (n,) or (lanes, n) rad, by default demand(0), held
+    by its motors. ``substeps``: Runge-Kutta steps per servo tick; default: as many as the fastest part needs.
     Returns a Motion with a leading axis of lanes.
     """
-    if times is None:
-        times = np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate
     times = np.asarray(times, float)
     period = servo_period(arm)
-    ticks = int(np.floor(max(duration, times[-1] if len(times) else 0.0) / period + 1e-9)) + 1
-    given = references(arm, demand, 0, ticks, sampled=sampled)
+    ticks = int(np.floor((times[-1] if len(times) else 0.0) / period + 1e-9)) + 1
+    given = references(arm, demand, 0, ticks)
     if given.shape != (ticks, len(arm)):
         raise InputError("demand", f"gives {given.shape[-1]} positions at a time, the arm has {len(arm)} joints")
     if start is None:
@@ -273,15 +283,16 @@ def simulate(
     *,
     duration: float,
     rate: float,
-    start: Array | None = None,
-    sampled: bool = False,
     times: Array | None = None,
+    start: Array | None = None,
     substeps: int | None = None,
 ) -> Motion:
-    """One simulation; as ``simulate_batch`` with one lane, without its axis. InputError where it diverges (a batch gives NaN)."""
-    motion = simulate_batch(
-        arm, demand, duration=duration, rate=rate, start=start, sampled=sampled, times=times, substeps=substeps
-    )
+    """One simulation of ``duration`` s with rows at ``rate`` per second, or at ``times`` (R,) s; see ``simulate_batch``.
+
+    InputError where it diverges (a batch gives NaN).
+    """
+    times = row_times(duration, rate) if times is None else times
+    motion = simulate_batch(arm, demand, times, start=start, substeps=substeps)
     there = np.isfinite(motion.q[0]).all(axis=-1)
     if not there.all():
         began = motion.t[int(np.argmin(there))]

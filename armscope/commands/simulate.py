@@ -18,14 +18,14 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from arm_model.motion import Motion
 from arm_model.sensing import recorded
-from arm_model.simulation.simulation import Demand, simulate
+from arm_model.simulation.simulation import Demand, Sampled, simulate
 from arm_model.tracking import tracked
 from daq.recording import open_recording
 from daq.recording.parts import Attachments
 from daq.recording.provenance import file_identity, provenance
 from daq.recording.table import write_table
 from experiment import Experiment, demand_of, read_experiment
-from identification.preprocessing.demands import demand_of_run
+from identification.preprocessing.demands import tracked_as_recorded
 
 RATE = 1000.0
 """Rows/s where neither the experiment nor the command line says."""
@@ -33,13 +33,12 @@ RATE = 1000.0
 
 @dataclass(frozen=True)
 class _Task:
-    """What is to be simulated: rows at ``times`` s; ``sampled``: the demand is what the servos tracked."""
+    """What is to be simulated: rows at ``times`` s; ``powered``: with the drives on."""
 
     arm: Arm
     demand: Demand
     times: Array
     start: Array | None
-    sampled: bool
     powered: bool
     experiment: str | None
 
@@ -101,7 +100,7 @@ def _of_experiment(arm: Arm, path: Path, rate: float | None) -> _Task:
     rows = rate or wanted.rate or RATE
     times = np.arange(int(np.floor(demand.duration * rows + 1e-9)) + 1) / rows
     text = path.read_text(encoding="utf-8")
-    return _Task(arm, demand, times, None, False, not wanted.setup.drives_off, text)
+    return _Task(arm, demand, times, None, not wanted.setup.drives_off, text)
 
 
 def _of_recording(arm: Arm, path: Path | None, rate: float | None) -> _Task:
@@ -122,8 +121,8 @@ def _of_recording(arm: Arm, path: Path | None, rate: float | None) -> _Task:
         return np.column_stack([np.interp(at, t, demanded[:, j]) for j in range(len(arm))])
 
     wanted = recording.attachments.get("experiment.toml")
-    sampled = demand_of_run(recording, arm)[1]
-    return _Task(arm, demand, times, None, sampled, True, None if wanted is None else wanted.decode())
+    tracked = Sampled(demand) if tracked_as_recorded(recording, arm) else demand
+    return _Task(arm, tracked, times, None, True, None if wanted is None else wanted.decode())
 
 
 def _without_holes(path: Path, t: Array, values: Array) -> Array:
@@ -147,7 +146,6 @@ def _run(task: _Task) -> Motion:
             rate=RATE,
             times=task.times,
             start=task.start,
-            sampled=task.sampled,
         )
     shown = task.demand(task.times)
     still = np.tile(task.demand(np.zeros(1))[0], (len(task.times), 1))

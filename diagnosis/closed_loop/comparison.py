@@ -58,11 +58,9 @@ def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     if arm.controller is None or not able(recording):
         return None
     arm = loaded(arm, setup_of(recording).payload)
-    knots, (demand, sampled) = recording.t, demand_of_run(recording, arm)
+    knots, demand = recording.t, demand_of_run(recording, arm)
     try:
-        motion = simulate(
-            arm, demand, duration=float(knots[-1]), rate=1.0 / recording.dt, times=knots - knots[0], sampled=sampled
-        )
+        motion = simulate(arm, demand, duration=float(knots[-1]), rate=1.0 / recording.dt, times=knots - knots[0])
     except InputError:  # it left all bounds: a loop that cannot judge
         return None
     shown = recorded(arm, motion)
@@ -102,11 +100,8 @@ def with_widths(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     for recording in those:
         carrying = loaded(arm, setup_of(recording).payload)
         lanes = {f"joint{j + 1}.sign_velocity": arm.joints[j].sign_velocity * WIDTHS for j in moving}
-        demand, sampled = demand_of_run(recording, carrying)
-        motion = simulate_batch(
-            carrying, demand, duration=float(recording.t[-1]), rate=1.0 / recording.dt,
-            times=recording.t - recording.t[0], sampled=sampled, parameters=lanes,
-        )  # fmt: skip
+        demand = demand_of_run(recording, carrying)
+        motion = simulate_batch(carrying, demand, recording.t - recording.t[0], parameters=lanes)
         shown = recorded(carrying, motion).current
         rate = 1.0 / recording.dt
         for lane in range(len(WIDTHS)):

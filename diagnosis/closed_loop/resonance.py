@@ -168,10 +168,8 @@ def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = ()) -> Arr
         prefix = f"joint{trials[0].joint}.{trials[0].effect}"
         lanes = {f"{prefix}.{name}": np.array([t.values[name] for t in trials]) for name in trials[0].values}
     t, rate = recording.t, 1.0 / recording.dt
-    demand, sampled = demand_of_run(recording, carrying)
-    motion = simulate_batch(
-        carrying, demand, duration=float(t[-1]), rate=rate, times=t - t[0], sampled=sampled, parameters=lanes
-    )
+    demand = demand_of_run(recording, carrying)
+    motion = simulate_batch(carrying, demand, t - t[0], parameters=lanes)
     shown = recorded(carrying, motion)
     end = round(END_SECONDS * rate)
     errors = []

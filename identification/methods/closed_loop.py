@@ -101,9 +101,9 @@ def _regression(problem: Problem, rows: Equations) -> tuple[Array, Array]:
 
 def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:
     """The closed loop run on the recorded demands, smoothed as ``motion`` (of the recording) was, on its grid."""
-    demand, sampled = demand_of_run(recording, arm)
+    demand = demand_of_run(recording, arm)
     end, rate = float(motion.t[-1]), 1 / motion.dt
-    run = simulate(arm, demand, duration=end, rate=rate, start=motion.q[0], sampled=sampled, times=motion.t)
+    run = simulate(arm, demand, duration=end, rate=rate, start=motion.q[0], times=motion.t)
     off = np.max(np.abs(run.qm - motion.q), axis=0) / np.maximum(np.ptp(motion.q, axis=0), 1e-9)
     moving = motion.usable.any(axis=0)
     if not np.isfinite(run.qm).all() or np.any(off[moving] > ASTRAY):

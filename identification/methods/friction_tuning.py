@@ -148,15 +148,12 @@ def _scales(motions: Sequence[Motion]) -> Array:
 
 def _simulated(recording: Recording, motion: Motion, arm: Arm, names: Sequence[str], lanes: Array) -> Array:
     """(lanes, m, n) torque of the closed loop on the recording's demands, on the motion's grid."""
-    demand, sampled = demand_of_run(recording, arm)
+    demand = demand_of_run(recording, arm)
     run = simulate_batch(
         arm,
         demand,
-        duration=float(motion.t[-1]),
-        rate=1 / motion.dt,
-        times=motion.t,
+        motion.t,
         start=motion.q[0],
-        sampled=sampled,
         parameters={name: lanes[:, k] for k, name in enumerate(names)},
     )
     return run.torque

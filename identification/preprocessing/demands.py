@@ -7,12 +7,11 @@ setpoints every T = 28 ms, and in a closed loop that simulates it, 1 % of the in
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
+from arm_model.simulation.simulation import Demand, Sampled
 from daq.recording import Recording
 
 BENT = 1e-9  # rad or m: what a straight line's second difference may be
@@ -20,9 +19,9 @@ FEW = 3  # rows a setpoint: with fewer, nobody can tell lines from a plan
 MOSTLY = 0.5
 
 
-def demand_of_run(recording: Recording, arm: Arm) -> tuple[Callable[[Array], Array], bool]:
-    """t (k,) s from the run's start -> demanded positions (k, n); and whether the servos tracked just these (``sampled`` of a simulation),
-    instead of lines between setpoints taken of them."""
+def demand_of_run(recording: Recording, arm: Arm) -> Demand:
+    """t (k,) s from the start of the run -> demanded positions (k, n); ``Sampled`` where the servos tracked exactly these, and not straight
+    lines between setpoints taken of them."""
     demands, t = recording.qref, recording.t - recording.t[0]
     assert demands is not None
     known = [(t[ok], column[ok]) for column in demands.T for ok in [np.isfinite(column)]]
@@ -30,8 +29,14 @@ def demand_of_run(recording: Recording, arm: Arm) -> tuple[Callable[[Array], Arr
     def demand(times: Array) -> Array:
         return np.column_stack([np.interp(times, stamps, column) for stamps, column in known])
 
+    return Sampled(demand) if tracked_as_recorded(recording, arm) else demand
+
+
+def tracked_as_recorded(recording: Recording, arm: Arm) -> bool:
+    """Whether the recorded demands are what the servos tracked, instead of the plan that a host sent setpoints of."""
+    assert recording.qref is not None
     period = 0.0 if arm.controller is None else arm.controller.setpoint_period
-    return demand, period < FEW * recording.dt or not _planned(demands)
+    return period < FEW * recording.dt or not _planned(recording.qref)
 
 
 def _planned(demands: Array) -> bool:

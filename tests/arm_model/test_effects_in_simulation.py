@@ -13,7 +13,7 @@ from arm_model.effects import CATALOGUE
 from arm_model.parameters import parameter
 from arm_model.rigid_body import numeric
 from arm_model.sensing import recorded
-from arm_model.simulation.simulation import simulate, simulate_batch
+from arm_model.simulation.simulation import row_times, simulate, simulate_batch
 from arm_model.system import dynamics
 from arm_model.tracking import tracked
 from tests.arm_model.pumas import swing, three_links
@@ -209,7 +209,7 @@ def test_lanes_of_effect_parameters(puma: Arm) -> None:
         "joint2.backlash.half_gap": np.array([5e-4, 2e-3]),
         "joint3.joint_zero_offset.offset": np.array([0.0, 0.03]),
     }
-    batch = simulate_batch(arm, swing(3), duration=0.5, rate=100, parameters=values)
+    batch = simulate_batch(arm, swing(3), row_times(0.5, 100), parameters=values)
     for lane in range(2):
         changed = replace(
             arm,
@@ -244,7 +244,7 @@ def test_every_effect_simulates(puma: Arm, name: str) -> None:
     bent = replace(arm, effects=(EffectTerm(name, 2 if effect.per_joint else None, middle),))
     bare, motion = (simulate(a, swing(len(arm)), duration=0.5, rate=200) for a in (arm, bent))
     same = {"joint1.viscous": np.full(2, parameter(arm, "joint1.viscous"))}
-    lanes = simulate_batch(bent, swing(len(arm)), duration=0.1, rate=200, parameters=same)
+    lanes = simulate_batch(bent, swing(len(arm)), row_times(0.1, 200), parameters=same)
     np.testing.assert_allclose(lanes.q[1], motion.q[: lanes.q.shape[1]], atol=1e-9)
     shown = recorded(bent, motion)
     assert np.isfinite(shown.q).all() and np.isfinite(shown.current).all()

@@ -16,7 +16,7 @@ from arm_model.rigid_body.hydrodynamics import COEFFICIENTS, dry, own_drag, wate
 from arm_model.rigid_body.numeric import energy, rigid_torque
 from arm_model.rigid_body.regressor import regressor
 from arm_model.rigid_body.two_links import TwoLinks, reversal
-from arm_model.simulation.simulation import simulate, simulate_batch
+from arm_model.simulation.simulation import row_times, simulate, simulate_batch
 from arm_model.system.dynamics import forward_dynamics, inverse_dynamics
 from tests.arm_model.random_arms import in_water, random_arm, random_states
 
@@ -210,7 +210,7 @@ def test_lanes_of_coefficients(arm: Arm) -> None:
     def push(t: np.ndarray) -> np.ndarray:
         return np.tile([3.0, -1.0], (len(t), 1))
 
-    batch = simulate_batch(arm, push, duration=1.0, rate=10.0, parameters=values, start=np.zeros(2))
+    batch = simulate_batch(arm, push, row_times(1.0, 10.0), parameters=values, start=np.zeros(2))
     for lane in range(3):
         first, second = arm.joints
         assert first.cylinder is not None and second.cylinder is not None

@@ -9,7 +9,7 @@ from arm_io import InputError
 from arm_model.description import Arm, Joint
 from arm_model.parameters import parameter, with_parameters
 from arm_model.simulation.sensitivity import sensitivities
-from arm_model.simulation.simulation import simulate
+from arm_model.simulation.simulation import row_times, simulate
 from tests.arm_model.pumas import swing, three_links
 
 
@@ -22,8 +22,7 @@ def test_a_braked_wheel_by_its_brake_and_inertia() -> None:
         arm,
         lambda t: np.full((len(t), 1), torque),
         {"joint1.viscous": 1e-3, "link1.izz": 1e-3},
-        duration=2.0,
-        rate=10.0,
+        row_times(2.0, 10.0),
         start=np.zeros(1),
     )
     t = motion.t
@@ -36,11 +35,11 @@ def test_a_braked_wheel_by_its_brake_and_inertia() -> None:
 
 def test_lanes_are_differences_of_single_simulations(puma: Arm) -> None:
     arm, name, step = three_links(puma), "link3.mass", 0.05
-    _, slopes = sensitivities(arm, swing(3), {"joint1.viscous": 0.1, name: step}, duration=0.5, rate=100)
+    _, slopes = sensitivities(arm, swing(3), {"joint1.viscous": 0.1, name: step}, row_times(0.5, 100))
     ends = [
         simulate(with_parameters(arm, {name: parameter(arm, name) + nudge}), swing(3), duration=0.5, rate=100)
         for nudge in (step, -step)
     ]
     np.testing.assert_allclose(slopes.current[1], (ends[0].current - ends[1].current) / (2 * step), atol=1e-6)
     with pytest.raises(InputError, match="positive one is wanted"):
-        sensitivities(arm, swing(3), {name: 0.0}, duration=0.5, rate=100)
+        sensitivities(arm, swing(3), {name: 0.0}, row_times(0.5, 100))

@@ -13,7 +13,7 @@ from arm_model.description import Arm, Controller
 from arm_model.parameters import with_parameters
 from arm_model.rigid_body import numeric
 from arm_model.servo import servo_gains
-from arm_model.simulation.simulation import Stepper, references, simulate, simulate_batch
+from arm_model.simulation.simulation import Stepper, references, row_times, simulate, simulate_batch
 from arm_model.system import dynamics
 from tests.arm_model.pumas import swing, three_links
 from tests.arm_model.random_arms import in_water, random_arm
@@ -117,7 +117,7 @@ def test_lanes_are_single_simulations(puma: Arm) -> None:
         "joint1.viscous_negative": np.linspace(9, 2, 11),
         "link3.mass": np.linspace(4, 6, 11),
     }
-    batch = simulate_batch(arm, swing(3), duration=1.0, rate=200, parameters=values)
+    batch = simulate_batch(arm, swing(3), row_times(1.0, 200), parameters=values)
     assert batch.q.shape == (11, 201, 3)
     for lane in (0, 7, 10):
         changed = with_parameters(arm, {name: value[lane] for name, value in values.items()})

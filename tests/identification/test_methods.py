@@ -11,7 +11,7 @@ import pytest
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.parameters import parameter, with_parameters
-from arm_model.simulation.simulation import simulate
+from arm_model.simulation.simulation import Sampled, simulate
 from arm_model.system.dynamics import inverse_dynamics
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
@@ -37,7 +37,7 @@ def run(drive: Arm, tmp_path_factory: pytest.TempPathFactory) -> Recording:
         ease = np.clip(times, 0, 1) ** 3 * (10 - 15 * np.clip(times, 0, 1) + 6 * np.clip(times, 0, 1) ** 2)
         return (ease * (0.03 * np.sin(2.3 * times) + 0.008 * np.sin(11.0 * times)))[:, None]
 
-    motion = simulate(drive, demand, duration=12.0, rate=1000.0, sampled=True)
+    motion = simulate(drive, Sampled(demand), duration=12.0, rate=1000.0)
     path = tmp_path_factory.mktemp("drive") / "drive.mcap"
     signals = {
         "q": np.rint(motion.qm[: len(t)] / 1e-6) * 1e-6,
