@@ -1,20 +1,77 @@
-"""armscope instruments a robot arm and tells the truth about its model."""
+"""armscope instruments a robot arm and tells the truth about its model.
+
+Everything below is imported when it is first used (PEP 562); docs/api.md has an example of each.
+"""
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
-__all__ = ["__version__", "open"]
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from daq.recording import open_recording as open
+    from arm_io import DeviceFault, InputError
+    from arm_model import Arm
+    from arm_model.effects import CATALOGUE as effects
+    from armscope.api.calibration import Calibration, calibrate
+    from armscope.api.diagnosis import Diagnosis, diagnose
+    from armscope.api.identification import identify
+    from armscope.api.reading import open_recording as open
+    from armscope.api.reading import read_experiment, read_model, read_rig
+    from daq.recording import Recording
+    from experiment import Experiment
+    from identification.result import Identification
+
+_HOMES = {
+    "Arm": "arm_model:Arm",
+    "Calibration": "armscope.api.calibration:Calibration",
+    "DeviceFault": "arm_io:DeviceFault",
+    "Diagnosis": "armscope.api.diagnosis:Diagnosis",
+    "Experiment": "experiment:Experiment",
+    "Identification": "identification.result:Identification",
+    "InputError": "arm_io:InputError",
+    "Recording": "daq.recording:Recording",
+    "calibrate": "armscope.api.calibration:calibrate",
+    "diagnose": "armscope.api.diagnosis:diagnose",
+    "effects": "arm_model.effects:CATALOGUE",
+    "identify": "armscope.api.identification:identify",
+    "open": "armscope.api.reading:open_recording",
+    "read_experiment": "armscope.api.reading:read_experiment",
+    "read_model": "armscope.api.reading:read_model",
+    "read_rig": "armscope.api.reading:read_rig",
+}
+"""Name -> module and name there."""
+
+__all__ = [
+    "Arm",
+    "Calibration",
+    "DeviceFault",
+    "Diagnosis",
+    "Experiment",
+    "Identification",
+    "InputError",
+    "Recording",
+    "__version__",
+    "calibrate",
+    "diagnose",
+    "effects",
+    "identify",
+    "open",
+    "read_experiment",
+    "read_model",
+    "read_rig",
+]
 
 
 def __getattr__(name: str) -> object:
-    """``armscope.open(path)`` reads a recording (``daq.recording.reader.open_recording``), imported when it is first used."""
-    if name == "open":
-        from daq.recording import open_recording
+    if name not in _HOMES:
+        raise AttributeError(f"module 'armscope' has no attribute {name!r}")
+    module, _, there = _HOMES[name].partition(":")
+    value: object = getattr(import_module(module), there)
+    globals()[name] = value
+    return value
 
-        return open_recording
-    raise AttributeError(f"module 'armscope' has no attribute {name!r}")
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -5,6 +5,7 @@ They stand in ``config/`` of the repository; ``setup.py`` installs them as ``arm
 
 from __future__ import annotations
 
+from os import PathLike
 from pathlib import Path
 
 NAME = "config"
@@ -17,7 +18,7 @@ def shipped_folder() -> Path:
     return installed if installed.is_dir() else package.parent / NAME
 
 
-def shipped_file(path: str | Path) -> Path | None:
+def shipped_file(path: str | PathLike[str]) -> Path | None:
     """The shipped file that a path such as ``config/models/puma560.toml`` means; None where it means none.
 
     Only a path that begins with ``config/`` and does not exist in the working directory means a shipped file: what a
@@ -30,6 +31,6 @@ def shipped_file(path: str | Path) -> Path | None:
     return shipped if shipped.is_file() else None
 
 
-def found(path: str | Path) -> Path:
+def found(path: str | PathLike[str]) -> Path:
     """The path itself, or the shipped file that it means."""
     return shipped_file(path) or Path(path)

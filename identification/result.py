@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from os import PathLike
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
 from identification.preprocessing.readiness import RunReadiness
 from identification.preprocessing.spectrum import Band
 from identification.regression.effect_columns import definition, is_effect
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SURPRISE = 3.0  # times what noise and doubt account for: at constant speed an encoder's steps make tones, and no noise
 
@@ -64,7 +68,7 @@ class Prediction:
         return mine & self.sure if sure and self.sure is not None else mine
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Identification:
     """What ``armscope identify`` writes; see ``to_json`` for the file's layout, which is the contract's.
 
@@ -92,6 +96,32 @@ class Identification:
     compared: dict[str, tuple[float, float]] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
     runs: list[RunReadiness] = field(default_factory=list)
+
+    def __repr__(self) -> str:
+        fit, held_out = self.relative_error(False), self.relative_error(True)
+        unseen = "" if math.isnan(held_out) else f", {held_out:.2%} held out"
+        return (
+            f"<Identification of {self.arm.name} by {self.method}: {len(self.parameters)} parameters, relative error "
+            f"{fit:.2%} fitted{unseen}>"
+        )
+
+    def __str__(self) -> str:
+        from identification.report.text import text
+
+        return text(self)
+
+    def plot(self) -> Figure:
+        """Measured and predicted torque of the first held-out run (or fitted one), joint by joint."""
+        from identification.report.plots import predictions
+
+        figure, _ = next(predictions(self))
+        return figure
+
+    def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
+        """Writes identification.json, report.html and model.toml into ``folder``; returns what identification.json says."""
+        from identification.report.write import write_identification
+
+        return write_identification(folder, self)
 
     def rows(self, held_out: bool) -> list[Prediction]:
         return [p for p in self.predictions if p.held_out == held_out]

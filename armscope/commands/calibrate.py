@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arm_io import InputError, check_folder, make_folder, write_text
+from arm_io import InputError, check_folder, make_folder
 
 if TYPE_CHECKING:
-    from arm_io.types import Array
-    from arm_model.description import Arm
-    from identification.kinematics.data.recordings import Tracked
-    from identification.kinematics.estimation.calibration import Calibration, Progress
+    from arm_model import Arm
+    from armscope.api.calibration import Calibration
+    from identification.kinematics.estimation.calibration import Calibration as Estimate
 
 
 MANY = ("--held-out", "--tracker")
@@ -64,60 +63,48 @@ def command(
 ) -> None:
     from rich.console import Console
 
-    from arm_model.model_file import read_model
-    from identification.kinematics.models.denavit_hartenberg import in_denavit_hartenberg
+    from armscope.api.calibration import calibrate, in_last_link, nominal_arm
 
     check_folder(out)
-    arm, last_link = in_denavit_hartenberg(_as_described(read_model(model)))
+    arm, last_link = nominal_arm(model)
     if not run and poses is None and not cube:
         raise InputError("RUN.mcap", "is missing; recordings with tracker points are wanted, or --poses N, or --cube")
     if not 0 < target_std < 10:
         raise InputError("--target-std", f"wants a length in m above 0, is {target_std:g}")
     point = None if target is None else _point(target)
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
-        tracked = _read(run or [], held_out or [], tracker or [])
-        written: dict[str, Any] = {}
         calibration = None
         if run:
-            known, place = _ground(tracked, point, unknown_frame)
-            place = None if place is None else _in_link(last_link, place)
-            calibration = _calibrate(arm, tracked, len(run), place, target_std, known, geometry_only, status.update)
+            calibration = calibrate(
+                run,
+                model,
+                held_out=held_out or [],
+                tracker=tracker or [],
+                target=point,
+                target_std=target_std,
+                unknown_frame=unknown_frame,
+                geometry_only=geometry_only,
+                progress=status.update,
+            )
             status.update("report")
         make_folder(out)
-        if calibration is not None:
-            written = _write(out, arm, tracked, calibration)
+        written = {} if calibration is None else calibration.write(out)
         if poses is not None:
-            _write_poses(out, arm, _in_link(last_link, point or _target_of(tracked)), poses, memory, written)
+            _write_poses(out, arm, in_last_link(last_link, point or _target_of(calibration)), poses, memory, written)
         if cube:
-            _write_cube(out, arm, calibration, written)
+            _write_cube(out, arm, None if calibration is None else calibration.details, written)
     if as_json:
         print(json.dumps(written, indent=1, default=float))
-    elif calibration is not None:
+        return
+    if calibration is not None:
         from identification.kinematics.report.write import summary
 
         print(summary(written))
-        for line in written["warnings"] + [str(s) for s in calibration.shifts]:
+        for line in written["warnings"] + [str(shift) for shift in calibration.details.shifts]:
             print(f"note: {line}", file=sys.stderr)
-    if not as_json:
-        names = ("kinematics.json", "report.html", "model.toml") if calibration is not None else ()
-        more = [n for n, there in (("poses.toml", poses is not None), ("iso_cube.toml", cube)) if there]
-        print("\n".join(str(out / name) for name in [*names, *more]))
-
-
-def _in_link(pose: Array, target: tuple[float, float, float]) -> tuple[float, float, float]:
-    """The target in the frame of the last link as D-H puts it; ``pose`` (4, 4): of the model file's last link in that."""
-    x, y, z = (float(v) for v in pose[:3, :3] @ list(target) + pose[:3, 3])
-    return x, y, z
-
-
-def _as_described(arm: Arm) -> Arm:
-    """The arm with geometric effects of its model carried into its joints; sag and delay are left out, to be estimated anew."""
-    from dataclasses import replace
-
-    from arm_model.geometry import relinked
-
-    known = ("link_sag", "tracker_latency", "tracker_outliers")
-    return relinked(replace(arm, effects=tuple(e for e in arm.effects if e.name not in known)), zeros=True)
+    names = ("kinematics.json", "report.html", "model.toml") if calibration is not None else ()
+    more = [name for name, there in (("poses.toml", poses is not None), ("iso_cube.toml", cube)) if there]
+    print("\n".join(str(out / name) for name in [*names, *more]))
 
 
 def _point(text: str) -> tuple[float, float, float]:
@@ -128,86 +115,13 @@ def _point(text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _read(run: list[Path], held_out: list[Path], tracker: list[Path]) -> list[Tracked]:
-    from identification.kinematics.data.recordings import read_tracked
-
-    if tracker and len(tracker) != len(run):
-        raise InputError("--tracker", f"{len(tracker)} files for {len(run)} recordings; one each is wanted")
-    files: list[Path | None] = [*tracker] if tracker else [None] * len(run)
-    return [read_tracked(path, file) for path, file in zip(run, files)] + [read_tracked(path) for path in held_out]
-
-
-def _ground(
-    tracked: list[Tracked], target: tuple[float, float, float] | None, unknown_frame: bool
-) -> tuple[bool, tuple[float, float, float] | None]:
-    from identification.kinematics.data.recordings import common_ground
-
-    known, place = common_ground(tracked, target)
-    return known and not unknown_frame, place
-
-
-def _target_of(tracked: list[Tracked]) -> tuple[float, float, float]:
-    place = tracked[0].target if tracked else None
+def _target_of(calibration: Calibration | None) -> tuple[float, float, float]:
+    place = None if calibration is None else calibration.runs[0].target
     if place is None:
         raise InputError(
             "--target", "is missing: where the tracker's target sits in the frame of the last link, X,Y,Z in m"
         )
     return place
-
-
-def _calibrate(
-    arm: Arm,
-    tracked: list[Tracked],
-    fitted: int,
-    target: tuple[float, float, float] | None,
-    target_std: float,
-    known: bool,
-    geometry_only: bool,
-    progress: Progress,
-) -> Calibration:
-    from identification.kinematics.data.recordings import gravity_of
-    from identification.kinematics.estimation.calibration import calibrate
-    from identification.kinematics.models.parameters import Trust
-
-    runs = [t.run for t in tracked]
-    return calibrate(
-        arm,
-        runs[:fitted],
-        runs[fitted:],
-        (0.0, 0.0, 0.0) if target is None else target,
-        frame_known=known,
-        trust=Trust(target=0.3 if target is None else target_std),
-        gravity=gravity_of(arm),
-        extend=not geometry_only,
-        progress=progress,
-    )
-
-
-def _write(out: Path, arm: Arm, tracked: list[Tracked], calibration: Calibration) -> dict[str, Any]:
-    from arm_model.model_file import write_model
-    from identification.kinematics.data.recordings import gravity_of
-    from identification.kinematics.estimation.calibration import predicted
-    from identification.kinematics.report.html import page
-    from identification.kinematics.report.write import calibrated_model, table_of, write_json
-    from identification.kinematics.use.iso_cube import NAME, cube_report
-
-    gravity = gravity_of(arm)
-    table = table_of(arm, calibration)
-    for t in tracked:
-        if t.merged is not None and not t.merged.sure:
-            table["warnings"].append(f"{t.run.name}: the intervals of the tracker's file do not single out one start")
-    cubes = []
-    for t in tracked:
-        if t.experiment.startswith(NAME):
-            at = [predicted(calibration, t.run, gravity, before=before) for before in (True, False)]
-            cube = cube_report(t.run, at[0], at[1], 0.5)
-            cubes += [] if cube is None else [cube]
-    write_json(out / "kinematics.json", table)
-    write_text(out / "report.html", page(arm.name, table, calibration, gravity, cubes))
-    write_model(
-        out / "model.toml", calibrated_model(arm, calibration), heading=f"{arm.name}, kinematics calibrated by armscope"
-    )
-    return table
 
 
 def _write_poses(
@@ -240,7 +154,7 @@ def _write_poses(
     }
 
 
-def _write_cube(out: Path, arm: Arm, calibration: Calibration | None, written: dict[str, Any]) -> None:
+def _write_cube(out: Path, arm: Arm, calibration: Estimate | None, written: dict[str, Any]) -> None:
     from arm_model.rigid_body.kinematics import forward
     from experiment import write_experiment
     from identification.kinematics.data.recordings import gravity_of

@@ -55,25 +55,16 @@ def command(
     from rich.console import Console
 
     from arm_io import check_folder, make_folder
-    from arm_model.model_file import read_model
-    from daq.recording import open_recording
-    from diagnosis.screening.time_split import split
+    from armscope.api.diagnosis import fit_and_held_out
+    from armscope.api.reading import read_model, recordings_of
 
     check_folder(out)
     arm = read_model(_model(model, rig))
-    fitted = [open_recording(path) for path in fit]
     if distort is not None:
-        return _distorted(arm, distort, fitted, out, as_json)
-    held = [open_recording(path) for path in held_out or []]
-    for one in held:
-        if any(_same(one, other) for other in fitted):
-            raise InputError(
-                one.path,
-                "is both fitted and held out: nothing would be judged; leave --held-out away to split it by time",
-            )
-    if not held:
+        return _distorted(arm, distort, recordings_of(fit), out, as_json)
+    fitted, held = fit_and_held_out(fit, held_out or [])
+    if not held_out:
         print("warning: no recording is held out; the last 40 % of each is judged by, a weaker test", file=sys.stderr)
-        fitted, held = (list(parts) for parts in zip(*map(split, fitted)))
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
         case = _case(arm, fitted, held, status)
         if rig is not None:
@@ -84,7 +75,9 @@ def command(
     if as_json:
         print(json.dumps(table))
     else:
-        _print(case.result, table, out)
+        from diagnosis.report.text import text
+
+        print(f"{text(case.result, table)}\n\n{out / 'report.html'}")
     return _SAMPLES_LOST if case.lost else _DONE
 
 
@@ -153,32 +146,3 @@ def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, s
     bench = Bench(rig, checked, out, yes, say, judge, keep)
     go_on(bench, case, most, status.update)
     return table
-
-
-def _same(one: Recording, other: Recording) -> bool:
-    """Whether two files hold the same rows, or one a part of the other's from its beginning on."""
-    rows = min(len(one), len(other))
-    return one.q.shape[1:] == other.q.shape[1:] and bool(
-        (one.q[:rows] == other.q[:rows]).all() and (one.i[:rows] == other.i[:rows]).all()
-    )
-
-
-def _print(result: Diagnosis, report: dict[str, Any], out: Path) -> None:
-    from diagnosis.cause import in_words
-    from diagnosis.report.wording import estimate, gain, sentence, title
-
-    said = [sentence(result), *(f"warning: {warning}" for warning in result.warnings)]
-    for number, (cause, row) in enumerate(zip(result.causes, report["causes"]), 1):
-        where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
-        said += ["", f"{number}. {title(cause)}"]
-        said += [f"   {estimate(p)}" for p in cause.parameters]
-        said.append(
-            f"   held-out error of {where} without -> with it: {gain(cause)}; confidence {cause.confidence:.0%}"
-        )
-        if len(cause.group) > 1:
-            said.append(
-                f"   may as well be {', '.join(map(in_words, cause.group[1:]))}; what tells: {row['separate_by']}"
-            )
-    unseen = len(report["not_visible"])
-    said += ["", f"{out / 'report.html'}{f' (and {unseen} effects that could not have been seen)' if unseen else ''}"]
-    print("\n".join(said))

@@ -6,13 +6,12 @@ import json
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
     from identification.preprocessing.readiness import Readiness
-    from identification.result import Identification, Value
 
 
 MANY = ("--held-out",)
@@ -60,7 +59,7 @@ def command(
             help="asymmetric: viscous and Coulomb friction of their own for each direction; left out: as the model has viscous friction"
         ),
     ] = None,
-    check: Annotated[
+    only_check: Annotated[
         bool, typer.Option("--check", help="only say how fit the recordings are: rows, excitation, saturation, lag")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print identification.json and nothing else")] = False,
@@ -69,53 +68,27 @@ def command(
     from rich.console import Console
 
     from arm_io import InputError, check_folder
-    from arm_model.model_file import read_model
-    from daq.recording import open_recording
+    from armscope.api.identification import check, identify
 
-    if out is None and not check:
+    if out is None and not only_check:
         raise InputError("--out", "is missing: a folder for the results; or --check to judge the recordings only")
     if out is not None:
         check_folder(out)
-    arm = read_model(model)
-    fitted = [open_recording(path) for path in run]
-    held = [open_recording(path) for path in held_out or []]
-    # Only now: these load a second's worth of libraries, for which a wrong file need not wait.
-    from identification.identify import check_runs, identify_by, own_friction
-    from identification.report.write import write_identification
-
-    rubbing = friction.value if friction else own_friction(arm)
+    chosen: dict[str, Any] = {
+        "held_out": held_out or [],
+        "method": method.value,
+        "friction": None if friction is None else friction.value,
+    }
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
-        if out is None or check:
-            sparse = method in (Method.motor_link, Method.sequence, Method.friction)
-            ready = check_runs(fitted, arm, held_out=held, friction=rubbing, sparse=sparse, progress=status.update)
+        if out is None or only_check:
+            ready = check(run, model, **chosen, progress=status.update)
             status.stop()
             _print_readiness(ready, as_json)
             return
-        result = identify_by(method.value, fitted, arm, held_out=held, friction=rubbing, progress=status.update)
+        result = identify(run, model, **chosen, progress=status.update)
         status.update("report")
-        table = write_identification(out, result)
-    if as_json:
-        print(json.dumps(table))
-    else:
-        _print(result, out)
-
-
-def _print(result: Identification, out: Path) -> None:
-    from rich.console import Console
-
-    from identification.report.html import verdict
-
-    console = Console(highlight=False)
-    base = {value.name for value in result.base}
-    named = [value for value in result.parameters if value.std is not None]
-    sums = [value for value in result.base if value.name not in {v.name for v in named}]
-    console.print(_table(named, "parameter"))
-    if sums and base:
-        console.print(_table(sums, "only together"))
-    for warning in result.warnings:
-        console.print(f"warning: {warning}", markup=False, soft_wrap=True)
-    console.print(verdict(result), markup=False, soft_wrap=True)
-    console.print(f"{out / 'report.html'}, identification.json, model.toml", markup=False, soft_wrap=True)
+        table = result.write(out)
+    print(json.dumps(table) if as_json else f"{result}\n{out / 'report.html'}, identification.json, model.toml")
 
 
 def _print_readiness(ready: Readiness, as_json: bool) -> None:
@@ -155,25 +128,3 @@ def _print_readiness(ready: Readiness, as_json: bool) -> None:
     for warning in ready.warnings:
         console.print(f"warning: {warning}", markup=False, soft_wrap=True)
     console.print(ready.sentence, markup=False, soft_wrap=True)
-
-
-def _table(values: list[Value], what: str) -> object:
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False)
-    table.add_column(what, overflow="fold", max_width=60)
-    for heading in ("value", "2 std", "(bootstrap)", "(formula)"):
-        table.add_column(heading, justify="right")
-    table.add_column("unit")
-    table.add_column("")
-    for value in values:
-        table.add_row(
-            value.name,
-            f"{value.value:.5g}",
-            f"{2 * value.std:.2g}" if value.std is not None else "",
-            f"{2 * value.std_bootstrap:.2g}" if value.std_bootstrap is not None else "",
-            f"{2 * value.std_formula:.2g}" if value.std_formula is not None else "",
-            value.unit,
-            "" if value.identifiable else "not identifiable here",
-        )
-    return table

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from identification.report import plots
-from identification.result import Identification, Value
+
+if TYPE_CHECKING:
+    from identification.result import Identification, Value
 
 METHODS = {
     "ols": "ordinary least squares on the inverse dynamics",

@@ -13,10 +13,11 @@ from scipy import signal
 from scipy.interpolate import make_interp_spline
 
 from arm_io.types import Array
-from identification.result import Identification, Prediction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from identification.result import Identification, Prediction
 
 
 MEASURED, PREDICTED, RESIDUAL = "#8fa1b3", "#1f5fa8", "#c8501e"

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from arm_io import make_folder, write_text
 from arm_model.model_file import write_model
 from identification.report.html import report
-from identification.result import Identification
+
+if TYPE_CHECKING:
+    from identification.result import Identification
 
 
-def write_identification(folder: str | Path, result: Identification) -> dict[str, Any]:
+def write_identification(folder: str | PathLike[str], result: Identification) -> dict[str, Any]:
     """Writes the files into ``folder`` (made if need be) and returns what identification.json says."""
     folder = Path(folder)
     make_folder(folder)

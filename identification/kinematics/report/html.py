@@ -37,7 +37,7 @@ def page(
         _headline(table),
         *[f'<p class="note">{html.escape(w)}</p>' for w in [*table["warnings"], *map(str, calibration.shifts)]],
         "<h2>Position error before and after</h2>",
-        _image(_error_figure(calibration, gravity)),
+        _image(error_figure(calibration, gravity)),
         _error_table(table),
         "<h2>Parameters</h2>",
         _parameter_table(table),
@@ -178,7 +178,7 @@ def _observability(table: dict[str, Any]) -> str:
     )
 
 
-def _error_figure(calibration: Calibration, gravity: Gravity | None) -> Figure:
+def error_figure(calibration: Calibration, gravity: Gravity | None) -> Figure:
     from matplotlib.figure import Figure
 
     runs = [*((run, "fitted") for run in calibration.runs), *((run, "held out") for run in calibration.held_out)]

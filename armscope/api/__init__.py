@@ -1,0 +1,3 @@
+"""The functions and results that ``import armscope`` offers, one concept a file; the commands call them too (docs/api.md)."""
+
+__all__: list[str] = []

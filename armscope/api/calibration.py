@@ -1,0 +1,180 @@
+"""Recordings with a tracker in, calibrated kinematics out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from arm_io import InputError, make_folder, write_text
+from armscope.api.reading import File, Source, open_recording, read_model, recordings_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from arm_io.types import Array
+    from arm_model import Arm
+    from identification.kinematics.data.recordings import Tracked
+    from identification.kinematics.estimation.calibration import Calibration as Estimate
+
+Point = tuple[float, float, float]
+UNKNOWN_TARGET_STD = 0.3
+"""m: prior of the target's place where neither the rig nor the caller says where it is."""
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Calibration:
+    """What ``calibrate`` returns.
+
+    nominal  the arm that was started from, in Denavit-Hartenberg parameters
+    runs     the recordings with their tracked points, fitted ones first
+    details  everything that was estimated: ``identification.kinematics.estimation.calibration.Calibration``
+    """
+
+    nominal: Arm
+    runs: tuple[Tracked, ...]
+    details: Estimate
+
+    @cached_property
+    def model(self) -> Arm:
+        """The arm with its calibrated geometry, and the effects found that a model file can hold."""
+        from identification.kinematics.report.write import calibrated_model
+
+        return calibrated_model(self.nominal, self.details)
+
+    @property
+    def position_rms(self) -> dict[str, dict[str, float]]:
+        """m rms per coordinate over all points: {"fit": {"before", "after"}, "held_out": {...}}."""
+        rms: dict[str, dict[str, float]] = self.to_json()["position_rms"]
+        return rms
+
+    def __repr__(self) -> str:
+        rms = self.position_rms["held_out"]
+        return (
+            f"<Calibration of {self.nominal.name}: held-out position error {1e3 * rms['before']:.3g} -> "
+            f"{1e3 * rms['after']:.3g} mm rms per coordinate>"
+        )
+
+    def __str__(self) -> str:
+        from identification.kinematics.report.write import summary
+
+        table = self.to_json()
+        return "\n".join([summary(table), *(f"note: {line}" for line in table["warnings"])])
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of kinematics.json."""
+        from identification.kinematics.report.write import table_of
+
+        table = table_of(self.nominal, self.details)
+        table["warnings"] += [
+            f"{run.run.name}: the intervals of the tracker's file do not single out one start"
+            for run in self.runs
+            if run.merged is not None and not run.merged.sure
+        ]
+        return table
+
+    def plot(self) -> Figure:
+        """Distance of every tracked point from the nominal and from the calibrated arm, run by run."""
+        from identification.kinematics.data.recordings import gravity_of
+        from identification.kinematics.report.html import error_figure
+
+        return error_figure(self.details, gravity_of(self.nominal))
+
+    def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
+        """Writes kinematics.json, report.html and model.toml into ``folder``; returns what kinematics.json says."""
+        from arm_model import write_model
+        from identification.kinematics.data.recordings import gravity_of
+        from identification.kinematics.report.html import page
+        from identification.kinematics.report.write import write_json
+
+        out, table, gravity = Path(folder), self.to_json(), gravity_of(self.nominal)
+        make_folder(out)
+        write_json(out / "kinematics.json", table)
+        write_text(out / "report.html", page(self.nominal.name, table, self.details, gravity, self._cubes()))
+        heading = f"{self.nominal.name}, kinematics calibrated by armscope"
+        write_model(out / "model.toml", self.model, heading=heading)
+        return table
+
+    def _cubes(self) -> list[Any]:
+        """What the standstills of ISO cube runs show."""
+        from identification.kinematics.data.recordings import gravity_of
+        from identification.kinematics.estimation.calibration import predicted
+        from identification.kinematics.use.iso_cube import NAME, cube_report
+
+        gravity, cubes = gravity_of(self.nominal), []
+        for run in (one.run for one in self.runs if one.experiment.startswith(NAME)):
+            before, after = (predicted(self.details, run, gravity, before=nominal) for nominal in (True, False))
+            cubes.append(cube_report(run, before, after, 0.5))
+        return [cube for cube in cubes if cube is not None]
+
+
+def calibrate(
+    recordings: Source | Sequence[Source],
+    model: File | Arm,
+    *,
+    held_out: Source | Sequence[Source] = (),
+    tracker: Sequence[File] = (),
+    target: Point | None = None,
+    target_std: float = 1e-4,
+    unknown_frame: bool = False,
+    geometry_only: bool = False,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Calibration:
+    """The kinematic parameters of an arm from an external tracker, and the position error before and after on held-out runs.
+
+    recordings     with tracked points, or with ``tracker``: the tracker's own file (t, x, y, z) of each, in the same order
+    model          the nominal arm; joints placed as in URDF are given Denavit-Hartenberg parameters
+    target         (3,) m in the frame of the last link; None: as the rig file says
+    target_std     m, standard deviation of the target's place
+    unknown_frame  estimate where the tracker stands
+    geometry_only  do not try sag, encoder errors and delays
+    Raises InputError where points or poses do not suffice, or recordings do not belong together.
+    """
+    from identification.kinematics.data.recordings import common_ground, gravity_of, tracked
+    from identification.kinematics.estimation.calibration import calibrate
+    from identification.kinematics.models.parameters import Trust
+
+    if not 0 < target_std < 10:
+        raise InputError("target_std", f"must be a length in m above 0, is {target_std:g}")
+    arm, last_link = nominal_arm(model)
+    fitted = recordings_of(recordings)
+    if tracker and len(tracker) != len(fitted):
+        raise InputError("tracker", f"{len(tracker)} files for {len(fitted)} recordings; there must be one for each")
+    files: list[Path | None] = [Path(file) for file in tracker] or [None] * len(fitted)
+    points = [tracked(open_recording(run), file) for run, file in zip(fitted, files)]
+    points += [tracked(recording) for recording in recordings_of(held_out)]
+    known, place = common_ground(points, target)
+    estimate = calibrate(
+        arm,
+        [one.run for one in points[: len(fitted)]],
+        [one.run for one in points[len(fitted) :]],
+        (0.0, 0.0, 0.0) if place is None else in_last_link(last_link, place),
+        frame_known=known and not unknown_frame,
+        trust=Trust(target=UNKNOWN_TARGET_STD if place is None else target_std),
+        gravity=gravity_of(arm),
+        extend=not geometry_only,
+        progress=progress,
+    )
+    return Calibration(arm, tuple(points), estimate)
+
+
+def nominal_arm(model: File | Arm) -> tuple[Arm, Array]:
+    """The arm in Denavit-Hartenberg parameters, and (4, 4) the pose of its last link as the model has it in the new last frame.
+
+    Geometric effects of the model are carried into its joints; sag and delay are left out, to be estimated anew.
+    """
+    from arm_model.geometry import relinked
+    from identification.kinematics.models.denavit_hartenberg import in_denavit_hartenberg
+
+    arm, estimated = read_model(model), ("link_sag", "tracker_latency", "tracker_outliers")
+    kept = tuple(effect for effect in arm.effects if effect.name not in estimated)
+    return in_denavit_hartenberg(relinked(replace(arm, effects=kept), zeros=True))
+
+
+def in_last_link(pose: Array, target: Point) -> Point:
+    """The target in the frame of the last link as D-H puts it; ``pose`` (4, 4): of the model's last link in that frame."""
+    x, y, z = (float(value) for value in pose[:3, :3] @ list(target) + pose[:3, 3])
+    return x, y, z

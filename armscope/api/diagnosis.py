@@ -1,0 +1,124 @@
+"""Recordings and a model in; what the model's simulation gets wrong, why, and the extended model out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from arm_io import InputError
+from armscope.api.reading import File, Source, read_model, recordings_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from arm_model import Arm
+    from daq.recording import Recording
+    from diagnosis.cause import Cause
+    from diagnosis.diagnose import Diagnosis as Details
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Diagnosis:
+    """What ``diagnose`` returns.
+
+    details        everything that was found: ``diagnosis.diagnose.Diagnosis``
+    fit, held_out  the recordings in which causes were found, and those that judge them
+    """
+
+    details: Details
+    fit: tuple[Recording, ...]
+    held_out: tuple[Recording, ...]
+
+    @property
+    def verdict(self) -> str:
+        """``consistent``, ``explained`` or ``unexplained``."""
+        return self.details.verdict
+
+    @property
+    def causes(self) -> list[Cause]:
+        """The accepted causes, strongest first, with parameters, confidence, gain and ambiguity group."""
+        return list(self.details.causes)
+
+    @property
+    def extended(self) -> Arm:
+        """The model with every cause as an effect of its own."""
+        return self.details.extended
+
+    def __repr__(self) -> str:
+        causes = [cause.effect + (f" of joint {cause.joint}" if cause.joint else "") for cause in self.details.causes]
+        return f"<Diagnosis of {self.details.arm.name}: {self.verdict}{': ' * bool(causes)}{', '.join(causes)}>"
+
+    def __str__(self) -> str:
+        from diagnosis.report.text import text
+
+        return text(self.details, self.to_json())
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of diagnosis.json, without the discriminating experiments: ``write`` looks for them."""
+        from diagnosis.report.write import table_of
+
+        return table_of(self.details, list(self.fit), list(self.held_out))
+
+    def plot(self) -> Figure:
+        """Held-out residual current of every joint over time, in units of the noise, before and after."""
+        from diagnosis.report.plots.overview import overview
+
+        figure, _ = overview(self.details)
+        return figure
+
+    def write(self, folder: str | PathLike[str], *, progress: Callable[[str], None] = lambda _: None) -> dict[str, Any]:
+        """Writes diagnosis.json, report.html, model.toml and the discriminating experiments; returns what diagnosis.json says."""
+        from diagnosis.report.write import write_diagnosis
+
+        return write_diagnosis(Path(folder), self.details, list(self.fit), list(self.held_out), progress=progress)
+
+
+def diagnose(
+    recordings: Source | Sequence[Source],
+    model: File | Arm,
+    *,
+    held_out: Source | Sequence[Source] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """What a model's simulation gets wrong in recordings of the arm, and why.
+
+    recordings  to find causes in: one or several, as paths or objects
+    model       the nominal model, whose simulation is judged
+    held_out    other recordings, which judge; without any, the last 40 % of each recording, a weaker test
+    Raises InputError where a recording does not belong to the arm, or is both fitted and held out.
+    """
+    arm = read_model(model)
+    fit, held = fit_and_held_out(recordings, held_out)
+    from diagnosis.diagnose import diagnose
+
+    return Diagnosis(diagnose(arm, fit, held, progress=progress), tuple(fit), tuple(held))
+
+
+def fit_and_held_out(
+    fit: Source | Sequence[Source], held_out: Source | Sequence[Source]
+) -> tuple[list[Recording], list[Recording]]:
+    """Both sides read; without held-out recordings each one split by time. InputError where a recording is on both sides."""
+    fitted, held = recordings_of(fit), recordings_of(held_out)
+    for one in held:
+        if any(_same(one, other) for other in fitted):
+            raise InputError(
+                one.path,
+                "is both fitted and held out: nothing would be judged; without held-out recordings each is split by time",
+            )
+    if held:
+        return fitted, held
+    from diagnosis.screening.time_split import split
+
+    first, last = zip(*map(split, fitted))
+    return list(first), list(last)
+
+
+def _same(one: Recording, other: Recording) -> bool:
+    """Whether two files hold the same rows, or one a part of the other's from its beginning on."""
+    rows = min(len(one), len(other))
+    return one.q.shape[1:] == other.q.shape[1:] and bool(
+        (one.q[:rows] == other.q[:rows]).all() and (one.i[:rows] == other.i[:rows]).all()
+    )

@@ -1,0 +1,63 @@
+"""Recordings in, parameters with honest uncertainty out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Literal
+
+from armscope.api.reading import File, Source, read_model, recordings_of
+
+if TYPE_CHECKING:
+    from arm_model import Arm
+    from identification.preprocessing.readiness import Readiness
+    from identification.result import Identification
+
+Method = Literal["ols", "wls", "irls", "iv", "didim", "motor-link", "sequence", "friction"]
+Friction = Literal["symmetric", "asymmetric"]
+ONE_JOINT_A_RUN = ("motor-link", "sequence", "friction")
+"""Methods for recordings in which most joints may stand still."""
+
+
+def identify(
+    recordings: Source | Sequence[Source],
+    model: File | Arm,
+    *,
+    held_out: Source | Sequence[Source] = (),
+    method: Method = "wls",
+    friction: Friction | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Identification:
+    """The dynamic parameters of an arm, with standard deviations, base parameters, and the error on held-out recordings.
+
+    recordings  to fit: one or several, as paths or objects
+    model       geometry and drives, and the values to start from
+    held_out    to judge by; without any the last part of each fitted recording is predicted from the first
+    method      ols, wls, irls: least squares on the inverse dynamics; iv, didim: against the simulated closed loop;
+                motor-link: one joint per recording; sequence: one joint per recording, tip first; friction: tuned in the
+                simulated closed loop
+    friction    asymmetric: viscous and Coulomb friction for each direction; None: as the model has viscous friction
+    Raises InputError where a recording does not belong to the arm or cannot be used by the method.
+    """
+    arm, fitted, held = read_model(model), recordings_of(recordings), recordings_of(held_out)
+    # Imported last: these libraries take a second, for which a wrong file need not wait.
+    from identification.identify import identify_by, own_friction
+
+    return identify_by(method, fitted, arm, held_out=held, friction=friction or own_friction(arm), progress=progress)
+
+
+def check(
+    recordings: Source | Sequence[Source],
+    model: File | Arm,
+    *,
+    held_out: Source | Sequence[Source] = (),
+    method: Method = "wls",
+    friction: Friction | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Readiness:
+    """How fit recordings are for ``identify``, before anything is fitted: rows, excitation, saturation, lag. Arguments as there."""
+    arm, fitted, held = read_model(model), recordings_of(recordings), recordings_of(held_out)
+    from identification.identify import check_runs, own_friction
+
+    friction = friction or own_friction(arm)
+    sparse = method in ONE_JOINT_A_RUN
+    return check_runs(fitted, arm, held_out=held, friction=friction, sparse=sparse, progress=progress)

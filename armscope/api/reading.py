@@ -1,0 +1,70 @@
+"""Files and objects alike: every function of the face takes a path, or what was read from one.
+
+A path such as ``config/models/puma560.toml`` that is not in place means the shipped file (``armscope.shipped``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from armscope.shipped import found
+
+if TYPE_CHECKING:
+    from arm_model import Arm
+    from daq.recording import Recording
+    from daq.rig.rig_file import Rig
+    from experiment import Experiment
+
+File: TypeAlias = "str | PathLike[str]"
+Source: TypeAlias = "File | Recording"
+"""A recording, or the path of one."""
+
+
+def open_recording(recording: Source) -> Recording:
+    """A recording as numpy arrays by joint, with its ledger, gaps and attachments; ``daq.recording.Recording`` lists them.
+
+    InputError where the file is absent, not a recording, or damaged.
+    """
+    from daq.recording import Recording, open_recording
+
+    return recording if isinstance(recording, Recording) else open_recording(Path(recording))
+
+
+def recordings_of(sources: Source | Sequence[Source]) -> list[Recording]:
+    """Recordings from one recording or path, or from several."""
+    from daq.recording import Recording
+
+    if isinstance(sources, Recording | str | PathLike):
+        return [open_recording(sources)]
+    return [open_recording(source) for source in sources]
+
+
+def read_model(model: File | Arm) -> Arm:
+    """The arm of a model file (.toml) or of a URDF file (.urdf); docs/model.md. InputError where it is wrong or unphysical."""
+    from arm_model import Arm, read_model
+
+    if isinstance(model, Arm):
+        return model
+    path = found(model)
+    if path.suffix == ".urdf":
+        from arm_model.urdf import read_urdf
+
+        return read_urdf(path)
+    return read_model(path)
+
+
+def read_rig(rig: File | Rig) -> Rig:
+    """A rig file, checked with the settings of its drivers; docs/rig-files.md. InputError names the entry and what would be right."""
+    from daq.rig.rig_file import Rig, read_rig
+
+    return rig if isinstance(rig, Rig) else read_rig(found(rig))
+
+
+def read_experiment(experiment: File | Experiment) -> Experiment:
+    """An experiment file: a motion and how to sample it. InputError names the entry and what would be right."""
+    from experiment import Experiment, read_experiment
+
+    return experiment if isinstance(experiment, Experiment) else read_experiment(found(experiment))

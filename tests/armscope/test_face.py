@@ -1,0 +1,48 @@
+"""``import armscope``: what it offers, and that it costs nothing until it is used."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import armscope
+from armscope import InputError
+
+FUNCTIONS = ("open", "read_model", "read_rig", "read_experiment", "identify", "diagnose", "calibrate")
+
+
+def test_nothing_heavy_is_imported_before_it_is_used() -> None:
+    code = "import sys; before = set(sys.modules); import armscope; print(*sorted(set(sys.modules) - before))"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    foreign = {name.partition(".")[0] for name in loaded} - set(sys.stdlib_module_names)
+    assert foreign == {"armscope"}
+
+
+def test_every_name_that_is_offered_is_there() -> None:
+    for name in armscope.__all__:
+        assert getattr(armscope, name) is not None
+    assert set(armscope.__all__) <= set(dir(armscope))
+    for name in FUNCTIONS:
+        assert callable(getattr(armscope, name)) and getattr(armscope, name).__doc__
+    assert "coulomb_friction" in armscope.effects
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        armscope.nothing  # noqa: B018
+
+
+def test_objects_are_taken_as_they_are(root: Path) -> None:
+    arm = armscope.read_model(root / "config/models/puma560.toml")
+    assert armscope.read_model(arm) is arm
+    rig = armscope.read_rig(str(root / "config/puma560_sim.toml"))
+    assert armscope.read_rig(rig) is rig
+    motion = armscope.read_experiment(root / "config/experiments/iso_cube.toml")
+    assert armscope.read_experiment(motion) is motion
+
+
+def test_a_shipped_model_is_found_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert len(armscope.read_model("config/models/scara.toml")) == 3
+    with pytest.raises(InputError, match=r"none\.toml"):
+        armscope.read_model("config/models/none.toml")
