@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from arm_io.types import Progress
 from arm_model.description import Arm
 from daq.recording import Recording
 from identification.methods import closed_loop, joint_by_joint, sequential
@@ -14,7 +15,7 @@ from identification.methods.friction_tuning import simulated_error, tune_frictio
 from identification.methods.inverse_dynamics import identify
 from identification.preprocessing.readiness import Readiness
 from identification.regression.equations import Friction
-from identification.regression.problem import Progress, excitation_of, motions_of, prepare
+from identification.regression.problem import excitation_of, motions_of, prepare
 from identification.result import Identification, Prediction, Value, unit_of
 
 Method = Literal["ols", "wls", "irls", "iv", "didim", "motor-link", "sequence", "friction"]

@@ -42,7 +42,7 @@ def command(
     from arm_model.model_file import read_model
     from daq.rig.rig_file import read_rig
     from experiment import write_experiment
-    from identification.experiment_design.excitation import Limits, design_excitation
+    from identification.experiment_design.excitation import Limits, Series, design_excitation
     from identification.preprocessing.aliased_ripple import rate_beside
 
     checked = None if rig is None else read_rig(rig, drivers=False)
@@ -59,9 +59,7 @@ def command(
         task = bar.add_task("designing", total=1.0)
         found = design_excitation(
             arm,
-            duration=duration,
-            fundamental=fundamental,
-            harmonics=harmonics,
+            Series(duration, fundamental, harmonics),
             criterion=criterion.value,
             limits=limits,
             candidates=candidates,

@@ -18,7 +18,7 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.system.dynamics import inverse_dynamics
 from experiment import Experiment
-from identification.experiment_design.excitation import Limits, design_excitation
+from identification.experiment_design.excitation import Limits, Series, design_excitation
 
 SPEEDS = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)
 """Of the joint's full speed."""
@@ -67,9 +67,7 @@ class Stage:
     def excitations(self) -> tuple[Experiment, ...]:
         """A slow and a brisk motion of all joints together, designed for this arm within the limits."""
         return tuple(
-            design_excitation(
-                self.arm, duration=10.0, fundamental=0.1 * seed, limits=self.limits, candidates=32, seed=seed
-            )
+            design_excitation(self.arm, Series(10.0, 0.1 * seed), limits=self.limits, candidates=32, seed=seed)
             for seed in (1, 2)
         )
 

@@ -87,12 +87,19 @@ class Limits:
         return Limits(np.stack([low, high], axis=1), slower, np.minimum(self.acceleration, gentler), weaker)
 
 
+@dataclass(frozen=True)
+class Series:
+    """The finite Fourier series of every joint: duration s (preferably whole periods of the fundamental), fundamental Hz, harmonics."""
+
+    duration: float = 20.0
+    fundamental: float = 0.1
+    harmonics: int = 5
+
+
 def design_excitation(
     arm: Arm,
+    series: Series = Series(),
     *,
-    duration: float = 20.0,
-    fundamental: float = 0.1,
-    harmonics: int = 5,
     criterion: Criterion = "d",
     limits: Limits | None = None,
     candidates: int = 1600,
@@ -101,20 +108,20 @@ def design_excitation(
 ) -> Experiment:
     """The best of ``candidates`` motions: random ones first, then steps from the best that shrink when they fail.
 
-    duration s, a whole number of periods 1/fundamental (Hz) is wise; harmonics of each series. The same seed gives the same motion.
+    The same seed gives the same motion. ``progress`` is called with the share done and the best score so far, in words.
     """
     limits = limits or Limits.of(arm)
     base = structural_base(arm)
     random = np.random.default_rng(seed)
-    best, best_score, step = _random(arm, harmonics, random), -np.inf, 0.5
+    best, best_score, step = _random(arm, series.harmonics, random), -np.inf, 0.5
     generations = max(2, candidates // TOGETHER)
     for generation in range(generations):
         if generation < generations // 5:
-            trials = [_random(arm, harmonics, random) for _ in range(TOGETHER)]
+            trials = [_random(arm, series.harmonics, random) for _ in range(TOGETHER)]
         else:
             steps = step * random.standard_normal((TOGETHER, *best.shape))
             trials = list(best + steps * (random.random(steps.shape) < 0.3))
-        found = [_experiment(arm, trial, limits, duration, fundamental) for trial in trials]
+        found = [_experiment(arm, trial, limits, series) for trial in trials]
         scores = excitation_scores(arm, base, found, limits, criterion)
         winner = int(np.argmax(scores))
         if scores[winner] > best_score:
@@ -123,7 +130,7 @@ def design_excitation(
         elif generation >= generations // 5:
             step = max(0.9 * step, 0.02)
         progress(generation / generations, f"{criterion} {_shown(best_score, criterion)}")
-    return _experiment(arm, best, limits, duration, fundamental)
+    return _experiment(arm, best, limits, series)
 
 
 def excitation_scores(
@@ -156,14 +163,15 @@ def _random(arm: Arm, harmonics: int, random: np.random.Generator) -> Array:
     return np.asarray(proposal)
 
 
-def _experiment(arm: Arm, proposal: Array, limits: Limits, duration: float, fundamental: float) -> Experiment:
+def _experiment(arm: Arm, proposal: Array, limits: Limits, series: Series) -> Experiment:
     """The proposal scaled into the limits."""
-    harmonics = (proposal.shape[1] - 1) // 2
     low, high = limits.position.T
     start = (low + high) / 2 + 0.5 * (high - low) / 2 * np.tanh(proposal[:, 0])
-    series = proposal[:, 1:]
-    unit = _fourier(series, harmonics, np.zeros(len(arm)), np.array(limits.speed), limits, duration, fundamental)
-    rows = int(60 * (harmonics * fundamental * duration + 4))  # sixty a period of the fastest harmonic, fades included
+    weights = proposal[:, 1:]
+    unit = _fourier(weights, np.zeros(len(arm)), limits, series)
+    rows = int(
+        60 * (series.harmonics * series.fundamental * series.duration + 4)
+    )  # sixty a period of the fastest harmonic, fades included
     _, q, qd, qdd = _motion(unit, rows)
     room = np.minimum(
         (high - start) / np.maximum(q.max(axis=0), 1e-9), (start - low) / np.maximum(-q.min(axis=0), 1e-9)
@@ -184,25 +192,24 @@ def _experiment(arm: Arm, proposal: Array, limits: Limits, duration: float, fund
             break
         # Fiercer than the motors: all joints calm down together, since they feel each other.
         scale = scale * 0.85
-    return _fourier(series * scale[:, None], harmonics, start, np.array(limits.speed), limits, duration, fundamental)
+    return _fourier(weights * scale[:, None], start, limits, series)
 
 
-def _fourier(
-    series: Array, harmonics: int, start: Array, speed: Array, limits: Limits, duration: float, fundamental: float
-) -> Experiment:
+def _fourier(weights: Array, start: Array, limits: Limits, series: Series) -> Experiment:
+    """weights (n, 2 harmonics) rad: sines, then cosines, about ``start`` (n,) rad."""
     moving = Fourier(
         type="fourier",
-        duration=duration,
-        fundamental=fundamental,
-        sine=series[:, :harmonics].tolist(),
-        cosine=series[:, harmonics:].tolist(),
-        fade=min(1.0, duration / 4),
+        duration=series.duration,
+        fundamental=series.fundamental,
+        sine=weights[:, : series.harmonics].tolist(),
+        cosine=weights[:, series.harmonics :].tolist(),
+        fade=min(1.0, series.duration / 4),
     )
     return Experiment(
         name="excitation",
         description="Finite Fourier series, optimised to show the base parameters",
         start=start.tolist(),
-        full_speed=speed.tolist(),
+        full_speed=limits.speed.tolist(),
         full_acceleration=limits.acceleration.tolist(),
         segment=[Hold(type="hold", duration=0.5), moving, Hold(type="hold", duration=0.5)],
     )

@@ -10,7 +10,6 @@ Both need the demands of the run and a controller in the model that is the real 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal
 
@@ -18,7 +17,7 @@ import numpy as np
 from scipy import linalg
 
 from arm_io import InputError
-from arm_io.types import Array
+from arm_io.types import Array, Progress
 from arm_model.description import Arm
 from arm_model.simulation.simulation import simulate
 from daq.recording import Recording
@@ -33,7 +32,6 @@ from identification.regression.weak_directions import held_note, held_to_the_mod
 from identification.result import Identification
 
 ClosedLoopMethod = Literal["iv", "didim"]
-Progress = Callable[[str], None]
 
 ITERATIONS = 8
 SETTLED = 0.1  # standard deviations: a step smaller than this in all parameters ends the iteration

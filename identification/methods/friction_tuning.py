@@ -7,14 +7,14 @@ parameter), and Gauss-Newton steps of limited length (Levenberg-Marquardt) are t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
 
 from arm_io import InputError
-from arm_io.types import Array
+from arm_io.types import Array, Progress
 from arm_model.description import Arm
 from arm_model.parameters import parameter, with_parameters
 from arm_model.simulation.simulation import simulate_batch
@@ -26,8 +26,6 @@ from identification.regression.equations import Equations
 from identification.regression.least_squares import Fit
 from identification.regression.uncertainty import Uncertainty, uncertainty
 from identification.result import Prediction
-
-Progress = Callable[[str], None]
 
 STEP = 0.05  # of a parameter, for its column of the Jacobian
 DIRECTIONS = ("coulomb_positive", "coulomb_negative")

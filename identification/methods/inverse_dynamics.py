@@ -10,13 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from arm_io.types import Array
+from arm_io.types import Array, Progress
 from arm_model.description import Arm
 from daq.recording import Recording
 from identification.regression.conclusion import conclude, physical_values, with_values
 from identification.regression.equations import Equations, Friction, model_values, shown_rows
 from identification.regression.least_squares import Fit, Method, least_squares
-from identification.regression.problem import Problem, Progress, prepare
+from identification.regression.problem import Problem, prepare
 from identification.regression.uncertainty import uncertainty
 from identification.regression.weak_directions import held_note, held_to_the_model
 from identification.result import Identification

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from arm_io import InputError
-from arm_io.types import Array
+from arm_io.types import Array, Progress
 from arm_model.description import Arm
 from arm_model.parameters import with_parameters
 from arm_model.rigid_body.numeric import rigid_torque
@@ -19,10 +20,22 @@ from identification.regression.conclusion import SPLIT
 from identification.regression.problem import motions_of
 from identification.result import Identification, Prediction, Value, unit_of
 
-Progress = Callable[[str], None]
+Run = tuple[Recording, Motion]
 
 WAYS: tuple[Way, Way] = ("filter", "integral")
 ACTIVE = 0.2  # of the liveliest joint's travel: a joint that moves less in a run is not the one that run is about
+
+
+@dataclass
+class _Results:
+    """What accumulates over the joints."""
+
+    parameters: list[Value] = field(default_factory=list)
+    predictions: list[Prediction] = field(default_factory=list)
+    conditions: list[float] = field(default_factory=list)
+    friction: dict[str, float] = field(default_factory=dict)
+    integrated: dict[str, float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
 
 
 def identify_joints(
@@ -32,78 +45,72 @@ def identify_joints(
     held_out: Sequence[Recording] = (),
     progress: Progress = lambda _: None,
 ) -> Identification:
-    """Each joint from the runs in which it moves as far as others; state-variable filter, beside it the integrated equation."""
+    """Each joint from the runs in which it moves as far as others: state-variable filter, and the integrated equation for comparison."""
     motions, held_motions, seen = motions_of(fit, held_out, arm, progress)
-    warnings = [warning for run in seen[: len(fit)] for warning in run.warnings if "never moves" not in warning]
-    parameters, predictions, conditions = [], [], []
-    compared: dict[str, tuple[float, float]] = {}
-    values: dict[str, float] = {}
+    own = _Results(warnings=[text for run in seen[: len(fit)] for text in run.warnings if "never moves" not in text])
+    fitted_runs, held_runs = list(zip(fit, motions)), list(zip(held_out, held_motions))
     for j in range(len(arm)):
-        runs = [run for run, motion in enumerate(motions) if own_run([motion], j) is not None]
-        if not runs:
-            warnings.append(f"joint {j + 1} does not move in any run; nothing is said about it")
-            continue
-        progress(f"joint {j + 1}")
-        gravity = _feels_gravity(arm, j)
-        bandwidth = min(motions[run].band.parallel for run in runs)
-        found, other = (_pair([motions[run] for run in runs], j, gravity, bandwidth, way) for way in WAYS)
-        if len(found.rows) < 4 * len(found.names):
-            raise checks.too_short([fit[run].path for run in runs], len(found.rows), len(found.names))
-        compared |= {
-            f"joint{j + 1}.{name} by the integrated equation": (other.value(name), float("nan")) for name in other.names
-        }
-        for run in runs:
-            _warn_of_others(fit[run], motions[run], j, warnings)
-        for direction in {"coulomb_positive", "coulomb_negative"} - {*found.names}:
-            warnings.append(f"joint {j + 1} moves in one direction only; nothing is said about its {direction}")
-        parameters += _named(found, j, arm)
-        conditions.append(found.fit.condition)
-        for number, run in enumerate(runs):
-            rows = found.rows.of(found.rows.run == number)
-            predictions.append(_prediction(fit[run], rows.t, rows.torque, rows.columns @ found.fit.values, j))
-        values |= {
-            f"joint{j + 1}.{name}": found.value(name)
-            for name in ("viscous", "coulomb_positive", "coulomb_negative")
-            if name in found.names
-        }
-        if held_out:
-            predictions += _held(found, held_motions, held_out, j, gravity, bandwidth)
+        runs = [run for run in fitted_runs if own_run([run[1]], j) is not None]
+        if runs:
+            progress(f"joint {j + 1}")
+            _identify_joint(arm, j, runs, held_runs, own)
         else:
-            predictions += _split(found, [fit[run] for run in runs], [motions[run] for run in runs], j)
-    if not parameters:
-        raise InputError(
-            ", ".join(str(recording.path) for recording in fit), "no joint moves on its own; nothing to identify"
-        )
+            own.warnings.append(f"joint {j + 1} does not move in any run; nothing is said about it")
+    if not own.parameters:
+        names = ", ".join(str(recording.path) for recording in fit)
+        raise InputError(names, "no joint moves on its own; nothing to identify")
     if not held_out:
-        warnings.append(
+        own.warnings.append(
             f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, predicted from the first"
             f" {SPLIT:.0%}; give --held-out recordings before calling these values validated"
         )
-    warnings.append(
+    own.warnings.append(
         "inertia and gravity of a motor-link pair include what the joint carries in this pose; model.toml takes the friction only"
     )
-    physical = {name: max(value, 0.0) for name, value in values.items()}
-    # The two directions' Coulomb friction carries the offset already.
-    physical |= {name.replace("viscous", "offset"): 0.0 for name in values if name.endswith("viscous")}
+    physical = {name: max(value, 0.0) for name, value in own.friction.items()}
+    # The Coulomb friction of the two directions carries the offset already.
+    physical |= {name.replace("viscous", "offset"): 0.0 for name in own.friction if name.endswith("viscous")}
     return Identification(
         method="motor-link",
         friction="per direction",
         arm=with_parameters(arm, physical),
         fit=[str(recording.path) for recording in fit],
         held_out=[str(recording.path) for recording in held_out] if held_out else "split",
-        parameters=parameters,
-        base=parameters,
-        condition=max(conditions),
-        predictions=predictions,
-        warnings=warnings,
+        parameters=own.parameters,
+        base=own.parameters,
+        condition=max(own.conditions),
+        predictions=own.predictions,
+        warnings=own.warnings,
         bands=[motion.band for motion in motions],
         runs=seen,
-        extra={
-            "integrated_equation": {
-                name.removesuffix(" by the integrated equation"): value for name, (value, _) in compared.items()
-            }
-        },
+        extra={"integrated_equation": own.integrated},
     )
+
+
+def _identify_joint(arm: Arm, j: int, runs: Sequence[Run], held_out: Sequence[Run], own: _Results) -> None:
+    """Joint j (from 0) from its ``runs``: its parameters, predictions and warnings are added to ``own``."""
+    recordings, motions = [run[0] for run in runs], [run[1] for run in runs]
+    gravity = _feels_gravity(arm, j)
+    bandwidth = min(motion.band.parallel for motion in motions)
+    found, other = (_pair(motions, j, gravity, bandwidth, way) for way in WAYS)
+    if len(found.rows) < 4 * len(found.names):
+        raise checks.too_short([recording.path for recording in recordings], len(found.rows), len(found.names))
+    own.integrated |= {f"joint{j + 1}.{name}": other.value(name) for name in other.names}
+    for recording, motion in runs:
+        _warn_of_others(recording, motion, j, own.warnings)
+    for direction in {"coulomb_positive", "coulomb_negative"} - {*found.names}:
+        own.warnings.append(f"joint {j + 1} moves in one direction only; nothing is said about its {direction}")
+    own.parameters += _named(found, j, arm)
+    own.conditions.append(found.fit.condition)
+    for number, recording in enumerate(recordings):
+        rows = found.rows.of(found.rows.run == number)
+        own.predictions.append(_prediction(recording, rows.t, rows.torque, rows.columns @ found.fit.values, j))
+    friction = {"viscous", "coulomb_positive", "coulomb_negative"} & {*found.names}
+    own.friction |= {f"joint{j + 1}.{name}": found.value(name) for name in sorted(friction)}
+    if held_out:
+        own.predictions += _held(found, held_out, j, gravity, bandwidth)
+    else:
+        own.predictions += _split(found, recordings, motions, j)
 
 
 def own_run(motions: Sequence[Motion], j: int) -> int | None:
@@ -158,17 +165,10 @@ def _pair(motions: Sequence[Motion], j: int, gravity: bool, bandwidth: float, wa
     return fitted(joined(rows), way)
 
 
-def _held(
-    found: MotorLink,
-    motions: Sequence[Motion],
-    held: Sequence[Recording],
-    j: int,
-    gravity: bool,
-    bandwidth: float,
-) -> list[Prediction]:
+def _held(found: MotorLink, runs: Sequence[Run], j: int, gravity: bool, bandwidth: float) -> list[Prediction]:
     """Predictions of the held-out runs in which joint j moves, as far as they move in directions that were fitted."""
     predictions = []
-    for motion, recording in zip(motions, held):
+    for recording, motion in runs:
         if own_run([motion], j) is None:
             continue
         rows = motor_link_rows(motion, j, gravity=gravity, bandwidth=bandwidth)

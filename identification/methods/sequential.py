@@ -13,14 +13,14 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io import InputError
-from arm_io.types import Array
+from arm_io.types import Array, Progress
 from arm_model.description import Arm
 from daq.recording import Recording
 from identification.methods.joint_by_joint import own_run
 from identification.regression.conclusion import conclude
 from identification.regression.equations import Friction, model_values
 from identification.regression.least_squares import Fit, least_squares
-from identification.regression.problem import Problem, Progress, prepare
+from identification.regression.problem import Problem, prepare
 from identification.regression.uncertainty import uncertainty
 from identification.result import Identification
 

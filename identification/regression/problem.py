@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_io.types import Array
+from arm_io.types import Array, Progress
 from arm_model.description import Arm
 from daq.recording import Recording
 from identification.preprocessing import checks
@@ -28,8 +28,6 @@ from identification.regression.equations import (
     with_effects,
 )
 from identification.regression.least_squares import weighted
-
-Progress = Callable[[str], None]
 
 TREMBLE = 20.0  # rms of its angle's noise: a joint whose whole travel is less has not left its place;
 SHAKEN = 0.01  # of the travel of the liveliest joint of its kind: nor has one that the others shake

@@ -14,7 +14,7 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.table import write_table
 from experiment import demand_of
-from identification.experiment_design.excitation import design_excitation
+from identification.experiment_design.excitation import Series, design_excitation
 from identification.identify import identify_by
 from identification.preprocessing.demands import demand_of_run
 from identification.regression.equations import model_values, structural_base
@@ -31,7 +31,7 @@ def arm(root: Path) -> Arm:
 @pytest.fixture(scope="module")
 def runs(arm: Arm, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Recording]:
     """One run of the servos; beside it the plan, and what they made of it."""
-    demand = demand_of(design_excitation(arm, duration=12.0, candidates=160, seed=3))
+    demand = demand_of(design_excitation(arm, Series(12.0), candidates=160, seed=3))
     t = np.arange(int(demand.duration * RATE) - 1) / RATE
     run = simulate(arm, demand, duration=demand.duration, rate=RATE, times=t)
     random = np.random.default_rng(0)

@@ -16,7 +16,7 @@ from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.table import write_table
 from experiment import Experiment, demand_of
-from identification.experiment_design.excitation import design_excitation
+from identification.experiment_design.excitation import Series, design_excitation
 from identification.methods.inverse_dynamics import identify
 from identification.report.html import report, verdict
 from identification.result import Identification
@@ -35,7 +35,7 @@ def arm(root: Path) -> Arm:
 def runs(arm: Arm, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Recording]:
     """An excitation; moves from stop to stop, by the same arm and by one whose forearm weighs 1 kg more."""
     folder = tmp_path_factory.mktemp("runs")
-    excitation = design_excitation(arm, duration=16.0, candidates=160, seed=3)
+    excitation = design_excitation(arm, Series(16.0), candidates=160, seed=3)
     poses = [[0.9, -0.3, 0.9], [-0.6, 0.5, -0.2], [0.2, 1.2, -1.4], [0.0, 0.3, -0.8]]
     moves = [{"type": "move", "to": pose, "speed": 0.9} for pose in poses]
     limits = {"full_speed": [1.4, 1.2, 2.0], "full_acceleration": [8.0, 6.0, 12.0]}

@@ -12,7 +12,7 @@ from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.simulation.simulation import simulate
 from experiment import demand_of
-from identification.experiment_design.excitation import design_excitation
+from identification.experiment_design.excitation import Series, design_excitation
 from identification.methods.joint_by_joint import WAYS
 from identification.methods.motor_link import motor_link_of
 from identification.preprocessing.aliased_ripple import folded_torque, rate_beside, rows_a_setpoint
@@ -33,7 +33,7 @@ def arm(root: Path) -> Arm:
 @pytest.fixture(scope="module")
 def recorded(arm: Arm) -> dict[tuple[float, float], Motion]:
     """rate Hz, phase -> the smooth motion of one experiment sampled so, with noise of encoders and currents."""
-    experiment = design_excitation(arm, duration=12.0, candidates=160, seed=3)
+    experiment = design_excitation(arm, Series(12.0), candidates=160, seed=3)
     demand, random = demand_of(experiment), np.random.default_rng(0)
     found = {}
     for rate, phase in [*((500.0, phase) for phase in PHASES), (507.1, 0.1)]:

@@ -11,13 +11,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from arm_io import InputError
-from arm_io.types import Array
+from arm_io.types import Array, Progress
 from arm_model.description import Arm
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.row_shifts import Shift, find_constant, find_step
@@ -40,7 +40,6 @@ from identification.kinematics.estimation.sweeps import circles_of
 from identification.kinematics.models.chain import Chain, Gravity, Index, position, xyz_ypr
 from identification.kinematics.models.parameters import Parameters, Trust, base_pose, parameters_of
 
-Progress = Callable[[str], None]
 MOST = 10000
 """Points used for fitting; more are evenly thinned: neighbours at 1 kHz say the same thing."""
 

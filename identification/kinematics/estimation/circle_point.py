@@ -113,7 +113,7 @@ def fit_circle(q: Array, xyz: Array, joint: int) -> Circle:
         if np.array_equal(fresh, weight):
             break
         weight = fresh
-    return _with_encoder(q, xyz, joint, centre, normal, radius, across, radial, weight > 0)
+    return _with_encoder(q, xyz, joint, _Plane(centre, normal, radius, across, radial, weight > 0))
 
 
 def _plane_circle(xyz: Array, weight: Array, joint: int) -> tuple[Array, Array, float]:
@@ -151,18 +151,21 @@ def _circle(u: Array, v: Array, weight: Array) -> tuple[Array, float]:
     return x[:2], float(x[2])
 
 
-def _with_encoder(
-    q: Array,
-    xyz: Array,
-    joint: int,
-    centre: Array,
-    normal: Array,
-    radius: float,
-    across: Array,
-    radial: Array,
-    good: Mask,
-) -> Circle:
-    """Senses of rotation, the zero direction and the tangential residual from the joint's own encoder."""
+@dataclass(frozen=True)
+class _Plane:
+    """A circle fitted to the points alone: the sense of its normal is not known yet; residuals (N,) m."""
+
+    centre: Array
+    normal: Array
+    radius: float
+    across: Array
+    radial: Array
+    inlier: Mask
+
+
+def _with_encoder(q: Array, xyz: Array, joint: int, plane: _Plane) -> Circle:
+    """Sense of rotation, zero direction and tangential residual from the joint's own encoder."""
+    centre, normal, across, good = plane.centre, plane.normal, plane.across, plane.inlier
     own = q[:, joint - 1]
     flat = xyz - centre - across[:, None] * normal
     first = flat[0] / np.linalg.norm(flat[0])
@@ -178,27 +181,27 @@ def _with_encoder(
             f"joint {joint}: the target turned {slope:.3g} times as far as the encoder says; is it this joint's channel?"
         )
     centred = float(np.median(ahead[good]))
-    tangential = radius * (ahead - centred)
+    tangential = plane.radius * (ahead - centred)
     offset = middle + centred
     zero = np.cos(offset) * first + np.sin(offset) * second
-    std_angle, std_centre = _uncertainty(flat[good], radius, np.r_[across[good], radial[good]])
+    std_angle, std_centre = _uncertainty(flat[good], plane.radius, np.r_[across[good], plane.radial[good]])
     at = np.median(q, axis=0)
     at[joint - 1] = own[0]
     return Circle(
-        joint,
-        normal,
-        centre,
-        radius,
-        float(np.ptp(own)),
-        own,
-        at,
-        zero,
-        across,
-        radial,
-        tangential,
-        good,
-        std_angle,
-        std_centre,
+        joint=joint,
+        axis=normal,
+        centre=centre,
+        radius=plane.radius,
+        arc=float(np.ptp(own)),
+        q=own,
+        at=at,
+        zero=zero,
+        across=across,
+        radial=plane.radial,
+        tangential=tangential,
+        inlier=good,
+        std_angle=std_angle,
+        std_centre=std_centre,
     )
 
 

@@ -50,7 +50,6 @@ def select_poses(
     count: int,
     *,
     noise: float = 1e-4,
-    trust: Trust | None = None,
     floor: float | None = 0.0,
     candidates: int = 1500,
     seed: int = 0,
@@ -63,7 +62,7 @@ def select_poses(
     """
     if count < 2:
         raise InputError("--poses", f"{count} poses determine nothing; at least 2, better 30, are wanted")
-    parameters = parameters_of(arm, target, frame_known=True, trust=trust or Trust())
+    parameters = parameters_of(arm, target, frame_known=True, trust=Trust())
     generator = np.random.default_rng(seed)
     pool = allowed_poses(arm, target, candidates, generator, floor)
     if len(pool) < count:
