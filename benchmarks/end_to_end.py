@@ -64,10 +64,10 @@ def measure(folder: Path, rate: int, seconds: float) -> dict[str, float]:
     try:
         assert listener.stdout is not None
         assert listener.stdout.readline() == "ready\n"
-        service.arm({"experiment": experiment(rate, seconds), "out": str(folder / f"{rate}.mcap")})
+        service.ask("arm", {"experiment": experiment(rate, seconds), "out": str(folder / f"{rate}.mcap")})
         spent.clear()
         wall, cpu = time.monotonic(), time.process_time()
-        service.start()
+        service.ask("start")
         while service.state != "idle":
             service.step(0.5)
         wall, cpu = time.monotonic() - wall, time.process_time() - cpu

@@ -6,70 +6,93 @@ import hashlib
 import json
 import signal
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import typer
 
 from arm_io import DeviceFault, InputError
+from armscope.commands.fetch import bring
 from daq.rig.rig_file import Rig, read_rig
-from daq.service.client import call
-from daq.service.rig_lock import holder_of
-from daq.service.zenoh_session import keys_of, open_session
+from daq.service.rig_server import RemoteServer, RigServer, server_of
 from experiment import read_experiment
 
 Table = dict[str, Any]
 _DONE, _DEVICE_FAILED, _SAMPLES_LOST = 0, 3, 4
-_WAIT = 0.05
-
-
-class Server(Protocol):
-    """Who records: a daemon elsewhere, or ourselves."""
-
-    def ask(self, verb: str, arguments: Table | None = None) -> Table: ...
-    def wait(self) -> None: ...
-    def close(self) -> None: ...
 
 
 def command(
     rig: Annotated[Path, typer.Option(metavar="RIG.toml", help="the rig")],
     experiment: Annotated[Path, typer.Option(metavar="EXP.toml", help="the motion")],
-    out: Annotated[Path, typer.Option(metavar="RUN.mcap", help="the recording to write")],
+    out: Annotated[
+        Path,
+        typer.Option(metavar="RUN.mcap", help="the recording to write; a plain name if the daemon has --recordings"),
+    ],
+    fetch: Annotated[bool, typer.Option("--fetch", help="bring the recording here from a daemon's folder")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> int:
     checked = read_rig(rig, drivers=False)
     instruction = read_experiment(experiment).setup.instruction
     if instruction:
         print(f"before this run: {instruction}", file=sys.stderr)
-    result = record(rig, checked, experiment, out)
-    print(json.dumps(result) if as_json else _text(result))
+    result = record(rig, checked, experiment, out, fetch=fetch)
+    print(json.dumps(result) if as_json else text_of(result))
     if result["ending"]["fault"]:
         print(f"error: {result['ending']['sentence']}", file=sys.stderr)
+    return status_of(result)
+
+
+def status_of(result: Table) -> int:
+    """The exit status of a run's result."""
+    if result["ending"]["fault"]:
         return _DEVICE_FAILED
     return _SAMPLES_LOST if result["ledger"]["lost"] else _DONE
 
 
-def record(rig: Path, checked: Rig, experiment: Path, out: Path) -> Table:
-    """One run of an experiment file to one recording; what came of it, as ``--json`` prints it. Shows progress; Ctrl-C ends the run."""
-    server = _server(rig, checked)
+def record(rig: Path, checked: Rig, experiment: Path, out: Path, *, fetch: bool = False) -> Table:
+    """One run of an experiment file to one recording; what came of it, as ``--json`` prints it. Shows progress; Ctrl-C ends the run.
+
+    fetch  brings the recording here, to ``out``, if it is made in a daemon's folder
+    """
+    server = server_of(rig, checked)
     try:
-        return _record(server, rig, experiment, out)
+        folder = server.ask("status").get("recordings")
+        place = _place(out, folder, fetch)
+        if folder is not None and fetch and out.exists():
+            raise InputError(out, "exists already, and no recording is overwritten; give another name")
+        result = _record(server, rig, experiment, place, remote=folder is not None)
+        if folder is not None:
+            result |= {"endpoint": checked.zenoh.endpoint, "fetched": None}
+            if fetch and isinstance(server, RemoteServer):
+                result["fetched"] = bring(server.session, server.keys, place.name, out)["file"]
+        return result
     finally:
         server.close()
 
 
-def _record(server: Server, rig: Path, experiment: Path, out: Path) -> Table:
-    """The result of the run. Ctrl-C and SIGTERM end it with the rows so far."""
+def _place(out: Path, folder: str | None, fetch: bool) -> Path:
+    """Where the recording is made, as the server sees it."""
+    if folder is None:
+        return out.absolute()
+    if not fetch and out.name != str(out):
+        raise InputError(
+            out,
+            f"this daemon records to its own folder, {folder}: give a plain name, or --fetch to bring the file here",
+        )
+    return Path(folder) / out.name
+
+
+def _record(server: RigServer, rig: Path, experiment: Path, place: Path, *, remote: bool) -> Table:
+    """The result of the run, whose file is at ``place``, or there on a ``remote`` machine. Ctrl-C and SIGTERM end it with the rows so far."""
     stop: list[int] = []
     server.ask(
         "arm",
         {
             "experiment": experiment.read_text(encoding="utf-8"),
             "experiment_file": str(experiment),
-            "out": str(out.absolute()),
+            "out": place.name if remote else str(place),
             "rig_sha256": hashlib.sha256(rig.read_bytes()).hexdigest(),
         },
     )
@@ -83,19 +106,24 @@ def _record(server: Server, rig: Path, experiment: Path, out: Path) -> Table:
                 show(status["run"])
                 server.wait()
     except DeviceFault as fault:
-        active = out.absolute().with_name(out.name + ".active")
-        if fault.device == "daemon" and active.exists():
-            raise DeviceFault("daemon", f"{fault.what}; what it recorded is in {active}: 'armscope recover'") from None
-        if fault.device == "daemon" and out.exists():
-            raise DeviceFault(
-                "daemon", f"{fault.what}; it finished {out.absolute()} before it ended: 'armscope info'"
-            ) from None
+        if fault.device == "daemon":
+            raise DeviceFault("daemon", f"{fault.what}{_left(place, remote)}") from None
         raise
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
     result: Table = status["last"]
     return result
+
+
+def _left(place: Path, remote: bool) -> str:
+    """What a daemon that went away has left, as far as it can be seen from here."""
+    active = place.with_name(place.name + ".active")
+    if remote:
+        return f"; what it recorded is on its machine, {place} or {active}"
+    if active.exists():
+        return f"; what it recorded is in {active}: 'armscope recover'"
+    return f"; it finished {place} before it ended: 'armscope info'" if place.exists() else ""
 
 
 @contextmanager
@@ -114,55 +142,8 @@ def _progress() -> Iterator[Callable[[Table], None]]:
         yield lambda run: bar.update(task, completed=run["progress"] or 0.0, rows=run["rows"], lost=run["lost"])
 
 
-def _server(rig: Path, checked: Rig) -> Server:
-    holder = holder_of(checked.name)
-    if holder is not None and holder.role == "record":
-        raise InputError(rig, f"rig '{checked.name}' is recording now (process {holder.pid}); one run at a time")
-    if holder is not None or not checked.zenoh.loopback:
-        return _Daemon(checked)
-    return _Embedded(rig)
-
-
-class _Daemon:
-    """A daemon that answers on the rig's endpoint."""
-
-    def __init__(self, rig: Rig) -> None:
-        self._session, self._keys = open_session(rig, listen=False), keys_of(rig.name)
-
-    def ask(self, verb: str, arguments: Table | None = None) -> Table:
-        return call(self._session, self._keys, verb, arguments, timeout=30.0)
-
-    def wait(self) -> None:
-        time.sleep(_WAIT)
-
-    def close(self) -> None:
-        self._session.close()
-
-
-class _Embedded:
-    """A service of our own, for the time of one recording."""
-
-    def __init__(self, rig: Path) -> None:
-        from daq.service.service import Service
-
-        self._service = Service(rig, role="record", publish="welcome")
-        self._service.open()
-        for note in self._service.notes:
-            print(f"note: {note}", file=sys.stderr)
-
-    def ask(self, verb: str, arguments: Table | None = None) -> Table:
-        return self._service.obey(verb, arguments or {})
-
-    def wait(self) -> None:
-        self._service.step(_WAIT)
-        if self._service.bug is not None:
-            raise self._service.bug
-
-    def close(self) -> None:
-        self._service.close()
-
-
-def _text(result: Table) -> str:
+def text_of(result: Table) -> str:
+    """The result of a run for a person."""
     ledger, ending = result["ledger"], result["ending"]
     lost = f"{ledger['lost']} of {ledger['triggers']} rows were LOST" if ledger["lost"] else "nothing was lost"
     lines = [f"{result['file']}: {result['rows']} rows of '{result['experiment']}'; {lost}"]
@@ -170,4 +151,8 @@ def _text(result: Table) -> str:
         detail = f" ({loss['detail']})" if loss["detail"] else ""
         lines.append(f"  lost: {loss['rows']} from trigger {loss['first']} on: {loss['sentence']}{detail}")
     lines.append(f"  ended because {ending['sentence']}")
+    if result.get("fetched"):
+        lines.append(f"  brought to {result['fetched']}")
+    elif "fetched" in result:
+        lines.append(f"  it lies at the daemon on {result['endpoint']}: 'armscope fetch' brings it")
     return "\n".join(lines + [f"  note: {note}" for note in result["notes"]])

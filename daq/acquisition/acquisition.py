@@ -98,7 +98,9 @@ class Acquisition:
             raise
 
     def disarm(self) -> None:
-        """Back to idle, from armed."""
+        """Back to idle, from armed. One that has ended is disarmed already and stays as it ended."""
+        if self.ending is not None:
+            return
         self._go(State.IDLE)
         self._disarm()
 

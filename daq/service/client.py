@@ -1,11 +1,14 @@
 """Asks a running server of a rig (daemon, embedded recording, replay): commands as JSON, answers and errors as JSON.
 
-Errors are typed: ``{"error": "input", "where": ..., "what": ...}`` or ``{"error": "device", "device": ..., "what": ...}``.
+Only ``read`` answers bytes: a piece of a file. Errors are typed: ``{"error": "input", "where": ..., "what": ...}`` or ``{"error": "device", "device": ..., "what": ...}``.
 """
 
 from __future__ import annotations
 
 import json
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from arm_io import DeviceFault, InputError
@@ -14,7 +17,13 @@ from daq.service.zenoh_session import Keys
 if TYPE_CHECKING:
     import zenoh
 
-COMMANDS = ("status", "identity", "arm", "start", "stop", "zero", "reset")
+COMMANDS = (
+    "status", "identity", "arm", "start", "stop", "disarm", "zero", "reset", "recordings", "checksum", "read",
+)  # fmt: skip
+ARM_SECONDS = 600.0
+"""How long to wait for ``arm``: a robot may have to drive to its start first. A daemon that ends is noticed at once."""
+MOST_CHARACTERS = 500
+"""Of an error on the wire."""
 Table = dict[str, Any]
 
 
@@ -25,23 +34,45 @@ def call(
 
     InputError: the server refuses (and says why). DeviceFault: a device failed there, or nobody answers within ``timeout`` s.
     """
+    answer = call_for_bytes(session, keys, verb, arguments, timeout=timeout)
+    table = json.loads(answer)
+    if not isinstance(table, dict):
+        raise DeviceFault("daemon", f"answered {answer[:40]!r}, no JSON object")
+    return table
+
+
+def call_for_bytes(
+    session: zenoh.Session, keys: Keys, verb: str, arguments: Table | None = None, *, timeout: float = 10.0
+) -> bytes:
+    """As ``call``, for a command whose answer is no JSON."""
     import zenoh
 
     replies = session.get(
         keys.command(verb),
         payload=json.dumps(arguments or {}),
         encoding="application/json",
-        priority=zenoh.Priority.INTERACTIVE_HIGH,
+        priority=zenoh.Priority.INTERACTIVE_HIGH if verb != "read" else zenoh.Priority.DATA_LOW,
         congestion_control=zenoh.CongestionControl.BLOCK,
         express=True,
         timeout=timeout,
     )
     for reply in replies:
         if reply.ok is not None:
-            return _table(reply.ok.payload.to_bytes())
+            return reply.ok.payload.to_bytes()
         if reply.err is not None:
             raise error_of(reply.err.payload.to_bytes())
     raise DeviceFault("daemon", f"nobody answered '{verb}' for rig '{keys.name}'")
+
+
+@contextmanager
+def claim(session: zenoh.Session, keys: Keys) -> Iterator[str]:
+    """A name for this client, for ``arm``'s argument ``client``; what it armed is disarmed when the block or the process ends."""
+    name = uuid.uuid4().hex
+    token = session.liveliness().declare_token(keys.client(name))
+    try:
+        yield name
+    finally:
+        token.undeclare()
 
 
 def alive(session: zenoh.Session, keys: Keys, *, timeout: float = 2.0) -> bool:
@@ -51,9 +82,10 @@ def alive(session: zenoh.Session, keys: Keys, *, timeout: float = 2.0) -> bool:
 
 def table_of(error: InputError | DeviceFault) -> Table:
     """An error as the wire has it."""
+    what = error.what if len(error.what) <= MOST_CHARACTERS else error.what[: MOST_CHARACTERS - 3] + "..."
     if isinstance(error, InputError):
-        return {"error": "input", "where": error.where, "what": error.what}
-    return {"error": "device", "device": error.device, "what": error.what}
+        return {"error": "input", "where": error.where[:MOST_CHARACTERS], "what": what}
+    return {"error": "device", "device": error.device, "what": what}
 
 
 def error_of(payload: bytes) -> InputError | DeviceFault:
@@ -65,10 +97,3 @@ def error_of(payload: bytes) -> InputError | DeviceFault:
         return DeviceFault(table["device"], table["what"])
     except (ValueError, KeyError, TypeError):
         return DeviceFault("daemon", f"does not answer: {payload.decode(errors='replace').lower()}")
-
-
-def _table(payload: bytes) -> Table:
-    table = json.loads(payload)
-    if not isinstance(table, dict):
-        raise DeviceFault("daemon", f"answered {payload[:40]!r}, no JSON object")
-    return table

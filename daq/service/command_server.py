@@ -1,17 +1,25 @@
-"""The server's side of the commands: they come on Zenoh's threads and wait for the one thread that owns the devices."""
+"""The server's side of the commands: they come on Zenoh's threads and wait for the one thread that obeys them."""
 
 from __future__ import annotations
 
+import contextlib
 import json
-import queue
+import traceback
+from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
 from arm_io import DeviceFault, InputError
+from daq.service import strict_json
 from daq.service.client import COMMANDS, table_of
+from daq.service.command_queue import CommandQueue
 from daq.service.zenoh_session import Keys
 
 if TYPE_CHECKING:
     import zenoh
+
+MOST_BYTES = {"arm": 4 << 20}
+"""Verb -> bytes of arguments that it takes: an experiment may hold a table of setpoints."""
+MOST_BYTES_OTHERWISE = 1 << 16
 
 
 class Command:
@@ -21,55 +29,74 @@ class Command:
         self._query = query
         self.verb = str(query.key_expr).rpartition("/")[2]
 
-    def arguments(self) -> dict[str, Any]:
-        """The JSON object that came along; InputError if it is something else, or the verb is unknown."""
+    def check(self) -> None:
+        """Raises InputError where the verb is unknown or the arguments are too long; looks at nothing else."""
         if self.verb not in COMMANDS:
-            raise InputError("daemon", f"no command {self.verb!r}; one of {', '.join(COMMANDS)} is wanted")
+            raise InputError("daemon", f"no command {self.verb[:40]!r}; there are {', '.join(COMMANDS)}")
+        most = MOST_BYTES.get(self.verb, MOST_BYTES_OTHERWISE)
         payload = self._query.payload
-        try:
-            table = json.loads(payload.to_bytes()) if payload is not None and len(payload) else {}
-        except ValueError as error:
-            raise InputError("daemon", f"{self.verb}: arguments are not JSON: {error}") from None
-        if not isinstance(table, dict):
-            raise InputError("daemon", f"{self.verb}: arguments want to be a JSON object")
-        return table
+        if payload is not None and len(payload) > most:
+            raise InputError("daemon", f"{self.verb}: {len(payload)} bytes of arguments; at most {most}")
 
-    def answer(self, table: dict[str, Any]) -> None:
-        """Sends the result."""
-        self._query.reply(self._query.key_expr, json.dumps(table), encoding="application/json")
-        self._query.drop()
+    def arguments(self) -> dict[str, Any]:
+        """The JSON object that came along; InputError if it is something else, too long, or the verb is unknown."""
+        self.check()
+        payload = self._query.payload
+        return strict_json.parse(b"" if payload is None else payload.to_bytes(), f"daemon: {self.verb}")
+
+    def answer(self, result: dict[str, Any] | bytes) -> None:
+        """Sends the result: a table as JSON, or a piece of a file as it is."""
+        kind = "application/octet-stream" if isinstance(result, bytes) else "application/json"
+        payload = result if isinstance(result, bytes) else json.dumps(result)
+        self._reply(lambda: self._query.reply(self._query.key_expr, payload, encoding=kind))
 
     def refuse(self, error: InputError | DeviceFault) -> None:
         """Sends the error, typed."""
-        self._query.reply_err(json.dumps(table_of(error)), encoding="application/json")
+        self._reply(lambda: self._query.reply_err(json.dumps(table_of(error)), encoding="application/json"))
+
+    def settle(self, outcome: Future[dict[str, Any]] | Future[bytes]) -> None:
+        """Sends what has become of it. An exception that is neither InputError nor DeviceFault is a bug, and told as such."""
+        error = outcome.exception()
+        if error is None:
+            self.answer(outcome.result())
+        elif isinstance(error, InputError | DeviceFault):
+            self.refuse(error)
+        else:
+            traceback.print_exception(error)
+            self.refuse(DeviceFault("daemon", f"{self.verb}: a bug: {type(error).__name__}: {error}"))
+
+    def _reply(self, send: Any) -> None:
+        import zenoh
+
+        with contextlib.suppress(zenoh.ZError):  # who asked is gone
+            send()
         self._query.drop()
 
 
 class CommandServer:
     """The queue of commands of one rig, and the liveliness token that says that somebody is there to answer."""
 
-    def __init__(self, session: zenoh.Session, keys: Keys) -> None:
-        self._commands: queue.SimpleQueue[Command | None] = queue.SimpleQueue()
-        self._queryable = session.declare_queryable(
-            keys.command("*"), lambda query: self._commands.put(Command(query)), complete=True
-        )
+    def __init__(self, session: zenoh.Session, keys: Keys, waiting: CommandQueue | None = None) -> None:
+        self._waiting = CommandQueue() if waiting is None else waiting
+        self._queryable = session.declare_queryable(keys.command("*"), self._take, complete=True)
         self._token = session.liveliness().declare_token(keys.alive)
 
     def next(self, timeout: float | None = None) -> Command | None:
-        """The next command, waiting at most ``timeout`` s (0: not at all; None: for ever); None if there was none."""
-        try:
-            return self._commands.get(timeout != 0, timeout)
-        except queue.Empty:
-            return None
-
-    def wake(self) -> None:
-        """Makes a waiting ``next`` return None; from any thread, or a signal handler (SimpleQueue.put is reentrant)."""
-        self._commands.put(None)
+        """As ``CommandQueue.next``."""
+        return self._waiting.next(timeout)
 
     def close(self) -> None:
         """Takes back token and queryable; commands still waiting are refused."""
         self._token.undeclare()
         self._queryable.undeclare()
-        while not self._commands.empty():
-            if (command := self.next(0)) is not None:
-                command.refuse(DeviceFault("daemon", "is stopping"))
+        self._waiting.close()
+
+    def _take(self, query: zenoh.Query) -> None:
+        """On one of Zenoh's threads: what is too long is refused here, so that it does not wait with its payload."""
+        command = Command(query)
+        try:
+            command.check()
+        except InputError as error:
+            command.refuse(error)
+        else:
+            self._waiting.put(command)

@@ -70,19 +70,21 @@ class Run:
             raise
 
     def disarm(self) -> None:
-        """Back from armed; the empty file goes."""
+        """Back from armed; the empty file goes. Does nothing after the run has ended."""
+        if self._acquisition.ending is not None:
+            return
         self._acquisition.disarm()
         assert self._recorder is not None
         self._recorder.discard()
 
     def start(self) -> None:
-        """Sets clock and arm going. DeviceFault: it did not; the file then holds no rows and says why."""
+        """Sets clock and arm going. After an error they do not; the file then holds no rows and says why."""
         if self._publisher is not None:
             self._publisher.begin()
         try:
             self._acquisition.start()
-        except DeviceFault as fault:
-            self._finish(str(fault))
+        except Exception as error:
+            self.result = self._finish(str(error))
             raise
 
     def take(self, done: Callable[[], None] = lambda: None) -> Table:

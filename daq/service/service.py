@@ -1,55 +1,66 @@
 """The service: one rig, its devices open, waiting for commands; one run at a time.
 
-Commands come over Zenoh as JSON and are obeyed one after the other by the thread that owns the devices (``step``). A run takes its
-rows in a thread of its own, so that ``status`` and ``stop`` are heard while it lasts.
-
-    command   arguments                                    answer
-    status    -                                            state, rig, run (while there is one), last (result of the last run)
-    identity  -                                            devices: name -> what each says it is, asked anew while idle
-    arm       experiment (TOML text), out, [rig_sha256]    state 'armed'
-    start     -                                            state 'running'
-    stop      -                                            state; an armed run is disarmed, a running one ends with its rows so far
-    zero      [position] (J,) rad (m)                      counters set so that the joints read that; 0 where left out
-    reset     -                                            the guard takes commands again after it tripped
-
-Refusals are ``InputError`` and ``DeviceFault`` as JSON (``daq.service.client``).
+Three threads. The one that calls ``step`` decides: it takes the commands and owns the state, and does nothing that takes long, so that
+``status`` and ``stop`` are always heard. Another talks to the devices: it arms, starts and takes the rows (``daq.service.worker``). A
+third reads files for clients. docs/daemon.md has the table of commands; refusals are ``InputError`` and ``DeviceFault``.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import threading
 import time
-from dataclasses import asdict
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from arm_io import DeviceFault, InputError
 from daq.acquisition.states import End
 from daq.rig.bench import Bench
 from daq.rig.rig_file import Rig, read_rig
+from daq.service.arguments import (
+    ArmArguments,
+    NameArguments,
+    NoArguments,
+    ReadArguments,
+    StopArguments,
+    ZeroArguments,
+    checked,
+)
+from daq.service.command_queue import CommandQueue
 from daq.service.command_server import Command, CommandServer
+from daq.service.device_jobs import Armed, DeviceJobs
+from daq.service.live_clients import LiveClients
 from daq.service.publisher import Publisher
+from daq.service.recordings_folder import RecordingsFolder
 from daq.service.rig_lock import RigLock
 from daq.service.ros2_keys import RosPublisher
-from daq.service.run import Run, order_of
+from daq.service.run import Run
 from daq.service.systemd import Watchdog
+from daq.service.worker import Worker
 from daq.service.zenoh_session import keys_of, open_session
 
 Table = dict[str, Any]
+Outcome = Future[Any]
 STATE_SECONDS = 0.25
 STUCK_SECONDS = 5.0
+"""How long a run may take to end after the guard tripped."""
+STUCK_ARMING_SECONDS = 600.0
+"""How long devices may take for anything else."""
+CLAIM_SECONDS = 2.0
+"""How long a client's liveliness token may take to arrive after its command."""
 
 
 class Service:
-    """A rig in service, between ``open`` and ``close``.
+    """A rig in service, between ``open`` and ``close``. All methods but ``wake`` belong to one thread.
 
     role     'daemon', or 'record' for the time of one embedded recording
-    folder   recordings go only there, by plain file name; wanted where the endpoint is not loopback
+    folder   recordings go only there, by plain file name; must be given where the endpoint is not loopback
     publish  'wanted': InputError or DeviceFault if the endpoint cannot be had; 'welcome': without it, and ``notes`` says why
+    state    idle, arming, armed, disarming or running
+    bug      what ended the last run if that was an error in the program; None otherwise
     """
 
     def __init__(self, rig_path: Path, *, role: str = "daemon", folder: Path | None = None, publish: str = "wanted"):
@@ -58,15 +69,24 @@ class Service:
         self.rig_sha256 = hashlib.sha256(self.rig_text.encode()).hexdigest()
         self.keys = keys_of(self.rig.name)
         self.notes: list[str] = []
+        self.state = "idle"
         self.run: Run | None = None
         self.last: Table | None = None
         self.bug: BaseException | None = None
-        self._role, self._folder, self._publish = role, folder, publish
+        self._role, self._publish = role, publish
+        self._folder = None if folder is None else RecordingsFolder(folder)
         self._watchdog = Watchdog()
-        self._taking: threading.Thread | None = None
+        self._inbox = CommandQueue()
         self._publisher: Publisher | None = None
         self._commands: CommandServer | None = None
+        self._clients: LiveClients | None = None
         self._session: Any = None
+        self._job: Outcome | None = None  # of the devices: what the state waits for
+        self._armed: Armed | None = None
+        self._why_disarmed: str | None = None
+        self._cancel: str | None = None  # why arming is to end in idle
+        self._answers: list[tuple[Outcome, Callable[[Any], Any], Outcome]] = []  # as ``_later`` makes them
+        self._waiting_for_end: list[Outcome] = []
         self._told = self._tripped = 0.0
         if folder is None and not self.rig.zenoh.loopback and role == "daemon":
             raise InputError(
@@ -79,8 +99,9 @@ class Service:
     def open(self) -> None:
         """Takes the rig, opens its devices and the Zenoh session; all or nothing."""
         self._lock = RigLock(self.rig.name, self._role)
+        self._devices, self._files = Worker("devices", self.wake), Worker("files", self.wake)
         try:
-            self.bench = Bench(self.rig)
+            self._jobs = DeviceJobs(self.rig, self.rig_text)
             self._open_session()
             self.bench.open()
         except BaseException:
@@ -92,10 +113,16 @@ class Service:
         """Ends a run with its file finished, makes the rig safe and gives everything back; may be called at any time."""
         self._watchdog.stopping()
         self.end(End.TERMINATED)
+        self._devices.close()
+        self._files.close()
+        self._settle()
+        if self._clients is not None:
+            self._clients.close()
+            self._clients = None
         if self._commands is not None:
             self._commands.close()
             self._commands = None
-        if hasattr(self, "bench"):
+        if hasattr(self, "_jobs"):
             self.bench.close()
         if self._session is not None:
             self._session.close()
@@ -103,12 +130,13 @@ class Service:
         self._lock.release()
 
     def step(self, timeout: float) -> None:
-        """Obeys the commands that come within ``timeout`` s, or before the run ends; gives the signs of life."""
+        """Obeys the next command that comes within ``timeout`` s; gives the signs of life. Returns early when a job is done."""
         if self._watchdog.interval is not None:
             timeout = min(timeout, self._watchdog.interval)
-        if self._commands is None:
-            self._wait_for_run(timeout)
-        elif (command := self._commands.next(timeout)) is not None:
+        if self._armed is not None:
+            timeout = min(timeout, max(self._armed.until - time.monotonic(), 0.001))
+        command = self._inbox.next(timeout)
+        if command is not None:
             self._answer(command)
         self._collect()
         if not self._stuck():
@@ -118,31 +146,47 @@ class Service:
 
     def wake(self) -> None:
         """Makes ``step`` return; from a signal handler or another thread."""
-        if self._commands is not None:
-            self._commands.wake()
+        self._inbox.wake()
+
+    def obey(self, verb: str, arguments: Table | None = None) -> Outcome:
+        """Begins to obey one command of ``daq.service.client.COMMANDS``; ``step`` completes what takes longer."""
+        outcome: Outcome = Future()
+        try:
+            result = getattr(self, f"_{verb}")(arguments or {})
+        except Exception as error:
+            outcome.set_exception(error)
+        else:
+            if isinstance(result, Future):
+                return result
+            outcome.set_result(result)
+        return outcome
+
+    def ask(self, verb: str, arguments: Table | None = None) -> Table:
+        """As ``obey``, waiting for the answer; commands of others are heard meanwhile."""
+        outcome = self.obey(verb, arguments)
+        while not outcome.done():
+            self.step(0.05)
+        result: Table = outcome.result()
+        return result
 
     @property
-    def state(self) -> str:
-        """idle, armed or running."""
-        return "idle" if self.run is None else "running" if self._taking is not None else "armed"
+    def bench(self) -> Bench:
+        """The devices; while a run goes on they belong to its thread."""
+        return self._jobs.bench
+
+    def end(self, reason: End = End.STOPPED) -> None:
+        """Ends what is armed or running, and waits until its file is finished."""
+        self._stop_all(reason)
+        while self.state != "idle":
+            time.sleep(0.01)
+            self._collect()
+            if not self._stuck():
+                self._watchdog.alive()
 
     # Commands
 
-    def obey(self, verb: str, arguments: Table) -> Table:
-        """Runs one command of ``daq.service.client.COMMANDS``; InputError and DeviceFault are refusals."""
-        if verb in ("arm", "zero"):
-            return (self.arm if verb == "arm" else self.zero)(arguments)
-        plain = {
-            "status": self.status,
-            "identity": self.identity,
-            "start": self.start,
-            "stop": self.stop,
-            "reset": self.reset,
-        }
-        return plain[verb]()
-
-    def status(self) -> Table:
-        """What ``status`` answers."""
+    def _status(self, arguments: Table) -> Table:
+        checked("status", arguments, NoArguments)
         return {
             "state": self.state,
             "rig": self.rig.name,
@@ -150,103 +194,213 @@ class Service:
             "role": self._role,
             "pid": os.getpid(),
             "endpoint": self.rig.zenoh.endpoint,
+            "recordings": None if self._folder is None else str(self._folder.path),
             "tripped": self.bench.guard.tripped,
             "run": self.run.progress() if self.run is not None else None,
+            "expires": None if self._armed is None else max(self._armed.until - time.monotonic(), 0.0),
+            "disarmed": self._why_disarmed,
             "last": self.last,
         }
 
-    def identity(self) -> Table:
-        """Every device, asked again while idle; during a run what it said before."""
-        self._open_bench()
-        return {"devices": {name: asdict(identity) for name, identity in self.bench.identities.items()}}
+    def _identity(self, arguments: Table) -> Table | Outcome:
+        checked("identity", arguments, NoArguments)
+        if self.state != "idle":
+            return self._jobs.known_identities()
+        return self._later(self._devices.submit(self._jobs.identities))
 
-    def arm(self, arguments: Table) -> Table:
-        """Gets everything ready for an experiment, and begins the file."""
-        if self.run is not None:
-            raise InputError("daemon", f"is {self.state} with {self.run.order.out}; one run at a time")
-        if arguments.get("rig_sha256", self.rig_sha256) != self.rig_sha256:
+    def _arm(self, arguments: Table) -> Outcome:
+        self._refuse_unless_idle("arm")
+        wanted = checked("arm", arguments, ArmArguments)
+        if wanted.rig_sha256 not in (None, self.rig_sha256):
             raise InputError(
                 "daemon", f"runs rig '{self.rig.name}' from a file of other content; restart it, or use that file"
             )
-        text, out = arguments.get("experiment"), arguments.get("out")
-        if not isinstance(text, str) or not isinstance(out, str):
-            raise InputError("daemon", "arm: wants 'experiment' (TOML text) and 'out' (a file name)")
-        where = str(arguments.get("experiment_file", "experiment"))
-        order = order_of(text, where, self._place(out))
-        self._open_bench()
-        run = Run(self.bench, self.rig_text, order, self._publisher)
-        run.arm()
-        self.run = run
-        self._tell()
-        return {"state": self.state, "file": str(order.out)}
+        job = partial(self._jobs.arm, wanted, self._folder, self._publisher, time.monotonic())
+        self._job = self._devices.submit(job)
+        self._why_disarmed = self._cancel = None
+        self._go("arming")
+        return self._later(self._job, self._armed_answer)
 
-    def start(self) -> Table:
-        """Starts the armed run."""
-        if self.run is None or self._taking is not None:
+    def _start(self, arguments: Table) -> Outcome:
+        checked("start", arguments, NoArguments)
+        if self.state != "armed" or self.run is None:
             raise InputError("daemon", f"start: is {self.state}; 'arm' comes first")
-        try:
-            self.run.start()
-        except DeviceFault:
-            self._ended()
-            raise
-        self._taking = threading.Thread(target=self._take, args=(self.run,), name="acquisition")
-        self._taking.start()
-        self._tell()
-        return {"state": self.state}
+        started: Outcome = Future()
+        started.add_done_callback(lambda _: self.wake())
+        self._job = self._devices.submit(partial(self._jobs.run, self.run, started))
+        self._armed = None
+        self._go("running")
+        return self._later(started, lambda _: {"state": "running"})
 
-    def stop(self) -> Table:
-        """Ends what is armed or running."""
-        if self.run is not None and self._taking is None:
-            self.run.disarm()
-            self.run = None
-            self._tell()
-        elif self.run is not None:
-            self.run.stop()
-        return {"state": self.state}
+    def _stop(self, arguments: Table) -> Table | Outcome:
+        wait = checked("stop", arguments, StopArguments).wait
+        was_armed = self.state in ("armed", "disarming")
+        self._stop_all(End.STOPPED)
+        if self.state == "idle" or not (wait or was_armed):
+            return {"state": self.state}
+        return self._at_the_end()
 
-    def zero(self, arguments: Table) -> Table:
-        """Sets the counters where the arm now stands."""
-        if self.run is not None:
-            raise InputError("daemon", f"zero: is {self.state}; not during a run")
-        position = arguments.get("position", [0.0] * self.rig.joints)
-        if not (isinstance(position, list) and len(position) == self.rig.joints):
-            raise InputError("daemon", f"zero: 'position' wants {self.rig.joints} numbers")
-        try:
-            values = np.array(position, float)
-        except (TypeError, ValueError):
-            raise InputError("daemon", "zero: 'position' wants numbers") from None
-        if not np.isfinite(values).all():
-            raise InputError("daemon", "zero: 'position' wants finite numbers")
-        self._open_bench()
-        self.bench.zero(values)
-        return {"position": position}
+    def _disarm(self, arguments: Table) -> Table | Outcome:
+        checked("disarm", arguments, NoArguments)
+        if self.state == "running":
+            raise InputError("daemon", "disarm: is running; 'stop' ends a run")
+        self._stop_all(End.STOPPED)
+        return {"state": self.state} if self.state == "idle" else self._at_the_end()
 
-    def reset(self) -> Table:
-        """Somebody has looked; the guard takes commands again."""
+    def _zero(self, arguments: Table) -> Outcome:
+        self._refuse_unless_idle("zero", "not during a run")
+        wanted = checked("zero", arguments, ZeroArguments).position
+        position = [0.0] * self.rig.joints if wanted is None else wanted
+        if len(position) != self.rig.joints:
+            raise InputError("daemon", f"zero: position: must be {self.rig.joints} numbers, is {len(position)}")
+        return self._later(self._devices.submit(partial(self._jobs.zero, position)))
+
+    def _reset(self, arguments: Table) -> Table:
+        checked("reset", arguments, NoArguments)
         self.bench.guard.reset()
         return {"tripped": None}
 
-    def end(self, reason: End = End.STOPPED) -> None:
-        """Ends what is armed or running, and waits until its file is finished."""
-        if self.run is None:
+    def _recordings(self, arguments: Table) -> Outcome:
+        checked("recordings", arguments, NoArguments)
+        folder = self._shared_folder()
+        return self._later(self._files.submit(lambda: {"folder": str(folder.path), "recordings": folder.list()}))
+
+    def _checksum(self, arguments: Table) -> Outcome:
+        wanted = checked("checksum", arguments, NameArguments)
+        return self._later(self._files.submit(partial(self._shared_folder().checksum, wanted.name)))
+
+    def _read(self, arguments: Table) -> Outcome:
+        wanted = checked("read", arguments, ReadArguments)
+        job = partial(self._shared_folder().read, wanted.name, wanted.offset, wanted.length)
+        return self._later(self._files.submit(job))
+
+    # States
+
+    def _go(self, state: str) -> None:
+        self.state = state
+        self._tell()
+
+    def _go_idle(self, result: Table | None = None) -> None:
+        """result  of the run that has ended, if one has"""
+        self.run = self._armed = None
+        self._go("idle")
+        waiting, self._waiting_for_end = self._waiting_for_end, []
+        for answer in waiting:
+            answer.set_result({"state": "idle", "last": result})
+
+    def _stop_all(self, reason: End) -> None:
+        """Makes for idle from any state."""
+        if self.state == "arming":
+            self._cancel = "was stopped before it was ready"
+        elif self.state == "armed":
+            self._leave()
+        elif self.run is not None:
+            self.run.stop(reason)
+
+    def _leave(self) -> None:
+        """From armed to idle."""
+        assert self.run is not None
+        self._armed = None
+        self._job = self._devices.submit(self.run.disarm)
+        self._go("disarming")
+
+    def _collect(self) -> None:
+        """Takes what the other threads have done, and sends the answers that wait for it."""
+        if self._job is not None and self._job.done():
+            job, self._job = self._job, None
+            if self.state == "arming":
+                self._armed_now(job)
+            else:
+                self._ended(job)
+        self._settle()
+        self._expire()
+
+    def _armed_answer(self, armed: Armed) -> Table:
+        if self._cancel is not None:
+            raise InputError("daemon", f"arm: {self._cancel}")
+        return {"state": self.state, "file": str(armed.run.order.out)}
+
+    def _armed_now(self, job: Outcome) -> None:
+        if job.exception() is not None:
+            self._go_idle()
             return
-        if self._taking is None:
-            self.stop()
+        self._armed = job.result()
+        self.run = self._armed.run
+        if self._cancel is None:
+            self._go("armed")
+        else:
+            self._leave()
+
+    def _ended(self, job: Outcome) -> None:
+        """After a run, or after disarming."""
+        error = job.exception()
+        if error is not None and not isinstance(error, InputError | DeviceFault):
+            self.bug = error
+        result = None
+        if self.state == "running" and self.run is not None:
+            self.last = result = self.run.result
+        self._go_idle(result)
+
+    def _expire(self) -> None:
+        """An armed rig waits for its client, not for ever."""
+        armed, now = self._armed, time.monotonic()
+        if armed is None:
             return
-        self.run.stop(reason)
-        while self.run is not None:
-            self._wait_for_run(STUCK_SECONDS / 10)
-            self._collect()
-            if not self._stuck():
-                self._watchdog.alive()
+        if now >= armed.until:
+            self._why_disarmed = f"nobody started it within {armed.expires:g} s"
+        elif armed.client is not None and not self._lives(armed.client) and now > armed.asked + CLAIM_SECONDS:
+            self._why_disarmed = "the client that armed it is gone"
+        else:
+            return
+        self._leave()
+
+    def _lives(self, client: str) -> bool:
+        return self._clients is not None and client in self._clients
 
     # Inside
 
     def _answer(self, command: Command) -> None:
         try:
-            command.answer(self.obey(command.verb, command.arguments()))
+            if command.verb == "arm":
+                self._refuse_unless_idle("arm")  # before the experiment is looked at
+            arguments = command.arguments()
         except (InputError, DeviceFault) as error:
             command.refuse(error)
+            return
+        self.obey(command.verb, arguments).add_done_callback(command.settle)
+
+    def _refuse_unless_idle(self, verb: str, why: str = "one run at a time") -> None:
+        if self.state == "idle":
+            return
+        doing = f"is {self.state}" if self.run is None else f"is {self.state} with {self.run.order.out}"
+        raise InputError("daemon", f"{verb}: {doing}; {why}")
+
+    def _later(self, work: Outcome, then: Callable[[Any], Any] = lambda result: result) -> Outcome:
+        """The answer to a command whose work is done on another thread; ``then`` makes it of the result, on this one."""
+        answer: Outcome = Future()
+        self._answers.append((work, then, answer))
+        return answer
+
+    def _settle(self) -> None:
+        done = [entry for entry in self._answers if entry[0].done()]
+        self._answers = [entry for entry in self._answers if not entry[0].done()]
+        for work, then, answer in done:
+            try:
+                answer.set_result(then(work.result()))
+            except Exception as error:
+                answer.set_exception(error)
+
+    def _at_the_end(self) -> Outcome:
+        answer: Outcome = Future()
+        self._waiting_for_end.append(answer)
+        return answer
+
+    def _shared_folder(self) -> RecordingsFolder:
+        if self._folder is None:
+            raise InputError(
+                "daemon", "has no folder for recordings (--recordings); it writes where 'record --out' says"
+            )
+        return self._folder
 
     def _open_session(self) -> None:
         try:
@@ -261,55 +415,14 @@ class Service:
             ros = RosPublisher(self._session, self.rig.zenoh.domain, self.keys.name.replace("-", "_"))
         joints = [joint.name or f"joint{number}" for number, joint in enumerate(self.rig.joint, 1)]
         self._publisher = Publisher(self._session, self.keys, joints, ros=ros)
-        self._commands = CommandServer(self._session, self.keys)
-
-    def _open_bench(self) -> None:
-        """The devices, opened anew after a fault. DeviceFault: one of them is still not there."""
-        if not self.bench.identities:
-            self.bench.open()
-
-    def _place(self, out: str) -> Path:
-        """Where a recording goes. Who is beyond loopback may name files, not folders."""
-        if self._folder is None:
-            if not Path(out).is_absolute():
-                raise InputError("daemon", f"out: {out} is relative; the daemon wants the whole path")
-            return Path(out)
-        if Path(out).name != out or out.startswith("."):
-            raise InputError("daemon", f"out: wants a plain file name; recordings of this daemon go to {self._folder}")
-        return self._folder / out
-
-    def _take(self, run: Run) -> None:
-        try:
-            run.take()
-        except Exception as bug:
-            self.bug = bug
-        finally:
-            self.wake()
-
-    def _wait_for_run(self, timeout: float) -> None:
-        if self._taking is not None:
-            self._taking.join(timeout)
-        else:
-            time.sleep(timeout)
-
-    def _collect(self) -> None:
-        """The result of a run that has ended."""
-        if self._taking is not None and not self._taking.is_alive():
-            self._taking.join()
-            self._taking = None
-            self._ended()
-
-    def _ended(self) -> None:
-        """A device that failed is closed with all others, and opened anew when it is next wanted."""
-        assert self.run is not None
-        self.last, self.run = self.run.result, None
-        if self.last is None or self.last["ending"]["fault"]:
-            self.bench.close()
-        self._tell()
+        self._clients = LiveClients(self._session, self.keys, self.wake)
+        self._commands = CommandServer(self._session, self.keys, self._inbox)
 
     def _stuck(self) -> bool:
-        """Whether a run should have ended long ago: a driver hangs. Then only the service manager can help."""
-        tripped = self._taking is not None and self.bench.guard.tripped is not None
+        """Whether the devices should have been done long ago: a driver hangs. Then only the service manager can help."""
+        if self.state != "running":
+            return self._devices.busy_seconds > STUCK_ARMING_SECONDS
+        tripped = self.bench.guard.tripped is not None
         self._tripped = (self._tripped or time.monotonic()) if tripped else 0.0
         return tripped and time.monotonic() - self._tripped > STUCK_SECONDS
 

@@ -57,6 +57,10 @@ class Keys:
         """Liveliness token of the server."""
         return f"{self.root}/alive"
 
+    def client(self, name: str) -> str:
+        """Liveliness token of one client; '*': of all."""
+        return f"{self.root}/client/{name}"
+
     def command(self, verb: str) -> str:
         """Queryable of one command."""
         return f"{self.root}/command/{verb}"
@@ -130,22 +134,32 @@ def session_config(rig: Rig, *, listen: bool) -> dict[str, Any]:
 
 
 def access_control(keys: Keys, users: list[str], *, ros2: bool = False) -> dict[str, Any]:
-    """What a client may do: ask and listen, below the rig's keys. Everything else is denied.
+    """What a client may do: ask and listen, below the rig's keys, and show that it lives. Everything else is denied.
 
     users  names that have to be proven by password; empty: anybody who reaches the endpoint, which then is loopback
     """
     ours = [f"{keys.root}/**"] + (["*/*/*/*", "@ros2_lv/**"] if ros2 else [])
     asks = ["query", "declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"]
     answers = ["put", "delete", "reply", "declare_queryable", "liveliness_token"]
+    tokens = [keys.client("*")]
+    watch = ["declare_liveliness_subscriber", "liveliness_query"]
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": [
             {"id": "asks", "permission": "allow", "flows": ["ingress"], "messages": asks, "key_exprs": ours},
             {"id": "answers", "permission": "allow", "flows": ["egress"], "messages": answers, "key_exprs": ours},
+            {
+                "id": "lives",
+                "permission": "allow",
+                "flows": ["ingress"],
+                "messages": ["liveliness_token"],
+                "key_exprs": tokens,
+            },
+            {"id": "watches", "permission": "allow", "flows": ["egress"], "messages": watch, "key_exprs": tokens},
         ],
         "subjects": [{"id": "clients", "usernames": users} if users else {"id": "clients"}],
-        "policies": [{"id": "clients", "rules": ["asks", "answers"], "subjects": ["clients"]}],
+        "policies": [{"id": "clients", "rules": ["asks", "answers", "lives", "watches"], "subjects": ["clients"]}],
     }
 
 

@@ -47,6 +47,13 @@ class Lab:
         text = text.replace('"models/', f'"{self.root}/config/models/')
         self.rig_file.write_text(f'{text}\n{more}\n[zenoh]\nendpoint = "{self.endpoint}"\n')
 
+    def slow_arming(self, seconds: float, *, refusal: str = "") -> None:
+        """The arm's controller takes so long to arm, or refuses to start (``tests.daq.slow_controller``)."""
+        driver = f'driver = "tests.daq.slow_controller"\narming = {seconds}\nrefusal = "{refusal}"'
+        text = self.rig_file.read_text()
+        assert '"sim_backend.unimation"' in text
+        self.rig_file.write_text(text.replace('driver = "sim_backend.unimation"', driver))
+
     def experiment(self, duration: float) -> None:
         (self.folder / "experiment.toml").write_text(EXPERIMENT.format(duration=duration))
 
@@ -57,7 +64,7 @@ class Lab:
     def start(self, *arguments: str, **environment: str) -> subprocess.Popen[str]:
         process = subprocess.Popen(
             [sys.executable, "-m", "armscope", *arguments],
-            env=os.environ | {"PYTHONPATH": str(self.root)} | environment,
+            env=self.environment(**environment),
             cwd=self.folder,
             text=True,
             stdout=subprocess.PIPE,
@@ -65,6 +72,9 @@ class Lab:
         )
         self.processes.append(process)
         return process
+
+    def environment(self, **more: str) -> dict[str, str]:
+        return os.environ | {"PYTHONPATH": str(self.root)} | more
 
     def daemon(self, **environment: str) -> subprocess.Popen[str]:
         process = self.start("daemon", "--rig", "rig.toml", **environment)

@@ -224,7 +224,7 @@ def test_commands_and_typed_errors(server: zenoh.Session, server_rig: Rig) -> No
         with pytest.raises(InputError, match="^daemon: is recording$"):
             ask("arm", InputError("daemon", "is recording"))
         with pytest.raises(InputError, match="no command 'dance'"):
-            ask("dance", {})
+            client.call(session, KEYS, "dance")
         commands.close()
         with pytest.raises(DeviceFault, match="nobody answered 'status'"):
             client.call(session, KEYS, "status")

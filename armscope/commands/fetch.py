@@ -1,0 +1,71 @@
+"""``armscope fetch``: brings a recording from the folder of a daemon, or lists what is there."""
+
+from __future__ import annotations
+
+import json
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from arm_io import InputError
+from daq.rig.rig_file import read_rig
+from daq.service import fetch
+from daq.service.client import call
+from daq.service.zenoh_session import Keys, keys_of, open_session
+
+if TYPE_CHECKING:
+    import zenoh
+
+Table = dict[str, Any]
+
+
+def command(
+    rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="the rig whose daemon has the recording")],
+    name: Annotated[
+        str | None, typer.Argument(metavar="NAME", help="of the recording; left out: lists what is there")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="where to; default: NAME in the working directory")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+) -> None:
+    checked = read_rig(rig, drivers=False)
+    keys = keys_of(checked.name)
+    if name is None and out is not None:
+        raise InputError("--out", "needs NAME, the recording to fetch")
+    with open_session(checked, listen=False) as session:
+        if name is None:
+            told = call(session, keys, "recordings")
+            print(json.dumps(told) if as_json else _listed(told))
+            return
+        result = bring(session, keys, name, Path(Path(name).name) if out is None else out)
+    resumed = f", {result['resumed']} of them from an earlier attempt" if result["resumed"] else ""
+    print(json.dumps(result) if as_json else f"{result['file']}: {result['bytes']} bytes{resumed}; checksum verified")
+
+
+def bring(session: zenoh.Session, keys: Keys, name: str, out: Path) -> Table:
+    """As ``daq.service.fetch.fetch``, with a progress bar on a terminal."""
+    if not sys.stderr.isatty():
+        return fetch.fetch(session, keys, name, out)
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+
+    columns = (TextColumn("fetching"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=None)
+        return fetch.fetch(session, keys, name, out, lambda done, size: bar.update(task, completed=done, total=size))
+
+
+def _listed(told: Table) -> str:
+    if not told["recordings"]:
+        return f"{told['folder']}: no recordings"
+    width = max(len(entry["name"]) for entry in told["recordings"])
+    lines = [
+        f"{entry['name']:<{width}}  {entry['bytes']:>14}  "
+        f"{datetime.fromtimestamp(entry['changed_ns'] * 1e-9).isoformat(' ', 'seconds')}"
+        for entry in told["recordings"]
+    ]
+    return "\n".join(lines)

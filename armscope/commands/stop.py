@@ -1,0 +1,33 @@
+"""``armscope stop``: ends the run of a daemon with its rows so far."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armscope.commands.record import status_of, text_of
+from armscope.commands.status import ask
+
+_END_SECONDS = 60.0
+"""How long the disk may take to finish a file."""
+
+
+def command(
+    rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="the rig whose run is ended")],
+    as_json: Annotated[
+        bool, typer.Option("--json", help="print the answer as JSON: state, and last, the result")
+    ] = False,
+) -> int:
+    told = ask(rig, "stop", {"wait": True}, timeout=_END_SECONDS)
+    result = told.get("last")
+    if as_json:
+        print(json.dumps({"state": told["state"], "last": result}))
+    else:
+        print(text_of(result) if result else "idle; no run was going on")
+    if result and result["ending"]["fault"]:
+        print(f"error: {result['ending']['sentence']}", file=sys.stderr)
+    return status_of(result) if result else 0

@@ -1,0 +1,101 @@
+"""What a service does with its devices; every function here may take long, and runs on the thread that owns them."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import Future
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_io import InputError
+from daq.rig.bench import Bench
+from daq.rig.rig_file import Rig
+from daq.service.arguments import ArmArguments
+from daq.service.publisher import Publisher
+from daq.service.recordings_folder import RecordingsFolder, check_name
+from daq.service.run import Run, order_of
+
+Table = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Armed:
+    """A run that waits for its start.
+
+    client   name of the liveliness token that it belongs to; None: to nobody
+    asked    monotonic time of the command, s; ``until``: when it expires, ``expires`` s after it was ready
+    """
+
+    run: Run
+    client: str | None
+    asked: float
+    until: float
+    expires: float
+
+
+class DeviceJobs:
+    """The open rig, and what can be asked of it."""
+
+    def __init__(self, rig: Rig, rig_text: str) -> None:
+        self.bench = Bench(rig)
+        self._rig_text = rig_text
+
+    def known_identities(self) -> Table:
+        """What every device said it is when it was opened; from any thread."""
+        return {"devices": {name: asdict(identity) for name, identity in list(self.bench.identities.items())}}
+
+    def identities(self) -> Table:
+        """The same, after opening the devices where that is needed."""
+        self._open()
+        return self.known_identities()
+
+    def zero(self, position: list[float]) -> Table:
+        """Sets the counters so that the joints, which stand, read ``position`` (J,) rad (m)."""
+        self._open()
+        self.bench.zero(np.array(position))
+        return {"position": position}
+
+    def arm(
+        self, wanted: ArmArguments, folder: RecordingsFolder | None, publisher: Publisher | None, asked: float
+    ) -> Armed:
+        """Gets everything ready for an experiment, and begins the file; after an error nothing is armed, and there is no file."""
+        order = order_of(wanted.experiment, wanted.experiment_file, place_of(wanted.out, folder))
+        self._open()
+        run = Run(self.bench, self._rig_text, order, publisher)
+        run.arm()
+        return Armed(run, wanted.client, asked, time.monotonic() + wanted.expires, wanted.expires)
+
+    def run(self, run: Run, started: Future[None]) -> None:
+        """Starts an armed run, says so, and takes its rows until it has ended. After a fault the devices are closed."""
+        try:
+            run.start()
+        except Exception as error:
+            self.bench.close()
+            started.set_exception(error)
+            return
+        started.set_result(None)
+        try:
+            run.take()
+        finally:
+            if run.result is None or run.result["ending"]["fault"]:
+                self.bench.close()
+
+    def _open(self) -> None:
+        """The devices, opened anew after a fault. DeviceFault: one of them is still not there."""
+        if not self.bench.identities:
+            self.bench.open()
+
+
+def place_of(out: str, folder: RecordingsFolder | None) -> Path:
+    """Where a recording goes. Who is beyond loopback may name files, not folders."""
+    if folder is not None:
+        return folder.place(out)
+    path = Path(out)
+    if not path.is_absolute():
+        raise InputError("daemon", f"out: {out} is relative; the daemon needs the whole path")
+    for part in path.parts[1:]:
+        check_name(part)
+    return path
