@@ -12,8 +12,8 @@ import typer
 
 from arm_io import InputError
 from daq.rig.rig_file import read_rig
-from daq.service import fetch
 from daq.service.client import call
+from daq.service.transfer import fetch
 from daq.service.zenoh_session import Keys, keys_of, open_session
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def command(
 
 
 def bring(session: zenoh.Session, keys: Keys, name: str, out: Path) -> Table:
-    """As ``daq.service.fetch.fetch``, with a progress bar on a terminal."""
+    """As ``daq.service.transfer.fetch.fetch``, with a progress bar on a terminal."""
     if not sys.stderr.isatty():
         return fetch.fetch(session, keys, name, out)
     from rich.console import Console

@@ -14,7 +14,7 @@ import typer
 from arm_io import InputError, check_table
 from daq.recording import open_recording
 from daq.rig.rig_file import Rig, read_rig
-from daq.service.command_server import CommandServer
+from daq.service.commands.server import CommandServer
 from daq.service.publisher import Publisher
 from daq.service.replay import blocks_of, paced
 from daq.service.zenoh_session import keys_of, open_session

@@ -13,10 +13,10 @@ import numpy as np
 from arm_io import InputError
 from daq.rig.bench import Bench
 from daq.rig.rig_file import Rig
-from daq.service.arguments import ArmArguments
+from daq.service.commands.arguments import ArmArguments
 from daq.service.publisher import Publisher
-from daq.service.recordings_folder import RecordingsFolder, check_name
 from daq.service.run import Run, order_of
+from daq.service.transfer.folder import RecordingsFolder, check_name
 
 Table = dict[str, Any]
 

@@ -20,7 +20,7 @@ from arm_io import DeviceFault, InputError
 from daq.acquisition.states import End
 from daq.rig.bench import Bench
 from daq.rig.rig_file import Rig, read_rig
-from daq.service.arguments import (
+from daq.service.commands.arguments import (
     ArmArguments,
     NameArguments,
     NoArguments,
@@ -29,16 +29,16 @@ from daq.service.arguments import (
     ZeroArguments,
     checked,
 )
-from daq.service.command_queue import CommandQueue
-from daq.service.command_server import Command, CommandServer
+from daq.service.commands.live_clients import LiveClients
+from daq.service.commands.queue import CommandQueue
+from daq.service.commands.server import Command, CommandServer
 from daq.service.device_jobs import Armed, DeviceJobs
-from daq.service.live_clients import LiveClients
 from daq.service.publisher import Publisher
-from daq.service.recordings_folder import RecordingsFolder
 from daq.service.rig_lock import RigLock
 from daq.service.ros2_keys import RosPublisher
 from daq.service.run import Run
 from daq.service.systemd import Watchdog
+from daq.service.transfer.folder import RecordingsFolder
 from daq.service.worker import Worker
 from daq.service.zenoh_session import keys_of, open_session
 

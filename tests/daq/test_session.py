@@ -12,7 +12,7 @@ import pytest
 from arm_io import DeviceFault, InputError
 from daq.rig.rig_file import Rig
 from daq.service import client
-from daq.service.command_server import CommandServer
+from daq.service.commands.server import CommandServer
 from daq.service.zenoh_session import Keys, keys_of, open_session, read_passwords
 from tests.ports import free_endpoint
 

@@ -20,7 +20,7 @@ from arm_io import DeviceFault, InputError
 from daq.acquisition.rows import Rows
 from daq.rig.rig_file import Rig
 from daq.service import client, ros2_keys
-from daq.service.command_server import CommandServer
+from daq.service.commands.server import CommandServer
 from daq.service.publisher import Publisher
 from daq.service.row_block import columns_of
 from daq.service.subscriber import Subscriber

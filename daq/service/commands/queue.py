@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from arm_io import DeviceFault, InputError
 
 if TYPE_CHECKING:
-    from daq.service.command_server import Command
+    from daq.service.commands.server import Command
 
 MOST_WAITING = 256
 """Commands that may wait; each costs the thread that obeys less than a millisecond."""

@@ -9,9 +9,9 @@ from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
 from arm_io import DeviceFault, InputError
-from daq.service import strict_json
 from daq.service.client import COMMANDS, table_of
-from daq.service.command_queue import CommandQueue
+from daq.service.commands import strict_json
+from daq.service.commands.queue import CommandQueue
 from daq.service.zenoh_session import Keys
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from arm_io import DeviceFault, InputError
 from daq.service.client import call, call_for_bytes
-from daq.service.recordings_folder import MOST_PIECE
+from daq.service.transfer.folder import MOST_PIECE
 from daq.service.zenoh_session import Keys
 
 if TYPE_CHECKING:

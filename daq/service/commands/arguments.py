@@ -7,7 +7,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from arm_io import check_table
-from daq.service.recordings_folder import MOST_PIECE
+from daq.service.transfer.folder import MOST_PIECE
 
 MOST_EXPIRY = 3600.0
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]

@@ -1,0 +1,1 @@
+"""Commands as they come from strangers: bounded, checked, queued; and whose clients still live."""

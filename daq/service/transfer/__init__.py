@@ -1,0 +1,1 @@
+"""Recordings on their way from a daemon's folder to another machine."""
