@@ -21,7 +21,7 @@ from arm_io import read_toml
 from benchmarks.end_to_end import CONFIG
 from benchmarks.report import report
 from benchmarks.zenoh_pair import free_endpoint
-from daq.recording.mcap_file.writer import ACTIVE
+from daq.recording.mcap_file.pages import ACTIVE
 
 ROUNDS = 7
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from daq.recording import open_recording
-from daq.recording.summary import summary
+from daq.recording.summary import summary, verification_table
 
 _LONGEST = 10
 """Losses and gaps that are shown one by one."""
@@ -17,11 +17,17 @@ _LONGEST = 10
 
 def command(
     recording: Annotated[Path, typer.Argument(help="RUN.mcap, or RUN.mcap.active")],
+    verify: Annotated[
+        bool, typer.Option("--verify", help="hold every record of the file against its checksum")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print everything as JSON")] = False,
 ) -> int:
     table = summary(open_recording(recording, damaged=True))
+    if verify:
+        table["verification"] = verification_table(recording)
     print(json.dumps(table, indent=1) if as_json else _text(table))
-    return 4 if table["ledger"]["lost"] or table["notes"] else 0
+    damaged = verify and table["verification"]["damages"]
+    return 4 if table["ledger"]["lost"] or table["notes"] or damaged else 0
 
 
 def _text(table: dict[str, Any]) -> str:
@@ -40,7 +46,9 @@ def _text(table: dict[str, Any]) -> str:
         inputs=", ".join(table["inputs"]),
         extra=", ".join(table["extra"]),
         samples=_ledger(table["ledger"]),
+        checksums=_checksums(table.get("verification")),
     )
+    lines += [f"  ! {damage}" for damage in table.get("verification", {}).get("damages", ())]
     lines += _losses(table)
     lines += ["", f"  {'signal':<8}{'unit':<6}{'missing':>9}{'min':>13}{'max':>13}{'rms':>13}"]
     for row in table["signals"]:
@@ -80,6 +88,13 @@ def _rate(table: dict[str, Any]) -> str | None:
 def _ledger(ledger: dict[str, Any]) -> str:
     balance = "" if ledger["balanced"] else "; THE ACCOUNT DOES NOT BALANCE"
     return f"{ledger['triggers']} triggers = {ledger['recorded']} recorded + {ledger['lost']} lost{balance}"
+
+
+def _checksums(verification: dict[str, Any] | None) -> str | None:
+    if verification is None:
+        return None
+    records = f"{verification['records']} records: " if verification["records"] else ""
+    return records + verification["sentence"]
 
 
 def _losses(table: dict[str, Any]) -> list[str]:

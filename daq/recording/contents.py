@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import mmap
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,7 +13,10 @@ from numpy.typing import NDArray
 from arm_io import InputError
 from daq.acquisition.ledger import LedgerSummary, Loss, LossReason
 from daq.recording.mcap_file import walk as mcap_walk
-from daq.recording.mcap_file.writer import ACTIVE, MAGIC, PROGRESS, Progress
+from daq.recording.mcap_file.checksums import MAGIC
+from daq.recording.mcap_file.checksums import NAME as CHECKSUMS
+from daq.recording.mcap_file.pages import mapped
+from daq.recording.mcap_file.writer import PROGRESS, Progress
 from daq.recording.messages.row_format import Layout, RowFormat, format_of
 from daq.recording.missing_rows import Found, account
 
@@ -109,7 +111,7 @@ def read_contents(path: Path) -> Contents:
             case mcap_walk.Rows():
                 if contents.add_rows(part, torn=torn):
                     torn = False
-            case mcap_walk.File():
+            case mcap_walk.File() if part.name != CHECKSUMS:
                 contents.attachments[part.name] = part.data
             case Metadata() if part.name == PROGRESS:
                 contents.progress = Progress.from_metadata(part.metadata)
@@ -140,18 +142,3 @@ def _layout(text: str) -> RowFormat | None:
         return format_of(text)
     except ValueError:
         return None
-
-
-def mapped(path: Path) -> memoryview:
-    """The bytes of a file, mapped into memory as long as anybody holds them."""
-    try:
-        with open(path, "rb") as file:
-            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
-    except FileNotFoundError:
-        active = path.with_name(path.name + ACTIVE)
-        hint = f"; {active.name} is there: it was not finished, and can be read as it is" if active.exists() else ""
-        raise InputError(path, f"no such file{hint}") from None
-    except ValueError:
-        raise InputError(path, "is empty; a recording is wanted") from None
-    except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror}") from None

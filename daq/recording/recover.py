@@ -7,29 +7,40 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+from mcap.opcode import Opcode
 
 from arm_io import DeviceFault, InputError
 from daq.acquisition.ledger import LedgerSummary
-from daq.recording.contents import mapped, read_contents
+from daq.recording.contents import read_contents
 from daq.recording.mcap_file import walk as mcap_walk
-from daq.recording.mcap_file.writer import ACTIVE, as_json, being_written
+from daq.recording.mcap_file.checksums import NAME as CHECKSUMS
+from daq.recording.mcap_file.checksums import verify
+from daq.recording.mcap_file.pages import ACTIVE, mapped
+from daq.recording.mcap_file.writer import as_json, being_written
 from daq.recording.messages.row_format import format_of
 from daq.recording.parts import finish_file, open_file, write_content
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """What was rescued: the ledger of the new file, whether it is sure that nothing more is missing, and what was wrong."""
+    """What was rescued.
+
+    ledger       of the new file
+    sure         that no more rows are missing
+    notes        what was wrong with the old file
+    attachments  how many of them are lost
+    """
 
     path: Path
     ledger: LedgerSummary
     sure: bool
     notes: tuple[str, ...]
+    attachments: int
 
     @property
     def complete(self) -> bool:
-        """Nothing is missing."""
-        return self.sure and not self.ledger.lost
+        """Nothing is missing; what was damaged besides (indexes, schemas, the summary) was written anew."""
+        return self.sure and not self.ledger.lost and not self.attachments
 
 
 def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = False) -> Recovery:
@@ -51,12 +62,14 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     if being_written(path):
         raise InputError(path, "is being recorded right now; wait until it is finished")
     ledger, sure = contents.ledger()
-    notes = contents.notes(sure)
+    data = mapped(path)
+    damages = verify(data).damages
+    notes = (*contents.notes(sure), *(damage.sentence for damage in damages))
     file = open_file(out, format_of(contents.layout.to_json()), {}, replace=replace)
     try:
-        for part in mcap_walk.walk(mapped(path)):
+        for part in mcap_walk.walk(data):
             match part:
-                case mcap_walk.File() if part.name not in ("ledger.json", "recovery.json"):
+                case mcap_walk.File() if part.name not in ("ledger.json", "recovery.json", CHECKSUMS):
                     file.attach(part.name, part.media_type, part.data)
                 case mcap_walk.Rows() if part.form.layout == contents.layout:
                     write_content(file, part.form, part.content, part.rows["times1"][:, 0].astype(np.int64))
@@ -71,4 +84,5 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     except BaseException:
         file.abandon()
         raise
-    return Recovery(out, ledger, sure, notes)
+    lost = sum(damage.opcode == Opcode.ATTACHMENT and CHECKSUMS not in damage.name for damage in damages)
+    return Recovery(out, ledger, sure, notes, lost)

@@ -5,10 +5,13 @@ from __future__ import annotations
 import hashlib
 import math
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from daq.recording.mcap_file.checksums import SENTENCES, verify
+from daq.recording.mcap_file.pages import mapped
 from daq.recording.messages.row_format import JOINT_TOPICS, format_of
 from daq.recording.parts import ledger_table
 from daq.recording.reader import Recording
@@ -53,6 +56,17 @@ def summary(recording: Recording) -> dict[str, Any]:
             {"name": name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
             for name, data in recording.attachments.items()
         ],
+    }
+
+
+def verification_table(path: Path) -> dict[str, Any]:
+    """What the checksums of a file say."""
+    found = verify(mapped(path))
+    return {
+        "integrity": str(found.integrity),
+        "sentence": SENTENCES[found.integrity],
+        "records": found.records,
+        "damages": [damage.sentence for damage in found.damages],
     }
 
 

@@ -17,7 +17,7 @@ import pytest
 from arm_io import DeviceFault, InputError
 from daq.acquisition.ledger import LossReason
 from daq.recording import open_recording
-from daq.recording.mcap_file.writer import ACTIVE
+from daq.recording.mcap_file.pages import ACTIVE
 from daq.service.client import call
 from daq.service.rig_lock import holder_of
 from daq.service.subscriber import Subscriber

@@ -158,7 +158,7 @@ def test_other_files_are_refused(original: Original, rubbish: bytes, with_magic:
 
 def test_a_damaged_file_is_not_read_unawares(original: Original) -> None:
     data = bytearray(original.finished)
-    data[len(data) // 2] ^= 1
+    data[data.index(b"zstd") + 500] ^= 1
     path = original.folder / "broken.mcap"
     path.write_bytes(data)
     with pytest.raises(InputError, match="is damaged: bytes .* 'armscope recover' keeps what can be read"):

@@ -81,6 +81,7 @@ def test_mcap_reads_by_its_index_and_checks_every_checksum(file: Path, rows: Row
             "rig.toml",
             "provenance.json",
             "ledger.json",
+            "checksums.crc32",
         }
         assert {"armscope:ledger", "armscope:progress"} == {record.name for record in reader.iter_metadata()}
         one = [message for _, _, message in reader.iter_messages(topics=["/joint_demands"])]

@@ -23,7 +23,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Header, McapRecord, Metadata, Schema
 from numpy.typing import NDArray
 
-from daq.recording.mcap_file.writer import MAGIC
+from daq.recording.mcap_file.checksums import MAGIC
 from daq.recording.messages.row_format import RowFormat, format_of
 
 LARGEST_CHUNK = 1 << 30
@@ -31,7 +31,7 @@ LARGEST_CHUNK = 1 << 30
 
 _LANDMARK = re.compile(
     rb"(?P<chunk>\x04\x00\x00\x00zstd)"
-    rb"|(?P<attachment>[\x08-\x10]\x00\x00\x00[a-z]{3,12}\.(?:toml|json)[\x08-\x20]\x00\x00\x00appl)"
+    rb"|(?P<attachment>[\x08-\x10]\x00\x00\x00[a-z]{3,12}\.(?:toml|json|crc32)[\x08-\x20]\x00\x00\x00appl)"
     rb"|(?P<metadata>\x11\x00\x00\x00armscope:progress)"
 )
 """Where to pick up the thread: what stands at a fixed distance from the beginning of a record of ours."""

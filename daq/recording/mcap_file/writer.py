@@ -40,9 +40,10 @@ from mcap.records import (
 from numpy.typing import NDArray
 
 from arm_io import InputError
+from daq.recording.mcap_file import checksums
+from daq.recording.mcap_file.checksums import MAGIC, Checksums
+from daq.recording.mcap_file.pages import ACTIVE
 
-MAGIC = b"\x89MCAP0\r\n"
-ACTIVE = ".active"
 PROGRESS = "armscope:progress"
 LEVEL = -1
 """Of zstd: writes as small as level 1 what rows are made of, and is read a third faster; level 3 saves a sixth for half the speed."""
@@ -84,9 +85,14 @@ class McapFile:
     _handle: int
     _end: int = 0
     _progress_offset: int = 0
+    _progress_entry: int = 0
     _schemas: list[Schema] = field(default_factory=list)
     _channels: list[Channel] = field(default_factory=list)
-    _chunks: list[ChunkIndex] = field(default_factory=list)
+    _chunks: bytearray = field(default_factory=bytearray)
+    _chunk_count: int = 0
+    _times: tuple[int, int] = (0, 0)
+    _checksums: Checksums = field(default_factory=Checksums)
+    _progress: bytes = b""
     _attachments: list[AttachmentIndex] = field(default_factory=list)
     _metadata: list[MetadataIndex] = field(default_factory=list)
     _counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
@@ -97,23 +103,26 @@ class McapFile:
     def begin(self, library: str, schemas: Sequence[Schema], channels: Sequence[Channel]) -> None:
         """The head: profile ros2, schemas and channels, ahead of everything else, and the progress."""
         self._schemas, self._channels = list(schemas), list(channels)
-        self._write(MAGIC + _bytes(Header("ros2", library), *self._schemas, *self._channels))
-        self._progress_offset = self._end
+        records = [Header("ros2", library), *self._schemas, *self._channels]
+        self._write([MAGIC, *(_bytes(record) for record in records)])
+        self._progress_offset, self._progress_entry = self._end, len(self._checksums)
         self.metadata(Progress().to_metadata())
 
     def progress(self, progress: Progress) -> None:
         """Overwrites the progress in place."""
-        os.pwrite(self._handle, _bytes(progress.to_metadata()), self._progress_offset)
+        record = _bytes(progress.to_metadata())
+        os.pwrite(self._handle, record, self._progress_offset)
+        self._progress = record
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """An attachment, with a checksum of its own."""
         now = time.time_ns()
-        offset = self._write(_bytes(Attachment(now, now, name, media_type, data)))
+        offset = self._write([_bytes(Attachment(now, now, name, media_type, data))])
         self._attachments.append(AttachmentIndex(offset, self._end - offset, now, now, len(data), name, media_type))
 
     def metadata(self, record: Metadata) -> None:
         """Text that other tools show without knowing us."""
-        offset = self._write(_bytes(record))
+        offset = self._write([_bytes(record)])
         self._metadata.append(MetadataIndex(offset, self._end - offset, record.name))
 
     def chunk(
@@ -128,16 +137,21 @@ class McapFile:
         body = struct.pack("<QQQI", first, last, len(content), zlib.crc32(content))
         body += struct.pack("<I4sQ", 4, b"zstd", len(data))
         length = len(body) + len(data)
-        parts, places, size = [struct.pack("<BQ", Opcode.CHUNK, length), body, data], {}, 9 + length
+        records, places, size = [b"".join([struct.pack("<BQ", Opcode.CHUNK, length), body, data])], {}, 9 + length
         for channel, starts in offsets.items():
             entries = np.column_stack([wall_ns.astype(np.uint64), starts]).tobytes()
             places[channel] = self._end + size
-            parts += [struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)), entries]
-            size += 15 + len(entries)
-        offset = self._write(b"".join(parts))
+            records.append(
+                struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + len(entries), channel, len(entries)) + entries
+            )
+            size += len(records[-1])
+        offset = self._write(records)
         for channel, starts in offsets.items():
             self._counts[channel] += len(starts)
-        self._chunks.append(
+        self._times = (min(self._times[0], first), max(self._times[1], last)) if self._chunks else (first, last)
+        self._chunk_count += 1
+        # As bytes: a recording of a day has half a million of them.
+        self._chunks += _bytes(
             ChunkIndex(
                 chunk_length=9 + length,
                 chunk_start_offset=offset,
@@ -156,8 +170,11 @@ class McapFile:
         os.fdatasync(self._handle)
 
     def finish(self) -> None:
-        """Summary and footer; then the file gets its name. After an OSError it keeps the name ``active``, and all its rows."""
-        self._write(_bytes(DataEnd(0)) + self._summary(self._end + 13))
+        """Checksums, summary and footer; then the file gets its name. After an OSError it keeps the name ``active``, and all its rows."""
+        if self._progress:
+            self._checksums.change(self._progress_entry, self._progress)
+        self.attach(checksums.NAME, checksums.MEDIA_TYPE, self._checksums.to_bytes())
+        self._write([_bytes(DataEnd(self._checksums.of_all())), self._summary(self._end + 13)])
         self.sync()
         self.close()
         os.rename(self.active, self.path)
@@ -174,8 +191,9 @@ class McapFile:
         self.close()
         self.active.unlink(missing_ok=True)
 
-    def _write(self, data: bytes) -> int:
-        """Appends all of ``data`` or nothing; returns where it begins."""
+    def _write(self, records: list[bytes]) -> int:
+        """Appends all records or none, with a checksum of each; returns where they begin."""
+        data = b"".join(records)
         start, rest = self._end, memoryview(data)
         try:
             while rest:
@@ -184,16 +202,18 @@ class McapFile:
             os.ftruncate(self._handle, self._end)
             raise
         self._end += len(data)
+        for record in records:
+            self._checksums.add(record)
         return start
 
     def _summary(self, start: int) -> bytes:
-        groups: list[Sequence[McapRecord]] = [
-            self._schemas, self._channels, [self._statistics()], self._chunks, self._attachments, self._metadata
+        groups = [
+            _bytes(*self._schemas), _bytes(*self._channels), _bytes(self._statistics()), bytes(self._chunks),
+            _bytes(*self._attachments), _bytes(*self._metadata),
         ]  # fmt: skip
         summary, offsets = bytearray(), bytearray()
-        for group in groups:
-            if group:
-                data = _bytes(*group)
+        for data in groups:
+            if data:
                 offsets += _bytes(SummaryOffset(data[0], start + len(summary), len(data)))
                 summary += data
         footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, start + len(summary))
@@ -205,10 +225,10 @@ class McapFile:
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=dict(self._counts),
-            chunk_count=len(self._chunks),
+            chunk_count=self._chunk_count,
             message_count=sum(self._counts.values()),
-            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
-            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
+            message_end_time=self._times[1],
+            message_start_time=self._times[0],
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )

@@ -1,0 +1,41 @@
+"""A file as bytes in memory, of which only what is being looked at stays there."""
+
+from __future__ import annotations
+
+import mmap
+from pathlib import Path
+
+from arm_io import InputError
+
+ACTIVE = ".active"
+"""Ends the name of a recording that is not finished."""
+WINDOW = 1 << 22
+"""Bytes of a file that are held in memory while it is read from beginning to end."""
+
+
+def mapped(path: Path) -> memoryview:
+    """The bytes of a file, mapped into memory as long as anybody holds them. InputError where it cannot be read."""
+    try:
+        with open(path, "rb") as file:
+            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+    except FileNotFoundError:
+        active = path.with_name(path.name + ACTIVE)
+        hint = f"; {active.name} is there: it was not finished, and can be read as it is" if active.exists() else ""
+        raise InputError(path, f"no such file{hint}") from None
+    except ValueError:
+        raise InputError(path, "is empty; it must be a recording") from None
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror}") from None
+
+
+def release(data: memoryview, start: int, end: int) -> int:
+    """Gives the memory of bytes ``start`` to ``end`` of a mapped file back, where that is ``WINDOW`` or more; they stay readable.
+
+    Returns where the bytes that are still held begin.
+    """
+    if end - start < WINDOW:
+        return start
+    first, last = (place // mmap.PAGESIZE * mmap.PAGESIZE for place in (start, end))
+    if isinstance(data.obj, mmap.mmap):
+        data.obj.madvise(mmap.MADV_DONTNEED, first, last - first)
+    return last
