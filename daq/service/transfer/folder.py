@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_io import InputError
-from daq.recording.mcap_file.writer import ACTIVE
+from daq.recording.mcap_file.pages import ACTIVE
 
 SUFFIX = ".mcap"
 MOST_PIECE = 1 << 18
