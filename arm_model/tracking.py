@@ -66,5 +66,7 @@ def bends(arm: Arm, q: Array) -> Array:
         for effect, term in terms:
             j = (term.joint or 1) - 1
             assert effect.bend is not None
-            found[:, j] += effect.bend(values_of(effect, term.parameters), Signals(load=holding[:, j]))
+            values = values_of(effect, term.parameters)
+            driver = q[:, int(values.driver) - 1] if effect.driven else 0.0
+            found[:, j] += effect.bend(values, Signals(q=q[:, j], load=holding[:, j], driver=driver))
     return found

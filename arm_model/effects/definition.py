@@ -15,8 +15,8 @@ current     current(p, s): added to the motor current that the instrument record
 delay       delay(p, s): s by which the recorded currents are late against the recorded angles.
 change      change(arm, joint, p): another arm; for effects that are wrong numbers in the description.
 coupling    parameters named cij: turn of axis i for a turn of motor j, in the relation link angles = (1 + C) motor angles.
-bend        bend(p, s): rad by which the link hangs away from its joint's angle where a tracker looks; ``s.load`` is the torque that holds
-            the joint against gravity.
+bend        bend(p, s): rad by which the link turns away from its joint's angle where a tracker looks; ``s.q`` is that angle, ``s.load`` the
+            torque that holds the joint against gravity.
 late        late(p, s): s by which tracked points are late against the recorded angles.
 stray       stray(p, s): m by which a tracked point is wrong, in any direction; ``s.state`` is a number in 0..1 drawn for its row.
 limit       limit(p, s): the largest magnitude of motor current that the drive gives, A.
@@ -109,6 +109,7 @@ class Signals:
     torque        actuator torque abs(gear) k i, N m (N)
     t             time since the start of the recording, s
     state         internal state of the effect, 0 at the start
+    driver        angle of the joint whose number is the effect's parameter ``driver``; rad (m)
     twist, twist_rate   motor angle over gear minus link angle, and its rate
     """
 
@@ -123,6 +124,7 @@ class Signals:
     torque: Any = 0.0
     t: Any = 0.0
     state: Any = 0.0
+    driver: Any = 0.0
     twist: Any = 0.0
     twist_rate: Any = 0.0
 
@@ -153,6 +155,7 @@ class Effect:
     link_parameters  its columns are this many barycentric parameters of its joint's link (of the last one, for the whole arm): mass, first
                      moments, inertia about the frame's origin; 0: they follow from its law
     own_joint        a change of the description that only the current of its own joint shows
+    driven           its law looks at ``s.driver``
     sparse           acts at a few instants of a recording: may also be judged by when these are
     directional      differs between the directions of motion, or is made up for by an effect that does
     """
@@ -172,6 +175,7 @@ class Effect:
     model_error: float = SYSTEMATIC
     link_parameters: int = 0
     own_joint: bool = False
+    driven: bool = False
     sparse: bool = False
     directional: bool = False
     torque: Law | None = None
@@ -204,6 +208,11 @@ class Effect:
     def screened(self) -> bool:
         """Found in raw rows or lags and taken out of the data before currents are compared."""
         return bool(self.observed_by) and set(self.observed_by) <= {Instrument.RAW, Instrument.LAG}
+
+    @property
+    def tracked_only(self) -> bool:
+        """Acts where a tracker looks, and nowhere else."""
+        return self.bend is not None or self.late is not None or self.stray is not None
 
     @property
     def span(self) -> Parameter | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from arm_model.effects.definition import Effect, Parameter, Place, Values
+from arm_model.effects.definition import Effect, Parameter, Place, Values, integers
 from arm_model.effects.observation import Excitation, Instrument, Observation
 from arm_model.rigid_body import scalar
 
@@ -144,4 +144,67 @@ TRACKER_OUTLIERS = Effect(
     stray=lambda p, s: p.size * scalar.minimum(scalar.maximum((p.share - s.state) * 1e12, 0.0), 1.0),
 )
 
-EFFECTS = (LINK_GEOMETRY, LINK_SAG, TRACKER_LATENCY, TRACKER_OUTLIERS)
+ENCODER_SCALE = Effect(
+    name="encoder_scale",
+    place=Place.SENSING,
+    parameters=(
+        Parameter(
+            "scale",
+            "1",
+            (1e-4, 1e-2),
+            True,
+            "relative error of counts a turn, gear ratio or belt",
+            signed=True,
+            tracker_prior=0.05,
+        ),
+    ),
+    equation="link angle = (1 + s) q",
+    shows="the tracked point is off in proportion to the joint's angle",
+    confused_with={"link_geometry": "the full range of the joint"},
+    observed_by={Instrument.CALIBRATION: Observation()},
+    bend=lambda p, s: p.scale * s.q,
+)
+
+ENCODER_ECCENTRICITY = Effect(
+    name="encoder_eccentricity",
+    place=Place.SENSING,
+    parameters=(
+        Parameter("sine", "rad", (1e-5, 2e-3), True, "amplitude of sin q", signed=True, tracker_prior=0.02),
+        Parameter("cosine", "rad", (1e-5, 2e-3), True, "amplitude of cos q", signed=True, tracker_prior=0.02),
+    ),
+    equation="link angle = q + A sin q + B cos q",
+    shows="the tracked point is ahead and behind once a turn of the joint",
+    confused_with={
+        "encoder_ripple": "two turns of the motor: the encoder on its shaft repeats, one at the joint does not",
+        "link_sag": "loaded and unloaded points",
+    },
+    observed_by={Instrument.CALIBRATION: Observation()},
+    bend=lambda p, s: p.sine * scalar.sin(s.q) + p.cosine * scalar.cos(s.q),
+)
+
+TRANSMISSION_COUPLING = Effect(
+    name="transmission_coupling",
+    place=Place.TRANSMISSION,
+    parameters=(
+        Parameter(
+            "ratio", "1", (1e-4, 0.3), True, "turn per turn of the driving joint", signed=True, tracker_prior=0.05
+        ),
+        Parameter("driver", "1", (1, 6), False, "number of the driving joint", whole=True, search=integers(1, 6)),
+    ),
+    equation="link angle = q + c q_driver",
+    shows="the tracked point is off in proportion to the angle of another joint",
+    confused_with={"wrist_coupling": "the model's motors have the relation; the tracker sees its error only"},
+    observed_by={Instrument.CALIBRATION: Observation()},
+    driven=True,
+    bend=lambda p, s: p.ratio * s.driver,
+)
+
+EFFECTS = (
+    LINK_GEOMETRY,
+    LINK_SAG,
+    TRACKER_LATENCY,
+    TRACKER_OUTLIERS,
+    ENCODER_SCALE,
+    ENCODER_ECCENTRICITY,
+    TRANSMISSION_COUPLING,
+)

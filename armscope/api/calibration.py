@@ -164,13 +164,14 @@ def calibrate(
 def nominal_arm(model: File | Arm) -> tuple[Arm, Array]:
     """The arm in Denavit-Hartenberg parameters, and (4, 4) the pose of its last link as the model has it in the new last frame.
 
-    Geometric effects of the model are carried into its joints; sag and delay are left out, to be estimated anew.
+    Geometric effects of the model are carried into its joints; what else only a tracker shows is left out, to be estimated anew.
     """
+    from arm_model.effects import CATALOGUE
     from arm_model.geometry import relinked
     from identification.kinematics.models.denavit_hartenberg import in_denavit_hartenberg
 
-    arm, estimated = read_model(model), ("link_sag", "tracker_latency", "tracker_outliers")
-    kept = tuple(effect for effect in arm.effects if effect.name not in estimated)
+    arm = read_model(model)
+    kept = tuple(term for term in arm.effects if not CATALOGUE[term.name].tracked_only)
     return in_denavit_hartenberg(relinked(replace(arm, effects=kept), zeros=True))
 
 

@@ -332,7 +332,7 @@ def _put_right(
     Blocks of one run, some held out, are moved alike: as the fitted half of the run shows.
     """
     found: list[Shift] = []
-    still = [0.0 if e.name == "tracker_latency" else 1.0 for e in chosen for _ in e.parameters]
+    still = [0.0 if e.definition.late is not None else 1.0 for e in chosen for _ in e.parameters]
 
     def bent(run: Run) -> Run:
         bend = deflections(chosen, np.nan_to_num(run.q), velocity=None, gravity=gravity)

@@ -1,12 +1,8 @@
-"""What turns the joints besides the recorded angle: deflections linear in their parameters, q + D(q) c.
+"""What turns the joints besides the recorded angle: effects that only tracked points show, linear in their parameters, q + D(q) c.
 
-    encoder_scale          q_j (1 + s): a wrong number of lines, gear ratio or belt          scale, dimensionless
-    encoder_ripple         A sin(q_j) + B cos(q_j): eccentricity, once a turn of the joint   sine, cosine, rad
-    transmission_coupling  c q_k on joint j: an axis driven through another                  ratio, dimensionless
-    link_sag               -compliance x the torque that holds joint j against gravity       compliance, rad/(N m)
-    tracker_latency        -delay x q' on all joints: points are later than the angles        delay, s
-
-Constants are left to the joint's theta. Which of them are real is decided on points that the fit has not seen.
+Which effects, with which parameters, units and laws: ``arm_model.effects``, those observed by ``Instrument.CALIBRATION``. A coupling is one
+candidate for every joint that may drive it. Constants are left to the joint's theta. Which of them are real is decided on points that the fit has
+not seen.
 """
 
 from __future__ import annotations
@@ -17,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm_io.types import Array
+from arm_model.effects import CATALOGUE, Effect, Excitation, Instrument, Signals, Values
 from identification.kinematics.models.chain import Gravity
 
 
@@ -29,86 +26,66 @@ class Extension:
     by: int | None = None
 
     @property
+    def definition(self) -> Effect:
+        """What the catalogue says of it."""
+        return CATALOGUE[self.name]
+
+    @property
     def parameters(self) -> tuple[str, ...]:
         """Names of its parameters."""
-        return _PARAMETERS[self.name]
+        return tuple(p.name for p in self.definition.linear)
 
     @property
     def units(self) -> tuple[str, ...]:
         """Units of its parameters."""
-        return _UNITS[self.name]
+        return tuple(p.unit for p in self.definition.linear)
 
     @property
     def scales(self) -> tuple[float, ...]:
         """Prior deviations: generous for real arms."""
-        return _SCALES[self.name]
+        return tuple(p.tracker_prior or 0.0 for p in self.definition.linear)
 
     def __str__(self) -> str:
         place = "" if self.joint is None else f" of joint {self.joint}"
         return self.name + place + ("" if self.by is None else f" by joint {self.by}")
 
 
-_PARAMETERS = {
-    "encoder_scale": ("scale",),
-    "encoder_ripple": ("sine", "cosine"),
-    "transmission_coupling": ("ratio",),
-    "link_sag": ("compliance",),
-    "tracker_latency": ("delay",),
-}
-_UNITS = {
-    "encoder_scale": ("1",),
-    "encoder_ripple": ("rad", "rad"),
-    "transmission_coupling": ("1",),
-    "link_sag": ("rad/(N m)",),
-    "tracker_latency": ("s",),
-}
-_SCALES = {
-    "encoder_scale": (0.05,),
-    "encoder_ripple": (0.02, 0.02),
-    "transmission_coupling": (0.05,),
-    "link_sag": (1e-3,),
-    "tracker_latency": (0.02,),
-}
-
-
 def candidates(moving: Sequence[int], prismatic: Sequence[bool], *, gravity: bool, velocity: bool) -> list[Extension]:
     """What could be there, for the joints (from 1) that move: couplings between neighbours, and from 4 to 6 of a wrist."""
     turning = [j for j in moving if not prismatic[j - 1]]
-    out = [Extension("tracker_latency")] if velocity else []
-    out += [Extension("link_sag", j) for j in turning] if gravity else []
-    out += [Extension("encoder_scale", j) for j in moving]
-    out += [Extension("encoder_ripple", j) for j in turning]
-    pairs = [(j, k) for j in turning for k in turning if j == k + 1 or (j, k) == (6, 4)]
-    out += [Extension("transmission_coupling", j, by=k) for j, k in pairs]
+    out = []
+    for effect in CATALOGUE.values():
+        if Instrument.CALIBRATION not in effect.observed_by:
+            continue
+        if effect.late is not None:
+            out += [Extension(effect.name)] if velocity else []
+        elif effect.driven:
+            pairs = [(j, k) for j in turning for k in turning if j == k + 1 or (j, k) == (6, 4)]
+            out += [Extension(effect.name, j, by=k) for j, k in pairs]
+        elif gravity or effect.excited_by is not Excitation.GRAVITY:
+            relative = all(p.unit == "1" for p in effect.linear)
+            out += [Extension(effect.name, j) for j in (moving if relative else turning)]
     return out
 
 
 def deflections(extensions: Sequence[Extension], q: Array, *, velocity: Array | None, gravity: Gravity | None) -> Array:
     """(N, joints, parameters): how far each parameter turns each joint, per unit; q and velocity (N, joints)."""
     n, joints = q.shape
-    torque = gravity(q) if gravity is not None and any(e.name == "link_sag" for e in extensions) else None
+    holding = any(e.definition.excited_by is Excitation.GRAVITY for e in extensions)
+    if holding and gravity is None:
+        raise ValueError("the gravity torque is missing")
+    torque = gravity(q) if holding and gravity is not None else np.zeros_like(q)
     columns = []
     for extension in extensions:
-        j = (extension.joint or 1) - 1
-        match extension.name:
-            case "encoder_scale":
-                turns = [q[:, j]]
-            case "encoder_ripple":
-                turns = [np.sin(q[:, j]), np.cos(q[:, j])]
-            case "transmission_coupling":
-                turns = [q[:, (extension.by or 1) - 1]]
-            case "link_sag":
-                if torque is None:
-                    raise ValueError("link_sag wants the gravity torque")
-                turns = [-torque[:, j]]
-            case "tracker_latency":
-                columns.append(np.zeros((n, joints)) if velocity is None else -velocity)
-                continue
-            case _:
-                raise ValueError(f"no extension is called {extension.name!r}")
-        for turn in turns:
+        effect, j = extension.definition, (extension.joint or 1) - 1
+        seen = Signals(q=q[:, j], load=torque[:, j], driver=q[:, (extension.by or 1) - 1])
+        for name in extension.parameters:
+            unit = Values({other: float(other == name) for other in extension.parameters})
             column = np.zeros((n, joints))
-            column[:, j] = turn
+            if effect.bend is not None:
+                column[:, j] = effect.bend(unit, seen)
+            elif effect.late is not None and velocity is not None:
+                column = -float(effect.late(unit, seen)) * velocity
             columns.append(column)
     return np.stack(columns, axis=2) if columns else np.zeros((n, joints, 0))
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from arm_io import write_text
 from arm_model.description import Arm, EffectTerm
-from arm_model.effects.catalogue import CATALOGUE
 from identification.kinematics.estimation.calibration import Calibration
 from identification.kinematics.estimation.circle_point import Circle
 from identification.kinematics.estimation.cross_validation import PositionError
@@ -73,13 +72,14 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
 
 
 def calibrated_model(arm: Arm, calibration: Calibration) -> Arm:
-    """The arm with calibrated geometry, and with those of the effects found that the catalogue has under the same parameters."""
+    """The arm with calibrated geometry, and with the effects found."""
     out = calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known)
     found = []
     for term in _effects(calibration):
-        law = CATALOGUE.get(term["effect"])
-        if law is not None and {p.name for p in law.parameters} == set(term["parameters"]):
-            found.append(EffectTerm(law.name, term["joint"], {n: p["value"] for n, p in term["parameters"].items()}))
+        values = {name: p["value"] for name, p in term["parameters"].items()}
+        if term["by"] is not None:
+            values["driver"] = float(term["by"])
+        found.append(EffectTerm(term["effect"], term["joint"], values))
     source = f"{arm.source}; kinematics calibrated by armscope" if arm.source else "kinematics calibrated by armscope"
     kept = tuple(e for e in arm.effects if not any(f.name == e.name and f.joint == e.joint for f in found))
     return replace(out, effects=(*kept, *found), source=source)
