@@ -1,6 +1,7 @@
 """The vocabulary of effects: what a simulation can get wrong, each defined once."""
 
-from arm_model.effects.catalogue import CATALOGUE, values_of
+from arm_model.effects.catalogue import CATALOGUE, same_columns, values_of
+from arm_model.effects.coefficients import solved, units
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
 from arm_model.effects.observation import Excitation, Instrument, Observation, Scale, Span, Variable
 from arm_model.effects.terms import check_terms, described
@@ -20,5 +21,8 @@ __all__ = [
     "Variable",
     "check_terms",
     "described",
+    "same_columns",
+    "solved",
+    "units",
     "values_of",
 ]

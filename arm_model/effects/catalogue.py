@@ -21,6 +21,11 @@ CATALOGUE: dict[str, Effect] = {
 }
 
 
+def same_columns(effect: Effect) -> tuple[str, ...]:
+    """Effects that name it as it names them: whatever is recorded, their columns are the same, and both together explain anything."""
+    return tuple(name for name in effect.aliases if effect.name in CATALOGUE[name].aliases)
+
+
 def values_of(effect: Effect, given: dict[str, float]) -> Values:
     """Parameter values for a law: ``given``, each name checked, the rest 0; ValueError names the unknown one."""
     known = [parameter.name for parameter in effect.parameters]

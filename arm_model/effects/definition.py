@@ -27,7 +27,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from math import inf
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -194,6 +194,18 @@ class Effect:
     cylinder: bool = False  # it acts along the link's cylinder, and wants one in the model
     link_side: bool = False  # a torque on the link, behind a two-mass transmission; else it acts on the motor
 
+    def __getitem__(self, name: str) -> Parameter:
+        """The parameter of that name; KeyError where it has none."""
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise KeyError(f"{self.name} has no parameter {name!r}")
+
+    def admits(self, name: str, value: float) -> bool:
+        """Whether a parameter can have this value: its sign, and no more than ``most``."""
+        parameter = self[name]
+        return isfinite(value) and (parameter.signed or value >= 0.0) and abs(value) <= parameter.most
+
     @property
     def linear(self) -> tuple[Parameter, ...]:
         """Parameters that can be estimated as coefficients of columns."""
@@ -203,6 +215,11 @@ class Effect:
     def nonlinear(self) -> tuple[Parameter, ...]:
         """Parameters that have to be searched for."""
         return tuple(p for p in self.parameters if not p.linear)
+
+    def shown(self, instrument: Instrument, values: Mapping[str, float], unit: Mapping[str, str]) -> str:
+        """What a person sees of it in an instrument's signal, at parameter ``values`` (SI) with the ``unit`` of each at its joint."""
+        shows = self.observed_by[instrument].shows or self.shows
+        return shows if isinstance(shows, str) else shows(Values(values), unit)
 
     @property
     def screened(self) -> bool:
@@ -218,6 +235,10 @@ class Effect:
     def span(self) -> Parameter | None:
         """The parameter by which the law spans a plane, if there is one."""
         return next((p for p in self.parameters if p.span is not None and p.span.values), None)
+
+    def cycles(self, values: Mapping[str, float]) -> float:
+        """Cycles of a wave per turn of the motor; 0 where it is no wave over the motor's angle."""
+        return next((float(values[p.name]) for p in self.parameters if p.whole and p.name in values), 0.0)
 
     @property
     def wave(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from math import atan2, hypot
 from typing import Any
 
 
@@ -96,6 +97,13 @@ class Span(StrEnum):
     def values(self) -> tuple[float, ...]:
         """Values of the parameter at which the law is evaluated for a column each; none for a moment."""
         return {Span.PHASE: (0.0, 1.5707963267948966), Span.SHIFT: (0.0, 1.0), Span.MOMENT: ()}[self]
+
+    def solve(self, one: float, other: float) -> tuple[float, float]:
+        """Size and value of the parameter that two coefficients stand for."""
+        if self is Span.PHASE:
+            return hypot(one, other), atan2(other, one)
+        size = one + other
+        return size, other / size if size else 0.0
 
 
 class Scale(StrEnum):

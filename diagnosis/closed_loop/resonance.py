@@ -18,13 +18,13 @@ from scipy import signal
 from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm
 from arm_model.effects import CATALOGUE
+from arm_model.effects.definition import SYSTEMATIC
 from arm_model.rigid_body.numeric import mass_matrix
 from arm_model.sensing import recorded
 from arm_model.simulation.simulation import simulate_batch
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import able
-from diagnosis.measurements.currents.estimates import SYSTEMATIC
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run_setup import loaded, setup_of
 from diagnosis.selection.regression import SIGNIFICANT

@@ -31,8 +31,6 @@ ENOUGH = 10.0
 NOTHING, ONE_IN = 0.1, 3
 """Standard deviations below which predictions are the same; where they are in one motion out of so many, the others of the kind are not tried."""
 
-BY_NO_MOTION = [{"cogging", "gear_ripple"}]
-"""Groups of the same torque by two names: of magnets or of uneven teeth."""
 HOPELESS = 3.0
 """Standard deviations below which going further than the recordings did is not tried."""
 
@@ -67,11 +65,16 @@ def separation(
     others = _nuisances(result, set(cause.group))
     nothing = Separation(None, 0.0, separated_by(cause.group), 0)
     # of what encoders, a tracker or a closed loop show, predictions of currents do not decide
-    if len(keys) < 2 or cause.signal is not Signal.CURRENT or {effect for effect, _ in keys} in BY_NO_MOTION:
+    if len(keys) < 2 or cause.signal is not Signal.CURRENT or _aliased({effect for effect, _ in keys}):
         return nothing
     rivals = [rival_of(_shapes(result, key), others, result.fit, result.arm) for key in keys]
     joints = sorted({felt for _, joint in keys if (felt := joint or cause.felt_at)})
     return _best(Question(rivals, others, result.fit, result.arm), result, joints, rig, progress) or nothing
+
+
+def _aliased(effects: set[str]) -> bool:
+    """Whether all are aliases of one of them: no motion decides between these."""
+    return any(effects <= {effect, *CATALOGUE[effect].aliases} for effect in effects)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm_io.types import Array
+from arm_model.effects import CATALOGUE, Excitation, Instrument
 from diagnosis.cause import EffectKey, Undetectable
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import further, stage_of
@@ -15,20 +16,20 @@ from diagnosis.experiments.motions import Stage, Trial, of_joint, with_payload
 from diagnosis.experiments.t_optimality import foreseen
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, side_of
-from diagnosis.measurements.currents.detectability import BY_ENCODERS, felt, need_of, times_noise
+from diagnosis.measurements.currents.detectability import felt, times_noise
 from experiment import Experiment, demand_of
 from identification.experiment_design.excitation import Limits
 
 ENOUGH = 1.0
 """Times the noise that an effect of the largest typical size has to change the currents by: three times what is called visible."""
 FAMILIES = {
-    "load": "in a slow sweep",
-    "gravity": "in a slow sweep",
-    "turn of the load": "through the vertical",
-    "current": "at 1 of its speed",
-    "speed": "at 1 of its speed",
-    "acceleration": "at 1 of its speed",
-    "motion": "in a slow sweep",
+    Excitation.LOAD: "in a slow sweep",
+    Excitation.GRAVITY: "in a slow sweep",
+    Excitation.LOAD_REVERSAL: "through the vertical",
+    Excitation.CURRENT: "at 1 of its speed",
+    Excitation.SPEED: "at 1 of its speed",
+    Excitation.ACCELERATION: "at 1 of its speed",
+    Excitation.MOTION: "in a slow sweep",
 }
 """The motion of ``separate_motions`` that gives a joint most of what an effect needs."""
 OTHERWISE = "at 1 of its speed"
@@ -60,13 +61,18 @@ def shown_by(
             found.append(Showing(one))
             continue
         progress(f"what would show {one.effect.replace('_', ' ')} of joint {one.joint}")
-        at = one.joint, FAMILIES[need_of(one.effect)]
+        at = one.joint, _family(one.effect)
         if at not in tried:
             alike: set[EffectKey] = {(e.effect, e.joint) for e in result.not_visible if e.joint == at[0]}
-            alike = {key for key in alike if FAMILIES[need_of(key[0])] == at[1]}
+            alike = {key for key in alike if _family(key[0]) == at[1]}
             tried[at] = list(_tried(stage, noise, *at, alike))
         found.append(_best(one, tried[at]))
     return found
+
+
+def _family(effect: str) -> str:
+    """The kind of motion that shows an effect."""
+    return FAMILIES[CATALOGUE[effect].excited_by]
 
 
 def _tried(
@@ -108,5 +114,8 @@ def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]
         return Showing(one)
     trial, most = max(able, key=lambda pair: pair[1])
     words = f"no motion of it that was tried ({trial.words.removeprefix(f'joint {one.joint} ')}: {times_noise(most)})"
-    besides = BESIDES if one.effect in BY_ENCODERS and one.effect != "joint_zero_offset" else one.experiment
+    effect = CATALOGUE[one.effect]
+    # what needs gravity comes with words for the instruments that show it without
+    by_links = Instrument.LINK_ENCODER in effect.observed_by and effect.excited_by is not Excitation.GRAVITY
+    besides = BESIDES if by_links else one.experiment
     return Showing(replace(one, experiment=f"{words}; {besides}"))

@@ -27,8 +27,6 @@ COLUMN_BAND = 10.0
 """Hz: pass-band of the motion from which the columns of effects, and the wind-up of elastic joints, are computed."""
 COMPARE_BAND = 20.0
 """Hz: pass-band in which measured and expected currents are compared."""
-TAKEN_OUT = {"mains_hum", "missed_counts", "dropped_trigger", "current_limit"}
-"""Events and lines are taken out of the data (``diagnosis.screening``), not put into the expectation."""
 
 
 def low_pass(values: Array, band: float, rate: float) -> Array:
@@ -53,11 +51,11 @@ def motion_of(q: Array, band: float, rate: float) -> tuple[Array, Array, Array]:
 
 
 def terms_of(arm: Arm) -> list[Term]:
-    """The effects of a model that act on rows, with their parameters."""
+    """The effects of a model that act on rows, with their parameters; events and lines are taken out of the data, not put into the expectation."""
     return [
         (CATALOGUE[term.name], term.joint, values_of(CATALOGUE[term.name], term.parameters))
         for term in arm.effects
-        if term.name not in TAKEN_OUT
+        if not CATALOGUE[term.name].screened
     ]
 
 

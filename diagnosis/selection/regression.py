@@ -36,8 +36,6 @@ ALIKE = 0.005
 
 INDEPENDENT = 1e-3
 """Relative singular value below which columns of unit length are one: what the data says there is rounding and the columns' own errors."""
-EVENTS = ("backlash",)
-"""Effects that are a few events in a recording: they may also be judged by when these are."""
 NEAR, SURE = 0.8, 0.01
 """A candidate with this share of the best gain is told from it where chance would do so with less than this probability."""
 
@@ -111,7 +109,7 @@ def look(candidate: Candidate, pair: Pair, accepted: Accepted, held_out: Side) -
     gain, c, fall = gain_of(pair, accepted, held_out)
     blocks = held_out.by_block(fall)
     p = p_value(blocks)
-    if candidate.effect in EVENTS and p > 1e-4 and blocks.sum() > 0.0:
+    if candidate.definition.sparse and p > 1e-4 and blocks.sum() > 0.0:
         predicted = pair[1].spread(c, len(held_out.y))
         p = min(p, shift_p_value(by_recording(predicted, held_out), by_recording(accepted.held_out, held_out)))
     return Look(candidate, c, gain, float(fall.sum()), p, blocks, held_out.by_joint(fall))

@@ -8,23 +8,20 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm, Joint
-from arm_model.effects import CATALOGUE
+from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, Instrument
 from diagnosis.cause import Cause, Estimate, Signal, confidence_of
-from diagnosis.measurements.currents.columns import TWINS, Candidate
+from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Side
-from diagnosis.measurements.currents.search import NESTED, Found, Problem
+from diagnosis.measurements.currents.search import Found, Problem
 from diagnosis.measurements.single_axis.causes import AxisCause
 from diagnosis.screening.event import Event, Gain
 from diagnosis.selection.aliasing import confusability, span_of
 from diagnosis.selection.regression import Look, look
 from diagnosis.units import unit_at
 
-WITHIN = {"current_offset": "friction_asymmetry"}
-"""Effects that are the simplest case of another one as long as the drives are on: friction that is more by the same one way and less the other."""
-SAME = dict(TWINS) | {other: one for one, other in TWINS} | {"cogging": "gear_ripple"}
-"""Effects that are another one by another name, whatever is recorded: a torque that goes with the motor's angle is made by uneven teeth as well as by
-magnets."""
+BY_DIRECTION = {"positive", "negative", "viscous_positive", "viscous_negative"}
+"""Parameters that together are all the friction of an axis, each direction for itself."""
 GROUP_ABOVE = 0.98
 """Canonical correlation above which two effects are one to this data."""
 
@@ -45,15 +42,15 @@ def of_candidate(
     group = [candidate.key]
     basis = span_of(others.basis) if others.basis.shape[1] else span_of(np.zeros((len(fit.y), 1)))
     for other in alike:
-        if other.candidate.key != candidate.key and candidate.effect not in NESTED.get(other.candidate.effect, ()):
+        if other.candidate.key != candidate.key and candidate.effect not in other.candidate.definition.special_cases:
             pair = library[candidate][0], library[other.candidate][0]
             if confusability(basis, *(_full(c.x, c.where, len(fit.y)) for c in pair)) > GROUP_ABOVE:
                 group.append(other.candidate.key)
-    namesakes = [SAME[candidate.effect]] if candidate.effect in SAME else []
-    if candidate.effect in WITHIN and all(run.powered for side in found.sides for run in side.runs):
-        namesakes.append(WITHIN[candidate.effect])
-    group += [(name, candidate.joint) for name in namesakes if (name, candidate.joint) not in group]
     definition = candidate.definition
+    aliases = [*definition.aliases]
+    if all(run.powered for side in found.sides for run in side.runs):
+        aliases += definition.observed_by[Instrument.CURRENT].aliases
+    group += [(name, candidate.joint) for name in aliases if (name, candidate.joint) not in group]
     where, unit = (
         f"joint {candidate.joint}" if candidate.joint else "all joints",
         problem.arm.joints[joint - 1].current_unit,
@@ -119,18 +116,20 @@ def from_event(event: Event, arm: Arm, sides: tuple[Side, Side]) -> Cause:
         felt_at=gain.joint,
         unit=unit_at(felt, gain.unit),
         signal=Signal.CURRENT if gain.unit == "A" else Signal.ANGLE,
-        of_arm=event.effect != "dropped_trigger",
+        of_arm=all(seen.of_arm for seen in CATALOGUE[event.effect].observed_by.values()),
     )
 
 
 def from_axis(one: AxisCause, arm: Arm) -> Cause:
     joint = 1 if CATALOGUE[one.effect].per_joint else None
     unit, values = arm.joints[0].current_unit, {p.name: p.value for p in one.parameters}
+    effect, drive = CATALOGUE[one.effect], arm.joints[0]
+    units = {p.name: unit_at(drive, p.unit, p.name) for p in effect.parameters}
     sentence = (
-        f"{_seen_on_axis(one.effect, values, arm.joints[0])}: with it the held-out error of the command below 60 Hz falls from {one.before:.3g} to "
+        f"{effect.shown(Instrument.SINGLE_AXIS, values, units)}: with it the held-out error of the command below 60 Hz falls from {one.before:.3g} to "
         f"{one.after:.3g} {unit} rms, in {int(np.sum(one.gains > 0))} of {len(one.gains)} blocks"
     )
-    if one.effect == "friction_asymmetry":
+    if set(values) >= BY_DIRECTION:
         sentence += f"; {_by_direction(arm, values)}"
     group = tuple((effect, 1 if CATALOGUE[effect].per_joint else None) for effect in one.group)
     apart = CATALOGUE[one.effect].confused_with
@@ -148,22 +147,6 @@ def from_axis(one: AxisCause, arm: Arm) -> Cause:
         felt_at=1,
         unit=unit,
     )
-
-
-def _seen_on_axis(effect: str, values: Mapping[str, float], drive: Joint) -> str:
-    """What a person sees of an effect of one axis, with its sign."""
-    if effect == "time_skew":
-        ahead = values["delay"] < 0.0
-        return (
-            f"the command as recorded {'leads' if ahead else 'lags'} the motion by {abs(1e3 * values['delay']):.2f} ms"
-        )
-    if effect == "stribeck_friction":
-        more, speed = values["breakaway"], f"{values['stribeck_velocity']:.2g} {unit_at(drive, 'rad/s')}"
-        than = "more" if more > 0.0 else "less"
-        return (
-            f"below some {speed} there is up to {abs(more):.3g} {unit_at(drive, 'N m')} {than} friction than Coulomb's"
-        )
-    return CATALOGUE[effect].shows
 
 
 def _by_direction(arm: Arm, more: Mapping[str, float]) -> str:

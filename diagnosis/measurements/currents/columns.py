@@ -16,20 +16,11 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.effects import CATALOGUE, Effect, Parameter, Signals, Values
+from arm_model.effects import CATALOGUE, Effect, Instrument, Signals, Values, units
 from arm_model.effects.definition import Law
 from arm_model.system.dynamics import inverse_dynamics
 from diagnosis.residual.expected_current import COMPARE_BAND, integrated, low_pass, spring_of, through_gap, wound_up
 from diagnosis.residual.run import ROWS_PER_SECOND, Run, passed, signals_of
-
-SPANNED = {"phase": (0.0, np.pi / 2), "rest_angle": (0.0, 1.0)}
-"""Nonlinear parameters whose whole family is spanned by the law at two values."""
-
-TWINS = (("torque_constant", "current_gain"),)
-"""Effects that are the same to currents and motor angles, whatever the motion: one scales the measured current, one the expected."""
-
-FIXED = {"presliding_friction": ("damping",)}
-"""Shape parameters that the currents hardly show."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +44,7 @@ class Candidate:
     def at_own_joint(self) -> bool:
         """Whether only the current of the candidate's own joint changes."""
         effect = self.definition
-        return (
-            effect.torque is not None
-            or effect.current is not None
-            or effect.name in ("rotor_inertia", "torque_constant")
-        )
+        return effect.torque is not None or effect.current is not None or effect.own_joint
 
     @property
     def by_shape(self) -> bool:
@@ -72,8 +59,8 @@ class Candidate:
 
     def searched(self) -> list[str]:
         """Names of the shape parameters that are continuous and seen in the currents."""
-        continuous = {p.name for p in self.definition.parameters if not p.whole}
-        return [name for name, _ in self.shape if name in continuous and name not in FIXED.get(self.effect, ())]
+        continuous = {p.name for p in self.definition.parameters if not (p.whole or p.fixed)}
+        return [name for name, _ in self.shape if name in continuous]
 
     def with_shape(self, name: str, value: float) -> Candidate:
         """The same with another value of one shape parameter."""
@@ -81,31 +68,16 @@ class Candidate:
 
     def units(self) -> list[Values]:
         """Parameter values, one set a column: each linear parameter at 1, each spanned one at its two values."""
-        effect = self.definition
-        if self.by_shape:
-            return [Values(self.shape)]
-        spanned = [p.name for p in effect.nonlinear if p.name in SPANNED]
-        sets = []
-        for values in itertools.product(*(SPANNED[name] for name in spanned)):
-            for one in effect.linear or (None,):
-                chosen = {p.name: 0.0 for p in effect.linear} | dict(self.shape) | dict(zip(spanned, values))
-                if one is not None:
-                    chosen[one.name] = 1.0
-                sets.append(Values(chosen))
-        return sets
+        return [Values(self.shape)] if self.by_shape else units(self.definition, dict(self.shape))
 
     def columns(self, run: Run, arm: Arm) -> Array:
         """(m, n, k) A: change of ``run.residual`` for a unit of each of k coefficients."""
         effect, arm = self.definition, run.arm
         if not run.powered and effect.current is None:  # the brakes hold; only what the instruments add is there
-            count = 4 if effect.name == "payload" else 10 if effect.name == "link_inertia" else len(self.units())
+            count = effect.link_parameters or len(self.units())
             return np.zeros((*run.current.shape, 1 if effect.delay is not None else count))
-        if effect.name == "payload":
-            # mass and first moment, which carry gravity; its own inertia follows from them when it is fitted
-            return _link_columns(run, arm, len(arm))[..., :4]
-        if effect.name == "link_inertia":
-            assert self.joint is not None
-            return _link_columns(run, arm, self.joint)
+        if effect.link_parameters:
+            return _link_columns(run, arm, self.joint or len(arm))[..., : effect.link_parameters]
         if effect.change is not None:
             return np.stack([_changed(run, arm, effect, self.joint, unit) for unit in self.units()], axis=-1)
         if effect.coupling:
@@ -139,9 +111,8 @@ def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) 
         change = -_moved(run, j, error, speed, acceleration)
         drive = arm.joints[j]
         change[:, j] -= drive.ratio**2 * drive.rotor_inertia * acceleration / drive.drive_constant
-    cycles = p.get("order", p.get("pole_pairs"))
-    if cycles is not None:
-        change *= passed(cycles * arm.joints[j].ratio * np.abs(s.v) / (2 * np.pi))[:, None]
+    if effect.wave:
+        change *= passed(effect.cycles(p) * arm.joints[j].ratio * np.abs(s.v) / (2 * np.pi))[:, None]
     return change
 
 
@@ -230,41 +201,15 @@ def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
     return change
 
 
-def _grid(parameter: Parameter) -> tuple[float, ...]:
-    low, high = parameter.typical
-    if parameter.whole:
-        return tuple(float(k) for k in range(int(low), int(high) + 1))
-    if low <= 0:
-        return (high / 10,)
-    return tuple(np.geomspace(low, high, 6))
-
-
-LEFT_TO_OTHERS = {"missed_counts", "dropped_trigger", "mains_hum", "current_limit"}
-"""Found by detectors of their own (``diagnosis.screening``), not by columns."""
-
-TRACKED = {"link_geometry", "link_sag", "tracker_latency", "tracker_outliers"}
-"""Only a tracker shows them (``diagnosis.measurements.tracker.causes``)."""
-
-
 def candidates(arm: Arm) -> Iterator[Candidate]:
-    """Every candidate for this arm, nonlinear parameters on the grid of their typical ranges."""
+    """Every candidate for this arm, searched parameters at every combination of their first values."""
     for effect in CATALOGUE.values():
-        if effect.name in LEFT_TO_OTHERS or effect.name in TRACKED or (effect.coupling and len(arm) < 6):
+        if Instrument.CURRENT not in effect.observed_by or (effect.coupling and len(arm) < 6):
             continue
-        searched = [p for p in effect.nonlinear if p.name not in SPANNED]
-        if effect.delay is not None or effect.name == "payload":
-            searched = []
-        if effect.name == "backlash":
-            searched = list(
-                effect.linear
-            )  # how long the link flies hangs on the gap; how hard the teeth are, on nothing that is seen
-        fixed: dict[str, tuple[float, ...]] = {"half_gap": tuple(np.geomspace(2e-4, 1e-2, 12)), "damping": (10.0,)}
-        if effect.name == "joint_compliance":
-            # a resonance is as narrow as its damping: in the band of comparison the grid has to be fine
-            fixed |= {"stiffness": tuple(np.geomspace(1e3, 1e5, 18)), "damping": (20.0,)}
+        searched = [p for p in effect.parameters if p.search and not p.derived]
         shapes = [
             tuple(zip((p.name for p in searched), values))
-            for values in itertools.product(*(fixed.get(p.name) or _grid(p) for p in searched))
+            for values in itertools.product(*(p.search for p in searched))
         ]
         for joint in range(1, len(arm) + 1) if effect.per_joint else (None,):
             if effect.cylinder and joint is not None and arm.joints[joint - 1].cylinder is None:

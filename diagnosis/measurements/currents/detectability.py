@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 import numpy as np
 
 from arm_model.description import Arm
-from arm_model.effects import CATALOGUE
+from arm_model.effects import CATALOGUE, Excitation, Instrument
 from arm_model.rigid_body.numeric import rigid_torque
 from diagnosis.cause import EffectKey, Undetectable
 from diagnosis.measurements.currents.columns import Candidate
@@ -15,37 +15,22 @@ from diagnosis.measurements.currents.design_matrix import Columns, Side
 from diagnosis.selection.regression import Pair
 from diagnosis.units import unit_at
 
-SOFTEST = ("joint_compliance", "presliding_friction")
-"""Effects that are largest where their stiffness is least."""
 STOOD = 0.005
 """rad (m): a joint that moved less stood still."""
-RAW = ("mains_hum", "missed_counts", "current_limit", "wrist_coupling")
-"""Effects that raw rows show, whatever the model."""
-TRACKED = ("link_geometry", "link_sag", "tracker_latency", "tracker_outliers")
-"""Effects that only tracked points show."""
-BY_ENCODERS = ("time_skew", "backlash", "joint_compliance", "gear_ripple", "encoder_ripple", "joint_zero_offset")
-"""Effects that two encoders of a joint show without currents."""
-
-
 SHOWS_FROM = 1 / 3
 """Times the noise: the least change of the currents that is called visible."""
-NEEDS = {
-    "load": ("load_friction", "joint_compliance", "payload"),
-    "gravity": ("joint_zero_offset",),
-    "turn of the load": ("backlash",),
-    "current": ("torque_constant", "current_gain", "current_nonlinearity"),
-    "speed": ("viscous_friction", "hydrodynamic_drag", "gear_ripple", "encoder_ripple", "cogging", "wrist_coupling"),
-    "acceleration": ("rotor_inertia", "added_mass", "time_skew"),
-}
-"""What a joint has to do for an effect to be felt; to move, for all others."""
+BY_CURRENTS = frozenset({Instrument.CURRENT, Instrument.SINGLE_AXIS, Instrument.LAG})
+"""What shows nothing where the model expects no currents ..."""
+BY_ROWS = frozenset({Instrument.RAW, Instrument.DEMAND})
+"""... and what needs no model."""
 INSTEAD = {
-    "load": "poses in which gravity loads {}, with and without a known payload",
-    "gravity": "a tracker, or a level at the link of {}",
-    "turn of the load": "{} slowly through a place where its load changes sign (for a link that hangs, the vertical), or an encoder at the link",
-    "current": "larger currents of {}: a known payload, faster starts and stops",
-    "speed": "{} back and forth at full speed, and at a tenth of it",
-    "acceleration": "{} back and forth as fast as it starts and stops",
-    "motion": "{} through its whole range, slowly and at full speed",
+    Excitation.LOAD: "poses in which gravity loads {}, with and without a known payload",
+    Excitation.GRAVITY: "a tracker, or a level at the link of {}",
+    Excitation.LOAD_REVERSAL: "{} slowly through a place where its load changes sign (for a link that hangs, the vertical), or an encoder at the link",
+    Excitation.CURRENT: "larger currents of {}: a known payload, faster starts and stops",
+    Excitation.SPEED: "{} back and forth at full speed, and at a tenth of it",
+    Excitation.ACCELERATION: "{} back and forth as fast as it starts and stops",
+    Excitation.MOTION: "{} through its whole range, slowly and at full speed",
 }
 
 
@@ -64,12 +49,14 @@ def not_visible(
     for (effect, joint), strength in strongest.items():
         if strength < SHOWS_FROM and (effect, joint) not in known:
             said = (
-                _did(need_of(effect), joint, held_out, arm),
+                _did(CATALOGUE[effect].excited_by, joint, held_out, arm),
                 f"even {_size(effect, arm, joint)} would be {times_noise(strength)}",
             )
             where = f"joint {joint}" if joint else "all joints"
             found.append(
-                Undetectable(effect, joint, "; ".join(filter(None, said)), INSTEAD[need_of(effect)].format(where))
+                Undetectable(
+                    effect, joint, "; ".join(filter(None, said)), INSTEAD[CATALOGUE[effect].excited_by].format(where)
+                )
             )
     return found
 
@@ -87,17 +74,12 @@ def felt(candidate: Candidate, columns: Columns, rows: int) -> float:
     return float(np.sqrt(np.max(np.sum((columns.x * size) ** 2, axis=0)) / rows))
 
 
-def need_of(effect: str) -> str:
-    """What a joint has to do for an effect to be felt: a key of ``INSTEAD``."""
-    return next((need for need, effects in NEEDS.items() if effect in effects), "motion")
-
-
 def times_noise(strength: float) -> str:
     """``0.2 times the noise``; what is as good as nothing is called so."""
     return "as good as nothing" if strength < 0.005 else f"{strength:.2g} times the noise"
 
 
-def _did(need: str, joint: int | None, side: Side, arm: Arm) -> str:
+def _did(need: Excitation, joint: int | None, side: Side, arm: Arm) -> str:
     """What a joint did in some recordings of what an effect needs; nothing where it did as others do."""
     if joint is None:
         return ""
@@ -107,18 +89,18 @@ def _did(need: str, joint: int | None, side: Side, arm: Arm) -> str:
     )
     if np.ptp(q) < STOOD:
         return f"joint {joint} stood still"
-    if need == "turn of the load" and load.min() * load.max() > 0.0:
+    if need is Excitation.LOAD_REVERSAL and load.min() * load.max() > 0.0:
         return f"the load of joint {joint} never changed sign ({load.min():.3g} to {load.max():.3g} {unit_at(drive, 'N m')})"
-    if need in ("load", "turn of the load"):
+    if need in (Excitation.LOAD, Excitation.LOAD_REVERSAL):
         return f"joint {joint} carried no more than {np.abs(load).max():.2g} {unit_at(drive, 'N m')}"
-    if need == "gravity":
+    if need is Excitation.GRAVITY:
         poses = np.concatenate([run.q[::10] for run in side.runs])
         held = rigid_torque(arm, poses, 0.0 * poses, 0.0 * poses)[:, j]
         change = f"changed by no more than {np.ptp(held):.2g} {unit_at(drive, 'N m')}"
         return f"gravity at joint {joint} {change if np.abs(held).max() > 1e-6 else 'is nothing'}"
-    if need == "current":
+    if need is Excitation.CURRENT:
         return f"joint {joint} drew no more than {np.abs(current).max():.2g} {drive.current_unit}"
-    if need == "acceleration":
+    if need is Excitation.ACCELERATION:
         return f"joint {joint} accelerated by no more than {np.abs(a).max():.2g} {unit_at(drive, 'rad/s2')}"
     return f"joint {joint} moved {np.ptp(q):.2g} {unit_at(drive, 'rad')}, at up to {np.abs(v).max():.2g} {unit_at(drive, 'rad/s')}"
 
@@ -131,12 +113,14 @@ def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Undetectable]:
     )
     found = []
     for effect, definition in CATALOGUE.items():
-        if effect in RAW or effect in TRACKED:
+        instruments = frozenset(definition.observed_by)
+        if not instruments & BY_CURRENTS or instruments & BY_ROWS:
             continue
-        joints = [j for j in range(1, len(arm) + 1) if effect not in BY_ENCODERS or j not in of_links]
+        by_links = Instrument.LINK_ENCODER in instruments
+        joints = [j for j in range(1, len(arm) + 1) if not by_links or j not in of_links]
         if definition.per_joint:
             found += [Undetectable(effect, joint, why, instead) for joint in joints]
-        elif effect not in BY_ENCODERS or not of_links:
+        elif not by_links or not of_links:
             found.append(Undetectable(effect, None, why, instead))
     return found
 
@@ -158,6 +142,6 @@ def _typical(candidate: Candidate) -> float:
 def _size(effect: str, arm: Arm, joint: int | None) -> str:
     definition = CATALOGUE[effect]
     parameter = (definition.linear or definition.parameters)[0]
-    value = parameter.typical[0] if effect in SOFTEST else parameter.typical[1]
+    value = parameter.typical[0] if parameter.inverse else parameter.typical[1]
     unit = unit_at(arm.joints[(joint or 1) - 1], parameter.unit, parameter.name)
     return f"{'an' if parameter.name[0] in 'aeiou' else 'a'} {parameter.name.replace('_', ' ')} of {value:g}{'' if unit == '1' else f' {unit}'}"

@@ -9,54 +9,27 @@ from scipy import optimize
 
 from arm_io.types import Array
 from arm_model.description import Arm
+from arm_model.effects import solved
+from arm_model.effects.definition import SYSTEMATIC
 from diagnosis.cause import Estimate
-from diagnosis.measurements.currents.columns import FIXED, Candidate
+from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side, columns_of
 from diagnosis.selection.regression import INDEPENDENT, Accepted, fit_gain
 from diagnosis.units import unit_at
 
-SYSTEMATIC = 0.02
-"""Share of a value added to its deviation: columns are first order in the effect, and seen through filters."""
-INFERRED = {"stribeck_friction": 0.1, "presliding_friction": 0.1, "backlash": 0.1, "current_nonlinearity": 0.05}
-"""... and to those of effects that are inferred from what the data does not show itself: friction at rest and in reversal from friction while moving,
-where the law of its turn is not known; a gap from the flight through it, where the spring of the teeth is not known; a transducer's cubic, where the
-current has kicks that the motion does not show."""
-
 
 def parameters_of(candidate: Candidate, coefficients: Array) -> dict[str, float]:
     """Parameter values (SI) that a candidate's coefficients (k,) stand for; see ``Candidate.units`` for their order."""
-    effect, shape, c = candidate.definition, dict(candidate.shape), [float(value) for value in coefficients]
-    names = {p.name for p in effect.parameters}
-    if candidate.by_shape:
-        return shape
-    if effect.name == "payload":
-        mass = c[0]
-        centre = {axis: (c[k] / mass if mass else 0.0) for k, axis in enumerate("xyz", 1)}
-        return {"mass": mass, **centre}
-    if effect.delay is not None:
-        return {"delay": c[0]}
-    if "phase" in names:
-        amplitude = effect.linear[0].name
-        return {**shape, amplitude: float(np.hypot(c[0], c[1])), "phase": float(np.arctan2(c[1], c[0]))}
-    if "rest_angle" in names:
-        stiffness = c[0] + c[1]
-        return {**shape, "stiffness": stiffness, "rest_angle": c[1] / stiffness if stiffness else 0.0}
-    return {**shape, **{p.name: value for p, value in zip(effect.linear, c)}}
+    shape = dict(candidate.shape)
+    return shape if candidate.by_shape else solved(candidate.definition, shape, coefficients.tolist())
 
 
 def physical(candidate: Candidate, coefficients: Array) -> bool:
-    """Whether the parameters have the signs that they must have: no negative mass, stiffness, gap or friction share.
-
-    A spring that is slack a turn and more beyond every place that a joint can reach is a constant torque, not a spring.
-    """
+    """Whether the parameters have the signs that they must have (no negative mass, stiffness, gap or friction share) and sizes that can be."""
     if candidate.by_shape and not 0.25 < coefficients[0] < 4.0:
         return False  # such an effect is there as it is or not at all; off the grid's points it is seen in part
     values = parameters_of(candidate, coefficients)
-    signed = {p.name for p in candidate.definition.parameters if p.signed}
-    farthest = next((3 * p.typical[1] for p in candidate.definition.parameters if p.name == "rest_angle"), np.inf)
-    if abs(values.get("rest_angle", 0.0)) > farthest:
-        return False
-    return all(np.isfinite(value) and (name in signed or value >= 0.0) for name, value in values.items())
+    return all(candidate.definition.admits(name, value) for name, value in values.items())
 
 
 def sharpened(candidate: Candidate, accepted: Accepted, fit: Side, arm: Arm) -> Candidate:
@@ -125,18 +98,14 @@ def estimates(
         units = {p.name: unit_at(own, p.unit, p.name) if own else p.unit for p in candidate.definition.parameters}
         rows = []
         for name, value in values.items():
-            if name in FIXED.get(candidate.effect, ()):
+            if candidate.definition[name].fixed:
                 continue
             slope = np.array([move.get(name, 0.0) if owner == index else 0.0 for owner, move in moves])
             std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
-            systematic = 0.0 if _whole(candidate, name) else INFERRED.get(candidate.effect, SYSTEMATIC) * abs(value)
+            systematic = 0.0 if candidate.definition[name].whole else candidate.definition.model_error * abs(value)
             rows.append(Estimate(name, value, float(np.hypot(std, systematic)), units[name]))
         result.append(rows)
     return result
-
-
-def _whole(candidate: Candidate, name: str) -> bool:
-    return any(p.name == name and p.whole for p in candidate.definition.parameters)
 
 
 def _spread(columns: Columns, coefficients: Array, side: Side) -> Array:

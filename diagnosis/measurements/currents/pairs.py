@@ -12,8 +12,9 @@ from collections.abc import Callable, Mapping, Sequence, Set
 import numpy as np
 
 from arm_io.types import Array
+from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
-from diagnosis.measurements.currents.columns import TWINS, Candidate
+from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side
 from diagnosis.selection.regression import (
     ALIKE,
@@ -49,7 +50,9 @@ def two_of(
         of_joint = {c: pair for c, pair in library.items() if c.joint == joint and not c.by_shape}
         able = best_shapes(of_joint, accepted, fit, set(taken))
         pairs = [
-            two for two in itertools.combinations(able, 2) if not any({c.effect for c in two} == set(t) for t in TWINS)
+            (one, other)
+            for one, other in itertools.combinations(able, 2)
+            if other.effect not in same_columns(one.definition)
         ]
         looks = [_gain(one, other, library, accepted, fit, held_out) for one, other in pairs]
         q = benjamini_hochberg(np.array([p_value(held_out.by_block(fall)) for _, fall in looks]))

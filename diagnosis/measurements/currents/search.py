@@ -14,8 +14,9 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm
+from arm_model.effects import CATALOGUE, same_columns
 from diagnosis.cause import EffectKey
-from diagnosis.measurements.currents.columns import TWINS, Candidate
+from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side, columns_of, side_with
 from diagnosis.measurements.currents.estimates import parameters_of, physical, sharpened
 from diagnosis.measurements.currents.pairs import two_of
@@ -42,10 +43,6 @@ from diagnosis.selection.regression import (
 )
 
 MOST_CAUSES = 8
-NESTED = {"friction_asymmetry": ("viscous_friction", "coulomb_friction", "current_offset")}
-"""Effects that contain simpler ones."""
-NEARLY = {"link_inertia": ("rotor_inertia",)}
-"""Effects that come near to containing simpler ones, as long as poses differ little."""
 CORRECTIONS = 2
 """Evaluations of the exact model a round: the second-order part of a strong effect is a tenth of it, that of the rest a hundredth."""
 
@@ -138,8 +135,7 @@ def search(problem: Problem, progress: Callable[[str], None], banned: Set[Effect
 
 def _taken(chosen: Sequence[Candidate]) -> set[EffectKey]:
     """The chosen, and their twins: both together would explain anything, as their difference is the residual itself."""
-    twins = dict(TWINS) | {other: one for one, other in TWINS}
-    return {c.key for c in chosen} | {(twins[c.effect], c.joint) for c in chosen if c.effect in twins}
+    return {c.key for c in chosen} | {(other, c.joint) for c in chosen for other in same_columns(c.definition)}
 
 
 def without(found: Found, gone: Candidate, problem: Problem) -> Found:
@@ -235,12 +231,13 @@ def simplified(
 
 def _simpler(chosen: Sequence[Candidate]) -> Iterator[tuple[Candidate, tuple[Candidate, ...]]]:
     """An effect, and those of the chosen in whose place it may do: the whole for several of its parts, a part for the whole."""
-    for whole, parts in NESTED.items():
+    for whole in CATALOGUE.values():
         for joint in sorted({c.joint for c in chosen if c.joint}):
-            if len(own := tuple(c for c in chosen if c.joint == joint and c.effect in parts)) > 1:
-                yield Candidate(whole, joint), own
+            own = tuple(c for c in chosen if c.joint == joint and c.effect in whole.special_cases)
+            if len(own) > 1:
+                yield Candidate(whole.name, joint), own
     for c in chosen:
-        for part in (*NESTED.get(c.effect, ()), *NEARLY.get(c.effect, ())):
+        for part in (*c.definition.special_cases, *c.definition.near_cases):
             yield Candidate(part, c.joint), (c,)
 
 

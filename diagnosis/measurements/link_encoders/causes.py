@@ -10,9 +10,9 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
+from arm_model.effects.definition import SYSTEMATIC
 from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, Cause, EffectKey, Estimate, Signal, Structure, confidence_of
-from diagnosis.measurements.currents.estimates import SYSTEMATIC
 from diagnosis.measurements.link_encoders.columns import DELAY, Seen, Shape, shapes, standing_orders, turns
 from diagnosis.measurements.link_encoders.regression import (
     OVER_NOISE,

@@ -18,8 +18,8 @@ from scipy import optimize
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE
+from arm_model.effects.definition import SYSTEMATIC
 from diagnosis.cause import Estimate
-from diagnosis.measurements.currents.estimates import SYSTEMATIC
 from diagnosis.measurements.single_axis.columns import DELAY, Rows, Shape, columns, fine, rows_of, shapes, waves
 from diagnosis.residual.expected_current import low_pass
 from diagnosis.selection.significance import benjamini_hochberg, p_value

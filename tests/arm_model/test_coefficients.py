@@ -1,0 +1,47 @@
+"""An effect's columns, times any coefficients, are its law at the parameters that these coefficients stand for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm_model.effects import CATALOGUE, Effect, Signals, Span, Values, solved, units
+
+
+def _law(effect: Effect):
+    """The law over signals that is linear in coefficients."""
+    return effect.torque or effect.current or effect.angle or effect.bend or effect.late or effect.deflection
+
+
+LINEAR = [name for name, effect in CATALOGUE.items() if effect.linear and _law(effect)]
+
+
+@pytest.mark.parametrize("name", LINEAR)
+def test_law_at_solved_parameters_is_the_sum_of_columns(name: str) -> None:
+    effect, generator = CATALOGUE[name], np.random.default_rng(len(name))
+    law, held = _law(effect), {p.name: float(generator.uniform(*p.typical)) for p in effect.nonlinear}
+    v, n = generator.normal(size=60), 60
+    signals = Signals(
+        q=generator.normal(size=n), v=v, motor=60 * generator.normal(size=n), sign=v / np.hypot(v, 1e-2),
+        load=20 * generator.normal(size=n), coulomb=np.full(n, 5.0), current=generator.normal(size=n),
+        t=np.linspace(0, 10, n), state=generator.uniform(size=n), driver=generator.normal(size=n),
+    )  # fmt: skip
+    columns = [law(values, signals) for values in units(effect, held)]
+    for _ in range(10):
+        c = generator.normal(size=len(columns))
+        whole = law(Values(solved(effect, held, c)), signals)
+        np.testing.assert_allclose(whole, sum(k * x for k, x in zip(c, columns)), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE.keys())
+def test_spans_one_plane_of_one_size(effect: Effect) -> None:
+    """A phase or a shift belongs to one linear parameter; more than one spanned parameter has no closed form."""
+    spanned = [p for p in effect.parameters if p.span is not None and p.span.values]
+    assert len(spanned) <= 1
+    assert not spanned or len(effect.linear) == 1
+
+
+def test_first_moments_give_the_centre_of_a_payload() -> None:
+    effect = next(e for e in CATALOGUE.values() if any(p.span is Span.MOMENT for p in e.parameters))
+    assert solved(effect, {}, [2.0, 0.2, -0.4, 0.6]) == {"mass": 2.0, "x": 0.1, "y": -0.2, "z": 0.3}
+    assert solved(effect, {}, [0.0, 0.2, -0.4, 0.6]) == {"mass": 0.0, "x": 0.0, "y": 0.0, "z": 0.0}
