@@ -241,6 +241,11 @@ class Effect:
         return next((float(values[p.name]) for p in self.parameters if p.whole and p.name in values), 0.0)
 
     @property
+    def unit_amplitude(self) -> bool:
+        """Whether its columns are there as they are or not at all: nothing that it does is linear in a parameter."""
+        return self.spring is not None or (not self.linear and self.delay is None and self.change is None)
+
+    @property
     def wave(self) -> bool:
         """Whether it is a sine, with an amplitude and a phase."""
         return self.span is not None and self.span.span is Span.PHASE

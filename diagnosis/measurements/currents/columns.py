@@ -49,8 +49,7 @@ class Candidate:
     @property
     def by_shape(self) -> bool:
         """Whether the effect is told by its shape alone: nothing that it does is linear, and its coefficient is 1 where it is there."""
-        effect = self.definition
-        return effect.spring is not None or (not effect.linear and effect.delay is None and effect.change is None)
+        return self.definition.unit_amplitude
 
     def largest(self, k: int) -> float:
         """Largest typical magnitude of coefficient k: what is believed of one that the data does not show."""

@@ -41,8 +41,6 @@ PRESLIDING = (0.6, 1.6)
 """Friction that builds up gradually is the model's own: a coefficient outside says that it is not what is seen."""
 TURN = 2e-3
 """Of an axis's speed: the velocity over which friction turns round, at most."""
-ONE_SIDED = {"friction_asymmetry", "coulomb_friction", "viscous_friction", "current_offset", "gravity_spring"}
-"""Effects that are a difference between the directions, or that another effect of this kind makes up for in one of them."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +163,7 @@ def _select(sides: _Sides) -> list[Shape]:
             and share > MATTERS
             and _physical(shape, chosen, sides)
             and _holds(shape, chosen, sides)
-            and not (shape.effect == "cogging" and sides.one_run)
+            and not (CATALOGUE[shape.effect].wave and sides.one_run)
         ]
         if not able:
             break
@@ -215,19 +213,18 @@ def _physical(shape: Shape, chosen: Sequence[Shape], sides: _Sides) -> bool:
     """Friction at rest not below nothing; gradual friction the model's own; a share of friction between none and all of it."""
     c = float(_fitted([*chosen, shape], sides.fit, sides)[-1])
     level = sides.fit.arm.joints[0].ratio * max(sides.fit.arm.joints[0].coulomb)
-    match shape.effect:
-        case "stribeck_friction":
-            return c > -level
-        case "presliding_friction":
-            return PRESLIDING[0] < c < PRESLIDING[1]
-        case "friction_drift":
-            return 0.0 < c < 1.0
-    return True
+    effect = CATALOGUE[shape.effect]
+    if effect.unit_amplitude:
+        return PRESLIDING[0] < c < PRESLIDING[1]
+    if not effect.linear or effect.span is not None:
+        return True
+    parameter = effect.linear[-1]
+    return c > -level if parameter.unit == "N m" and not parameter.signed else effect.admits(parameter.name, c)
 
 
 def _holds(shape: Shape, chosen: Sequence[Shape], sides: _Sides) -> bool:
     """Whether what one direction shows of it predicts the other, on both."""
-    if shape.effect in ONE_SIDED:
+    if CATALOGUE[shape.effect].directional:
         return True
     for rows in (sides.fit, sides.held_out):
         before = rows.residual - sides.stacked(chosen, rows) @ _fitted(chosen, rows, sides)
@@ -251,7 +248,7 @@ def _sharpened(shape: Shape, others: Sequence[Shape], sides: _Sides) -> Shape:
             return float(np.sum(_residual_of(_with(now, name, float(np.exp(log_value))), others, sides) ** 2))
 
         reach = 2.0
-        if shape.effect == "cogging":  # half a wave in the travel: beyond, another one fits
+        if CATALOGUE[shape.effect].wave:  # half a wave in the travel: beyond, another one fits
             reach = 1.0 + np.pi / (value * sides.fit.arm.joints[0].ratio * float(np.ptp(sides.fit.q)))
         found = optimize.minimize_scalar(
             worse, bounds=(np.log(value / reach), np.log(value * reach)), method="bounded", options={"maxiter": 12}
@@ -277,7 +274,7 @@ def _wave(chosen: Sequence[Shape], sides: _Sides) -> StandingWave | None:
     for shape in waves(_left(chosen, sides.fit, sides.fit, sides), sides.fit, 1):
         gains, share = _gains(shape, chosen, sides)
         if p_value(gains) < SIGNIFICANT and share > MATTERS and _holds(shape, chosen, sides):
-            drive, number = sides.whole.arm.joints[0], dict(shape.values)["pole_pairs"]
+            drive, number = sides.whole.arm.joints[0], shape.values[0][1]
             sine, cosine = _fitted([*chosen, shape], sides.whole, sides)[-2:]
             return StandingWave(2 * np.pi / number / drive.ratio, float(np.hypot(sine, cosine)), share)
     return None
@@ -323,20 +320,18 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: _Sides) -> list[Estima
     unit_of = {p.name: unit_at(rows.arm.joints[0], p.unit, p.name) for p in effect.parameters}
     if effect.delay is not None:
         return [Estimate("delay", float(own[0]) * DELAY, float(std[at]) * DELAY, "s")]
-    if shape.effect == "gravity_spring":
-        stiffness = float(own.sum())
+    if effect.span is not None and effect.span.span is not None:
+        name, spanned = effect.linear[0].name, effect.span.name
+        size, value = effect.span.span.solve(float(own[0]), float(own[1]))
+        if not effect.wave:
+            return [
+                Estimate(name, size, float(np.hypot(std[at], std[at + 1])), unit_of[name]),
+                Estimate(spanned, value, float(std[at + 1]) / abs(size), unit_of[spanned]),
+            ]
         return [
-            Estimate("stiffness", stiffness, float(np.hypot(std[at], std[at + 1])), unit_of["stiffness"]),
-            Estimate(
-                "rest_angle", float(own[1]) / stiffness, float(std[at + 1]) / abs(stiffness), unit_of["rest_angle"]
-            ),
-        ]
-    if shape.effect == "cogging":
-        amplitude, phase = float(np.hypot(own[0], own[1])), float(np.arctan2(own[1], own[0]))
-        return [
-            Estimate("amplitude", amplitude, float(np.max(std[at : at + 2])), unit_of["amplitude"]),
-            Estimate("pole_pairs", shape.values[0][1], float(std[-1]), "1"),
-            Estimate("phase", phase, float(np.max(std[at : at + 2])) / max(amplitude, 1e-12), "rad"),
+            Estimate(name, size, float(np.max(std[at : at + 2])), unit_of[name]),
+            Estimate(shape.values[0][0], shape.values[0][1], float(std[-1]), "1"),
+            Estimate(spanned, value, float(np.max(std[at : at + 2])) / max(size, 1e-12), unit_of[spanned]),
         ]
     names = [p.name for p in effect.linear]
     found = [

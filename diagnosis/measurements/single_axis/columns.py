@@ -7,6 +7,7 @@ rate, through the same filter as its current. Nothing is taken to first order in
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.effects import CATALOGUE, Signals, Values, described
+from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Scale, Signals, Values, described, units
 from arm_model.system.dynamics import inverse_dynamics
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import integrated, low_pass, motion_of
@@ -29,14 +30,8 @@ PLACES, SPEEDS = 8, 15
 """Parts of the travel and of the range of speed that are an observation each."""
 DELAY = 1e-3
 """s: the delay of a unit coefficient."""
-SHARES = tuple(float(share) for share in np.geomspace(0.005, 0.4, 10))
-"""Of the axis's speed: Stribeck velocities that are tried."""
-YIELDS = tuple(float(share) for share in np.geomspace(1e-5, 1e-2, 10))
-"""Of the axis's travel: distances within which friction builds up that are tried."""
 FEWEST_WAVES = 8
 """Of one length, in the travel: fewer are a bend."""
-SIMPLE = ("viscous_friction", "coulomb_friction", "friction_asymmetry", "rotor_inertia", "current_offset", "current_gain",
-          "current_nonlinearity", "gravity_spring", "friction_drift", "time_skew")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -127,19 +122,28 @@ def fine(arm: Arm, rows: Rows) -> bool:
 
 
 def shapes(rows: Rows) -> Iterator[Shape]:
-    """Every candidate with each value of its nonlinear parameters."""
-    speed = max(float(np.max(np.abs(s.v))) for s, _ in rows.parts)
-    travel = float(np.ptp(rows.q))
-    for name in SIMPLE:
-        if name == "friction_drift":
-            yield from (Shape(name, (("time_constant", T),)) for T in (3.0, 10.0, 30.0, 100.0))
-        else:
-            yield Shape(name)
-    yield from (Shape("stribeck_friction", (("stribeck_velocity", share * speed),)) for share in SHARES)
-    level = rows.arm.joints[0].ratio * max(rows.arm.joints[0].coulomb)
-    if level > 0:
-        for share in YIELDS:
-            yield Shape("presliding_friction", (("stiffness", level / (share * travel)), ("damping", 0.0)))
+    """Every candidate but waves, at every combination of the first values of its searched parameters."""
+    for effect in CATALOGUE.values():
+        if Instrument.SINGLE_AXIS in effect.observed_by and not effect.wave:
+            searched = [p for p in effect.parameters if p.search]
+            for values in itertools.product(*(_tried(p, rows) for p in searched)):
+                yield Shape(effect.name, tuple((p.name, value) for p, value in zip(searched, values)))
+
+
+def _tried(parameter: Parameter, rows: Rows) -> tuple[float, ...]:
+    """First values of a parameter; those that scale with the axis at its own speed, travel and friction."""
+    match parameter.scale:
+        case None:
+            return parameter.search
+        case Scale.SPEED:
+            largest = max(float(np.max(np.abs(s.v))) for s, _ in rows.parts)
+            return tuple(share * largest for share in parameter.shares)
+        case Scale.YIELD:
+            friction = rows.arm.joints[0].ratio * max(rows.arm.joints[0].coulomb)
+            stiffness = [
+                friction / float(np.ptp(rows.q)) * (1.0 / x if parameter.inverse else x) for x in parameter.shares
+            ]
+            return tuple(stiffness) if friction > 0.0 else ()
 
 
 def waves(rest: Array, rows: Rows, count: int = 3) -> list[Shape]:
@@ -154,7 +158,14 @@ def waves(rest: Array, rows: Rows, count: int = 3) -> list[Shape]:
     power = np.array([abs(np.sum(rest * np.exp(-2j * np.pi * n * place))) ** 2 for n in cycles])
     peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
     turn = 2 * np.pi * cycles[peaks[np.argsort(-power[peaks])][:count]] / travel / rows.arm.joints[0].ratio
-    return [Shape("cogging", (("pole_pairs", float(n)),)) for n in turn]
+    return [
+        Shape(effect.name, ((p.name, float(n)),))
+        for effect in CATALOGUE.values()
+        if Instrument.SINGLE_AXIS in effect.observed_by and effect.wave
+        for p in effect.parameters
+        if p.whole
+        for n in turn
+    ]
 
 
 def columns(shape: Shape, rows: Rows) -> Array:
@@ -165,29 +176,34 @@ def columns(shape: Shape, rows: Rows) -> Array:
         if effect.delay is not None:
             full = [-np.gradient(s.current, 1.0 / rate) * DELAY]
         else:
-            full = [_full(shape, unit, s, rate, rows.arm) for unit in units(shape)]
+            full = [_full(shape, unit, s, rate, rows.arm) for unit in _units(shape)]
         made.append(np.column_stack([low_pass(one, _bands(rate)[1], rate)[_kept(rate)] for one in full]))
     return np.concatenate(made)
 
 
-def units(shape: Shape) -> list[Values]:
-    """Parameter values of each coefficient's column: each linear parameter at 1; a rest angle at 0 and 1; a wave as sine and cosine."""
+def _units(shape: Shape) -> list[Values]:
+    """Parameter values of each coefficient's column."""
     effect = CATALOGUE[shape.effect]
-    nothing = {p.name: 0.0 for p in effect.parameters} | dict(shape.values)
-    if shape.effect == "gravity_spring":
-        return [Values(nothing | {"stiffness": 1.0, "rest_angle": angle}) for angle in (0.0, 1.0)]
-    if "phase" in nothing:
-        return [Values(nothing | {effect.linear[0].name: 1.0, "phase": phase}) for phase in (0.0, np.pi / 2)]
-    return [Values(nothing | {p.name: 1.0}) for p in effect.linear] or [Values(nothing)]
+    return units(effect, {p.name: 0.0 for p in effect.parameters} | dict(shape.values))
 
 
 def _full(shape: Shape, p: Values, s: Signals, rate: float, arm: Arm) -> Array:
     effect, constant = CATALOGUE[shape.effect], arm.joints[0].drive_constant
-    if effect.change is not None:  # rotor_inertia: the whole moving mass of one axis
-        return np.asarray(s.a / constant, float)
+    if effect.change is not None:
+        return _changed(effect, p, s, arm)
     if effect.current is not None:
         return np.asarray(effect.current(p, s), float)
     assert effect.torque is not None
     if effect.rate is not None:
         s = replace(s, state=integrated(effect, p, s, 1.0 / rate))
     return np.asarray(effect.torque(p, s), float) / constant
+
+
+def _changed(effect: Effect, p: Values, s: Signals, arm: Arm) -> Array:
+    """First-order change (k,) A of the expected current, by finite difference of the description."""
+    assert effect.change is not None
+    step = 1e-4
+    other = effect.change(arm, 1, Values({name: step * value for name, value in p.items()}))
+    motion = [x[:, None] for x in (s.q, s.v, s.a)]
+    before, after = (inverse_dynamics(one, *motion)[:, 0] / one.joints[0].drive_constant for one in (arm, other))
+    return np.asarray((after - before) / step, float)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, Instrument, Variable
 from diagnosis.measurements.link_encoders.causes import LinkSide
 from diagnosis.units import unit_at
 
@@ -14,8 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BEFORE, AFTER = "#c8501e", "#1f5fa8"
-AGAINST = {"joint_compliance": ("load", "load", "N m"), "time_skew": ("v", "velocity", "rad/s")}
-"""The variable that shows a cause best, its name and unit; the joint's angle otherwise."""
+AGAINST = {Variable.LOAD: ("load", "load", "N m"), Variable.VELOCITY: ("v", "velocity", "rad/s")}
+"""Field of the rows, name and unit of the variables that a difference is drawn against beside the joint's angle."""
 
 
 def link_overview(link: LinkSide, arm: Arm) -> tuple[Figure, str]:
@@ -42,8 +43,10 @@ def link_figure(link: LinkSide, arm: Arm, effect: str, joint: int) -> tuple[Figu
     from matplotlib.figure import Figure
 
     k, drive = int(np.flatnonzero(link.seen.joints == joint)[0]), arm.joints[joint - 1]
-    panels = [("q", "angle", "rad"), *([AGAINST[effect]] if effect in AGAINST else [])]
-    constant = link.seen.difference[:, k].mean() if effect == "joint_zero_offset" else 0.0
+    variable = CATALOGUE[effect].observed_by[Instrument.LINK_ENCODER].against
+    panels = [("q", "angle", "rad"), *([AGAINST[variable]] if variable in AGAINST else [])]
+    # an effect that changes the description is a constant between two encoders
+    constant = link.seen.difference[:, k].mean() if CATALOGUE[effect].change is not None else 0.0
     figure = Figure(figsize=(10.5, 3.2), layout="constrained")
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for axis, (field, name, unit) in zip(axes, panels):

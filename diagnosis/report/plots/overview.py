@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arm_model.effects import CATALOGUE, Instrument, Variable
 from diagnosis.cause import Cause, Signal
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import side_of
@@ -59,20 +60,10 @@ def overview(result: Diagnosis) -> tuple[Figure, str]:
     return figure, "held-out residuals of all joints before and after"
 
 
-VIEWS = {
-    "velocity": ("coulomb_friction", "viscous_friction", "friction_asymmetry", "stribeck_friction", "hydrodynamic_drag",
-                 "presliding_friction", "current_offset"),
-    "load torque": ("load_friction", "backlash", "joint_compliance"),
-    "current": ("torque_constant", "current_gain", "current_nonlinearity"),
-    "acceleration": ("rotor_inertia", "time_skew"),
-    "motor angle": ("gear_ripple", "cogging", "encoder_ripple"),
-}  # fmt: skip
-"""The variable that shows an effect best; position otherwise."""
-
-
 def view_of(effect: str) -> str:
-    """The variable against which an effect's residual is drawn."""
-    return next((name for name, effects in VIEWS.items() if effect in effects), "position")
+    """The variable against which an effect's residual current is drawn."""
+    seen = CATALOGUE[effect].observed_by.get(Instrument.CURRENT)
+    return Variable.POSITION if seen is None else seen.against
 
 
 def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:

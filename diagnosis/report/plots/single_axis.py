@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_model.description import Joint
+from arm_model.effects import CATALOGUE, Instrument, Variable
 from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.units import unit_at
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 BEFORE, AFTER, UP, DOWN = "#c8501e", "#1f5fa8", "#1f5fa8", "#c8501e"
 BINS = 24
 NEAR = 4.0
-"""Stribeck velocities that are drawn."""
+"""Times the velocity by which an effect has a width (Stribeck's): what is drawn."""
 
 
 def axis_figure(axis: AxisSide, effect: str, drive: Joint) -> tuple[Figure, str]:
@@ -24,15 +25,17 @@ def axis_figure(axis: AxisSide, effect: str, drive: Joint) -> tuple[Figure, str]
     from matplotlib.figure import Figure
 
     cause = next(one for one in axis.causes if one.effect == effect)
-    x, label = axis.seen.v, f"velocity, {unit_at(drive, 'rad/s')}"
-    shown = np.ones(len(x), bool)
-    if effect == "time_skew":
-        x, label = axis.seen.rate, f"change of the command, {drive.current_unit}/s"
-    elif effect in ("gravity_spring", "cogging"):
-        x, label = axis.seen.q, f"position, {unit_at(drive, 'rad')}"
-    elif effect == "stribeck_friction":
-        reach = NEAR * next(p.value for p in cause.parameters if p.name == "stribeck_velocity")
-        shown = np.abs(x) < reach
+    definition = CATALOGUE[effect]
+    match definition.observed_by[Instrument.SINGLE_AXIS].against:
+        case Variable.CURRENT_RATE:
+            x, label = axis.seen.rate, f"change of the command, {drive.current_unit}/s"
+        case Variable.POSITION:
+            x, label = axis.seen.q, f"position, {unit_at(drive, 'rad')}"
+        case _:
+            x, label = axis.seen.v, f"velocity, {unit_at(drive, 'rad/s')}"
+    widths = {p.name for p in definition.nonlinear if p.unit == "rad/s"}
+    reach = next((NEAR * p.value for p in cause.parameters if p.name in widths), np.inf)
+    shown = np.abs(x) < reach
     figure = Figure(figsize=(10.5, 3.2), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     for panel, values, colour, title in zip(
