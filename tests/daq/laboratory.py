@@ -6,7 +6,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -62,10 +62,16 @@ class Lab:
         return read_rig(self.rig_file, drivers=False)
 
     def start(self, *arguments: str, **environment: str) -> subprocess.Popen[str]:
+        return self.start_in(self.folder, (), *arguments, **environment)
+
+    def start_in(
+        self, folder: Path, before: Sequence[str], *arguments: str, **environment: str
+    ) -> subprocess.Popen[str]:
+        """armscope in another folder; ``before``: what runs it, as ``ip netns exec NAME``."""
         process = subprocess.Popen(
-            [sys.executable, "-m", "armscope", *arguments],
+            [*before, sys.executable, "-m", "armscope", *arguments],
             env=self.environment(**environment),
-            cwd=self.folder,
+            cwd=folder,
             text=True,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import threading
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from daq.rig.rig_file import Rig
 from daq.service import client
 from daq.service.commands.server import CommandServer
 from daq.service.zenoh_session import Keys, keys_of, open_session, read_passwords
+from tests.daq.certificates import make_certificates, write_passwords
 from tests.ports import free_endpoint
 
 KEYS = keys_of("Test rig 1")
@@ -37,20 +37,8 @@ def commands_thread_answers(commands: CommandServer) -> None:
 def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An authority and a certificate for 127.0.0.1, by openssl."""
     folder = tmp_path_factory.mktemp("tls")
-
-    def openssl(*arguments: str) -> None:
-        subprocess.run(["openssl", *arguments], cwd=folder, check=True, capture_output=True)
-
-    elliptic = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2")
-    openssl("req", "-x509", *elliptic, "-keyout", "ca.key", "-out", "ca.pem", "-subj", "/CN=Test authority")
-    (folder / "ext").write_text("subjectAltName=IP:127.0.0.1\nbasicConstraints=CA:FALSE\n")
-    openssl("req", *elliptic[:-2], "-keyout", "rig.key", "-out", "rig.csr", "-subj", "/CN=rig")
-    openssl("x509", "-req", "-in", "rig.csr", "-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial", "-days", "2",
-            "-extfile", "ext", "-out", "rig.pem")  # fmt: skip
-    (folder / "passwords").write_text("lab:secret\nguest:guest\n")
-    (folder / "passwords").chmod(0o600)
-    (folder / "wrong").write_text("lab:guess\n")
-    (folder / "wrong").chmod(0o600)
+    make_certificates(folder, "127.0.0.1")
+    write_passwords(folder / "wrong", "lab:guess\n")
     return folder
 
 

@@ -53,7 +53,7 @@ class RecordingsFolder:
         entries = []
         with os.scandir(self.path) as found:
             for entry in found:
-                if entry.name.endswith((SUFFIX, SUFFIX + ACTIVE)) and entry.is_file(follow_symlinks=False):
+                if _is_name(entry.name) and entry.is_file(follow_symlinks=False):
                     status = entry.stat(follow_symlinks=False)
                     entries.append({"name": entry.name, "bytes": status.st_size, "changed_ns": status.st_mtime_ns})
         return sorted(entries, key=lambda entry: (-int(entry["changed_ns"]), entry["name"]))
@@ -81,8 +81,7 @@ class RecordingsFolder:
             os.close(handle)
 
     def _open(self, name: str) -> tuple[int, os.stat_result]:
-        plain = Path(name).name == name and not name.startswith(".") and name.isprintable()
-        if not (plain and name.endswith((SUFFIX, SUFFIX + ACTIVE))):
+        if not _is_name(name):
             raise InputError("daemon", f"{name[:60]!r} is no plain name of a recording, like run{SUFFIX}")
         try:
             # No links: they could lead out of the folder. Not blocking: a FIFO would wait for its writer.
@@ -95,3 +94,9 @@ class RecordingsFolder:
             os.close(handle)
             raise InputError("daemon", f"{name[:60]}: is not a recording")
         return handle, status
+
+
+def _is_name(name: str) -> bool:
+    """Whether it is a plain name of a recording."""
+    plain = Path(name).name == name and not name.startswith(".") and name.isprintable()
+    return plain and name.endswith((SUFFIX, SUFFIX + ACTIVE))
