@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from armscope.api.identification import identify
     from armscope.api.reading import open_recording as open
     from armscope.api.reading import read_experiment, read_model, read_rig
+    from armscope.api.recording import Recorded, record
+    from armscope.api.simulation import Simulation, simulate
     from daq.recording import Recording
     from experiment import Experiment
     from identification.result import Identification
@@ -31,7 +33,9 @@ _HOMES = {
     "Experiment": "experiment:Experiment",
     "Identification": "identification.result:Identification",
     "InputError": "arm_io:InputError",
+    "Recorded": "armscope.api.recording:Recorded",
     "Recording": "daq.recording:Recording",
+    "Simulation": "armscope.api.simulation:Simulation",
     "calibrate": "armscope.api.calibration:calibrate",
     "diagnose": "armscope.api.diagnosis:diagnose",
     "effects": "arm_model.effects:CATALOGUE",
@@ -40,6 +44,8 @@ _HOMES = {
     "read_experiment": "armscope.api.reading:read_experiment",
     "read_model": "armscope.api.reading:read_model",
     "read_rig": "armscope.api.reading:read_rig",
+    "record": "armscope.api.recording:record",
+    "simulate": "armscope.api.simulation:simulate",
 }
 """Name -> module and name there."""
 
@@ -51,7 +57,9 @@ __all__ = [
     "Experiment",
     "Identification",
     "InputError",
+    "Recorded",
     "Recording",
+    "Simulation",
     "__version__",
     "calibrate",
     "diagnose",
@@ -61,6 +69,8 @@ __all__ = [
     "read_experiment",
     "read_model",
     "read_rig",
+    "record",
+    "simulate",
 ]
 
 

@@ -11,27 +11,26 @@ import numpy as np
 
 from arm_io import make_folder, write_text
 from arm_io.types import Array
+from arm_report import image, note, page, table, verdict
+from arm_report.palette import AFTER, BEFORE, GRID, PALE_AFTER
 from diagnosis.distortion.distortion import Distortion, sentence
 from diagnosis.units import unit_at
-from identification.report.html import STYLE
-from identification.report.plots import image
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 SCHEMA = "armscope.distortion/1"
-LINE, BAND, MODEL = "#1f5fa8", "#bcd2ea", "#c8501e"
 UNITS = {"position": "rad", "speed": "rad/s", "load torque": "N m", "time": "s", "temperature": "degC", "direction": ""}
 
 
 def write_distortion(out: FilePath, result: Distortion) -> dict[str, Any]:
     """Writes DIR/distortion.html and DIR/distortion.json; returns what the latter holds."""
     make_folder(out)
-    table = table_of(result)
+    content = table_of(result)
     write_text(out / "distortion.html", _page(result))
-    write_text(out / "distortion.json", json.dumps(table, indent=2) + "\n")
-    return table
+    write_text(out / "distortion.json", json.dumps(content, indent=2) + "\n")
+    return content
 
 
 def table_of(result: Distortion) -> dict[str, Any]:
@@ -78,12 +77,12 @@ def over_time(result: Distortion) -> tuple[Figure, str]:
     for axis, path in zip(axes, result.paths):
         finite = np.isfinite(path.std)
         low, high = path.value - 2 * path.std, path.value + 2 * path.std
-        axis.fill_between(path.t[finite], low[finite], high[finite], color=BAND, label="± 2 std")
-        axis.plot(path.t[finite], path.value[finite], color=LINE, lw=1.3, label=result.parameter)
-        axis.axhline(result.model, color=MODEL, ls="--", lw=1.0, label="model")
+        axis.fill_between(path.t[finite], low[finite], high[finite], color=PALE_AFTER, label="± 2 std")
+        axis.plot(path.t[finite], path.value[finite], color=AFTER, lw=1.3, label=result.parameter)
+        axis.axhline(result.model, color=BEFORE, ls="--", lw=1.0, label="model")
         axis.set_title(path.name, loc="left", fontsize="medium")
         axis.set_ylabel(result.unit)
-        axis.grid(color="#e6eaef")
+        axis.grid(color=GRID)
     axes[0].set_ylim(*_span(result))
     axes[0].legend(loc="upper right", ncols=3, fontsize="small")
     axes[-1].set_xlabel("time, s")
@@ -104,16 +103,16 @@ def against(result: Distortion) -> tuple[Figure, str]:
         value = np.concatenate([path.value[path.seen] for path in result.paths])
         std = np.concatenate([path.std[path.seen] for path in result.paths])
         shown = x + (0.15 * np.random.default_rng(0).uniform(-1, 1, len(x)) if name == "direction" else 0.0)
-        axis.plot(shown, value, ".", ms=2.5, color=BAND)
-        axis.errorbar(*_means(x, value, std), fmt="o-", ms=4, lw=1.2, color=LINE, capsize=2)
-        axis.axhline(result.model, color=MODEL, ls="--", lw=1.0)
+        axis.plot(shown, value, ".", ms=2.5, color=PALE_AFTER)
+        axis.errorbar(*_means(x, value, std), fmt="o-", ms=4, lw=1.2, color=AFTER, capsize=2)
+        axis.axhline(result.model, color=BEFORE, ls="--", lw=1.0)
         unit = f", {unit_at(result.drive, UNITS[name])}" if UNITS[name] else ""
         share = explained.get(name)
         axis.set_title(
             "" if share is None else f"explains {share.share:.0%} (p = {share.p:.2g})", loc="left", fontsize="medium"
         )
         axis.set_xlabel(f"{name}{unit}")
-        axis.grid(color="#e6eaef")
+        axis.grid(color=GRID)
     for axis in axes[len(names) :]:
         axis.set_axis_off()
     axes[0].set_ylabel(f"{result.parameter}, {result.unit}" if result.unit else result.parameter)
@@ -145,30 +144,17 @@ def _means(x: Array, value: Array, std: Array) -> tuple[Array, Array, Array]:
 
 
 def _page(result: Distortion) -> str:
-    rows = "".join(
-        f"<tr><td>{escape(one.against)}</td><td class=n>{one.share:.0%}</td><td class=n>{one.chance:.0%}</td><td class=n>{one.p:.2g}</td></tr>"
-        for one in result.shares
-    )
-    table = (
-        "<table><tr><th>varies with</th><th class=n>share of its variance</th><th class=n>by chance alone</th><th class=n>p</th></tr>"
-        f"{rows}</table>"
-        if rows
-        else ""
-    )
+    rows = [(escape(one.against), f"{one.share:.0%}", f"{one.chance:.0%}", f"{one.p:.2g}") for one in result.shares]
+    head = ("varies with", "share of its variance", "by chance alone", "p")
     body = [
-        f"<h1>{escape(result.parameter)}, allowed to vary</h1>",
-        f"<p class=verdict>{escape(sentence(result))}</p>",
-        "<p class=note>The smallest variation of this one parameter that makes the model match the measured currents (Butterfield &amp; Thomas,"
-        " 1986): a random walk, smoothed forwards and backwards. It names no cause; what it varies with hints at one.</p>",
+        verdict(sentence(result)),
+        note(
+            "The smallest variation of this one parameter that makes the model match the measured currents (Butterfield &amp;"
+            " Thomas, 1986): a random walk, smoothed forwards and backwards. It names no cause; what it varies with hints at one."
+        ),
         image(*over_time(result)),
         "<h2>What it varies with</h2>",
         image(*against(result)),
-        table,
+        table(rows, head, (1, 2, 3)) if rows else "",
     ]
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(result.parameter)}: distortion</title><style>{STYLE}</style></head><body>"
-        + "\n".join(body)
-        + "</body></html>\n"
-    )
+    return page(f"{result.parameter}, allowed to vary", body)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import arm_report
 from arm_model.effects import CATALOGUE
+from arm_report import image, note, page, verdict, warning
 from daq.recording import Recording
 from diagnosis.cause import Cause, Signal, in_words
 from diagnosis.diagnose import Diagnosis
@@ -15,22 +17,16 @@ from diagnosis.report.plots import overview as plots
 from diagnosis.report.plots.link_encoders import link_overview
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
 from diagnosis.report.plots.single_axis import wave_figure
-from diagnosis.report.tables import errors, left, rough, rows_of, summary, unseen
+from diagnosis.report.tables import errors, left, rough, summary, unseen
 from diagnosis.report.wording import doubted, sentence, small, title, value
-from identification.report.html import STYLE
-from identification.report.plots import image
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recording] = ()) -> str:
     """The whole page; ``table`` is what diagnosis.json holds; ``held_out``: for the temperatures that they may carry."""
     body = [
-        f"<h1>{escape(result.arm.name)}: what the simulation gets wrong</h1>",
-        f"<p class=note>{escape(_asked(result, table))}</p>",
-        f"<p class=verdict>{escape(sentence(result))}</p>",
-        *(f"<p class=warning>{escape(warning)}</p>" for warning in result.warnings),
+        note(escape(_asked(result, table))),
+        verdict(sentence(result)),
+        *map(warning, result.warnings),
         summary(result),
         f"<p>{_next(result, table)}</p>",
         *_overview(result),
@@ -42,21 +38,9 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
     body += ["<h2>The simulation before and after</h2>", *_simulated(result), errors(table, bool(result.causes))]
     if result.judged:
         body += ["<h2>Joint by joint</h2>", rough(result, table), *_joints(result, held_out)]
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(result.arm.name)}: diagnosis</title><style>{STYLE}{_STYLE}</style></head><body>"
-        + "\n".join(body)
-        + "</body></html>\n"
-    )
+    return page(f"{result.arm.name}: what the simulation gets wrong", body)
 
 
-_STYLE = """
-summary { cursor: pointer; margin: .5rem 0; color: #2f6fb0 } code { background: #f3f5f8; padding: .1rem .35rem }
-.wide { overflow-x: auto }
-@media (max-width: 40rem) { .wide img { max-width: none; width: 52rem } }
-@media print { details::details-content { content-visibility: visible } img, tr { break-inside: avoid } h2 { break-after: avoid } }
-"""
 _HOW = (
     "<p class=note>How to read this. From the measured motion the model tells which current every motor should draw; what the transducers show"
     " besides is the residual. It is given in units of the noise: within the grey band (twice the noise) the instruments alone explain it. Gaps: the"
@@ -101,10 +85,6 @@ def _next(result: Diagnosis, table: dict[str, Any]) -> str:
     return "; ".join(said) + "."
 
 
-def _picture(figure: Figure, alt: str) -> str:
-    return f"<div class=wide>{image(figure, alt)}</div>"
-
-
 def _counted(recordings: int) -> str:
     return f"{recordings} recording{'s' if recordings != 1 else ''}"
 
@@ -112,8 +92,8 @@ def _counted(recordings: int) -> str:
 def _overview(result: Diagnosis) -> list[str]:
     """How to read the pictures, and everything at a glance: the currents, or where no model expects any, the encoders."""
     if result.judged:
-        return [_HOW, _picture(*plots.overview(result))]
-    return [_HOW_ENCODERS, _picture(*link_overview(result.link, result.arm))] if result.link else []
+        return [_HOW, image(*plots.overview(result))]
+    return [_HOW_ENCODERS, image(*link_overview(result.link, result.arm))] if result.link else []
 
 
 def _simulated(result: Diagnosis) -> list[str]:
@@ -123,7 +103,7 @@ def _simulated(result: Diagnosis) -> list[str]:
     for side, words in (("held_out", "held out"), ("fit", "fitted")):
         pairs = result.compared.get(side) or []
         for number, (before, after) in enumerate(pairs[: MOST_PICTURES[side]]):
-            picture = _picture(*side_by_side(before, after, bool(result.causes), units))
+            picture = image(*side_by_side(before, after, bool(result.causes), units))
             opened = " open" if side == "held_out" and number == 0 else ""
             parts.append(f"<details{opened}><summary>{escape(before.name)} ({words})</summary>{picture}</details>")
     return parts
@@ -135,7 +115,7 @@ def _joints(result: Diagnosis, held_out: Sequence[Recording]) -> list[str]:
     }
     parts = []
     for joint in range(1, len(result.arm) + 1):
-        picture = _picture(*against_all(result, joint, held_out))
+        picture = image(*against_all(result, joint, held_out))
         opened = " open" if joint in concerned else ""
         parts.append(f"<details{opened}><summary>joint {joint}</summary>{picture}</details>")
     return parts
@@ -143,13 +123,13 @@ def _joints(result: Diagnosis, held_out: Sequence[Recording]) -> list[str]:
 
 def _left_pictures(result: Diagnosis) -> list[str]:
     if result.axis is not None and result.axis.wave is not None:
-        return [_picture(*wave_figure(result.axis, result.arm.joints[0]))]
+        return [image(*wave_figure(result.axis, result.arm.joints[0]))]
     drawn = (
         left_against(result, one.joint, one.against)
         for one in result.unexplained
         if one.joint and one.signal is Signal.CURRENT
     )
-    return [_picture(*one) for one in drawn if one is not None]
+    return [image(*one) for one in drawn if one is not None]
 
 
 def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
@@ -174,8 +154,8 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
     parts = [
         f"<p><code>{escape(equation)}</code></p>",
         f"<p>{escape(cause.evidence[:1].upper() + cause.evidence[1:])}.</p>",
-        _picture(*plots.cause_figure(result, cause)),
-        rows_of(rows, ("parameter", "value", "2 std", "unit", "what it is"), (1, 2)),
+        image(*plots.cause_figure(result, cause)),
+        arm_report.table(rows, ("parameter", "value", "2 std", "unit", "what it is"), (1, 2)),
         f"<p>Held-out error of {where}: {factor * cause.before:.3g} {unit} without it, {factor * cause.after:.3g} {unit} with it{less}. "
         f"Confidence {cause.confidence:.0%}{sure}.</p>",
     ]

@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
 
+import arm_report
 from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import side_of
 from diagnosis.measurements.currents.structure_share import FROM
 from diagnosis.report.plots.residuals import SURE
 from diagnosis.report.wording import estimate, gain, place, small, title
-
-
-def rows_of(cells: Iterable[Sequence[str]], head: Sequence[str], numbers: Sequence[int] = ()) -> str:
-    """A table; ``numbers``: columns that hold numbers, set flush right. Cells are HTML."""
-
-    def line(tag: str, row: Sequence[str]) -> str:
-        return "".join(f"<{tag}{' class=n' if k in numbers else ''}>{cell}</{tag}>" for k, cell in enumerate(row))
-
-    body = "".join(f"<tr>{line('td', row)}</tr>" for row in cells)
-    return f"<div class=wide><table><tr>{line('th', head)}</tr>{body}</table></div>"
 
 
 def summary(result: Diagnosis) -> str:
@@ -38,7 +29,7 @@ def summary(result: Diagnosis) -> str:
         rows.append((link, values, escape(gain(cause)).replace("-&gt;", "&rarr;"), f"{cause.confidence:.0%}"))
     head = ("cause", "parameters", "held-out error without &rarr; with it", "confidence")
     note = "<p class=note>Confidence: that it is there, it or what is named beside it.</p>"
-    return rows_of(rows, head, (2, 3)) + note
+    return arm_report.table(rows, head, (2, 3)) + note
 
 
 def errors(table: dict[str, Any], extended: bool) -> str:
@@ -53,7 +44,7 @@ def errors(table: dict[str, Any], extended: bool) -> str:
         told = [f"{factor * v:.3g}" for v in (values if extended else values[1:])]
         rows.append([s["signal"] if s["joint"] else "tracked points", str(s["joint"] or ""), *told, escape(unit)])
     head = ["signal", "joint", *(["before", "after"] if extended else ["error"]), "noise", "unit"]
-    return _what_is_compared(table) + rows_of(rows, head, range(1, len(head) - 1))
+    return _what_is_compared(table) + arm_report.table(rows, head, range(1, len(head) - 1))
 
 
 def _what_is_compared(table: dict[str, Any]) -> str:
@@ -101,7 +92,7 @@ def rough(result: Diagnosis, table: dict[str, Any]) -> str:
     note += ", without &rarr; with the causes" if result.causes else ""
     note += "; last, the share of its held-out variance that smooth functions of these, fitted to the other recordings, predict"
     head = ["recording", *(f"joint {j}" for j in joints)]
-    return f"<p class=note>{note}.</p>{rows_of(rows, head, range(1, len(head)))}"
+    return f"<p class=note>{note}.</p>{arm_report.table(rows, head, range(1, len(head)))}"
 
 
 def _change(told: Sequence[str], extended: bool) -> str:
@@ -128,7 +119,7 @@ def unseen(table: dict[str, Any]) -> str:
             told[1] = here[1]
         rows.append([told[0], ", ".join(several), escape(why), told[1] or "as above"])
         last = here
-    return "<p>These were neither found nor ruled out. Sizes are the largest that are typical.</p>" + rows_of(
+    return "<p>These were neither found nor ruled out. Sizes are the largest that are typical.</p>" + arm_report.table(
         rows, ("effect", "joint", "why not", "what would show it"), (1,)
     )
 
@@ -145,4 +136,4 @@ def left(table: dict[str, Any]) -> str:
         "<p class=note>No effect of the catalogue does this. <code>armscope diagnose --distort PARAMETER</code> lets one parameter vary until"
         " the model matches, and shows with what it varies.</p>"
     )
-    return rows_of(rows, ("signal", "against", "share of what is left there"), (2,)) + note
+    return arm_report.table(rows, ("signal", "against", "share of what is left there"), (2,)) + note

@@ -6,6 +6,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import arm_report
+from arm_report import image, note, page, table, warning
 from identification.report import plots
 
 if TYPE_CHECKING:
@@ -33,39 +35,28 @@ DEVIATIONS = (
     " <i>link2.mx</i> is mass times the x of the centre of mass, <i>link2.ixx</i> the inertia about the link frame's origin, <i>offset</i> a constant"
     " torque or half the difference of Coulomb friction between the directions. Grey: not identifiable from these runs."
 )
-STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #1d2733; max-width: 66rem; margin: 2rem auto; padding: 0 1.2rem; }
-h1 { font-size: 1.5rem; margin-bottom: .2rem } h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #d8dee6 }
-table { border-collapse: collapse; margin: .6rem 0 } th { text-align: left; font-weight: 600; color: #51606f }
-th, td { padding: .18rem .9rem .18rem 0; border-bottom: 1px solid #edf0f4; vertical-align: top }
-td.n, th.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums } tr.weak td { color: #8b97a5 }
-td.u { white-space: nowrap }
-.verdict, .refuted { font-size: 1.1rem; padding: .7rem 1rem; background: #eef4fb; border-left: 4px solid #2f6fb0 }
-.refuted { background: #fbeeee; border-left-color: #b03a2f }
-.warning { background: #fdf3e3; border-left: 4px solid #d08a1c; padding: .35rem 1rem; margin: .35rem 0 }
-img { max-width: 100% } small, .note { color: #6b7886 }
-"""
 
 
 def report(result: Identification) -> str:
     """The whole page."""
     body = [
-        f"<h1>{escape(result.arm.name)}: identification</h1>",
-        f"<p class=note>{escape(_what(result))}</p>",
-        f"<p class={'refuted' if _refuted(result) else 'verdict'}>{escape(verdict(result))}</p>",
-        *(f"<p class=warning>{escape(warning)}</p>" for warning in result.warnings),
+        note(escape(_what(result))),
+        arm_report.verdict(verdict(result), refuted=_refuted(result)),
+        *map(warning, result.warnings),
         "<h2>Error, joint by joint</h2>",
-        f"<p class=note>{ERRORS}</p>",
+        note(ERRORS),
         _errors(result),
         "<h2>Predicted and measured</h2>",
-        f"<p class=note>{GAPS}</p>",
-        *(plots.image(figure, alt) for figure, alt in plots.predictions(result)),
+        note(GAPS),
+        *(image(figure, alt) for figure, alt in plots.predictions(result)),
         "<h2>Recordings</h2>",
-        "<p class=note>Rows of each joint that count, and why others do not; how late the torque is against the motion; the largest torque as a"
-        " share of the drive's limit.</p>",
+        note(
+            "Rows of each joint that count, and why others do not; how late the torque is against the motion; the largest"
+            " torque as a share of the drive's limit."
+        ),
         _recordings(result),
         "<h2>Parameters</h2>",
-        f"<p class=note>{DEVIATIONS}</p>",
+        note(DEVIATIONS),
         _values(result.base, "base parameter"),
         ""
         if result.condition != result.condition
@@ -74,16 +65,10 @@ def report(result: Identification) -> str:
         _values(result.parameters, "parameter"),
         "</details>",
         "<h2>Spectra</h2>",
-        *(plots.image(figure, alt) for figure, alt in plots.spectra(result)),
-        *(f"<p class=note>{escape(note)}</p>" for note in result.notes),
+        *(image(figure, alt) for figure, alt in plots.spectra(result)),
+        *(note(escape(line)) for line in result.notes),
     ]
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(result.arm.name)}: identification</title><style>{STYLE}</style></head><body>"
-        + "\n".join(body)
-        + "</body></html>\n"
-    )
+    return page(f"{result.arm.name}: identification", body)
 
 
 def _what(result: Identification) -> str:
@@ -122,56 +107,44 @@ def verdict(result: Identification) -> str:
 
 def _errors(result: Identification) -> str:
     rows = []
-    told = any(p.doubt is not None for p in result.predictions)
+    explained = any(p.doubt is not None for p in result.predictions)
     for j in range(len(result.arm)):
         unit = result.torque_unit(j)
-        moving = _size(result.rms(True, j, sure=True), unit)
-        rows.append(
-            f"<tr><td>{j + 1}</td>"
-            + "".join(
-                f"<td class=n>{_size(result.rms(held, j), unit)}</td><td class=n>{_percent(result.relative_error(held, j))}</td>"
-                for held in (False, True)
-            )
-            + (f"<td class=n>{moving}</td><td class=n>{_size(result.allowed(j), unit)}</td>" if told else "")
-            + "</tr>"
-        )
-    total = "".join(f"<td></td><td class=n>{_percent(result.relative_error(held))}</td>" for held in (False, True))
-    for name, (fit, held) in result.compared.items():
-        rows.append(
-            f"<tr><td>{escape(name)}</td><td></td><td class=n>{fit:.2%}</td><td></td><td class=n>{_percent(held)}</td></tr>"
-        )
-    heads = [
-        "fitted, rms",
-        "relative",
-        "held out, rms",
-        "relative",
-        *(["while it moves", "accounted for"] if told else []),
-    ]
-    return (
-        f"<table><tr><th>joint</th>{''.join(f'<th class=n>{head}</th>' for head in heads)}</tr>"
-        f"{''.join(rows[: len(result.arm)])}<tr><td>all</td>{total}</tr>{''.join(rows[len(result.arm) :])}</table>"
-    )
+        row = [str(j + 1)]
+        for held in (False, True):
+            row += [_size(result.rms(held, j), unit), _percent(result.relative_error(held, j))]
+        if explained:
+            row += [_size(result.rms(True, j, sure=True), unit), _size(result.allowed(j), unit)]
+        rows.append(row)
+    total = {"all": (result.relative_error(False), result.relative_error(True))}
+    empty = [""] * (2 * explained)
+    for name, (fit, held_out) in (total | result.compared).items():
+        rows.append([escape(name), "", _percent(fit), "", _percent(held_out), *empty])
+    head = ["joint", "fitted, rms", "relative", "held out, rms", "relative"]
+    head += ["while it moves", "accounted for"] if explained else []
+    return table(rows, head, range(1, len(head)))
 
 
 def _recordings(result: Identification) -> str:
-    rows = []
+    rows: list[list[str]] = []
     for run in result.runs:
-        rows.append(
-            f"<tr><td colspan=7><b>{escape(run.run)}</b>, {run.rows} rows of {run.period * 1e3:.4g} ms</td></tr>"
-        )
+        rows.append([f"<b>{escape(run.run)}</b>, {run.rows} rows of {run.period * 1e3:.4g} ms"])
         for joint in run.joints:
             unit = "rad" if result.arm.joints[joint.joint - 1].revolute else "m"
             left_out = ", ".join(f"{reason} {count / run.rows:.0%}" for reason, count in joint.left_out.items())
-            lag = "" if joint.lag is None else f"{joint.lag * 1e3:.1f} ms"
-            numbers = (f"{joint.travel:.3g} {unit}", f"{joint.top_speed:.3g} {unit}/s", f"{joint.used / run.rows:.0%}")
-            cells = "".join(f"<td class=n>{text}</td>" for text in numbers)
             rows.append(
-                f"<tr><td>joint {joint.joint}</td>{cells}<td>{escape(left_out)}</td><td class=n>{lag}</td>"
-                f"<td class=n>{'' if joint.torque is None else f'{joint.torque:.0%}'}</td></tr>"
+                [
+                    f"joint {joint.joint}",
+                    f"{joint.travel:.3g} {unit}",
+                    f"{joint.top_speed:.3g} {unit}/s",
+                    f"{joint.used / run.rows:.0%}",
+                    escape(left_out),
+                    "" if joint.lag is None else f"{joint.lag * 1e3:.1f} ms",
+                    "" if joint.torque is None else f"{joint.torque:.0%}",
+                ]
             )
-    return (
-        "<table><tr><th></th><th class=n>travel</th><th class=n>top speed</th><th class=n>rows</th><th>left out</th>"
-        f"<th class=n>torque late by</th><th class=n>of the limit</th></tr>{''.join(rows)}</table>"
+    return table(
+        rows, ("", "travel", "top speed", "rows", "left out", "torque late by", "of the limit"), (1, 2, 3, 5, 6)
     )
 
 
@@ -186,14 +159,16 @@ def _size(value: float, unit: str) -> str:
 def _values(values: list[Value], what: str) -> str:
     rows = []
     for value in values:
-        spread = "" if value.std is None else f"± {2 * value.std:.2g}"
-        beside = (value.std_bootstrap, value.std_formula)
-        cells = "".join(f"<td class=n>{'' if std is None or std != std else f'{2 * std:.2g}'}</td>" for std in beside)
+        spreads = [value.std_bootstrap, value.std_formula]
         rows.append(
-            f"<tr{'' if value.identifiable else ' class=weak'}><td>{escape(value.name)}</td><td class=n>{value.value:.5g}</td>"
-            f"<td class=n>{spread}</td>{cells}<td class=u>{escape(value.unit)}</td><td><small>{escape(value.why)}</small></td></tr>"
+            [
+                escape(value.name),
+                f"{value.value:.5g}",
+                "" if value.std is None else f"± {2 * value.std:.2g}",
+                *("" if std is None or std != std else f"{2 * std:.2g}" for std in spreads),
+                f"<span class=u>{escape(value.unit)}</span>",
+                f"<small>{escape(value.why)}</small>",
+            ]
         )
-    return (
-        f"<table><tr><th>{what}</th><th class=n>value</th><th class=n>± 2 std</th><th class=n>bootstrap</th><th class=n>formula</th>"
-        "<th>unit</th><th></th></tr>" + "".join(rows) + "</table>"
-    )
+    head = (what, "value", "± 2 std", "bootstrap", "formula", "unit", "")
+    return table(rows, head, range(1, 5), [k for k, value in enumerate(values) if not value.identifiable])

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Iterator
-from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,21 +10,12 @@ from scipy import signal
 from scipy.interpolate import make_interp_spline
 
 from arm_io.types import Array
+from arm_report.palette import AFTER, AXIS, BEFORE, GRID, MEASURED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from identification.result import Identification, Prediction
-
-
-MEASURED, PREDICTED, RESIDUAL = "#8fa1b3", "#1f5fa8", "#c8501e"
-
-
-def image(figure: Figure, alt: str) -> str:
-    """The figure as an <img> that carries its own data."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=100)
-    return f'<img alt="{escape(alt)}" src="data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}">'
 
 
 def predictions(result: Identification) -> Iterator[tuple[Figure, str]]:
@@ -44,14 +32,14 @@ def predictions(result: Identification) -> Iterator[tuple[Figure, str]]:
                 run.t[mine], run.measured[mine], run.predicted[mine], run.residual[mine]
             )
             axis.plot(t, measured, color=MEASURED, lw=1.8, label="measured")
-            axis.plot(t, predicted, color=PREDICTED, lw=0.7, label="predicted")
-            beside.plot(t, residual, color=RESIDUAL, lw=0.7)
+            axis.plot(t, predicted, color=AFTER, lw=0.7, label="predicted")
+            beside.plot(t, residual, color=BEFORE, lw=0.7)
             rms = float(np.sqrt(np.mean(run.residual[mine] ** 2)))
-            beside.set_title(f"rms {rms:.3g}", loc="right", fontsize="small", color=RESIDUAL, pad=2)
+            beside.set_title(f"rms {rms:.3g}", loc="right", fontsize="small", color=BEFORE, pad=2)
             axis.set_ylabel(f"joint {j + 1}, {'N m' if result.arm.joints[j].revolute else 'N'}")
             for each in (axis, beside):
-                each.axhline(0.0, color="#9aa7b5", lw=0.6)
-                each.grid(color="#e6eaef")
+                each.axhline(0.0, color=AXIS, lw=0.6)
+                each.grid(color=GRID)
         kind = "held out" if run.held_out else "fitted"
         axes[0, 0].set_title(f"{run.run} ({kind})", loc="left")
         axes[0, 0].legend(loc="upper right", ncols=2, frameon=True, fontsize="small")
@@ -91,7 +79,7 @@ def spectra(result: Identification) -> Iterator[tuple[Figure, str]]:
         right.set_ylim(bottom=max(low * 1e-3, 1e-300))
         right.legend(fontsize="small")
     for axis in (left, right):
-        axis.grid(color="#e6eaef")
+        axis.grid(color=GRID)
     yield figure, "spectra of torque, residual and acceleration"
 
 

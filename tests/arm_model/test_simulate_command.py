@@ -79,7 +79,7 @@ def test_emps_is_simulated_as_published(root: Path, shared: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ([], "simulate: wants either --experiment or --like"),
+        ([], "simulate: needs either --experiment or --like"),
         (["--experiment", "{move}", "--target", "1,2"], "--target: '1,2' is not x,y,z"),
         (["--like", "{absent}"], "absent.mcap"),
     ],

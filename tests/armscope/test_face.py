@@ -11,7 +11,17 @@ import pytest
 import armscope
 from armscope import InputError
 
-FUNCTIONS = ("open", "read_model", "read_rig", "read_experiment", "identify", "diagnose", "calibrate")
+FUNCTIONS = (
+    "open",
+    "read_model",
+    "read_rig",
+    "read_experiment",
+    "record",
+    "simulate",
+    "identify",
+    "diagnose",
+    "calibrate",
+)
 
 
 def test_nothing_heavy_is_imported_before_it_is_used() -> None:

@@ -8,14 +8,25 @@ from pathlib import Path
 import pytest
 
 MAY_IMPORT = {
-    "armscope": {"diagnosis", "identification", "daq", "sim_backend", "arm_model", "drivers", "experiment", "arm_io"},
-    "diagnosis": {"identification", "arm_model", "daq", "experiment", "arm_io"},
-    "identification": {"arm_model", "daq", "experiment", "arm_io"},
+    "armscope": {
+        "diagnosis",
+        "identification",
+        "daq",
+        "sim_backend",
+        "arm_model",
+        "drivers",
+        "experiment",
+        "arm_io",
+        "arm_report",
+    },
+    "diagnosis": {"identification", "arm_model", "daq", "experiment", "arm_report", "arm_io"},
+    "identification": {"arm_model", "daq", "experiment", "arm_report", "arm_io"},
     "sim_backend": {"drivers", "arm_model", "experiment", "arm_io"},
     "daq": {"drivers", "experiment", "arm_io"},
     "drivers": {"experiment", "arm_io"},
     "arm_model": {"experiment", "arm_io"},
     "experiment": {"arm_io"},
+    "arm_report": {"arm_io"},
     "arm_io": set(),
 }
 # Of daq, identification and diagnosis take recordings, and nothing else.

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
+from arm_report.palette import AFTER, BEFORE, GRID, SHADE
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.resonance import BAND
 
@@ -26,15 +27,15 @@ def loop_figure(pairs: Sequence[tuple[Compared, Compared]], joint: int, unit: st
 
     figure = Figure(figsize=(10.5, 3.4), layout="constrained")
     axis = figure.subplots()
-    for several, colour, label in zip(zip(*pairs), ("#c8501e", "#1f5fa8"), ("without any cause", "with all causes")):
+    for several, colour, label in zip(zip(*pairs), (BEFORE, AFTER), ("without any cause", "with all causes")):
         frequency, density = _spectrum(several, joint)
         axis.semilogy(frequency, density, color=colour, lw=1.2, label=label)
-    axis.axvspan(*BAND, color="#f3f6f9", lw=0.0)
+    axis.axvspan(*BAND, color=SHADE, lw=0.0)
     axis.set_xlim(0.0, 1.2 * BAND[1])
     axis.set_xlabel("frequency, Hz (shaded: what is judged)")
     axis.set_ylabel(f"what the closed loop of joint {joint}\ndoes not follow, {unit}/sqrt(Hz)")
     axis.legend(fontsize="small")
-    axis.grid(color="#e6eaef", which="both")
+    axis.grid(color=GRID, which="both")
     return figure, f"spectrum of the current error of joint {joint} in closed loop, without and with the causes"
 
 

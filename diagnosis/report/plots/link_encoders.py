@@ -8,13 +8,13 @@ import numpy as np
 
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, Instrument, Variable
+from arm_report.palette import AFTER, BEFORE, GRID
 from diagnosis.measurements.link_encoders.causes import LinkSide
 from diagnosis.units import unit_at
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-BEFORE, AFTER = "#c8501e", "#1f5fa8"
 AGAINST = {Variable.LOAD: ("load", "load", "N m"), Variable.VELOCITY: ("v", "velocity", "rad/s")}
 """Field of the rows, name and unit of the variables that a difference is drawn against beside the joint's angle."""
 
@@ -31,7 +31,7 @@ def link_overview(link: LinkSide, arm: Arm) -> tuple[Figure, str]:
         for values, colour, when in ((link.without, BEFORE, "before"), (link.left, AFTER, "after all causes")):
             axis.plot(t, values[:, k] * 1e3, color=colour, lw=0.8, label=when)
         axis.set_ylabel(f"joint {joint}, m{unit_at(arm.joints[joint - 1], 'rad')}")
-        axis.grid(color="#e6eaef")
+        axis.grid(color=GRID)
     axes[0].legend(loc="upper right", ncols=2, fontsize="small")
     axes[-1].set_xlabel("held-out recordings, s")
     figure.suptitle("motor less link encoder", x=0.01, ha="left", fontsize="medium")
@@ -57,7 +57,7 @@ def link_figure(link: LinkSide, arm: Arm, effect: str, joint: int) -> tuple[Figu
         ):
             axis.plot(x, values[:, k] * 1e3, ".", ms=1.6, color=colour, label=when)
         axis.set_xlabel(f"{name} of joint {joint}, {unit_at(drive, unit)}")
-        axis.grid(color="#e6eaef")
+        axis.grid(color=GRID)
     axes[0].set_ylabel(f"motor less link encoder\nof joint {joint}, m{unit_at(drive, 'rad')}")
     axes[0].legend(loc="best", fontsize="small", markerscale=5)
     return figure, f"motor less link encoder of joint {joint} against {panels[-1][1]}"

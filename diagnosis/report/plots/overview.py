@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_model.effects import CATALOGUE, Instrument, Variable
+from arm_report.palette import AFTER, BEFORE, EDGE, GRID, NOISE
 from diagnosis.cause import Cause, Signal
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import side_of
@@ -20,9 +21,6 @@ from diagnosis.residual.run import ROWS_PER_SECOND
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-BEFORE, AFTER, NOISE = "#c8501e", "#1f5fa8", "#e3e8ee"
 
 
 def overview(result: Diagnosis) -> tuple[Figure, str]:
@@ -46,14 +44,14 @@ def overview(result: Diagnosis) -> tuple[Figure, str]:
         top = max(4.0, float(np.quantile(np.abs(side.y[side.of(j)][shown]), 0.99)) * 1.2) if shown.any() else 4.0
         axis.set_ylim(-top, top)
         axis.set_ylabel(f"joint {j}")
-        axis.grid(color="#e6eaef")
+        axis.grid(color=GRID)
     edges = np.cumsum([len(run.t) for run in result.held_out]) / ROWS_PER_SECOND
     for run, edge in zip(result.held_out, edges):
         axes[0].text(
             edge - len(run.t) / ROWS_PER_SECOND, axes[0].get_ylim()[1], run.name, fontsize="small", va="bottom"
         )
         for axis in axes:
-            axis.axvline(edge, color="#b8c2cc", lw=0.8)
+            axis.axvline(edge, color=EDGE, lw=0.8)
     axes[0].legend(loc="upper right", ncols=3, fontsize="small")
     axes[-1].set_xlabel("held-out recordings one after the other, s")
     figure.suptitle("measured less expected current, times the noise", x=0.01, y=0.995, ha="left", fontsize="medium")
@@ -101,7 +99,7 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
         axis.plot(x[certain], factor * values, ".", ms=1.6, color=colour)
         axis.set_title(title, loc="left", fontsize="medium")
         axis.set_xlabel(f"{name} of joint {joint}, {unit_of(result, joint, name)}")
-        axis.grid(color="#e6eaef")
+        axis.grid(color=GRID)
     axes[0].set_ylabel(f"measured less expected\ncurrent of joint {joint}, {unit}")
     axes[1].legend(loc="upper right", fontsize="small")
     return figure, f"residual current of joint {joint} against {name}"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
+from arm_report.palette import AFTER, BEFORE, GRID, MEASURED, NOISE, PALE_AFTER, PALE_BEFORE
 from daq.recording import Recording
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.diagnose import Diagnosis
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-MEASURED, BEFORE, AFTER, PALE, NOISE = "#8fa1b3", "#c8501e", "#1f5fa8", ("#f0cdbd", "#bcd2ea"), "#e3e8ee"
 SHOWN = ("time", "position", "motor angle", "velocity", "load torque")
 UNITS = {
     "time": "s", "position": "rad", "motor angle": "rad", "velocity": "rad/s", "acceleration": "rad/s2", "load torque": "N m",
@@ -55,11 +55,14 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
     axes = figure.subplots(rows, 3, squeeze=False, sharey=True).ravel()
     for axis, (name, x) in zip(axes, panels):
         axis.axhspan(-2.0, 2.0, color=NOISE, lw=0.0)
-        clouds = [(before, PALE[0], BEFORE, "before"), (after, PALE[1], AFTER, "after")]
-        for values, pale, colour, label in clouds if result.causes else [(after, PALE[1], AFTER, "mean in bins")]:
+        clouds = [
+            (before, PALE_BEFORE, BEFORE, "before"),
+            (after, PALE_AFTER, AFTER, "after"),
+        ]
+        for values, pale, colour, label in clouds if result.causes else [(after, PALE_AFTER, AFTER, "mean in bins")]:
             _cloud(axis, x[sure], values[sure], pale, colour, label)
         axis.set_xlabel(_with_unit(result, joint, name))
-        axis.grid(color="#e6eaef")
+        axis.grid(color=GRID)
         axis.locator_params(nbins=5)
     for axis in axes[len(panels) :]:
         axis.set_axis_off()
@@ -83,11 +86,11 @@ def left_against(result: Diagnosis, joint: int, name: str) -> tuple[Figure, str]
     figure = Figure(figsize=(10.5, 3.2), layout="constrained")
     axis = figure.subplots()
     axis.axhspan(-2.0, 2.0, color=NOISE, lw=0.0, label="noise")
-    _cloud(axis, found[name][sure], after[sure], PALE[1], AFTER, "mean in bins")
+    _cloud(axis, found[name][sure], after[sure], PALE_AFTER, AFTER, "mean in bins")
     _limit(axis, after[sure])
     axis.set_xlabel(_with_unit(result, joint, name))
     axis.set_ylabel(f"left of joint {joint}, times the noise")
-    axis.grid(color="#e6eaef")
+    axis.grid(color=GRID)
     axis.legend(loc="upper right", fontsize="small")
     return figure, f"what is left of joint {joint} against {name}"
 
@@ -171,7 +174,7 @@ def side_by_side(before: Compared, after: Compared, extended: bool, units: Seque
             right.plot(t, 1e3 * error[:, j], color=colour, lw=0.8)
         left.set_ylabel(f"joint {j + 1}")
         for axis in (left, right):
-            axis.grid(color="#e6eaef")
+            axis.grid(color=GRID)
             axis.locator_params(nbins=5)
     band = f"below {COMPARE_BAND:g} Hz"
     axes[0, 0].set_title(f"motor current {band}, {' or '.join(units)}", loc="left", fontsize="medium")

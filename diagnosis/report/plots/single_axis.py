@@ -8,13 +8,14 @@ import numpy as np
 
 from arm_model.description import Joint
 from arm_model.effects import CATALOGUE, Instrument, Variable
+from arm_report.palette import AFTER, BEFORE, GRID
 from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.units import unit_at
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-BEFORE, AFTER, UP, DOWN = "#c8501e", "#1f5fa8", "#1f5fa8", "#c8501e"
+UP, DOWN = AFTER, BEFORE
 BINS = 24
 NEAR = 4.0
 """Times the velocity by which an effect has a width (Stribeck's): what is drawn."""
@@ -44,7 +45,7 @@ def axis_figure(axis: AxisSide, effect: str, drive: Joint) -> tuple[Figure, str]
         panel.plot(x[shown], values[shown], ".", ms=2.0, color=colour)
         panel.set_title(title, loc="left", fontsize="medium")
         panel.set_xlabel(label)
-        panel.grid(color="#e6eaef")
+        panel.grid(color=GRID)
     top = 1.1 * float(np.quantile(np.abs(cause.without[shown]), 0.995))
     panels[0].set_ylim(-top, top)
     panels[0].set_ylabel(f"measured less expected\nbelow 60 Hz, {drive.current_unit}")
@@ -71,6 +72,6 @@ def wave_figure(axis: AxisSide, drive: Joint) -> tuple[Figure, str]:
     panel.set_ylim(-top, top)
     panel.set_xlabel(f"place within {length:.4g} {unit}, {unit}")
     panel.set_ylabel(f"left by all causes,\n{drive.current_unit}")
-    panel.grid(color="#e6eaef")
+    panel.grid(color=GRID)
     panel.legend(loc="upper right", fontsize="small")
     return figure, f"what is left, laid over {length:.4g} {unit}"

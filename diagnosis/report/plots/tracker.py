@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arm_report.palette import AFTER, BEFORE, GRID, MEASURED
 from diagnosis.measurements.tracker.causes import Tracked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-BEFORE, AFTER, NOISE = "#c8501e", "#1f5fa8", "#8fa1b3"
 
 
 def tracker_figure(tracked: Tracked) -> tuple[Figure, str]:
@@ -24,10 +23,10 @@ def tracker_figure(tracked: Tracked) -> tuple[Figure, str]:
         row = np.arange(len(before))
         for distance, colour, label in ((before, BEFORE, "before"), (after, AFTER, "after all causes")):
             axis.semilogy(row, 1e3 * np.maximum(distance, 1e-7), ".", ms=1.6, color=colour, label=label)
-        axis.axhline(1e3 * 1.6 * tracked.noise, color=NOISE, ls="--", lw=1, label="noise")
+        axis.axhline(1e3 * 1.6 * tracked.noise, color=MEASURED, ls="--", lw=1, label="noise")
         axis.set_title(name.replace("_", " "), loc="left", fontsize="medium")
         axis.set_xlabel("tracked point")
-        axis.grid(color="#e6eaef")
+        axis.grid(color=GRID)
     axes[0].set_ylabel("distance from the model's point, mm")
     axes[1].legend(loc="upper right", fontsize="small", markerscale=5)
     return figure, "distance of tracked points from the model's, before and after all causes"

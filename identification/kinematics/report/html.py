@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import base64
 import html
-import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import arm_report
+from arm_report import image, verdict, warning
+from arm_report.palette import AFTER, BEFORE, GRID, MEASURED
 from identification.kinematics.estimation.calibration import Calibration, predicted
 from identification.kinematics.estimation.circle_point import Circle
 from identification.kinematics.models.chain import Gravity
@@ -18,26 +19,16 @@ from identification.kinematics.use.iso_cube import CubeReport
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-BEFORE, AFTER, GREY = "#c8553d", "#1f6f8b", "#8a8f98"
-_STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
-h1 { font-size: 1.6rem; } h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #ddd; }
-table { border-collapse: collapse; margin: .6rem 0; } td, th { padding: .2rem .7rem; text-align: right; }
-th { border-bottom: 1px solid #999; font-weight: 600; } td:first-child, th:first-child { text-align: left; }
-.big { font-size: 1.25rem; } .note { color: #8a3d00; } img { max-width: 100%; } small { color: #666; }
-"""
-
 
 def page(
     name: str, table: dict[str, Any], calibration: Calibration, gravity: Gravity | None, cubes: Sequence[CubeReport]
 ) -> str:
     """The page for the result ``table`` of calibrating the arm called ``name``."""
     parts = [
-        f"<h1>Kinematic calibration of {html.escape(name)}</h1>",
         _headline(table),
-        *[f'<p class="note">{html.escape(w)}</p>' for w in [*table["warnings"], *map(str, calibration.shifts)]],
+        *map(warning, [*table["warnings"], *map(str, calibration.shifts)]),
         "<h2>Position error before and after</h2>",
-        _image(error_figure(calibration, gravity)),
+        image(error_figure(calibration, gravity), "distance of every tracked point from the model, before and after"),
         _error_table(table),
         "<h2>Parameters</h2>",
         _parameter_table(table),
@@ -47,25 +38,28 @@ def page(
         parts += [
             "<h2>Circles of single-joint sweeps</h2>",
             _circles_text(table),
-            _image(_circle_figure(calibration.circles)),
+            image(_circle_figure(calibration.circles), "circles of single-joint sweeps, and their residuals"),
         ]
     if calibration.refused:
         parts += ["<p>Sweeps without a circle: " + "; ".join(html.escape(r) for r in calibration.refused) + "</p>"]
     for cube in cubes:
         parts += ["<h2>ISO cube</h2>", _cube(cube)]
     parts += ["<h2>What the poses show</h2>", _observability(table)]
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Calibration of {html.escape(name)}</title>'
-        f"<style>{_STYLE}</style></head><body>{''.join(parts)}</body></html>\n"
-    )
+    return arm_report.page(f"{name}: kinematic calibration", parts)
 
 
 def _headline(table: dict[str, Any]) -> str:
     rms, better = table["position_rms"]["held_out"], 100 * table["improvement"]["held_out"]
     where = "held-out blocks of the same runs" if table["held_out"] == "split" else "held-out runs"
-    return (
-        f'<p class="big">On {where} the position error falls from <b>{_mm(rms["before"])}</b> to <b>{_mm(rms["after"])}</b> '
-        f"rms a coordinate: {better:.2f} % better. The points' own noise is {_mm(table['noise'])}.</p>"
+    change = (
+        f"falls from {_mm(rms['before'])} to {_mm(rms['after'])}"
+        if better > 0
+        else (f"does not fall: {_mm(rms['before'])} before, {_mm(rms['after'])} after")
+    )
+    return verdict(
+        f"On {where} the position error {change} rms per coordinate ({better:.2f} % better)."
+        f" The points' own noise is {_mm(table['noise'])}.",
+        refuted=better <= 0,
     )
 
 
@@ -90,7 +84,7 @@ def _error_table(table: dict[str, Any]) -> str:
                 e["outliers"],
             ]
         )
-    return _table(["points", "rms a coordinate", "mean distance", "largest distance", "points", "left out"], rows)
+    return _table(["points", "rms per coordinate", "mean distance", "largest distance", "points", "left out"], rows)
 
 
 def _parameter_table(table: dict[str, Any]) -> str:
@@ -123,9 +117,9 @@ def _effects(table: dict[str, Any]) -> str:
     for trial in table["tried"]:
         place = "all joints" if trial["joint"] is None else f"joint {trial['joint']}"
         seen = trial["unseen_rms"]
-        verdict = "accepted" if trial["accepted"] else "not needed"
+        outcome = "accepted" if trial["accepted"] else "not needed"
         rows.append(
-            [f"{trial['effect']}, {place}", _mm(seen["before"]), _mm(seen["after"]), f"{trial['z']:.1f}", verdict]
+            [f"{trial['effect']}, {place}", _mm(seen["before"]), _mm(seen["after"]), f"{trial['z']:.1f}", outcome]
         )
     if not rows:
         return ""
@@ -182,14 +176,15 @@ def error_figure(calibration: Calibration, gravity: Gravity | None) -> Figure:
     from matplotlib.figure import Figure
 
     runs = [*((run, "fitted") for run in calibration.runs), *((run, "held out") for run in calibration.held_out)]
-    figure = Figure(figsize=(9, 2.6 * len(runs)), layout="constrained")
+    figure = Figure(figsize=(10.5, 2.6 * len(runs)), layout="constrained")
     for k, (run, words) in enumerate(runs):
         axes = figure.add_subplot(len(runs), 1, k + 1)
         stride = max(1, len(run.t) // 4000)
         for before, colour, label in ((True, BEFORE, "nominal"), (False, AFTER, "calibrated")):
             off = np.linalg.norm(run.xyz - predicted(calibration, run, gravity, before=before), axis=1)[::stride]
             axes.semilogy(run.t[::stride], 1e3 * np.maximum(off, 1e-7), ".", ms=2, color=colour, label=label)
-        axes.axhline(1e3 * 1.6 * calibration.fit.noise, color=GREY, lw=1, ls="--", label="noise (mean distance)")
+        axes.axhline(1e3 * 1.6 * calibration.fit.noise, color=MEASURED, lw=1, ls="--", label="noise (mean distance)")
+        axes.grid(color=GRID)
         axes.set_title(f"{run.name} ({words})", loc="left", fontsize=10)
         axes.set_xlabel("t [s]")
         axes.set_ylabel("distance [mm]")
@@ -200,14 +195,14 @@ def error_figure(calibration: Calibration, gravity: Gravity | None) -> Figure:
 def _circle_figure(circles: Sequence[Circle]) -> Figure:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9, 2.7 * len(circles)), layout="constrained")
+    figure = Figure(figsize=(10.5, 2.7 * len(circles)), layout="constrained")
     for k, circle in enumerate(circles):
         left = figure.add_subplot(len(circles), 2, 2 * k + 1)
         ahead = np.linspace(circle.q.min(), circle.q.max(), 200)
         at = circle.q + circle.tangential / circle.radius
         reach = circle.radius + circle.radial
         keep = np.flatnonzero(circle.inlier)[:: max(1, len(at) // 2000)]
-        left.plot(circle.radius * np.cos(ahead), circle.radius * np.sin(ahead), color=GREY, lw=1)
+        left.plot(circle.radius * np.cos(ahead), circle.radius * np.sin(ahead), color=MEASURED, lw=1)
         left.plot((reach * np.cos(at))[keep], (reach * np.sin(at))[keep], ".", ms=2, color=AFTER)
         left.plot([0, circle.radius], [0, 0], color=BEFORE, lw=1)
         left.plot(0, 0, "+", color=BEFORE)
@@ -215,7 +210,7 @@ def _circle_figure(circles: Sequence[Circle]) -> Figure:
         left.set_title(f"joint {circle.joint}: radius {1e3 * circle.radius:.2f} mm", loc="left", fontsize=10)
         left.set_xlabel("along the zero direction [m]")
         right = figure.add_subplot(len(circles), 2, 2 * k + 2)
-        for part, colour in (("across", GREY), ("radial", BEFORE), ("tangential", AFTER)):
+        for part, colour in (("across", MEASURED), ("radial", BEFORE), ("tangential", AFTER)):
             right.plot(
                 np.degrees(circle.q[keep]), 1e3 * getattr(circle, part)[keep], ".", ms=1.5, color=colour, label=part
             )
@@ -225,16 +220,9 @@ def _circle_figure(circles: Sequence[Circle]) -> Figure:
     return figure
 
 
-def _image(figure: Figure) -> str:
-    data = io.BytesIO()
-    figure.savefig(data, format="png", dpi=110)
-    return f'<img alt="" src="data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}">'
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    cells = "".join(f"<th>{h}</th>" for h in head)
-    body = "".join("<tr>" + "".join(f"<td>{c}</td>" for c in row) + "</tr>" for row in rows)
-    return f"<table><tr>{cells}</tr>{body}</table>"
+def _table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Numbers flush right, after a first column of words."""
+    return arm_report.table([[str(cell) for cell in row] for row in rows], head, range(1, len(head)))
 
 
 def _mm(metres: float | None) -> str:

@@ -96,7 +96,7 @@ def summary(table: dict[str, Any]) -> str:
     for part, words in (("fit", "fitted points  "), ("held_out", "held-out points")):
         rms, better = table["position_rms"][part], table["improvement"][part]
         lines.append(
-            f"{words}  {1e3 * rms['before']:8.3f} mm -> {1e3 * rms['after']:7.3f} mm rms a coordinate ({100 * better:.2f} % better)"
+            f"{words}  {1e3 * rms['before']:8.3f} mm -> {1e3 * rms['after']:7.3f} mm rms per coordinate ({100 * better:.2f} % better)"
         )
     lines.append(f"identifiable     {table['identifiable']} parameters; tracker noise {1e3 * table['noise']:.4f} mm")
     for effect in table["effects"]:

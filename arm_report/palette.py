@@ -1,0 +1,13 @@
+"""The colours of reports and plots, by what they stand for."""
+
+BEFORE, PALE_BEFORE = "#c8501e", "#f0cdbd"
+"""The nominal model: without causes, before calibration; the residual. And the same behind something else."""
+AFTER, PALE_AFTER = "#1f5fa8", "#bcd2ea"
+"""The model as it became: extended, identified, calibrated."""
+MEASURED = "#8fa1b3"
+NOISE = "#e3e8ee"
+"""The band that instruments alone explain."""
+GRID, AXIS, EDGE = "#e6eaef", "#9aa7b5", "#b8c2cc"
+"""Grid lines, the line at zero, the border between two recordings."""
+SHADE = "#f3f6f9"
+"""A range that is pointed out."""

@@ -1,0 +1,265 @@
+"""A model run on an experiment, or on the demands of a recording."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm, EffectTerm
+from arm_model.model_file import write_model
+from arm_model.motion import Motion
+from arm_model.sensing import Readings, recorded
+from arm_model.simulation.simulation import Demand, Sampled
+from arm_model.simulation.simulation import simulate as run
+from arm_model.tracking import tracked
+from armscope.api.reading import File, Source, open_recording, read_experiment, read_model
+from armscope.shipped import found
+from daq.recording import Recording
+from daq.recording.parts import Attachments
+from daq.recording.provenance import file_identity, provenance
+from daq.recording.table import write_table
+from experiment import Experiment, demand_of, write_experiment
+from identification.preprocessing.demands import tracked_as_recorded
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RATE = 1000.0
+"""Rows/s where neither the experiment nor the caller says."""
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What is to be simulated: rows at ``times`` s; ``powered``: with the drives on."""
+
+    arm: Arm
+    demand: Demand
+    times: Array
+    powered: bool = True
+    experiment: str | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Simulation:
+    """What ``simulate`` returns: n rows of J joints, as a recording of the simulated arm would hold them.
+
+    arm       the simulated arm, with the payload of the experiment
+    motion    joint, motor and demanded positions, currents and torques without the errors of any instrument
+    readings  what encoders and transducers show of it
+    xyz       (n, 3) m, the tracker's target in the base frame; None without a target
+    seconds   s that the simulation took
+    notes     sentences about what is wrong with the recording whose demands were followed
+    """
+
+    arm: Arm
+    motion: Motion
+    readings: Readings
+    xyz: Array | None
+    seconds: float
+    notes: tuple[str, ...]
+    attachments: Attachments
+
+    @property
+    def t(self) -> Array:
+        """(n,) s since the first row."""
+        return self.motion.t
+
+    @property
+    def q(self) -> Array:
+        """(n, J) rad (m), motor encoder over gear ratio."""
+        return self.readings.q
+
+    @property
+    def i(self) -> Array:
+        """(n, J) A as the transducers show it; positive drives the joint in the positive direction."""
+        return self.readings.current
+
+    @property
+    def qref(self) -> Array:
+        """(n, J) rad (m) demanded."""
+        return self.motion.demand
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __repr__(self) -> str:
+        return f"<Simulation of {self.arm.name}: {self}>"
+
+    def __str__(self) -> str:
+        joints = len(self.arm)
+        return (
+            f"{len(self)} rows of {joints} joint{'s' * (joints > 1)}, {self.t[-1] - self.t[0]:.2f} s simulated in "
+            f"{self.seconds:.3f} s"
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Size and duration."""
+        duration = float(self.t[-1] - self.t[0])
+        return {"rows": len(self), "joints": len(self.arm), "duration": duration, "seconds": self.seconds}
+
+    def plot(self) -> Figure:
+        """Position over the demanded one, and current, joint by joint."""
+        from matplotlib.figure import Figure
+
+        joints = len(self.arm)
+        figure = Figure(figsize=(10, 1.2 + 2.0 * joints), layout="constrained")
+        axes = figure.subplots(joints, 2, sharex=True, squeeze=False)
+        for j, (position, current) in enumerate(axes):
+            unit = "rad" if self.arm.joints[j].revolute else "m"
+            position.plot(self.t, self.qref[:, j], color="0.7", lw=3, label="demand")
+            position.plot(self.t, self.q[:, j], lw=1, label="simulated")
+            position.set_ylabel(f"{self.arm.joints[j].name or f'joint {j + 1}'}\nposition [{unit}]")
+            current.plot(self.t, self.i[:, j], lw=0.8)
+            current.set_ylabel(f"current [{self.arm.joints[j].current_unit}]")
+        axes[0, 0].legend(fontsize="small")
+        for axis in axes[-1]:
+            axis.set_xlabel("t [s]")
+        return figure
+
+    def write(self, path: File) -> Recording:
+        """Writes a recording (.mcap), replacing one that is there, and opens it."""
+        write_table(
+            Path(path),
+            self.t,
+            {"q": self.q, "i": self.i, "qref": self.qref},
+            self.attachments,
+            joints=[joint.name or f"joint{number}" for number, joint in enumerate(self.arm.joints, 1)],
+            effort=[joint.drive_constant for joint in self.arm.joints],
+            xyz=self.xyz,
+        )
+        return open_recording(path)
+
+
+def simulate(
+    model: File | Arm,
+    experiment: File | Experiment | None = None,
+    *,
+    like: Source | None = None,
+    rate: float | None = None,
+    target: Point | None = None,
+) -> Simulation:
+    """The arm in closed loop with the position controller of its model.
+
+    model       the arm; it must have a [controller]
+    experiment  what the arm is asked to do, or
+    like        a recording whose demanded positions it is asked to follow
+    rate        rows/s; None: the experiment's, else 1000; as the recording has them
+    target      (3,) m: a tracker's target in the frame of the last link; adds ``xyz``
+    Raises InputError where the joints differ in number, demands are missing, or the simulation diverges.
+    """
+    if (experiment is None) == (like is None):
+        raise InputError("simulate", "needs either an experiment or a recording whose demands are followed")
+    arm = read_model(model)
+    if arm.controller is None:
+        raise InputError(_name(model), "has no [controller]; following demanded positions needs one")
+    if experiment is not None:
+        task = _of_experiment(arm, experiment, rate)
+    else:
+        assert like is not None
+        task = _of_recording(arm, open_recording(like), rate)
+    began = time.perf_counter()
+    motion = _run(task)
+    seconds = time.perf_counter() - began
+    demands = experiment if experiment is not None else like
+    source = {"model": _identity(model), "demands": _identity(demands)}
+    return Simulation(
+        arm=task.arm,
+        motion=motion,
+        readings=recorded(task.arm, motion),
+        xyz=None if target is None else tracked(task.arm, motion.t, motion.q, np.array(target, float)),
+        seconds=seconds,
+        notes=task.notes,
+        attachments=Attachments(
+            model=_text(model, write_model),
+            experiment=task.experiment,
+            provenance=provenance("simulated", source=source),
+        ),
+    )
+
+
+def _of_experiment(arm: Arm, source: File | Experiment, rate: float | None) -> _Task:
+    asked = read_experiment(source)
+    if len(asked.start) != len(arm):
+        raise InputError(_name(source), f"is for {len(asked.start)} joints, the model has {len(arm)}")
+    if asked.setup.payload is not None:
+        x, y, z = asked.setup.payload.com
+        load = EffectTerm("payload", None, {"mass": asked.setup.payload.mass, "x": x, "y": y, "z": z})
+        arm = replace(arm, effects=(*arm.effects, load))
+    demand = demand_of(asked)
+    rows = rate or asked.rate or RATE
+    times = np.arange(int(np.floor(demand.duration * rows + 1e-9)) + 1) / rows
+    return _Task(arm, demand, times, not asked.setup.drives_off, _text(source, write_experiment))
+
+
+def _of_recording(arm: Arm, recording: Recording, rate: float | None) -> _Task:
+    path = recording.path
+    if recording.qref is None:
+        raise InputError(path, "has no demanded positions (qref)")
+    if recording.joints != len(arm):
+        raise InputError(path, f"has {recording.joints} joints, the model has {len(arm)}")
+    if len(recording) < 2:
+        raise InputError(path, f"has {len(recording)} rows; at least two are needed")
+    t, demanded = recording.t, _without_holes(path, recording.t, recording.qref)
+    times = t if rate is None else np.arange(int(np.floor(t[-1] * rate + 1e-9)) + 1) / rate
+
+    def demand(at: Array) -> Array:
+        return np.column_stack([np.interp(at, t, demanded[:, j]) for j in range(len(arm))])
+
+    asked = recording.attachments.get("experiment.toml")
+    followed = Sampled(demand) if tracked_as_recorded(recording, arm) else demand
+    text = None if asked is None else asked.decode()
+    return _Task(arm, followed, times, experiment=text, notes=tuple(f"{path}: {note}" for note in recording.notes))
+
+
+def _without_holes(path: Path, t: Array, values: Array) -> Array:
+    """Missing samples filled by linear interpolation in time."""
+    filled = values.copy()
+    for j in range(values.shape[1]):
+        there = ~np.isnan(values[:, j])
+        if not there.any():
+            raise InputError(path, f"has no demanded positions of joint {j + 1} (qref{j + 1})")
+        filled[:, j] = np.interp(t, t[there], values[there, j])
+    return filled
+
+
+def _run(task: _Task) -> Motion:
+    if task.powered:
+        return run(task.arm, task.demand, duration=float(task.times[-1]), rate=RATE, times=task.times)
+    shown = task.demand(task.times)
+    still = np.tile(task.demand(np.zeros(1))[0], (len(task.times), 1))
+    nothing = np.zeros_like(still)
+    return Motion(task.times, still, nothing, still, nothing, nothing, nothing, shown)
+
+
+def _name(source: object) -> str | Path:
+    """What an error calls it."""
+    if isinstance(source, Recording):
+        return source.path
+    return source.name if isinstance(source, Arm | Experiment) else Path(str(source))
+
+
+def _identity(source: object) -> dict[str, Any]:
+    """Name and content hash of a file; of an object its name."""
+    if isinstance(source, Arm | Experiment):
+        return {"object": source.name}
+    return file_identity(source.path if isinstance(source, Recording) else found(str(source)))
+
+
+def _text(source: Any, write: Callable[..., None]) -> str:
+    """The file's text; an object's as ``write`` writes it."""
+    if not isinstance(source, Arm | Experiment):
+        return found(source).read_text(encoding="utf-8")
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "object.toml")
+        write(path, source)
+        return path.read_text(encoding="utf-8")
