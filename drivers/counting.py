@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 from arm_io import DeviceFault
 
+FASTEST_STOP = 6400.0
+"""counts/s: no joint that turns so fast stands still at count 0 one row later."""
+
 
 def extend(raw: NDArray[np.int64], width: int, last: int) -> NDArray[np.int64]:
     """Extends register values to a continuous signed count.
@@ -26,6 +29,17 @@ def extend(raw: NDArray[np.int64], width: int, last: int) -> NDArray[np.int64]:
     steps[0] = raw[0] - last
     np.subtract(raw[1:], raw[:-1], out=steps[1:])
     return last + np.cumsum(((steps + half) & mask) - half)
+
+
+def fell_to_zero(count: int, last: int, elapsed_ns: int) -> bool:
+    """Whether a counter may have lost its power between two rows: it shows exactly 0, and came there faster than an arm stops.
+
+    count, last  raw counts of this row and of the one before it, signed
+    elapsed_ns   between them
+
+    A counter that was within ``FASTEST_STOP`` of 0 is not found out by this.
+    """
+    return count == 0 and abs(last) > FASTEST_STOP * max(elapsed_ns, 10_000_000) * 1e-9
 
 
 def check_channel(device: str, channel: int, channels: int) -> None:

@@ -158,9 +158,12 @@ class EncoderNodes:
         return booted
 
     def _reopen(self) -> None:
+        """The bus, and every node, once more. One whose settings are not ours any more has restarted, whether it was heard to or not."""
         if not self._bus.is_open:
             self._bus.reopen()
         for number in self.config.nodes:
+            if self._upload(number, cia.TPDO1_PARAMETERS, 2) != cia.EVERY_SYNC:
+                self._restarted.add(number)
             self._set_up(number)
 
     def configure(self, channel: int, mode: CounterMode) -> None:

@@ -185,7 +185,10 @@ class IvtSensors:
     def _newest(self, now: int) -> Block:
         """The newest result of each; OSError where the bus is off, or everybody silent, or a sensor does not take its settings."""
         self._bus.read(0.0)
-        self._heed_restarts(now)
+        if self._heed_restarts(now):
+            now = (
+                self._clock.monotonic_ns()
+            )  # setting up takes its time: what came meanwhile is newer than the row would be
         values, flags = [], []
         for k, box in enumerate(self._boxes):
             lost = 0
@@ -200,13 +203,17 @@ class IvtSensors:
             raise OSError("no sensor is heard")
         return one_row(now, volts=values, quality=flags)
 
-    def _heed_restarts(self, now: int) -> None:
-        """A sensor that has just started measures as delivered, every 20 ms: it is set up again, its value missing meanwhile."""
+    def _heed_restarts(self, now: int) -> bool:
+        """A sensor that has just started measures as delivered, every 20 ms: it is set up again, its value missing meanwhile. True where
+        there was one."""
+        restarted = False
         for k, replies in enumerate(self._replies):
             if not any(data[:1] == bytes([ivt.ALIVE]) for _, _, data in replies.there()):
                 continue
             self._latest[k] = (now, None)
             self._set_up(k)
+            restarted = True
+        return restarted
 
     def _quality(self, age: int, result: ivt.Result | None, lost: int) -> Quality:
         if result is None:

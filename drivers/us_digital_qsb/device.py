@@ -15,7 +15,7 @@ from arm_io import DeviceFault
 from drivers import stream_age
 from drivers.blocks import one_row
 from drivers.clock import SystemClock
-from drivers.counting import check_channel
+from drivers.counting import check_channel, fell_to_zero
 from drivers.protocols import Block, CounterMode, EdgeSource, HostClock, Identity, Plan, Quality
 from drivers.reconnect import Reconnect, or_fault
 from drivers.registry import World
@@ -29,6 +29,8 @@ BACKLOG = 2048  # bytes read at once: the kernel gives 4096 at most, and more ma
 HELD_UP = 2_000_000  # ns for a streamed count on its way, and for taking it, which is there already
 BEHIND = 5_000_000_000  # ns for which a stream may be held up: then it is begun anew
 TRIALS = 8  # questions, of which the quickest tells what the line takes
+CLOCK_TOLERANCE = 0.01  # of the QSB's clock against the host's
+UNSURE = 0.05  # s: when in a question and its answer the clock is read
 SLOW = 10_000_000  # ns for question and answer, USB and all: beyond it the time of the latch is not known well
 
 
@@ -81,7 +83,7 @@ class Qsb:
             self._ask(qsb.write_command(qsb.OPTIONS, qsb.BARE), "w", qsb.OPTIONS)
         self._port.discard()
         self._replies = qsb.Replies(stamped=False)
-        self._uptime = self._time()
+        self._uptime, self._uptime_at = self._time(), self._clock.monotonic_ns()
         return self._ask(qsb.read_command(qsb.VERSION), "r", qsb.VERSION)
 
     def check(self) -> list[str]:
@@ -156,8 +158,12 @@ class Qsb:
         return self._reconnect.poll(self._clock, self._reopen, row, (1, 0))
 
     def _asked(self, now: int) -> Block:
+        """One row by question and answer; OSError where the answer is in the form, or the count, of a QSB that has just been switched on."""
         count = self._ask(qsb.read_command(qsb.COUNT), "r", qsb.COUNT)
         after = self._clock.monotonic_ns()
+        if self._replies.line_ends or fell_to_zero(count, self._count, now - self._taken):
+            raise OSError("it answers as after power-up")
+        self._count, self._taken = count - (count >> 31 << 32), now
         return self._row((now + after) // 2, count, Quality.LATE if after - now > SLOW else Quality.GOOD)
 
     def _newest(self, now: int) -> Block:
@@ -189,11 +195,13 @@ class Qsb:
         return one_row(host, [(count + self._added) & 0xFFFFFFFF], quality=[int(quality)])
 
     def _reopen(self) -> None:
-        """A QSB whose clock stands earlier, or that does not count, has lost its power."""
+        """A QSB whose clock stands earlier than it should, or that does not count, has lost its power."""
         self._port.open()
-        before = self._uptime
+        passed = (self._clock.monotonic_ns() - self._uptime_at) * 1e-9 * qsb.TIME_HZ
+        least = self._uptime + round(passed * (1 - CLOCK_TOLERANCE) - UNSURE * qsb.TIME_HZ)
         self._begin()
-        if self._uptime < before or self._ask(qsb.read_command(qsb.MDR0), "r", qsb.MDR0) & 3 == 0:
+        earlier = (self._uptime - least) & 0xFFFFFFFF > 1 << 31
+        if earlier or self._ask(qsb.read_command(qsb.MDR0), "r", qsb.MDR0) & 3 == 0:
             self._was_reset = True
             self._write_mode()
         self._resume()
@@ -208,6 +216,7 @@ class Qsb:
     def _write_mode(self) -> None:
         self._ask(qsb.write_command(qsb.MDR0, qsb.FREE_RUNNING[self._mode], 2), "w", qsb.MDR0)
         self._ask(qsb.write_command(qsb.CLEAR, qsb.CLEAR_COUNTER), "w", qsb.CLEAR)
+        self._count = 0
 
     def preset(self, channel: int, value: int) -> None:
         """Clears the counter; the driver adds ``value`` from now on."""

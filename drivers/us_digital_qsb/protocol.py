@@ -57,9 +57,11 @@ class Replies:
         self.stamped = stamped
         self._buffer = b""
         self.garbage = 0  # bytes
+        self.line_ends = 0  # CR and LF
 
     def feed(self, data: bytes) -> list[Reply]:
         """Replies completed by ``data``. A reply that lost bytes is no reply: the next whole one is found behind it."""
+        self.line_ends += data.count(b"\r") + data.count(b"\n")
         self._buffer += data.replace(b"\r", b"").replace(b"\n", b"").replace(b" ", b"")
         replies, end = [], 0
         while (stop := self._buffer.find(b"!", end)) >= 0:

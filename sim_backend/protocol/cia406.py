@@ -91,9 +91,16 @@ class SimulatedCia406:
         return f"{self.config.interface} {self.config.channel}, nodes {nodes}"
 
     def open(self) -> None:
+        """Puts the encoders on the bus; they have power all the time, and keep their settings while they are off it."""
+        self.bus.open()
+        if not self.encoders:
+            self._power_up()
+        self._syncs = Loop(self._make_syncs, list, self._until_sync)
+        self._syncs.start()
+
+    def _power_up(self) -> None:
         import canopen
 
-        self.bus.open()
         network = self.bus.network()
         for channel, number in enumerate(self.config.nodes):
             node = canopen.LocalNode(number, object_dictionary(self.config.bits, 0xE0000000 + number))
@@ -104,8 +111,6 @@ class SimulatedCia406:
             node.nmt.send_command(0)
             node.nmt._state = PRE_OPERATIONAL
         network.subscribe(cia.SYNC, self._on_sync)
-        self._syncs = Loop(self._make_syncs, list, self._until_sync)
-        self._syncs.start()
 
     def close(self) -> None:
         syncs, self._syncs = self._syncs, None
@@ -116,11 +121,12 @@ class SimulatedCia406:
         self.bus.close()
 
     def restart(self, number: int) -> None:
-        """Power off and on: settings as delivered, boot-up message; the position is absolute and stays."""
+        """Power off and on: settings as delivered, boot-up message where the bus is there; position and preset are kept."""
         encoder = self.encoders[number]
         encoder.node.data_store.clear()
         encoder.node.nmt._state = PRE_OPERATIONAL
-        self.bus.send(cia.HEARTBEAT + number, cia.BOOT_UP)
+        with contextlib.suppress(OSError):
+            self.bus.send(cia.HEARTBEAT + number, cia.BOOT_UP)
 
     def _position(self, encoder: Encoder, now: int | None = None) -> int:
         at = np.array([time.monotonic_ns() if now is None else now], np.int64)

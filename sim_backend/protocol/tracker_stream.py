@@ -36,10 +36,11 @@ class SimulatedTracker:
         self._random = np.random.default_rng(seed)
         self._lock = threading.RLock()
         self._loop: Loop | None = None
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket: socket.socket | None = None
         self._terminal = Terminal(name, config.serial, config.baud / 10) if config.serial is not None else None
         self._started: int | None = None
         self._made = 0
+        self._saved: list[bytes] = []
 
     @property
     def address(self) -> str:
@@ -48,8 +49,7 @@ class SimulatedTracker:
         return f"sends to udp {self.config.host}:{self.config.port}"
 
     def open(self) -> None:
-        if self._terminal is not None:
-            self._terminal.open()
+        self.plug_cable()
         self._loop = Loop(self._step, list)
         self._loop.start()
 
@@ -57,15 +57,34 @@ class SimulatedTracker:
         loop, self._loop = self._loop, None
         if loop is not None:
             loop.stop()
-        if self._terminal is not None:
-            self._terminal.close()
-        self._socket.close()
+        self.pull_cable()
+
+    def pull_cable(self) -> None:
+        """Its data line, not its trigger line: it goes on sampling, and what it says meanwhile is lost."""
+        with self._lock:
+            if self._terminal is not None:
+                self._terminal.close()
+            if self._socket is not None:
+                self._socket.close()
+                self._socket = None
+
+    def plug_cable(self) -> None:
+        with self._lock:
+            if self._terminal is not None:
+                self._terminal.open()
+            else:
+                self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def reset(self) -> None:
+        """Power off and on: it samples no more before the next start pulse, and its memory is empty."""
+        with self._lock:
+            self._started, self._saved = None, []
 
     def start(self, at: int) -> None:
         """The start pulse. A new run: frame numbers from 1, memory empty."""
         with self._lock:
             self._started, self._made, self.edges = at + START_LATENCY, 0, []
-            self._saved: list[bytes] = []
+            self._saved = []
 
     def stop(self) -> None:
         """The start line has fallen: no more samples; the file is written."""
@@ -107,7 +126,7 @@ class SimulatedTracker:
                 continue
             if self._terminal is not None:
                 self._terminal.write(line, int(t))
-            else:
+            elif self._socket is not None:
                 with contextlib.suppress(OSError):
                     self._socket.sendto(line, (self.config.host, self.config.port or 0))
 

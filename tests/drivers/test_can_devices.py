@@ -168,6 +168,29 @@ def test_bus_off_is_a_gap_and_is_recovered_from(one_bus: tuple[Any, Any], monkey
     assert not block.quality[-1].any()
 
 
+def test_an_encoder_that_restarted_while_the_bus_was_off_is_marked(
+    one_bus: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody heard that it booted; that its settings are gone tells."""
+    import can
+
+    device, box = one_bus
+    device.open()
+    device.arm(POLL)
+    assert not poll(device, 3, (2, 0)).quality.any()
+    box.close()
+    box.restart(2)
+    box.open()
+
+    def off(message: can.Message, timeout: float | None = None) -> None:
+        raise can.CanOperationError("bus off")
+
+    monkeypatch.setattr(device._bus._bus, "send", off)
+    assert (device.poll().quality & Quality.MISSING).all()
+    block = poll(device, 60, (2, 0), 0.01)
+    assert block.quality[-1].tolist() == [Quality.GOOD, Quality.DEVICE_RESET]
+
+
 def test_another_encoder_with_its_node_number_is_not_taken_for_it(one_bus: tuple[Any, Any]) -> None:
     device, box = one_bus
     device.open()
