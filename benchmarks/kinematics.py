@@ -30,7 +30,7 @@ from identification.kinematics.data.points import Points
 from identification.kinematics.data.recordings import gravity_of
 from identification.kinematics.data.runs import Run
 from identification.kinematics.estimation.axes import circle_point_model
-from identification.kinematics.estimation.calibration import calibrate
+from identification.kinematics.estimation.calibration import Settings, calibrate
 from identification.kinematics.estimation.extensions import deflections
 from identification.kinematics.estimation.map_estimation import fit
 from identification.kinematics.estimation.sweeps import circles_of
@@ -182,9 +182,13 @@ def thesis_arm(nominal: Arm) -> Arm:
     for k in range(3):
         joint = joints[k]
         joints[k] = replace(
-            joint, theta=float(theta[k]), alpha=joint.alpha + float(alpha[k]), a=joint.a + a[k], d=joint.d + d[k],
+            joint,
+            theta=float(theta[k]),
+            alpha=joint.alpha + float(alpha[k]),
+            a=joint.a + a[k],
+            d=joint.d + d[k],
             beta=float(np.radians(-0.2942)) if k == 1 else 0.0,
-        )  # fmt: skip
+        )
     joints[3] = replace(joints[3], d=joints[3].d + 0.15e-3)
     return replace(nominal, joints=tuple(joints))
 
@@ -237,7 +241,11 @@ def thesis_run() -> dict[str, float]:
     )
     for name, used in (("three_sweeps", runs[:1]), ("sweeps_and_40_poses", runs)):
         found = calibrate(
-            nominal, used, [judge], TARGET, frame_known=True, trust=Trust(target=0.01), gravity=gravity_of(nominal)
+            nominal,
+            used,
+            [judge],
+            TARGET,
+            Settings(frame_known=True, trust=Trust(target=0.01), gravity=gravity_of(nominal)),
         )
         bend = deflections(found.extensions, cube, velocity=None, gravity=gravity_of(nominal))
         at = position(found.chain, Points(cube, worst, bend).bent(found.fit.extension))

@@ -134,7 +134,7 @@ def calibrate(
     Raises InputError where points or poses do not suffice, or recordings do not belong together.
     """
     from identification.kinematics.data.recordings import common_ground, gravity_of, tracked
-    from identification.kinematics.estimation.calibration import calibrate
+    from identification.kinematics.estimation.calibration import Settings, calibrate
     from identification.kinematics.models.parameters import Trust
 
     if not 0 < target_std < 10:
@@ -152,10 +152,12 @@ def calibrate(
         [one.run for one in points[: len(fitted)]],
         [one.run for one in points[len(fitted) :]],
         (0.0, 0.0, 0.0) if place is None else in_last_link(last_link, place),
-        frame_known=known and not unknown_frame,
-        trust=Trust(target=UNKNOWN_TARGET_STD if place is None else target_std),
-        gravity=gravity_of(arm),
-        extend=not geometry_only,
+        Settings(
+            frame_known=known and not unknown_frame,
+            trust=Trust(target=UNKNOWN_TARGET_STD if place is None else target_std),
+            gravity=gravity_of(arm),
+            extend=not geometry_only,
+        ),
         progress=progress,
     )
     return Calibration(arm, tuple(points), estimate)

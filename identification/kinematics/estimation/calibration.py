@@ -1,11 +1,11 @@
 """Recordings with a tracker -> kinematic parameters: the whole procedure, on runs of arrays.
 
-1. an unknown tracker frame: the nominal arm's points laid onto the measured ones;
-2. circles of single-joint sweeps, and D-H from them: a second starting point beside the nominal, and the features themselves;
-3. robust least squares on all points (``least_squares``);
-4. rows that belong to another trigger are found and put back (``shifts``), and the fit repeated;
-5. extensions - sag, encoder scale and ripple, coupling, delay - each tried on points the fit has not seen (``judging``);
-6. a zero of its own for every run whose counters were set at its start (``encoder_steps``);
+1. an unknown tracker frame: the pose that best fits the points of the nominal arm to the measured ones;
+2. circles of single-joint sweeps, and D-H from them: a second starting point besides the nominal, and the features themselves;
+3. robust least squares on all points (``map_estimation``);
+4. rows that belong to another trigger are found and realigned (``row_shifts``), and the fit repeated;
+5. extensions - sag, encoder scale and ripple, coupling, delay - each tried on points that the fit has not seen (``cross_validation``);
+6. a zero of its own for every run whose counters were set at its start (``run_zeros``);
 7. the error on held-out runs, which took no part in any of this.
 """
 
@@ -87,109 +87,171 @@ class Calibration:
         return self.parameters.chain.at(self.fit.values)
 
 
+@dataclass(frozen=True)
+class Settings:
+    """What is known beforehand, and what is tried.
+
+    frame_known  whether positions are given in the base frame of the model
+    trust        prior standard deviations
+    gravity      joint torques that hold the arm, for sag; None: sag is not tried
+    extend       whether sag, encoder errors, coupling and delay are tried
+    """
+
+    frame_known: bool
+    trust: Trust = field(default_factory=Trust)
+    gravity: Gravity | None = None
+    extend: bool = True
+
+
+@dataclass
+class _Work:
+    """A calibration in progress. rows: those of ``runs`` that ``points`` were taken from; split: ``held_out`` are blocks of the same runs."""
+
+    arm: Arm
+    settings: Settings
+    runs: list[Run]
+    held_out: list[Run]
+    split: bool
+    rows: list[Index]
+    points: Points
+    parameters: Parameters
+    nominal: Chain
+    estimate: Fit
+    tell: Progress
+    extensions: list[Extension] = field(default_factory=list)
+    trials: list[Trial] = field(default_factory=list)
+    shifts: list[Shift] = field(default_factory=list)
+
+    @property
+    def moving(self) -> list[int]:
+        """Joints (from 1) that move."""
+        return [j + 1 for j in range(len(self.arm)) if np.ptp(self.points.q[:, j]) >= RESTING]
+
+
 def calibrate(
     arm: Arm,
     runs: Sequence[Run],
     held_out: Sequence[Run],
     target: Sequence[float],
+    settings: Settings,
     *,
-    frame_known: bool,
-    trust: Trust | None = None,
-    gravity: Gravity | None = None,
-    extend: bool = True,
     progress: Progress | None = None,
 ) -> Calibration:
     """The calibration of an arm from ``runs``, judged on ``held_out`` (or, where there is none, on every fifth block of rows).
 
-    target (3,) m: nominal place of the tracked target in the frame of the last link. gravity: joint torques that hold the arm, for
-    sag; without it sag is not tried. InputError: not enough usable points, or joints that disagree with the model.
+    target (3,) m: nominal place of the tracked target in the frame of the last link. InputError: not enough usable points, or joints that
+    disagree with the model.
     """
     tell: Progress = progress or (lambda _: None)
-    runs, held_out = list(runs), list(held_out)
     _check(arm, [*runs, *held_out])
     warnings: list[str] = []
     split = not held_out
+    fitted, judged = _split(runs) if split else (list(runs), list(held_out))
     if split:
-        runs, held_out = _split(runs)
         warnings.append("no held-out recording: every fifth block of rows was held out instead, which flatters")
-    rows = thinned(runs, MOST)
-    points = points_of(runs, rows)
-    frame_known, start = _place(arm, points, target, frame_known, warnings)
-    parameters = parameters_of(arm, target, frame_known=frame_known, trust=trust or Trust())
+    rows = thinned(fitted, MOST)
+    points = points_of(fitted, rows)
+    frame_known, start = _place(arm, points, target, settings.frame_known, warnings)
+    settings = replace(settings, frame_known=frame_known)
+    parameters = parameters_of(arm, target, frame_known=frame_known, trust=settings.trust)
     nominal = parameters.chain.at(start)
-
     tell("circles of single-joint sweeps")
-    circles, refused = _circles(runs)
-    circle_values = _from_circles(arm, circles, nominal)
+    circles, refused = _circles(fitted)
+    from_circles = _from_circles(arm, circles, nominal)
     tell("least squares on all points")
-    estimate = _fit(parameters, points, _best_start(parameters, points, start, circle_values))
-    moving = [j + 1 for j in range(len(arm)) if np.ptp(points.q[:, j]) >= RESTING]
-    chosen: list[Extension] = []
-    trials: list[Trial] = []
-    shifts: list[Shift] = []
-    for attempt in range(2):
-        if extend:
-            points, estimate, chosen, trials = _extended(arm, parameters, runs, rows, estimate, moving, gravity, tell)
-        if attempt:
-            break
-        runs, held_out, shifts = _put_right(
-            runs, held_out, parameters.chain.at(estimate.values), estimate, chosen, gravity, split
-        )
-        if not shifts:
-            break
-        rows = thinned(runs, MOST)
-        points = points_of(runs, rows)
-        estimate = _fit(parameters, points, estimate.values)
+    estimate = _fit(parameters, points, _best_start(parameters, points, start, from_circles))
+    work = _Work(arm, settings, fitted, judged, split, rows, points, parameters, nominal, estimate, tell)
+    _extend_and_realign(work)
+    _estimate_run_zeros(work)
+    circle_point = None
+    if from_circles is not None:
+        chain = parameters.chain.at(_with_target(parameters, from_circles))
+        circle_point = position_error(work.points.xyz - position(chain, work.points.q))
+    return _result(work, circles, refused, circle_point, warnings)
 
-    if any(run.count is not None for run in runs):
-        tell("zeros of the encoders, run by run")
-        points, estimate, zeros = with_own_zeros(parameters, runs, rows, estimate, chosen, gravity)
-        runs = with_zeros(runs, zeros)
-        held_out = with_zeros(held_out, zeros) if split else held_out
+
+def _extend_and_realign(work: _Work) -> None:
+    """Extensions, then rows that belong to another trigger; where there are such rows, the fit and the extensions once more."""
+    if work.settings.extend:
+        _extend(work)
+    if _realign(work):
+        work.rows = thinned(work.runs, MOST)
+        work.points = points_of(work.runs, work.rows)
+        work.estimate = _fit(work.parameters, work.points, work.estimate.values)
+        if work.settings.extend:
+            _extend(work)
+
+
+def _estimate_run_zeros(work: _Work) -> None:
+    """A zero of its own for every run whose counters were set at its start."""
+    if all(run.count is None for run in work.runs):
+        return
+    work.tell("zeros of the encoders, run by run")
+    gravity = work.settings.gravity
+    work.points, work.estimate, zeros = with_own_zeros(
+        work.parameters, work.runs, work.rows, work.estimate, work.extensions, gravity
+    )
+    work.runs = with_zeros(work.runs, zeros)
+    work.held_out = with_zeros(work.held_out, zeros) if work.split else work.held_out
+
+
+def _result(
+    work: _Work,
+    circles: Sequence[Circle],
+    refused: Sequence[str],
+    circle_point: PositionError | None,
+    warnings: list[str],
+) -> Calibration:
+    parameters, estimate, points = work.parameters, work.estimate, work.points
     residual = residuals(parameters, estimate.values, estimate.extension, points)
-    correlated = correlation_time(np.where(estimate.inlier[:, None], residual, 0.0), rows)
+    correlated = correlation_time(np.where(estimate.inlier[:, None], residual, 0.0), work.rows)
     deviation = np.sqrt(np.diag(estimate.covariance)) * np.sqrt(correlated)
     names = parameters.chain.names
     rank = identifiable(parameters, at_rest(points.q))
-    if rank < len(moving) * 4 + 3 - 2 * sum(not arm.joints[j - 1].revolute for j in moving):
-        warnings.append(
-            f"{rank} of {4 * len(moving) + 3} parameters are identifiable from these poses; more varied poses are wanted"
-        )
-    share = 1.0 - float(np.mean(estimate.inlier))
-    if share > 0.1:
-        warnings.append(
-            f"{100 * share:.0f} % of the points were left out as outliers: something the model lacks, or a bad tracker"
-        )
+    warnings += _weaknesses(work, rank)
     columns = scaled_jacobian(parameters, points.q[:: max(1, len(points) // 2000)])
-    errors = [_errors(parameters, nominal, estimate, chosen, part, gravity) for part in (runs, held_out)]
+    errors = {"fit": _errors(work, work.runs), "held_out": _errors(work, work.held_out)}
     return Calibration(
         parameters=parameters,
         fit=estimate,
-        extensions=tuple(chosen),
-        trials=tuple(trials),
-        nominal=nominal,
+        extensions=tuple(work.extensions),
+        trials=tuple(work.trials),
+        nominal=work.nominal,
         circles=tuple(circles),
         refused=tuple(refused),
-        circle_point=None
-        if circle_values is None
-        else position_error(
-            points.xyz - position(parameters.chain.at(_with_target(parameters, circle_values)), points.q)
-        ),
-        before={"fit": errors[0][0], "held_out": errors[1][0]},
-        after={"fit": errors[0][1], "held_out": errors[1][1]},
+        circle_point=circle_point,
+        before={part: before for part, (before, _) in errors.items()},
+        after={part: after for part, (_, after) in errors.items()},
         std={names[k]: float(deviation[i]) for i, k in enumerate(parameters.free)},
         extension_std=deviation[len(parameters.free) :],
         identifiable=rank,
         observability=indices(columns.reshape(-1, columns.shape[2]), min(rank, columns.shape[2]), len(columns)),
-        shifts=tuple(shifts),
+        shifts=tuple(work.shifts),
         correlated=correlated,
-        zero_error=0.0 if split else expected(parameters.chain.at(estimate.values), held_out),
-        frame_known=frame_known,
-        runs=tuple(runs),
-        held_out=tuple(held_out),
-        split=split,
+        zero_error=0.0 if work.split else expected(parameters.chain.at(estimate.values), work.held_out),
+        frame_known=work.settings.frame_known,
+        runs=tuple(work.runs),
+        held_out=tuple(work.held_out),
+        split=work.split,
         warnings=tuple(warnings),
     )
+
+
+def _weaknesses(work: _Work, rank: int) -> list[str]:
+    """Warnings: parameters that the poses do not determine, and many outliers."""
+    found = []
+    moving = work.moving
+    prismatic = sum(not work.arm.joints[j - 1].revolute for j in moving)
+    if rank < len(moving) * 4 + 3 - 2 * prismatic:
+        found.append(
+            f"{rank} of {4 * len(moving) + 3} parameters are identifiable from these poses; record more varied poses"
+        )
+    share = 1.0 - float(np.mean(work.estimate.inlier))
+    if share > 0.1:
+        found.append(
+            f"{100 * share:.0f} % of the points were left out as outliers: something the model lacks, or a bad tracker"
+        )
+    return found
 
 
 def predicted(calibration: Calibration, run: Run, gravity: Gravity | None, *, before: bool = False) -> Array:
@@ -211,10 +273,10 @@ def _check(arm: Arm, runs: Sequence[Run]) -> None:
         usable = int(run.usable.sum())
         if usable < 10:
             raise InputError(
-                run.name, f"{usable} rows have all joint angles and a tracked point; at least 10 are wanted"
+                run.name, f"{usable} rows have all joint angles and a tracked point; at least 10 are needed"
             )
         if not np.any(np.ptp(run.q[run.usable], axis=0) >= RESTING):
-            raise InputError(run.name, "no joint moves; a calibration wants the target tracked while the joints move")
+            raise InputError(run.name, "no joint moves; a calibration needs the target tracked while the joints move")
 
 
 def _split(runs: Sequence[Run]) -> tuple[list[Run], list[Run]]:
@@ -292,71 +354,58 @@ def _fit(parameters: Parameters, points: Points, start: Array) -> Fit:
     return fit(parameters, Points(points.q, points.xyz), start=start)
 
 
-def _extended(
-    arm: Arm,
-    parameters: Parameters,
-    runs: Sequence[Run],
-    rows: Sequence[Index],
-    estimate: Fit,
-    moving: Sequence[int],
-    gravity: Gravity | None,
-    tell: Progress,
-) -> tuple[Points, Fit, list[Extension], list[Trial]]:
-    """The fit with those extensions that earn their place."""
-    points, velocity = points_of(runs, rows), velocity_of(runs, rows)
-    tried = candidates(
-        moving, [not j.revolute for j in arm.joints], gravity=gravity is not None, velocity=_moves(velocity)
-    )
+def _extend(work: _Work) -> None:
+    """Selects the extensions that improve the error on points that the fit has not seen, and fits them."""
+    points, velocity = points_of(work.runs, work.rows), velocity_of(work.runs, work.rows)
+    gravity = work.settings.gravity
+    prismatic = [not j.revolute for j in work.arm.joints]
+    tried = candidates(work.moving, prismatic, gravity=gravity is not None, velocity=_moves(velocity))
 
     def deflect(extensions: Sequence[Extension]) -> Array:
         return deflections(extensions, points.q, velocity=velocity, gravity=gravity)
 
-    chosen, trials = choose(parameters, points, _blocks(runs, rows), tried, deflect, estimate, report=tell)
-    if chosen:
-        points = Points(points.q, points.xyz, deflect(chosen))
-        estimate = fit(parameters, points, start=estimate.values, extension_scale=prior_scales(chosen))
-    return points, estimate, chosen, trials
+    blocks = _blocks(work.runs, work.rows)
+    work.extensions, work.trials = choose(
+        work.parameters, points, blocks, tried, deflect, work.estimate, report=work.tell
+    )
+    if work.extensions:
+        points = Points(points.q, points.xyz, deflect(work.extensions))
+        scale = prior_scales(work.extensions)
+        work.estimate = fit(work.parameters, points, start=work.estimate.values, extension_scale=scale)
+    work.points = points
 
 
-def _put_right(
-    runs: list[Run],
-    held_out: list[Run],
-    chain: Chain,
-    estimate: Fit,
-    chosen: Sequence[Extension],
-    gravity: Gravity | None,
-    split: bool,
-) -> tuple[list[Run], list[Run], list[Shift]]:
-    """Points moved back to their own rows where the delay steps within a run, or is a whole number of rows all along.
+def _realign(work: _Work) -> bool:
+    """Moves points back to their own rows where the delay steps within a run, or is a whole number of rows throughout; whether any was.
 
     Blocks of one run, some held out, are moved alike: as the fitted half of the run shows.
     """
-    found: list[Shift] = []
-    still = [0.0 if e.definition.late is not None else 1.0 for e in chosen for _ in e.parameters]
+    chain, extension = work.parameters.chain.at(work.estimate.values), work.estimate.extension
+    still = [0.0 if e.definition.late is not None else 1.0 for e in work.extensions for _ in e.parameters]
 
     def bent(run: Run) -> Run:
-        bend = deflections(chosen, np.nan_to_num(run.q), velocity=None, gravity=gravity)
-        return replace(run, q=run.q + bend @ (estimate.extension * still))
+        bend = deflections(work.extensions, np.nan_to_num(run.q), velocity=None, gravity=work.settings.gravity)
+        return replace(run, q=run.q + bend @ (extension * still))
 
-    def right(run: Run) -> tuple[Run, list[Shift]]:
+    def aligned_rows(run: Run) -> tuple[Run, list[Shift]]:
         mine: list[Shift] = []
         for search in (find_step, find_step, find_step, find_constant):
-            shift = search(bent(run), chain, estimate.noise)
+            shift = search(bent(run), chain, work.estimate.noise)
             if shift is not None:
                 mine.append(shift)
                 run = shifted(run, shift.first, shift.rows)
         return run, mine
 
-    for k, run in enumerate(runs):
-        runs[k], mine = right(run)
-        found += mine
-        for shift in mine if split else []:
-            held_out[k] = shifted(held_out[k], shift.first, shift.rows)
-    if not split:
-        for k, run in enumerate(held_out):
-            held_out[k], mine = right(run)
-            found += mine
-    return runs, held_out, found
+    for k, run in enumerate(work.runs):
+        work.runs[k], mine = aligned_rows(run)
+        work.shifts += mine
+        for shift in mine if work.split else []:
+            work.held_out[k] = shifted(work.held_out[k], shift.first, shift.rows)
+    if not work.split:
+        for k, run in enumerate(work.held_out):
+            work.held_out[k], mine = aligned_rows(run)
+            work.shifts += mine
+    return bool(work.shifts)
 
 
 def _moves(velocity: Array) -> bool:
@@ -378,20 +427,13 @@ def _blocks(runs: Sequence[Run], rows: Sequence[Index]) -> Index:
     return np.concatenate(numbers)
 
 
-def _errors(
-    parameters: Parameters,
-    nominal: Chain,
-    estimate: Fit,
-    chosen: Sequence[Extension],
-    runs: Sequence[Run],
-    gravity: Gravity | None,
-) -> tuple[PositionError, PositionError]:
+def _errors(work: _Work, runs: Sequence[Run]) -> tuple[PositionError, PositionError]:
     """Position error before and after, over all usable points of some runs (at most 100000)."""
     rows = thinned(runs, 100_000)
     points = points_of(runs, rows)
-    bend = deflections(chosen, points.q, velocity=velocity_of(runs, rows), gravity=gravity)
+    bend = deflections(work.extensions, points.q, velocity=velocity_of(runs, rows), gravity=work.settings.gravity)
     points = Points(points.q, points.xyz, bend)
-    after = residuals(parameters, estimate.values, estimate.extension, points)
+    after = residuals(work.parameters, work.estimate.values, work.estimate.extension, points)
     kept = position_error(after)
     inside = np.linalg.norm(after, axis=1) <= max(kept.largest, 0.0)
-    return position_error((points.xyz - position(nominal, points.q))[inside], reject=False), kept
+    return position_error((points.xyz - position(work.nominal, points.q))[inside], reject=False), kept

@@ -14,7 +14,7 @@ from arm_io import InputError
 from arm_model.rigid_body.numeric import rigid_torque
 from identification.kinematics.data.recordings import gravity_of
 from identification.kinematics.data.runs import Run, correlation_time
-from identification.kinematics.estimation.calibration import calibrate
+from identification.kinematics.estimation.calibration import Settings, calibrate
 from identification.kinematics.report.write import table_of
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -43,8 +43,13 @@ def measured(nominal, true, name: str, seed: int, *, sag: float = 0.0, late: flo
 def test_geometry_alone_is_left_alone(arms) -> None:
     """An arm with nothing but geometric errors: the noise floor on a held-out run, and no extension invented."""
     nominal, true = arms
-    result = calibrate(nominal, [measured(nominal, true, "a", 1)], [measured(nominal, true, "b", 2)], TARGET,
-                       frame_known=True, gravity=gravity_of(nominal))  # fmt: skip
+    result = calibrate(
+        nominal,
+        [measured(nominal, true, "a", 1)],
+        [measured(nominal, true, "b", 2)],
+        TARGET,
+        Settings(frame_known=True, gravity=gravity_of(nominal)),
+    )
     assert result.identifiable == 27
     assert result.extensions == ()
     assert result.shifts == ()
@@ -60,8 +65,13 @@ def test_geometry_alone_is_left_alone(arms) -> None:
 def test_sag_and_delay_are_found_by_name(arms) -> None:
     nominal, true = arms
     kw = {"sag": SAG, "late": 0.0033}
-    result = calibrate(nominal, [measured(nominal, true, "a", 3, **kw)], [measured(nominal, true, "b", 4, **kw)], TARGET,
-                       frame_known=True, gravity=gravity_of(nominal))  # fmt: skip
+    result = calibrate(
+        nominal,
+        [measured(nominal, true, "a", 3, **kw)],
+        [measured(nominal, true, "b", 4, **kw)],
+        TARGET,
+        Settings(frame_known=True, gravity=gravity_of(nominal)),
+    )
     assert {str(e) for e in result.extensions} == {"link_sag of joint 2", "tracker_latency"}
     value = {e.name: v for e, v in zip(result.extensions, result.fit.extension)}
     assert value["link_sag"] == pytest.approx(SAG, rel=0.05)
@@ -92,7 +102,9 @@ def test_errors_between_encoder_and_joint_are_found_by_name(arms, name, joint, b
         }[name]
         return run_of(name_, t, q, seen(true, link), generator)
 
-    result = calibrate(nominal, [bent("a", 40)], [bent("b", 41)], TARGET, frame_known=True, gravity=gravity_of(nominal))
+    result = calibrate(
+        nominal, [bent("a", 40)], [bent("b", 41)], TARGET, Settings(frame_known=True, gravity=gravity_of(nominal))
+    )
     assert [(e.name, e.joint, e.by) for e in result.extensions] == [(name, joint, by)]
     np.testing.assert_array_less(np.abs(result.fit.extension - wanted), 5 * result.extension_std + 1e-6)
     assert result.after["held_out"].rms < 1.03 * NOISE
@@ -104,7 +116,7 @@ def test_points_of_another_trigger_are_put_back(arms, first: int) -> None:
     run, judge = measured(nominal, true, "a", 5), measured(nominal, true, "b", 6)
     late = run.xyz.copy()
     late[first + 1 :] = run.xyz[first:-1]
-    result = calibrate(nominal, [replace(run, xyz=late)], [judge], TARGET, frame_known=True)
+    result = calibrate(nominal, [replace(run, xyz=late)], [judge], TARGET, Settings(frame_known=True))
     assert [(s.run, s.rows) for s in result.shifts] == [("a", 1)]
     assert abs(result.shifts[0].first - first) <= 2
     assert result.extensions == ()
@@ -118,7 +130,7 @@ def test_an_unknown_tracker_frame_is_estimated(arms, told: bool) -> None:
     turn, shift = Rotation.from_euler("zyx", [2.0, 0.1, -0.3]).as_matrix(), np.array([1.5, -2.0, 0.4])
     runs = [measured(nominal, true, name, seed) for name, seed in (("a", 7), ("b", 8))]
     runs = [replace(run, xyz=(run.xyz - shift) @ turn) for run in runs]  # p_base = turn p_tracker + shift
-    result = calibrate(nominal, runs[:1], runs[1:], TARGET, frame_known=told)
+    result = calibrate(nominal, runs[:1], runs[1:], TARGET, Settings(frame_known=told))
     assert not result.frame_known
     assert bool(result.warnings) == told
     pose = np.array(table_of(nominal, result)["tracker_frame"]["base_from_tracker"])
@@ -132,7 +144,7 @@ def test_three_sweeps_give_fifteen_parameters_and_their_circles(arms) -> None:
     generator = np.random.default_rng(9)
     q = sweeps((1, 2, 3), np.array([0.0, 0.2, 0.5, 0.0, 1.2, 0.0]), 2.0, rows=500)
     run = run_of("sweeps", np.arange(len(q)) * 0.004, q, seen(true, q), generator)
-    result = calibrate(nominal, [run], [], TARGET, frame_known=True)
+    result = calibrate(nominal, [run], [], TARGET, Settings(frame_known=True))
     assert result.identifiable == 15
     assert [c.joint for c in result.circles] == [3, 2, 1]
     assert result.split
@@ -151,9 +163,9 @@ def test_neighbours_that_say_the_same_are_not_counted_twice() -> None:
 def test_unusable_runs_are_refused(arms) -> None:
     nominal, true = arms
     run = measured(nominal, true, "a", 1)
-    with pytest.raises(InputError, match="at least 10 are wanted"):
-        calibrate(nominal, [replace(run, xyz=np.full_like(run.xyz, np.nan))], [], TARGET, frame_known=True)
+    with pytest.raises(InputError, match="at least 10 are needed"):
+        calibrate(nominal, [replace(run, xyz=np.full_like(run.xyz, np.nan))], [], TARGET, Settings(frame_known=True))
     with pytest.raises(InputError, match="has 3 joints, the model has 6"):
-        calibrate(nominal, [replace(run, q=run.q[:, :3])], [], TARGET, frame_known=True)
+        calibrate(nominal, [replace(run, q=run.q[:, :3])], [], TARGET, Settings(frame_known=True))
     with pytest.raises(InputError, match="no joint moves"):
-        calibrate(nominal, [replace(run, q=np.zeros_like(run.q))], [], TARGET, frame_known=True)
+        calibrate(nominal, [replace(run, q=np.zeros_like(run.q))], [], TARGET, Settings(frame_known=True))
