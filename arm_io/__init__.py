@@ -1,16 +1,23 @@
 """What people hand us, and how it is refused: one line that says where, what, and what would be right."""
 
 from arm_io.errors import DeviceFault, InputError
+from arm_io.files import read_file, read_text
+from arm_io.plain_data import check_plain, json_of
 from arm_io.results import check_folder, make_folder, whole_file, write_text
-from arm_io.toml import check_table, read_toml, write_toml
+from arm_io.toml import check_table, read_toml, toml_of, write_toml
 
 __all__ = [
     "DeviceFault",
     "InputError",
     "check_folder",
+    "check_plain",
     "check_table",
+    "json_of",
     "make_folder",
+    "read_file",
+    "read_text",
     "read_toml",
+    "toml_of",
     "whole_file",
     "write_text",
     "write_toml",

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from arm_io.errors import InputError
+from arm_io.files import read_text
+from arm_io.plain_data import DEEPEST, check_plain
 from arm_io.results import write_text
 
 if TYPE_CHECKING:
@@ -16,27 +18,32 @@ M = TypeVar("M", bound="BaseModel")
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """The table in a TOML file. Raises InputError where it is absent, unreadable, or not TOML (with line and column)."""
+    """The table in a TOML file. Raises InputError where it is absent, unreadable, not TOML (with line and column), or not plain."""
+    return toml_of(read_text(path), path)
+
+
+def toml_of(text: str, where: str | Path) -> dict[str, Any]:
+    """The table that a TOML text says, plain (``check_plain``); InputError naming ``where`` it came from otherwise."""
     import tomllib
 
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(path, "no such file") from None
-    except IsADirectoryError:
-        raise InputError(path, "is a folder; a TOML file is wanted") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, f"cannot be read as UTF-8 text: {error}") from None
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(path, f"not valid TOML: {error}") from None
+        table = tomllib.loads(text)
+    except RecursionError:
+        raise InputError(where, f"not valid TOML: is nested more than {DEEPEST} deep") from None
+    except ValueError as error:  # tomllib's own, or of a number that Python refuses to read
+        raise InputError(where, f"not valid TOML: {error}") from None
+    check_plain(where, table)
+    return table
 
 
 def check_table(where: str | Path, table: Mapping[str, Any], model: type[M]) -> M:
-    """``table`` as ``model``; InputError naming the first wrong entry (joints and channels as the file counts them)."""
+    """``table`` as ``model``; InputError naming the first wrong entry (joints and channels as the file counts them).
+
+    Numbers that are not finite are refused whatever the model says of them.
+    """
     from pydantic import ValidationError
 
+    check_plain(where, dict(table))
     try:
         return model.model_validate(table)
     except ValidationError as error:

@@ -6,19 +6,19 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from arm_io import InputError, check_table, read_toml, write_toml
+from arm_io.table import Table
 from arm_io.toml import one_line
 from arm_model.description import IDENTITY, Arm, Controller, EffectTerm, Joint, Pose, Vector
 from arm_model.effects import check_terms
 from arm_model.rigid_body.inertia import unphysical
 
 
-class _ModelFile(BaseModel):
+class _ModelFile(Table):
     """The layout: what an Arm has, with arrays of tables in the singular, as TOML reads best."""
 
-    model_config = ConfigDict(extra="forbid")
     name: str
     units: Literal["SI"]
     source: str = ""
@@ -28,7 +28,7 @@ class _ModelFile(BaseModel):
     tool: Pose = IDENTITY
     joint: list[Joint] = Field(min_length=1)
     controller: Controller | None = None
-    effect: list[EffectTerm] = []
+    effect: list[EffectTerm] = Field(default=[])
 
 
 _NEEDED = ("type", "mass", "com", "inertia")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from arm_io import InputError
+from arm_io import InputError, read_file
 from arm_io.types import Array
 from arm_model.description import Arm, Joint, Pose
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
@@ -27,9 +27,10 @@ def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
     What is fixed to a link is merged into it; what is fixed behind the last joint and ``tip`` itself make the tool. InputError for
     anything that is not a serial chain of revolute, continuous and prismatic joints with physical links.
     """
+    text = read_file(path)
     try:
-        robot = xml.parse(path).getroot()
-    except (OSError, xml.ParseError) as error:
+        robot = xml.fromstring(text)
+    except (ValueError, LookupError, xml.ParseError) as error:  # LookupError: an encoding that nobody knows
         raise InputError(path, f"cannot be read as URDF: {error}") from None
     if robot.tag != "robot":
         raise InputError(path, f"is <{robot.tag}>, not a URDF <robot>")

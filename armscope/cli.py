@@ -6,10 +6,13 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import keyword
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from arm_io import DeviceFault, InputError
 from armscope import __version__
@@ -62,6 +65,7 @@ def run(arguments: list[str]) -> int:
     if name not in COMMANDS:
         return _refuse(f"{name}: no such command; one of {', '.join(COMMANDS)} is wanted")
     try:
+        check_arguments(arguments[1:])
         return _call(name, with_shipped(arguments[1:]))
     except InputError as error:
         return _refuse(str(error))
@@ -79,7 +83,7 @@ def _call(name: str, arguments: list[str]) -> int:
 
     module = importlib.import_module(f"armscope.commands.{name.replace('-', '_')}{'_' * keyword.iskeyword(name)}")
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    app.command(name, help=COMMANDS[name])(module.command)
+    app.command(name, help=COMMANDS[name])(finite(module.command, getattr(module, "MAY_BE_INFINITE", ())))
     try:
         status = app(
             spread(arguments, getattr(module, "MANY", ())), prog_name=f"armscope {name}", standalone_mode=False
@@ -88,6 +92,29 @@ def _call(name: str, arguments: list[str]) -> int:
         message = error.format_message() if hasattr(error, "format_message") else str(error)
         return _refuse(f"{name}: {message}; see 'armscope {name} --help'")
     return status if isinstance(status, int) else DONE
+
+
+def check_arguments(arguments: Sequence[str]) -> None:
+    """Raises InputError for an argument that is empty (a shell variable without a value) or not UTF-8."""
+    for before, argument in zip(["", *arguments], arguments):
+        if argument == "":
+            raise InputError(before if before.startswith("-") else "arguments", "an argument is empty")
+        if not argument.isprintable() and any("\ud800" <= letter <= "\udfff" for letter in argument):
+            raise InputError(ascii(argument), "is not UTF-8; results name their files, and are written in UTF-8")
+
+
+def finite(command: Callable[..., Any], infinite: Sequence[str]) -> Callable[..., Any]:
+    """The command, called with finite numbers only; the options in ``infinite`` may be infinite, none may be NaN."""
+
+    @functools.wraps(command)
+    def checked(**options: Any) -> Any:
+        for name, value in options.items():
+            option = f"--{name.replace('_', '-')}"
+            if isinstance(value, float) and not (math.isfinite(value) or (option in infinite and value == math.inf)):
+                raise InputError(option, f"must be a finite number (is {value:g})")
+        return command(**options)
+
+    return checked
 
 
 def spread(arguments: list[str], many: tuple[str, ...]) -> list[str]:

@@ -13,8 +13,9 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
+from arm_io.table import Table
 from drivers.registry import World
 
 MOST = 4096  # frames that a mailbox holds: what nobody takes is not kept for ever
@@ -29,14 +30,13 @@ NO_BIT_RATE = ("virtual", "unix")
 Frame = tuple[int, int, bytes]
 
 
-class CanConfig(BaseModel):
+class CanConfig(Table):
     """Where the bus is, in python-can's words: interface "socketcan" and channel "can0" for a Linux adapter.
 
     "unix" (a folder as channel, ``drivers.can_unix``) and "virtual" (within one process) carry the same frames without any wire.
     ValueError for an interface that listens to the network: CAN frames carry neither sender nor secret.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     interface: str = "socketcan"
     channel: str = "can0"
     bitrate: Annotated[int, Field(gt=0)] = 1_000_000

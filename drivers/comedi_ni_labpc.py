@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from arm_io import DeviceFault
+from arm_io.table import Table
 from drivers.blocks import join
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
@@ -27,7 +28,7 @@ SAMPLES_PER_SECOND = 83_333.0
 PORT_LINES = 8  # of the first digital port
 
 
-class Config(BaseModel):
+class Config(Table):
     """A Lab-PC in the rig file.
 
     inputs  how many analogue inputs, from channel 0 on: the card scans them without gaps
@@ -35,11 +36,10 @@ class Config(BaseModel):
     lines   digital outputs by name, as line numbers of port A
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     device: str = "/dev/comedi0"
     inputs: Annotated[int, Field(ge=1, le=8)] = 8
     range: Annotated[int, Field(ge=0)] = 0
-    lines: dict[str, Annotated[int, Field(ge=0, lt=PORT_LINES)]] = {"start": 0}
+    lines: dict[str, Annotated[int, Field(ge=0, lt=PORT_LINES)]] = Field(default={"start": 0})
 
 
 class NiLabPc:

@@ -12,9 +12,10 @@ import time
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from arm_io import DeviceFault
+from arm_io.table import NoSeconds, Table
 from drivers.blocks import one_row
 from drivers.clock import SystemClock
 from drivers.counting import check_channel
@@ -29,7 +30,7 @@ TRIAL_READS = 32
 PRESET_TRIES, PRESET_PAUSE, PRESET_SLACK = 5, 0.005, 500  # times, s, counts that it may have moved on by then
 
 
-class Config(BaseModel):
+class Config(Table):
     """A counter device in the rig file.
 
     device  its name under /sys/bus/counter/devices, such as counter0
@@ -38,12 +39,11 @@ class Config(BaseModel):
     sysfs   the subsystem's folder
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     device: str = "counter0"
     counts: tuple[Annotated[int, Field(ge=0)], ...] = (0, 1, 2)
     bits: Annotated[int, Field(ge=8, le=64)] = 24
     sysfs: str = SYSFS
-    patience: Annotated[float, Field(ge=0)] = 5.0
+    patience: NoSeconds = 5.0
 
 
 class LinuxCounter:

@@ -26,6 +26,8 @@ World = dict[str, Any]
 
 def find_driver(path: str, where: str = "driver") -> ModuleType:
     """The module at an import path such as ``drivers.labjack_t7``; InputError if it is no driver."""
+    if not all(part.isidentifier() for part in path.split(".")):
+        raise InputError(where, f"driver {path[:80]!r} is no import path; one like 'drivers.labjack_t7' is needed")
     try:
         module = importlib.import_module(path)
     except ImportError as error:

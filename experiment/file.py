@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from arm_io import check_table, read_toml, write_toml
+from arm_io.table import Rate, Table
 from experiment.segments import Chirp, Drive, Fourier, Move, Repeat, Segment, Setpoints
 
 
-class Payload(BaseModel):
+class Payload(Table):
     """A known mass bolted to the flange before the run."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     mass: Annotated[float, Field(gt=0)]  # kg
     com: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, in the frame of the last link
 
 
-class Setup(BaseModel):
+class Setup(Table):
     """What a person has to do to the arm before this run; a simulated rig does it by itself."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     payload: Payload | None = None
     drives_off: bool = False  # motors unpowered, brakes on: what the current channels show is their own offset
     instruction: str = ""  # one sentence for the person at the arm
 
 
-class Experiment(BaseModel):
+class Experiment(Table):
     """One motion of the arm and how to sample it.
 
     start              (joints,) rad or m: the pose in which the arm stands before the first segment
@@ -37,13 +37,12 @@ class Experiment(BaseModel):
     rate               rows/s wanted; None: what the rig file says
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     name: str
     description: str = ""
     start: list[float] = Field(min_length=1)
     full_speed: list[Annotated[float, Field(gt=0)]]
     full_acceleration: list[Annotated[float, Field(gt=0)]]
-    rate: Annotated[float, Field(gt=0)] | None = None
+    rate: Rate | None = None
     setup: Setup = Setup()
     segment: list[Segment] = Field(min_length=1)
 
@@ -74,7 +73,12 @@ def _check_joints(segments: list[Segment], joints: int, place: str) -> None:
 
 def read_experiment(path: str | Path) -> Experiment:
     """Reads an experiment file; InputError names the file, the entry and what would be right."""
-    return check_table(path, read_toml(path), Experiment)
+    return experiment_of(read_toml(path), path)
+
+
+def experiment_of(table: Mapping[str, Any], where: str | Path) -> Experiment:
+    """The experiment in a table as a file has it; ``where`` names it in errors."""
+    return check_table(where, table, Experiment)
 
 
 def write_experiment(path: str | Path, experiment: Experiment, *, heading: str = "") -> None:

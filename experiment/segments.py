@@ -4,24 +4,22 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from arm_io.table import Table
 
 Positive = Annotated[float, Field(gt=0)]
 Fraction = Annotated[float, Field(gt=0, le=1)]
 
 
-class _Segment(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Hold(_Segment):
+class Hold(Table):
     """Stand still for ``duration``."""
 
     type: Literal["hold"]
     duration: Positive
 
 
-class Drive(_Segment):
+class Drive(Table):
     """One joint, trapezoidal in speed, to a position or by a distance (VAL's DRIVE)."""
 
     type: Literal["drive"]
@@ -37,7 +35,7 @@ class Drive(_Segment):
         return self
 
 
-class Move(_Segment):
+class Move(Table):
     """All joints together to a position, trapezoidal, ending at the same time (VAL's MOVE, joint-interpolated)."""
 
     type: Literal["move"]
@@ -45,7 +43,7 @@ class Move(_Segment):
     speed: Fraction = 1.0
 
 
-class Fourier(_Segment):
+class Fourier(Table):
     """Finite Fourier series about the present position: sum over h of a[j][h] sin(h w t) + b[j][h] (cos(h w t) - 1).
 
     w = 2 pi ``fundamental``. The sum is multiplied by a quintic step of ``fade`` seconds at both ends: it starts and ends at rest
@@ -68,7 +66,7 @@ class Fourier(_Segment):
         return self
 
 
-class Chirp(_Segment):
+class Chirp(Table):
     """One joint: amplitude sin(phase), the frequency going linearly from ``frequency`` to ``to_frequency``; faded at both ends."""
 
     type: Literal["chirp"]
@@ -86,7 +84,7 @@ class Chirp(_Segment):
         return self
 
 
-class Setpoints(_Segment):
+class Setpoints(Table):
     """A table of positions, linear in between: ``times`` from 0, strictly increasing; ``positions`` one row a time."""
 
     type: Literal["setpoints"]
@@ -102,7 +100,7 @@ class Setpoints(_Segment):
         return self
 
 
-class Repeat(_Segment):
+class Repeat(Table):
     """The segments inside, ``times`` times over."""
 
     type: Literal["repeat"]

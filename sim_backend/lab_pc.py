@@ -10,9 +10,10 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from arm_io import DeviceFault
+from arm_io.table import Rate, Table
 from drivers import registry
 from drivers.protocols import Block, EdgeSource, Identity, Plan, Quality
 from sim_backend.electronics import adc, noise
@@ -25,17 +26,16 @@ from sim_backend.rig.world import World, world_of
 START = "start"
 
 
-class Config(BaseModel):
+class Config(Table):
     """One card. joints: the joint whose current transducer is wired to each input; 0 for an input left open (it reads 0 V)."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     joints: list[Annotated[int, Field(ge=0)]] = Field(default=[1, 2, 3, 4, 5, 6, 0, 0], min_length=1, max_length=16)
     bits: Annotated[int, Field(ge=8, le=24)] = 12
     range: tuple[float, float] = (-10.0, 10.0)  # V
     offset: float = 0.0  # V, of the converter
     noise: Annotated[float, Field(ge=0)] = 0.001  # V, standard deviation, of the converter
-    conversion_rate: Annotated[float, Field(gt=0)] = 83.3e3  # 1/s, all inputs together
-    lines: list[str] = [START]
+    conversion_rate: Rate = 83.3e3  # 1/s, all inputs together
+    lines: list[str] = Field(default=[START])
 
 
 class Card:

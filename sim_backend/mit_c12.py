@@ -10,9 +10,10 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from arm_io import DeviceFault
+from arm_io.table import Rate, Table
 from drivers import registry
 from drivers.protocols import Block, CounterMode, Identity, Plan, Quality
 from sim_backend.electronics import quadrature
@@ -25,13 +26,12 @@ from sim_backend.rig.world import World, world_of
 NEVER = np.iinfo(np.int64).max
 
 
-class Config(BaseModel):
+class Config(Table):
     """One card. joints: the joint whose motor's encoder is wired to each channel; 0 for a channel left open."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     joints: list[Annotated[int, Field(ge=0)]] = Field(default=[1, 2, 3, 0], min_length=1)
-    bits: list[Annotated[int, Field(ge=8, le=48)]] = [24, 24, 24, 32]
-    max_rate: Annotated[float, Field(gt=0)] = 25e3  # rows/s
+    bits: list[Annotated[int, Field(ge=8, le=48)]] = Field(default=[24, 24, 24, 32])
+    max_rate: Rate = 25e3  # rows/s
 
     @model_validator(mode="after")
     def _as_many(self) -> Config:

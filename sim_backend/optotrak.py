@@ -10,9 +10,10 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
 from arm_io import DeviceFault
+from arm_io.table import Rate, Table
 from arm_io.types import Array
 from drivers import registry
 from drivers.protocols import Block, EdgeSource, Identity, Plan, Quality
@@ -26,7 +27,7 @@ IDENTITY = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0
 NotNegative = Annotated[float, Field(ge=0)]
 
 
-class Config(BaseModel):
+class Config(Table):
     """One tracker.
 
     rate               samples/s where it does not make the rig's trigger (else the rig's rate is set)
@@ -39,9 +40,8 @@ class Config(BaseModel):
     outliers           share of the points that are wrong, by up to ``outlier`` m in each direction
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    rate: Annotated[float, Field(gt=0)] = 1000.0
-    max_rate: Annotated[float, Field(gt=0)] = 1000.0
+    rate: Rate = 1000.0
+    max_rate: Rate = 1000.0
     memory: Annotated[int, Field(ge=0)] = 1000
     stream: NotNegative = 0.0
     repeatability: NotNegative = 1e-4

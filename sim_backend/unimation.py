@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
 
 from arm_io import DeviceFault
+from arm_io.table import Table
 from drivers import registry
 from drivers.protocols import Identity, Plan
 from experiment import Demand, Experiment, demand_of
@@ -15,10 +15,9 @@ from sim_backend.arm.stopping import StoppedDemand
 from sim_backend.rig.world import World, world_of
 
 
-class Config(BaseModel):
+class Config(Table):
     """waits_for_start_line: the motion begins when the line rises (if it is low at ``start``), else at ``start`` itself."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     waits_for_start_line: bool = True
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm_io import InputError
+from arm_io import InputError, read_text
 from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import write_model
@@ -258,7 +258,7 @@ def _identity(source: object) -> dict[str, Any]:
 def _text(source: Any, write: Callable[..., None]) -> str:
     """The file's text; an object's as ``write`` writes it."""
     if not isinstance(source, Arm | Experiment):
-        return found(source).read_text(encoding="utf-8")
+        return read_text(found(source))
     with TemporaryDirectory() as folder:
         path = Path(folder, "object.toml")
         write(path, source)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from arm_io import InputError, check_folder, make_folder
+from arm_io.plain_data import point_of
 
 if TYPE_CHECKING:
     from arm_model import Arm
@@ -71,7 +72,7 @@ def command(
         raise InputError("RUN.mcap", "is missing; recordings with tracker points are wanted, or --poses N, or --cube")
     if not 0 < target_std < 10:
         raise InputError("--target-std", f"wants a length in m above 0, is {target_std:g}")
-    point = None if target is None else _point(target)
+    point = None if target is None else point_of(target, "--target")
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
         calibration = None
         if run:
@@ -105,14 +106,6 @@ def command(
     names = ("kinematics.json", "report.html", "model.toml") if calibration is not None else ()
     more = [name for name, there in (("poses.toml", poses is not None), ("iso_cube.toml", cube)) if there]
     print("\n".join(str(out / name) for name in [*names, *more]))
-
-
-def _point(text: str) -> tuple[float, float, float]:
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError:
-        raise InputError("--target", f"wants three numbers X,Y,Z in m, is {text!r}") from None
-    return x, y, z
 
 
 def _target_of(calibration: Calibration | None) -> tuple[float, float, float]:

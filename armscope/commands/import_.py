@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from arm_io import read_text
 from daq.recording.csv_table import read_csv
 from daq.recording.parts import Attachments
 from daq.recording.provenance import file_identity, provenance
@@ -26,8 +27,8 @@ def command(
     data = read_csv(table, joints=None if checked is None else checked.joints, keep_extra=keep_extra)
     model = None if checked is None else checked.model_path
     attachments = Attachments(
-        rig=None if rig is None else rig.read_text(encoding="utf-8"),
-        model=None if model is None else model.read_text(encoding="utf-8"),
+        rig=None if rig is None else read_text(rig),
+        model=None if model is None else read_text(model),
         provenance=provenance("imported", source=file_identity(table)),
     )
     names = [] if checked is None else [joint.name or f"joint{number}" for number, joint in enumerate(checked.joint, 1)]

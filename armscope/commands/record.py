@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
-from arm_io import DeviceFault, InputError
+from arm_io import DeviceFault, InputError, read_file, read_text
 from armscope.commands.fetch import bring
 from daq.rig.rig_file import Rig, read_rig
 from daq.service.rig_server import RemoteServer, RigServer, server_of
@@ -90,10 +90,10 @@ def _record(server: RigServer, rig: Path, experiment: Path, place: Path, *, remo
     server.ask(
         "arm",
         {
-            "experiment": experiment.read_text(encoding="utf-8"),
+            "experiment": read_text(experiment),
             "experiment_file": str(experiment),
             "out": place.name if remote else str(place),
-            "rig_sha256": hashlib.sha256(rig.read_bytes()).hexdigest(),
+            "rig_sha256": hashlib.sha256(read_file(rig)).hexdigest(),
         },
     )
     before = {number: signal.signal(number, lambda n, _: stop.append(n)) for number in (signal.SIGINT, signal.SIGTERM)}

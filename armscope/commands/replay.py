@@ -19,6 +19,8 @@ from daq.service.publisher import Publisher
 from daq.service.replay import blocks_of, paced
 from daq.service.zenoh_session import keys_of, open_session
 
+MAY_BE_INFINITE = ("--speed", "--wait")
+
 
 def command(
     recording: Annotated[Path, typer.Argument(metavar="RUN.mcap", help="the recording, finished or not")],

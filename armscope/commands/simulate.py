@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from arm_io import InputError
+from arm_io.plain_data import point_of
 
 
 def command(
@@ -25,17 +26,9 @@ def command(
 
     if (experiment is None) == (like is None):
         raise InputError("simulate", "needs either --experiment or --like")
-    point = None if target is None else _point(target)
+    point = None if target is None else point_of(target, "--target")
     simulation = simulate(model, experiment, like=like, rate=rate, target=point)
     for note in simulation.notes:
         print(f"warning: {note}", file=sys.stderr)
     simulation.write(out)
     print(json.dumps({"file": str(out)} | simulation.to_json()) if as_json else f"{out}: {simulation}")
-
-
-def _point(text: str) -> tuple[float, float, float]:
-    try:
-        x, y, z = map(float, text.split(","))
-    except ValueError:
-        raise InputError("--target", f"{text!r} is not x,y,z in m, as 0.05,0,0.1") from None
-    return x, y, z

@@ -20,6 +20,8 @@ from daq.service.row_block import Columns
 from daq.service.subscriber import Subscriber
 from daq.service.zenoh_session import keys_of, open_session
 
+MAY_BE_INFINITE = ("--speed",)
+
 
 def command(
     source: Annotated[

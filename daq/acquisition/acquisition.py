@@ -29,7 +29,7 @@ from daq.acquisition.rows import Rows
 from daq.acquisition.states import NEXT, End, Ending, State, check_plan
 from daq.acquisition.tracker_memory import merge_points
 from daq.rig.bench import Bench
-from daq.rig.calibration import currents, positions
+from daq.rig.calibration import currents, positions, without_position
 from drivers.protocols import ClockReadings, EdgeSource, Plan, PositionTracker, Reconnecting
 from experiment import Experiment, demand_of
 
@@ -205,7 +205,8 @@ class Acquisition:
             self._first = int(rows.number[0]), int(rows.host_ns[0])
             self._check_first(rows)
         self._pace_ns = (int(rows.host_ns[-1]) - self._first[1]) / max(int(rows.number[-1]) - self._first[0], 1)
-        breach = self.bench.guard.breach(rows.position, rows.current, rows.host_ns)
+        unmeasured = without_position(self.bench.calibration, rows.quality)
+        breach = self.bench.guard.breach(rows.position, rows.current, rows.host_ns, unmeasured)
         if breach is not None:
             self.stop(End.LIMIT, breach)
         self.rows_made += len(rows)
@@ -297,11 +298,13 @@ class Acquisition:
         """A joint that does not read the start pose was never referenced, or shows a stale value."""
         if self.experiment is None:
             return
-        away = np.abs(rows.position[0] - np.array(self.experiment.start))
-        for joint in np.flatnonzero(away > START_TOLERANCE):
+        measured = ~without_position(self.bench.calibration, rows.quality)
+        first = rows.position[np.argmax(measured, axis=0), np.arange(measured.shape[1])]
+        near = np.abs(first - np.array(self.experiment.start)) <= START_TOLERANCE
+        for joint in np.flatnonzero(measured.any(axis=0) & ~near):
             self.stop(
                 End.LIMIT,
-                f"joint {joint + 1} reads {rows.position[0, joint]:.4g} at the start, the experiment starts at "
+                f"joint {joint + 1} reads {first[joint]:.4g} at the start, the experiment starts at "
                 f"{self.experiment.start[joint]:.4g}: zero the encoders, or give them preset = 'start'",
             )
 

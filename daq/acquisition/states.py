@@ -145,7 +145,7 @@ def check_motion(rig: Rig, experiment: Experiment, step: float = 1e-3) -> list[s
     if rig.limits.position is not None:
         for joint, (low, high) in enumerate(rig.limits.position, 1):
             reached = q[:, joint - 1]
-            if reached.min() < low - 1e-9 or reached.max() > high + 1e-9:
+            if not (low - 1e-9 <= reached.min() and reached.max() <= high + 1e-9):  # NaN is within no limits
                 problems.append(
                     f"joint {joint} goes from {reached.min():.4g} to {reached.max():.4g}; "
                     f"its limits in the rig file are {low:g} to {high:g}"
@@ -153,14 +153,14 @@ def check_motion(rig: Rig, experiment: Experiment, step: float = 1e-3) -> list[s
     if rig.limits.speed is not None and len(q) > 1:
         speed = np.abs(np.diff(q, axis=0)).max(axis=0) / step
         for joint, limit in enumerate(rig.limits.speed, 1):
-            if speed[joint - 1] > limit * (1 + 1e-6):
+            if not speed[joint - 1] <= limit * (1 + 1e-6):
                 problems.append(f"joint {joint} moves at up to {speed[joint - 1]:.4g}/s; its limit is {limit:g}/s")
     apart = max(1, round(FELT / step))
     if rig.limits.acceleration is not None and len(q) > 2 * apart:
         bend = q[2 * apart :] - 2 * q[apart:-apart] + q[: -2 * apart]
         acceleration = np.abs(bend).max(axis=0) / (apart * step) ** 2
         for joint, limit in enumerate(rig.limits.acceleration, 1):
-            if acceleration[joint - 1] > limit * (1 + 1e-6):
+            if not acceleration[joint - 1] <= limit * (1 + 1e-6):
                 problems.append(
                     f"joint {joint} accelerates at up to {acceleration[joint - 1]:.4g}/s2; its limit is {limit:g}/s2"
                 )

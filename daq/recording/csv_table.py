@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from arm_io import InputError, whole_file
+from arm_io.files import open_regular
 from arm_io.types import Array
 from daq.recording.messages.row_format import JOINT_TOPICS
 from daq.recording.reader import Recording
@@ -107,12 +109,10 @@ def _texts(values: Array) -> Iterator[str]:
 def _cells(path: str | Path) -> tuple[list[str], list[int], list[tuple[str, ...]]]:
     """Column names, the number of each line with cells, and the cells by column."""
     try:
-        with open(path, encoding="utf-8-sig", newline="") as file:
+        with os.fdopen(open_regular(path), encoding="utf-8-sig", newline="") as file:
             reader = csv.reader(file)
             names = [name.strip() for name in next(reader, [])]
             rows = [(reader.line_num, row) for row in reader if row]
-    except FileNotFoundError:
-        raise InputError(path, "no such file") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(path, f"cannot be read as a CSV text in UTF-8: {error}") from None
     if len(names) == 1 and (found := re.search(r"[;\t|]", names[0])):

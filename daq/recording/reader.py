@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -11,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_io import InputError
+from arm_io import InputError, toml_of
 from arm_io.types import Array
 from daq.acquisition.ledger import LedgerSummary
 from daq.recording.contents import Contents, read_contents
@@ -148,7 +147,7 @@ class Recording:
 
     def _toml(self, name: str) -> dict[str, Any] | None:
         data = self.attachments.get(name)
-        return None if data is None else tomllib.loads(data.decode())
+        return None if data is None else toml_of(data.decode(), f"{self.path}: {name}")
 
 
 def open_recording(path: str | Path, *, damaged: bool = False) -> Recording:

@@ -99,10 +99,17 @@ def positions(calibration: Calibration, counts: NDArray[np.int64], quality: NDAr
     have = which != NONE
     used = which[have]
     q[:, have] = np.array(calibration.offset)[have] + counts[:, used] / np.array(calibration.scale)[have]
-    missing = (quality[:, used] & int(Quality.MISSING)) != 0
-    if missing.any():
-        q[:, have] = np.where(missing, np.nan, q[:, have])
+    q[without_position(calibration, quality)] = np.nan
     return q
+
+
+def without_position(calibration: Calibration, quality: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """(n, J) where a joint has no encoder, or its value is MISSING in rows of ``quality`` (n, C + A + tracker)."""
+    which = np.array(calibration.count_column, int)
+    without = np.ones((len(quality), len(which)), bool)
+    have = which != NONE
+    without[:, have] = (quality[:, which[have]] & int(Quality.MISSING)) != 0
+    return without
 
 
 def currents(calibration: Calibration, volts: NDArray[np.float64]) -> NDArray[np.float64]:

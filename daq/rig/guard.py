@@ -23,6 +23,8 @@ from drivers.protocols import AnalogOutput, ArmController, Device, DigitalOutput
 from experiment import Experiment
 
 START = "start"  # the output that begins a run
+SHORTEST = 5e-3
+"""s over which a speed is taken, at least."""
 
 
 class Guard:
@@ -99,33 +101,34 @@ class Guard:
         self._fed = now
 
     def breach(
-        self, position: NDArray[np.float64], current: NDArray[np.float64], host_ns: NDArray[np.int64]
+        self,
+        position: NDArray[np.float64],
+        current: NDArray[np.float64],
+        host_ns: NDArray[np.int64],
+        unmeasured: NDArray[np.bool_] | None = None,
     ) -> str | None:
-        """What limit the arm was seen to break in rows (n, J), as a sentence; None if it kept them all. NaN keeps them.
+        """What limit the arm was seen to break in rows (n, J), as a sentence; None if it kept them all.
 
-        Speed is taken over the whole block of rows, where encoder steps do not look like speed.
+        unmeasured  (n, J) True where the joint has no encoder, or its device says itself that the value is missing; None: nowhere.
+                    A position that is not finite elsewhere is a breach, with or without limits: nobody knows where the arm is.
+
+        A current that is NaN was not measured; an infinite one is a breach. Speed is taken from the first to the last measured row of
+        the block, where encoder steps do not look like speed.
         """
         if len(position) == 0:
             return None
         limits = self.rig.limits
-        if limits.position is not None:
-            low, high = np.array(limits.position).T
-            out = (position < low) | (position > high)
-            if out.any():
-                row, joint = np.argwhere(out)[0]
-                return f"joint {joint + 1} at {position[row, joint]:.4g}, limits {low[joint]:g} to {high[joint]:g}"
-        if limits.current is not None:
-            over = np.abs(current) > np.array(limits.current)
-            if over.any():
-                row, joint = np.argwhere(over)[0]
-                return f"current {current[row, joint]:.4g} A in joint {joint + 1}, limit {limits.current[joint]:g} A"
-        if limits.speed is not None and host_ns[-1] - host_ns[0] > 5_000_000:
-            speed = np.abs(position[-1] - position[0]) / ((host_ns[-1] - host_ns[0]) * 1e-9)
-            over = speed > np.array(limits.speed)
-            if over.any():
-                joint = int(np.argmax(over))
-                return f"joint {joint + 1} at {speed[joint]:.4g}/s, limit {limits.speed[joint]:g}/s"
-        return None
+        measured = np.ones(position.shape, bool) if unmeasured is None else ~unmeasured
+        low, high = np.array(limits.position or [(-np.inf, np.inf)] * self.rig.joints).T
+        kept = (position >= low) & (position <= high) & np.isfinite(position)  # false for NaN
+        if (out := measured & ~kept).any():
+            row, joint = np.argwhere(out)[0]
+            return f"joint {joint + 1} at {position[row, joint]:.4g}, limits {low[joint]:g} to {high[joint]:g}"
+        most = np.array(limits.current or [np.finfo(float).max] * self.rig.joints)
+        if (over := ~(np.abs(current) <= most) & ~np.isnan(current)).any():
+            row, joint = np.argwhere(over)[0]
+            return f"current {current[row, joint]:.4g} A in joint {joint + 1}, limit {most[joint]:g} A"
+        return None if limits.speed is None else _too_fast(position, measured, host_ns, np.array(limits.speed))
 
     def trip(self, why: str) -> None:
         """Safe state, held until ``reset``."""
@@ -177,6 +180,21 @@ class Guard:
 
     def _starved(self) -> None:
         self.trip(f"no sign of life of the sampler for {self.rig.watchdog:g} s")
+
+
+def _too_fast(
+    position: NDArray[np.float64], measured: NDArray[np.bool_], host_ns: NDArray[np.int64], limit: NDArray[np.float64]
+) -> str | None:
+    """The first joint whose mean speed between its first and last measured row is not within ``limit`` (J,), as a sentence."""
+    joints = np.flatnonzero(measured.any(axis=0))
+    first = np.argmax(measured[:, joints], axis=0)
+    last = len(measured) - 1 - np.argmax(measured[::-1, joints], axis=0)
+    seconds = (host_ns[last] - host_ns[first]) * 1e-9
+    moved = np.abs(position[last, joints] - position[first, joints])
+    for joint, distance, time in zip(joints.tolist(), moved.tolist(), seconds.tolist()):
+        if time > SHORTEST and not distance / time <= limit[joint]:
+            return f"joint {joint + 1} at {distance / time:.4g}/s, limit {limit[joint]:g}/s"
+    return None
 
 
 def _check_watchdogs(rig: Rig, devices: Mapping[str, Device]) -> None:

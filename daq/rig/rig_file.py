@@ -10,13 +10,15 @@ backwards when the joint goes forward); counts and volts are of the motor, and c
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, field_validator, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, field_validator, model_validator
 
 from arm_io import InputError, check_table, read_toml
+from arm_io.table import Rate, Seconds, Table
 from drivers.loopback import is_loopback
 from drivers.protocols import (
     AnalogInput,
@@ -35,23 +37,19 @@ Sign = Literal[-1, 1]
 Vector = tuple[float, float, float]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Trigger(_Table):
+class Trigger(Table):
     """Whose edges make the rows, which device sees them, and how many a second are expected."""
 
     source: EdgeSource
     device: str  # sees the edges (source poll: is asked)
-    rate: Positive  # rows/s
+    rate: Rate  # rows/s
 
 
-class DeviceTable(BaseModel):
+class DeviceTable(Table):
     """One device: its name, its driver's import path, and all else as the driver's own Config wants it."""
 
-    model_config = ConfigDict(extra="allow", frozen=True)
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
+    model_config = ConfigDict(extra="allow")
+    name: Annotated[str, Field(max_length=64, pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
     driver: str
 
     @property
@@ -60,7 +58,7 @@ class DeviceTable(BaseModel):
         return dict(self.model_extra or {})
 
 
-class Encoder(_Table):
+class Encoder(Table):
     """Where a joint's angle comes from: a counter channel.
 
     lines              lines a motor revolution; with ``mode`` and the joint's gear they give the scale
@@ -88,7 +86,7 @@ class Encoder(_Table):
         return self
 
 
-class CurrentSensor(_Table):
+class CurrentSensor(Table):
     """Where a motor's current comes from: an analogue channel behind a Hall transducer.
 
     Current = (V - offset) rated_current / rated_voltage / turns; the thesis's I = (20 V - C_off) / N for 200 A -> 10 V.
@@ -103,7 +101,7 @@ class CurrentSensor(_Table):
     offset: float = 0.0  # V at no current
 
 
-class JointTable(_Table):
+class JointTable(Table):
     """One joint: name, transmission, and where its angle and current come from (neither, for imported data)."""
 
     name: str = ""
@@ -120,7 +118,7 @@ class JointTable(_Table):
         return gear
 
 
-class TrackerTable(_Table):
+class TrackerTable(Table):
     """The external tracker.
 
     target             m: the target in the frame of the last link
@@ -148,7 +146,7 @@ class TrackerTable(_Table):
         return value
 
 
-class Limits(_Table):
+class Limits(Table):
     """What the arm may be asked to do and may be seen doing; one entry a joint, each list may be left out."""
 
     position: list[tuple[float, float]] | None = None  # rad (m)
@@ -165,7 +163,7 @@ class Limits(_Table):
         return value
 
 
-class Output(_Table):
+class Output(Table):
     """A line or an analogue output that the guard may drive.
 
     line     name of a digital line, or
@@ -188,7 +186,7 @@ class Output(_Table):
         return self
 
 
-class Tls(_Table):
+class Tls(Table):
     """Files for TLS, relative to the rig file."""
 
     authority: str
@@ -196,7 +194,7 @@ class Tls(_Table):
     key: str
 
 
-class ZenohTable(_Table):
+class ZenohTable(Table):
     """Where the daemon listens. Anything but loopback wants ``tls``, ``user`` and ``password_file``."""
 
     endpoint: str = "tcp/127.0.0.1:7447"
@@ -226,29 +224,29 @@ class ZenohTable(_Table):
         return self
 
 
-class RecordingTable(_Table):
+class RecordingTable(Table):
     """How recordings are written."""
 
     chunk_seconds: Annotated[float, Field(gt=0, le=10)] = 0.2  # what a power cut may cost
 
 
-class Rig(_Table):
+class Rig(Table):
     """A rig file, checked. ``joint`` alone is a rig for imported data."""
 
-    name: str
+    name: Annotated[str, Field(min_length=1, max_length=100)]
     description: str = ""
     model: str | None = None  # the arm's model, relative to this file
     trigger: Trigger | None = None
-    device: list[DeviceTable] = []
-    joint: list[JointTable] = Field(min_length=1)
+    device: list[DeviceTable] = Field(default=[])
+    joint: list[JointTable] = Field(min_length=1, max_length=64)
     tracker: TrackerTable | None = None
     limits: Limits = Limits()
-    outputs: dict[str, Output] = {}
-    watchdog: Positive = 0.5  # s without a sign of life after which the guard brings all outputs to their safe state
+    outputs: dict[str, Output] = Field(default={})
+    watchdog: Seconds = 0.5  # s without a sign of life after which the guard brings all outputs to their safe state
     block_seconds: Annotated[float, Field(gt=0, le=1)] = 0.01  # how often the devices are read
     zenoh: ZenohTable = ZenohTable()
     recording: RecordingTable = RecordingTable()
-    simulation: dict[str, Any] = {}  # for the simulated drivers, as they define it
+    simulation: dict[str, Any] = Field(default={})  # for the simulated drivers, as they define it
     _folder: Path = PrivateAttr(default=Path("."))
 
     @property
@@ -320,7 +318,7 @@ def read_rig(path: str | Path, *, drivers: bool = True) -> Rig:
     """
     rig = check_table(path, read_toml(path), Rig)
     rig._folder = Path(path).resolve().parent
-    if rig.model_path is not None and not rig.model_path.is_file():
+    if rig.model_path is not None and not os.path.isfile(rig.model_path):  # False too for a name that no file can have
         raise InputError(path, f"model: no file {rig.model_path}")
     if drivers:
         for number, device in enumerate(rig.device, 1):

@@ -5,7 +5,6 @@ Used by the daemon and by an embedded ``record`` alike.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_io import DeviceFault, InputError, check_table
+from arm_io import DeviceFault, InputError, read_text, toml_of
 from daq.acquisition.acquisition import Acquisition
 from daq.acquisition.ledger import LedgerSummary
 from daq.acquisition.states import End, State
@@ -24,7 +23,7 @@ from daq.rig.bench import Bench
 from daq.service.publisher import Publisher
 from daq.service.row_block import columns_of
 from drivers.clock import SystemClock
-from experiment import Experiment, demand_of
+from experiment import Experiment, demand_of, experiment_of
 
 Table = dict[str, Any]
 
@@ -40,11 +39,7 @@ class Order:
 
 def order_of(text: str, where: str, out: Path) -> Order:
     """The order for an experiment in TOML; InputError names ``where`` it came from."""
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(where, f"not valid TOML: {error}") from None
-    return Order(check_table(where, table, Experiment), text, out)
+    return Order(experiment_of(toml_of(text, where), where), text, out)
 
 
 class Run:
@@ -128,7 +123,7 @@ class Run:
 
     def _begin(self) -> Recorder:
         bench, rig = self._bench, self._bench.rig
-        model = rig.model_path.read_text(encoding="utf-8") if rig.model_path is not None else None
+        model = read_text(rig.model_path) if rig.model_path is not None else None
         counters, inputs = bench.columns.names()
         controller = bench.guard.controller
         layout = rows_layout(
@@ -192,8 +187,8 @@ class Run:
 def _torque_per_ampere(model: str | None, gears: list[float]) -> list[float]:
     """N m/A (N/A) of each joint, |gear| x torque constant, as the model file has it; [] unless it has all of them."""
     try:
-        joints = tomllib.loads(model or "").get("joint", [])
+        joints = toml_of(model or "", "model").get("joint", [])
         constants = [float(joint["torque_constant"]) for joint in joints]
-    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError):
+    except (InputError, KeyError, TypeError, ValueError):
         return []
     return [k * abs(gear) for k, gear in zip(constants, gears)] if len(constants) == len(gears) else []

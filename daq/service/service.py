@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from arm_io import DeviceFault, InputError
+from arm_io import DeviceFault, InputError, read_text
 from daq.acquisition.states import End
 from daq.rig.bench import Bench
 from daq.rig.rig_file import Rig, read_rig
@@ -65,7 +65,7 @@ class Service:
 
     def __init__(self, rig_path: Path, *, role: str = "daemon", folder: Path | None = None, publish: str = "wanted"):
         self.rig: Rig = read_rig(rig_path)
-        self.rig_text = rig_path.read_text(encoding="utf-8")
+        self.rig_text = read_text(rig_path)
         self.rig_sha256 = hashlib.sha256(self.rig_text.encode()).hexdigest()
         self.keys = keys_of(self.rig.name)
         self.notes: list[str] = []

@@ -9,13 +9,14 @@ rig file wants TLS, a user and a password (``daq.rig.rig_file.ZenohTable`` refus
 from __future__ import annotations
 
 import json
+import os
 import re
 import stat
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from arm_io import DeviceFault, InputError
+from arm_io import DeviceFault, InputError, read_text
 
 if TYPE_CHECKING:
     import zenoh
@@ -165,11 +166,8 @@ def access_control(keys: Keys, users: list[str], *, ros2: bool = False) -> dict[
 
 def read_passwords(path: Path) -> dict[str, str]:
     """User -> password of a file of lines ``user:password`` that nobody else can read; InputError otherwise."""
-    try:
-        mode = path.stat().st_mode
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    text = read_text(path)
+    mode = path.stat().st_mode
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise InputError(path, "can be read by others; 'chmod 600' it")
     passwords = {}
@@ -191,7 +189,7 @@ def _tls(rig: Rig, *, listen: bool) -> dict[str, Any]:
         files |= {"listen_certificate": tls.certificate, "listen_private_key": tls.key}
     paths = {name: rig.resolve(path) for name, path in files.items()}
     for path in paths.values():
-        if not path.is_file():
+        if not os.path.isfile(path):
             raise InputError(path, "no such file; 'zenoh.tls' of the rig file names it")
     return {name: str(path) for name, path in paths.items()} | {"verify_name_on_connect": True, "enable_mtls": False}
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 import time
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from arm_io import DeviceFault
+from arm_io.table import NoSeconds, Seconds, Table
 from drivers.blocks import one_row
 from drivers.can_bus import CanBus, CanConfig, Mailbox, frame_bits, shared_bus
 from drivers.clock import SystemClock
@@ -27,10 +28,9 @@ FIRST = 1.0  # s for the first results, on a busy machine too
 Identifier = Annotated[int, Field(ge=0, le=0x7FF)]
 
 
-class Sensor(BaseModel):
+class Sensor(Table):
     """CAN identifiers of one sensor; several on one bus want different ones (command 1Fh and its neighbours set them)."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     command: Identifier = ivt.COMMAND_ID
     reply: Identifier = ivt.REPLY_ID
     result: Identifier = ivt.RESULT_ID
@@ -48,8 +48,8 @@ class Config(CanConfig):
     period: Annotated[int, Field(ge=1, le=1000)] = 1
     rated_current: Annotated[float, Field(gt=0)] = 300.0
     stale_after: Annotated[float, Field(ge=1)] = 3.0
-    timeout: Annotated[float, Field(gt=0)] = 0.1
-    patience: Annotated[float, Field(ge=0)] = 5.0
+    timeout: Seconds = 0.1
+    patience: NoSeconds = 5.0
 
 
 class IvtSensors:

@@ -16,9 +16,10 @@ import socket
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from arm_io import DeviceFault
+from arm_io.table import NoSeconds, Seconds, Table
 from drivers.blocks import join
 from drivers.clock import SystemClock
 from drivers.counting import check_channel, extend
@@ -36,7 +37,7 @@ CLEAR_OFFSET = 100  # READ_A_AND_RESET lies 100 registers above READ_A
 READING_PERIOD = 250_000_000  # ns between readings of CORE_TIMER, which also feed the watchdog
 
 
-class Config(BaseModel):
+class Config(Table):
     """A T7 in the rig file.
 
     counters  even DIO line of each encoder's pair: 0 (FIO0/1), 2 (FIO2/3), 6 (FIO6/7); counter channels in this order
@@ -46,16 +47,15 @@ class Config(BaseModel):
     patience  s for which a lost connection is sought again before the device is given up
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     host: str
     port: Annotated[int, Field(ge=0, le=65535)] = 502
     stream_port: Annotated[int, Field(ge=0, le=65535)] = 702
     counters: tuple[int, ...] = (0, 2, 6)
     inputs: tuple[Annotated[int, Field(ge=0, le=13)], ...] = (0, 1, 2, 3, 4, 5, 6, 7)
-    lines: dict[str, Annotated[int, Field(ge=0, le=22)]] = {"start": 4}
+    lines: dict[str, Annotated[int, Field(ge=0, le=22)]] = Field(default={"start": 4})
     watchdog: Annotated[int, Field(ge=0)] = 2
-    timeout: Annotated[float, Field(gt=0)] = 0.5
-    patience: Annotated[float, Field(ge=0)] = 5.0
+    timeout: Seconds = 0.5
+    patience: NoSeconds = 5.0
 
     @model_validator(mode="after")
     def _lines_free(self) -> Self:

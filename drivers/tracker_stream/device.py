@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import contextlib
 import socket
-from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from arm_io import DeviceFault
+from arm_io import DeviceFault, InputError, read_file
+from arm_io.table import NoSeconds, Rate, Table
 from drivers.blocks import empty
 from drivers.clock import SystemClock
 from drivers.loopback import is_loopback
@@ -26,10 +26,11 @@ from drivers.serial_port import SerialPort
 from drivers.tracker_stream.protocol import Frames, Lines
 
 METRES = {"m": 1.0, "mm": 1e-3}
+LARGEST_FILE = 1 << 30  # bytes
 TICK_HZ = 1e6  # block ticks: microseconds of the tracker's clock
 
 
-class Config(BaseModel):
+class Config(Table):
     """A tracker in the rig file.
 
     host, port    UDP: where its datagrams arrive; a host other than loopback needs ``sender``, the one address listened to
@@ -39,18 +40,17 @@ class Config(BaseModel):
     patience      s for which a lost serial port is sought again before the tracker is given up
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] | None = None
     sender: str | None = None
     serial: str | None = None
     baud: int = 115200
     unit: Literal["m", "mm"] = "m"
-    rate: Annotated[float, Field(gt=0)] = 1000.0
-    max_rate: Annotated[float, Field(gt=0)] = 1000.0
+    rate: Rate = 1000.0
+    max_rate: Rate = 1000.0
     memory: Annotated[int, Field(ge=1)] | None = None
     file: str | None = None
-    patience: Annotated[float, Field(ge=0)] = 5.0
+    patience: NoSeconds = 5.0
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -187,9 +187,9 @@ class TrackerStream:
             raise self._fault("keeps no file: write 'file' in the rig file if it does")
         lines = Lines()
         try:
-            frames = lines.feed(Path(self.config.file).read_bytes() + b"\n")
-        except OSError as error:
-            raise self._fault(f"{self.config.file}: {error}; has the tracker written it?") from None
+            frames = lines.feed(read_file(self.config.file, most=LARGEST_FILE) + b"\n")
+        except InputError as error:
+            raise self._fault(f"{error}; has the tracker written it?") from None
         if lines.refused or np.any(np.diff(frames.number) <= 0):
             raise self._fault(f"{self.config.file}: not every line is frame,seconds,x,y,z with rising frame numbers")
         return self._block(frames, 0)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from pydantic import BaseModel, ConfigDict, Field
-
 from arm_io import DeviceFault
+from arm_io.table import NoSeconds, Seconds, Table
 from drivers.blocks import one_row
 from drivers.clock import SystemClock
 from drivers.counting import check_channel, fell_to_zero
@@ -21,13 +18,12 @@ ADVICE = "is the AD4-B plugged in and powered?"
 SLOW = 2 * int(ad4b.WIRE_BYTES * BYTE_SECONDS * 1e9)  # ns for question and answer: the latch is not where it should be
 
 
-class Config(BaseModel):
+class Config(Table):
     """An AD4-B in the rig file."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     port: str
-    timeout: Annotated[float, Field(gt=0)] = 0.05
-    patience: Annotated[float, Field(ge=0)] = 5.0
+    timeout: Seconds = 0.05
+    patience: NoSeconds = 5.0
 
 
 class Ad4b:

@@ -7,11 +7,10 @@ trip); "stream": it sends its count as fast as 230400 baud takes it (1920 a seco
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
-from pydantic import BaseModel, ConfigDict, Field
+from typing import Literal
 
 from arm_io import DeviceFault
+from arm_io.table import NoSeconds, Seconds, Table
 from drivers import stream_age
 from drivers.blocks import one_row
 from drivers.clock import SystemClock
@@ -34,14 +33,13 @@ UNSURE = 0.05  # s: when in a question and its answer the clock is read
 SLOW = 10_000_000  # ns for question and answer, USB and all: beyond it the time of the latch is not known well
 
 
-class Config(BaseModel):
+class Config(Table):
     """A QSB in the rig file. ``port``: best /dev/serial/by-id/usb-US_Digital..., which stays the same after a restart."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     port: str
     reading: Literal["ask", "stream"] = "stream"
-    timeout: Annotated[float, Field(gt=0)] = 0.05
-    patience: Annotated[float, Field(ge=0)] = 5.0
+    timeout: Seconds = 0.05
+    patience: NoSeconds = 5.0
 
 
 class Qsb:

@@ -12,9 +12,10 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from arm_io import DeviceFault
+from arm_io.table import Seconds, Table
 from drivers.clock import SystemClock
 from drivers.protocols import HostClock, Identity, Plan
 from drivers.reconnect import or_fault
@@ -34,7 +35,7 @@ QUIET = 0.05  # s without a letter: 50 letters' time at 9600 baud
 MOST_DRAINED = 200
 
 
-class Config(BaseModel):
+class Config(Table):
     """A VAL controller in the rig file.
 
     dialect         "val2" knows joint-interpolated moves of all joints (DO MOVE #PPOINT); "val" only DRIVE
@@ -46,7 +47,6 @@ class Config(BaseModel):
     move_timeout    s until the longest single move must be over
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
     port: str
     baud: int = 9600
     dialect: Literal["val", "val2"] = "val2"
@@ -56,8 +56,8 @@ class Config(BaseModel):
     full_speed: tuple[Annotated[float, Field(gt=0)], ...] = (1.4312, 1.2915, 2.1293, 3.9794, 4.2062, 3.9794)
     full_acceleration: tuple[Annotated[float, Field(gt=0)], ...] = (8.0, 6.0, 12.0, 20.0, 25.0, 25.0)
     approach_speed: Annotated[int, Field(ge=1, le=100)] = 20
-    answer_timeout: Annotated[float, Field(gt=0)] = 2.0
-    move_timeout: Annotated[float, Field(gt=0)] = 60.0
+    answer_timeout: Seconds = 2.0
+    move_timeout: Seconds = 60.0
 
 
 @dataclass(frozen=True)
@@ -133,16 +133,19 @@ class ValTerminal:
         if not np.allclose(experiment.full_speed, self.config.full_speed[: self.joints], rtol=SAME_SPEED):
             has, wants = list(experiment.full_speed), list(self.config.full_speed)
             raise self._fault(f"the experiment takes {has} rad/s for full speed, this controller does {wants}")
-        self._steps = self._compile(experiment)
+        try:
+            self._steps = self._compile(experiment)
+        except ValueError as error:
+            raise self._fault(f"cannot do this experiment: {error}") from None
         with or_fault(self.name, ADVICE):
             self._command(val.speed(100))
             here, start = self._where(), self._degrees(experiment.start)
             for joint in range(self.joints):
-                if abs(start[joint] - here[joint]) > SMALLEST:
+                if not abs(start[joint] - here[joint]) <= SMALLEST:
                     by = val.drive(joint + 1, start[joint] - here[joint], self.config.approach_speed)
                     self._command(by, self.config.move_timeout)
             here = self._settled(start)
-        off = [k + 1 for k in range(self.joints) if abs(start[k] - here[k]) > ARRIVED]
+        off = [k + 1 for k in range(self.joints) if not abs(start[k] - here[k]) <= ARRIVED]
         if off:
             raise self._fault(
                 f"joint {off[0]} stands at {here[off[0] - 1]:.2f} deg, not at {start[off[0] - 1]:.2f}: CALIB it"
@@ -230,7 +233,7 @@ class ValTerminal:
                         target = sign * np.degrees(segment.to) + self.config.zero[joint]
                     else:
                         target = at[joint] + sign * np.degrees(segment.by or 0.0)
-                    if abs(target - at[joint]) > SMALLEST:
+                    if not abs(target - at[joint]) <= SMALLEST:
                         steps.append(Step((val.drive(joint + 1, target - at[joint], self._percent(segment.speed)),)))
                     at[joint] = target
                 case Move() if self.config.dialect == "val2":
@@ -242,8 +245,8 @@ class ValTerminal:
         return steps
 
     def _percent(self, fraction: float) -> int:
-        percent = round(fraction * 100)
-        if percent < 1 or abs(percent - fraction * 100) > PERCENT_TOLERANCE:
+        percent = round(fraction * 100) if 0 < fraction <= 1 else 0  # 0 for NaN
+        if percent < 1 or not abs(percent - fraction * 100) <= PERCENT_TOLERANCE:
             raise self._fault(f"a speed of {fraction:g} is no whole number of per cent, as VAL wants it")
         return percent
 

@@ -7,6 +7,7 @@ Source: Unimation, "User's Guide to VAL" (1980s editions): monitor commands SPEE
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from enum import Enum
@@ -18,6 +19,8 @@ PROMPT = "."
 JOINTS = 6
 _NUMBER = re.compile(r"[-+]?\d*\.?\d+")
 _LONGEST_LINE = 400
+LARGEST_ANGLE = 1e4
+"""deg: 28 turns. No joint of an arm with VAL turns twice."""
 
 
 def speed(percent: int) -> str:
@@ -26,13 +29,20 @@ def speed(percent: int) -> str:
 
 
 def drive(joint: int, degrees: float, percent: int) -> str:
-    """One joint by so many degrees."""
-    return f"DRIVE {joint},{degrees:.3f},{percent}"
+    """One joint by so many degrees. ValueError as ``move``."""
+    return f"DRIVE {joint},{_typed(degrees)},{percent}"
 
 
 def move(degrees: list[float]) -> str:
-    """All joints together to a position (VAL II: VAL itself knows no #PPOINT)."""
-    return f"DO MOVE #PPOINT({','.join(f'{d:.3f}' for d in degrees)})"
+    """All joints together to a position (VAL II: VAL itself knows no #PPOINT). ValueError for an angle that is none."""
+    return f"DO MOVE #PPOINT({','.join(map(_typed, degrees))})"
+
+
+def _typed(degrees: float) -> str:
+    """An angle as VAL reads it. ValueError for one that is not finite or beyond ``LARGEST_ANGLE``: what VAL makes of it is unknown."""
+    if not abs(degrees) <= LARGEST_ANGLE:  # not NaN either
+        raise ValueError(f"{degrees:g} degrees is no angle of an arm")
+    return f"{degrees:.3f}"
 
 
 def program_speed(percent: int) -> str:
@@ -125,10 +135,11 @@ class Session:
 
 
 def where(lines: tuple[str, ...]) -> list[float] | None:
-    """Joint angles (deg) from the answer to WHERE: a heading with JT1 ... JT6, the hand's place, the joints. None where they are not."""
+    """Joint angles (deg) from the answer to WHERE: a heading with JT1 ... JT6, the hand's place, the joints. None where they are not, or no angles."""
     headings = [k for k, line in enumerate(lines) if "JT1" in line.upper()]
     if not headings:
         return None
     rows = [[float(n) for n in _NUMBER.findall(line)] for line in lines[headings[0] + 1 :]]
     rows = [row for row in rows if len(row) >= JOINTS]
-    return rows[1][:JOINTS] if len(rows) >= 2 else None
+    joints = rows[1][:JOINTS] if len(rows) >= 2 else [math.nan]
+    return joints if all(abs(angle) <= LARGEST_ANGLE for angle in joints) else None

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_io import InputError
+from arm_io import InputError, toml_of
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.model_file import arm_of
@@ -67,11 +67,9 @@ def _check_rig(recording: Recording, arm: Arm) -> None:
 
     Lengths may differ by what a calibration finds, and no more.
     """
-    import tomllib
-
     where = recording.path
     if recording.model is not None:
-        own = arm_of(tomllib.loads(recording.model), where)
+        own = arm_of(toml_of(recording.model, f"{where}: model.toml"), f"{where}: model.toml")
         for number, (mine, other) in enumerate(zip(arm.joints, own.joints), 1):
             if mine.type != other.type:
                 raise InputError(

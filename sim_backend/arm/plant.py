@@ -43,7 +43,7 @@ class SimulatedArm:
         demand = demand_of(experiment)
         asked = demand(np.arange(0.0, demand.duration + 1e-3, 1e-3))
         for number, (joint, low, high) in enumerate(zip(self.arm.joints, asked.min(axis=0), asked.max(axis=0)), 1):
-            if joint.limits is not None and (low < joint.limits[0] - 1e-9 or high > joint.limits[1] + 1e-9):
+            if joint.limits is not None and not (joint.limits[0] - 1e-9 <= low and high <= joint.limits[1] + 1e-9):
                 return (
                     f"joint {number} is asked to go from {low:.4g} to {high:.4g}; "
                     f"its stops are at {joint.limits[0]:g} and {joint.limits[1]:g}"

@@ -6,20 +6,15 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
+from arm_io.table import Table
 from arm_io.types import Array
 from sim_backend.electronics.hall_transducer import HallTransducer
 from sim_backend.electronics.sine_encoder import SineEncoder
 
 Positive = Annotated[float, Field(gt=0)]
 PerJoint = float | list[float]
-
-
-class Table(BaseModel):
-    """A table of the rig file: no key that it does not know."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class EncoderTable(Table):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field
 
-from sim_backend.electronics.electronics import EncoderTable, Positive, Table, TransducerTable
+from arm_io.table import NoSeconds, Seconds, Table
+from sim_backend.electronics.electronics import EncoderTable, TransducerTable
 from sim_backend.rig.faults import Fault
-
-NotNegative = Annotated[float, Field(ge=0)]
 
 
 class Simulation(Table):
@@ -27,9 +26,9 @@ class Simulation(Table):
     model: str | None = None
     seed: int = 1
     pace: Literal["wall", "fast"] = "wall"
-    settle: NotNegative = 0.3
-    hold: Positive = 5.0
-    stamp_jitter: NotNegative = 5e-6
+    settle: NoSeconds = 0.3
+    hold: Seconds = 5.0
+    stamp_jitter: NoSeconds = 5e-6
     encoder: EncoderTable = EncoderTable()
     transducer: TransducerTable = TransducerTable()
     fault: list[Fault] = Field(default_factory=list)

@@ -73,7 +73,7 @@ def _effect(**entries: Any) -> Callable[[dict[str, Any]], object]:
         (lambda t: t.pop("units"), "units: is missing"),
         (lambda t: t.update(units="cm"), "units: input should be 'SI' (is 'cm')"),
         (lambda t: t["joint"][0].update(wight=3.0), "joint[1].wight: unknown entry"),
-        (lambda t: t["joint"][0].update(mass=float("nan")), "joint[1].mass: input should be a finite number"),
+        (lambda t: t["joint"][0].update(mass=float("nan")), "joint[1].mass: must be a finite number"),
         (lambda t: t["joint"][0].update(gear=0.0), "gear: must not be 0"),
         (lambda t: t["controller"].update(natural_frequency=[40.0]), "controller.natural_frequency: has 1 entries"),
         (_effect(name="added_mass", joint=2, parameters={"coefficient": 1.0}), "added_mass wants joint[2].cylinder"),

@@ -80,7 +80,7 @@ def test_emps_is_simulated_as_published(root: Path, shared: Path, tmp_path: Path
     ("options", "said"),
     [
         ([], "simulate: needs either --experiment or --like"),
-        (["--experiment", "{move}", "--target", "1,2"], "--target: '1,2' is not x,y,z"),
+        (["--experiment", "{move}", "--target", "1,2"], "--target: must be three numbers X,Y,Z"),
         (["--like", "{absent}"], "absent.mcap"),
     ],
 )

@@ -177,11 +177,27 @@ def test_every_end_has_a_sentence() -> None:
         assert ending.state is (State.FAULT if end in FAULTS else State.DONE)
 
 
-def test_speed_is_seen_from_the_rows_and_nan_keeps_every_limit() -> None:
+def test_speed_is_seen_from_the_measured_rows_and_a_value_marked_missing_is_no_breach() -> None:
     with open_bench(_limited({"speed": [1.0, 1.0], "current": [1.0, 1.0]})) as bench:
         host = np.arange(10) * 1_000_000
-        still = np.zeros((10, 2))
+        still, all_of_them = np.zeros((10, 2)), np.ones((10, 2), bool)
         assert bench.guard.breach(still, still, host) is None
-        assert bench.guard.breach(still * np.nan, still * np.nan, host) is None
+        assert bench.guard.breach(still * np.nan, still * np.nan, host, all_of_them) is None
         fast = np.outer(host * 1e-9, [0.5, 1.5])
         assert bench.guard.breach(fast, still, host) == "joint 2 at 1.5/s, limit 1/s"
+        fast[[0, -1]], ends = np.nan, ~all_of_them
+        ends[[0, -1]] = True
+        assert bench.guard.breach(fast, still, host, ends) == "joint 2 at 1.5/s, limit 1/s"
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("limits", [{}, {"position": [[-1, 1], [-1, 1]]}, {"speed": [1.0, 1.0]}])
+def test_a_position_that_is_not_finite_is_a_breach_whatever_the_limits(limits: dict[str, Any], wrong: float) -> None:
+    with open_bench(_limited(limits)) as bench:
+        host, position = np.arange(10) * 1_000_000, np.zeros((10, 2))
+        for row in (0, 4, 9):
+            seen = position.copy()
+            seen[row, 1] = wrong
+            assert str(bench.guard.breach(seen, position, host)).startswith(f"joint 2 at {wrong:g}, limits ")
+        if np.isinf(wrong):
+            assert "A in joint 1" in str(bench.guard.breach(position, position + [wrong, 0.0], host))

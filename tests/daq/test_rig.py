@@ -60,7 +60,7 @@ def test_a_good_rig_is_read(tmp_path: Path) -> None:
     [
         ({"trigger": None}, ["trigger", "is missing"]),
         ({"trigger.device": "nobody"}, ["trigger.device", "nobody", "card, analog"]),
-        ({"trigger.rate": 0.0}, ["trigger.rate", "greater than 0"]),
+        ({"trigger.rate": 0.0}, ["trigger.rate", "0.001"]),
         ({"trigger.source": "sun"}, ["trigger.source", "tracker"]),
         ({"device.1.name": "card"}, ["'card'", "twice"]),
         ({"device.0.driver": "drivers.nothing"}, ["device[1] (card)", "cannot be imported"]),

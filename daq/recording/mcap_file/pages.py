@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import mmap
+import os
 from pathlib import Path
 
 from arm_io import InputError
+from arm_io.files import open_regular
 
 ACTIVE = ".active"
 """Ends the name of a recording that is not finished."""
@@ -16,12 +18,14 @@ WINDOW = 1 << 22
 def mapped(path: Path) -> memoryview:
     """The bytes of a file, mapped into memory as long as anybody holds them. InputError where it cannot be read."""
     try:
-        with open(path, "rb") as file:
+        handle = open_regular(path)
+    except InputError as error:
+        active = f"{path}{ACTIVE}"
+        hint = f"; {active} is there: it was not finished, and can be read as it is" if os.path.isfile(active) else ""
+        raise InputError(path, error.what + hint) from None
+    try:
+        with os.fdopen(handle, "rb") as file:
             return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
-    except FileNotFoundError:
-        active = path.with_name(path.name + ACTIVE)
-        hint = f"; {active.name} is there: it was not finished, and can be read as it is" if active.exists() else ""
-        raise InputError(path, f"no such file{hint}") from None
     except ValueError:
         raise InputError(path, "is empty; it must be a recording") from None
     except OSError as error:

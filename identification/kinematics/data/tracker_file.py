@@ -9,12 +9,15 @@ with the clocks' drift followed.
 from __future__ import annotations
 
 import csv
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from arm_io import InputError
+from arm_io.files import open_regular
+from arm_io.plain_data import LARGEST
 from arm_io.types import Array
 
 _REACH = 30
@@ -58,7 +61,7 @@ class Merge:
 def read_tracker(path: str | Path) -> TrackerFile:
     """A CSV file with columns t, x, y, z (s, m). Empty cells and nan are broken beams. InputError says what is wrong."""
     try:
-        with open(path, newline="", encoding="utf-8") as file:
+        with os.fdopen(open_regular(path), newline="", encoding="utf-8") as file:
             rows = list(csv.reader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(path, f"cannot be read as a CSV table: {getattr(error, 'strerror', None) or error}") from None
@@ -76,6 +79,8 @@ def read_tracker(path: str | Path) -> TrackerFile:
                     table[number - 2, k] = float(text)
                 except ValueError:
                     raise InputError(path, f"line {number}: {text!r} is no number") from None
+                if not abs(table[number - 2, k]) <= LARGEST:
+                    raise InputError(path, f"line {number}: {text!r} is no measurement; a broken beam is an empty cell")
     t = table[:, 0]
     if len(t) < 2 or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
         bad = 2 if len(t) < 2 else int(np.flatnonzero(~(np.diff(t) > 0))[0]) + 3 if not (np.diff(t) > 0).all() else 2
