@@ -21,8 +21,7 @@ from arm_io.types import Array, Progress
 from arm_model.description import Arm
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.row_shifts import Shift, find_constant, find_step
-from identification.kinematics.data.runs import Run, aligned, correlation_time, points_of, shifted, thinned, velocity_of
-from identification.kinematics.estimation.axes import circle_point_model
+from identification.kinematics.data.runs import Run, correlation_time, points_of, shifted, thinned, velocity_of
 from identification.kinematics.estimation.circle_point import Circle
 from identification.kinematics.estimation.cross_validation import PositionError, Trial, choose, position_error
 from identification.kinematics.estimation.extensions import Extension, candidates, deflections, prior_scales
@@ -36,9 +35,15 @@ from identification.kinematics.estimation.observability import (
     scaled_jacobian,
 )
 from identification.kinematics.estimation.run_zeros import expected, with_own_zeros, with_zeros
-from identification.kinematics.estimation.sweeps import circles_of
-from identification.kinematics.models.chain import Chain, Gravity, Index, position, xyz_ypr
-from identification.kinematics.models.parameters import Parameters, Trust, base_pose, parameters_of
+from identification.kinematics.estimation.start import (
+    best_circles,
+    best_start,
+    place_tracker,
+    values_from_circles,
+    with_nominal_target,
+)
+from identification.kinematics.models.chain import Chain, Gravity, Index, position
+from identification.kinematics.models.parameters import Parameters, Trust, parameters_of
 
 MOST = 10000
 """Points used for fitting; more are evenly thinned: neighbours at 1 kHz say the same thing."""
@@ -151,21 +156,21 @@ def calibrate(
         warnings.append("no held-out recording: every fifth block of rows was held out instead, which flatters")
     rows = thinned(fitted, MOST)
     points = points_of(fitted, rows)
-    frame_known, start = _place(arm, points, target, settings.frame_known, warnings)
+    frame_known, start = place_tracker(arm, points, target, settings.frame_known, warnings)
     settings = replace(settings, frame_known=frame_known)
     parameters = parameters_of(arm, target, frame_known=frame_known, trust=settings.trust)
     nominal = parameters.chain.at(start)
     tell("circles of single-joint sweeps")
-    circles, refused = _circles(fitted)
-    from_circles = _from_circles(arm, circles, nominal)
+    circles, refused = best_circles(fitted)
+    from_circles = values_from_circles(arm, circles, nominal)
     tell("least squares on all points")
-    estimate = _fit(parameters, points, _best_start(parameters, points, start, from_circles))
+    estimate = _fit(parameters, points, best_start(parameters, points, start, from_circles))
     work = _Work(arm, settings, fitted, judged, split, rows, points, parameters, nominal, estimate, tell)
     _extend_and_realign(work)
     _estimate_run_zeros(work)
     circle_point = None
     if from_circles is not None:
-        chain = parameters.chain.at(_with_target(parameters, from_circles))
+        chain = parameters.chain.at(with_nominal_target(parameters, from_circles))
         circle_point = position_error(work.points.xyz - position(chain, work.points.q))
     return _result(work, circles, refused, circle_point, warnings)
 
@@ -288,66 +293,6 @@ def _split(runs: Sequence[Run]) -> tuple[list[Run], list[Run]]:
         kept.append(replace(run, xyz=np.where(out, np.nan, run.xyz)))
         left.append(replace(run, xyz=np.where(out, run.xyz, np.nan)))
     return kept, left
-
-
-def _place(
-    arm: Arm, points: Points, target: Sequence[float], frame_known: bool, warnings: list[str]
-) -> tuple[bool, Array]:
-    """Whether the tracker's frame can be taken as known, and the chain's values to begin from."""
-    parameters = parameters_of(arm, target, frame_known=frame_known, trust=Trust())
-    chain = parameters.chain
-    at = position(chain, points.q)
-    pose = aligned(at, points.xyz)
-    as_given = float(np.median(np.linalg.norm(points.xyz - at, axis=1)))
-    laid_over = float(np.median(np.linalg.norm(points.xyz - at @ pose[:3, :3].T - pose[:3, 3], axis=1)))
-    if frame_known and as_given > 0.1 and laid_over < as_given / 4:
-        frame_known = False
-        warnings.append(
-            f"the points are {1e3 * as_given:.0f} mm off the model in the stated tracker frame and {1e3 * laid_over:.1f} mm once laid "
-            "over it: the frame was taken as unknown and estimated"
-        )
-    if frame_known:
-        return True, chain.values
-    correction = np.linalg.inv(np.array(arm.base)) @ pose @ base_pose(chain)
-    place = dict(zip(("x", "y", "z", "yaw", "pitch", "roll"), xyz_ypr(correction), strict=True))
-    values = [place[s.name[5:]] if s.name.startswith("base.") else s.value for s in chain.steps]
-    return False, np.array(values)
-
-
-def _circles(runs: Sequence[Run]) -> tuple[list[Circle], list[str]]:
-    best: dict[int, Circle] = {}
-    refused: list[str] = []
-    for run in runs:
-        found, reasons = circles_of(run.q, run.xyz)
-        refused += [f"{run.name}: {reason}" for reason in reasons]
-        for circle in found:
-            if circle.joint not in best or circle.std_centre < best[circle.joint].std_centre:
-                best[circle.joint] = circle
-    return [best[j] for j in sorted(best, reverse=True)], refused
-
-
-def _from_circles(arm: Arm, circles: Sequence[Circle], nominal: Chain) -> Array | None:
-    if not circles or any(j.convention != "standard" for j in arm.joints):
-        return None
-    return circle_point_model(circles, nominal)
-
-
-def _with_target(parameters: Parameters, values: Array) -> Array:
-    """Circle-point analysis alone takes the target to be where it should be."""
-    values, nominal = values.copy(), parameters.chain.values
-    for k, name in enumerate(parameters.chain.names):
-        if name.startswith("target."):
-            values[k] = nominal[k]
-    return values
-
-
-def _best_start(parameters: Parameters, points: Points, nominal: Array, circles: Array | None) -> Array:
-    starts = [nominal] if circles is None else [nominal, _with_target(parameters, circles)]
-    off = [
-        float(np.median(np.linalg.norm(residuals(parameters, s, np.zeros(0), Points(points.q, points.xyz)), axis=1)))
-        for s in starts
-    ]
-    return starts[int(np.argmin(off))]
 
 
 def _fit(parameters: Parameters, points: Points, start: Array) -> Fit:

@@ -1,0 +1,81 @@
+"""Where a calibration begins: the pose of the tracker, the circles of single-joint sweeps, and the better of two starting points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from identification.kinematics.data.points import Points
+from identification.kinematics.data.runs import Run, aligned
+from identification.kinematics.estimation.axes import circle_point_model
+from identification.kinematics.estimation.circle_point import Circle
+from identification.kinematics.estimation.map_estimation import residuals
+from identification.kinematics.estimation.sweeps import circles_of
+from identification.kinematics.models.chain import Chain, position, xyz_ypr
+from identification.kinematics.models.parameters import Parameters, Trust, base_pose, parameters_of
+
+
+def place_tracker(
+    arm: Arm, points: Points, target: Sequence[float], frame_known: bool, warnings: list[str]
+) -> tuple[bool, Array]:
+    """Whether the frame of the tracker can be taken as known, and the values of the chain to begin from."""
+    parameters = parameters_of(arm, target, frame_known=frame_known, trust=Trust())
+    chain = parameters.chain
+    at = position(chain, points.q)
+    pose = aligned(at, points.xyz)
+    as_given = float(np.median(np.linalg.norm(points.xyz - at, axis=1)))
+    laid_over = float(np.median(np.linalg.norm(points.xyz - at @ pose[:3, :3].T - pose[:3, 3], axis=1)))
+    if frame_known and as_given > 0.1 and laid_over < as_given / 4:
+        frame_known = False
+        warnings.append(
+            f"the points are {1e3 * as_given:.0f} mm off the model in the stated tracker frame and {1e3 * laid_over:.1f} mm once laid "
+            "over it: the frame was taken as unknown and estimated"
+        )
+    if frame_known:
+        return True, chain.values
+    correction = np.linalg.inv(np.array(arm.base)) @ pose @ base_pose(chain)
+    place = dict(zip(("x", "y", "z", "yaw", "pitch", "roll"), xyz_ypr(correction), strict=True))
+    values = [place[s.name[5:]] if s.name.startswith("base.") else s.value for s in chain.steps]
+    return False, np.array(values)
+
+
+def best_circles(runs: Sequence[Run]) -> tuple[list[Circle], list[str]]:
+    """The best circle of every joint that was swept alone, last joint first, and why other sweeps gave none."""
+    best: dict[int, Circle] = {}
+    refused: list[str] = []
+    for run in runs:
+        found, reasons = circles_of(run.q, run.xyz)
+        refused += [f"{run.name}: {reason}" for reason in reasons]
+        for circle in found:
+            if circle.joint not in best or circle.std_centre < best[circle.joint].std_centre:
+                best[circle.joint] = circle
+    return [best[j] for j in sorted(best, reverse=True)], refused
+
+
+def values_from_circles(arm: Arm, circles: Sequence[Circle], nominal: Chain) -> Array | None:
+    """Values of the chain by circle-point analysis; None without circles, or for a convention that it does not cover."""
+    if not circles or any(j.convention != "standard" for j in arm.joints):
+        return None
+    return circle_point_model(circles, nominal)
+
+
+def with_nominal_target(parameters: Parameters, values: Array) -> Array:
+    """The values with the target at its nominal place, which circle-point analysis alone assumes."""
+    values, nominal = values.copy(), parameters.chain.values
+    for k, name in enumerate(parameters.chain.names):
+        if name.startswith("target."):
+            values[k] = nominal[k]
+    return values
+
+
+def best_start(parameters: Parameters, points: Points, nominal: Array, circles: Array | None) -> Array:
+    """The nominal values or those from circles, whichever has the smaller median distance to the points."""
+    starts = [nominal] if circles is None else [nominal, with_nominal_target(parameters, circles)]
+    off = [
+        float(np.median(np.linalg.norm(residuals(parameters, s, np.zeros(0), Points(points.q, points.xyz)), axis=1)))
+        for s in starts
+    ]
+    return starts[int(np.argmin(off))]
