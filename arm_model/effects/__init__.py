@@ -1,6 +1,6 @@
 """The vocabulary of effects: what a simulation can get wrong, each defined once."""
 
-from arm_model.effects.catalogue import CATALOGUE, same_columns, values_of
+from arm_model.effects.catalogue import CATALOGUE, observed_by, same_columns, values_of
 from arm_model.effects.coefficients import solved, units
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
 from arm_model.effects.observation import Excitation, Instrument, Observation, Scale, Span, Variable
@@ -21,6 +21,7 @@ __all__ = [
     "Variable",
     "check_terms",
     "described",
+    "observed_by",
     "same_columns",
     "solved",
     "units",

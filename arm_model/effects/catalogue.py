@@ -13,12 +13,18 @@ from arm_model.effects import (
     wrist,
 )
 from arm_model.effects.definition import Effect, Values
+from arm_model.effects.observation import Instrument
 
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
     for family in (friction, water, position, transmission, description_errors, wrist, sensing, tracking)
     for effect in family.EFFECTS
 }
+
+
+def observed_by(instrument: Instrument) -> tuple[Effect, ...]:
+    """The effects that an instrument shows."""
+    return tuple(effect for effect in CATALOGUE.values() if instrument in effect.observed_by)
 
 
 def same_columns(effect: Effect) -> tuple[str, ...]:

@@ -241,6 +241,11 @@ class Effect:
         return next((float(values[p.name]) for p in self.parameters if p.whole and p.name in values), 0.0)
 
     @property
+    def gap(self) -> Parameter | None:
+        """The parameter within which a transmission lets go of its link; None for a spring that does not."""
+        return self.linear[0] if self.spring is not None and self.linear else None
+
+    @property
     def unit_amplitude(self) -> bool:
         """Whether its columns are there as they are or not at all: nothing that it does is linear in a parameter."""
         return self.spring is not None or (not self.linear and self.delay is None and self.change is None)

@@ -10,10 +10,21 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, Instrument
 from arm_model.effects.definition import SYSTEMATIC
+from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, Cause, EffectKey, Estimate, Signal, Structure, confidence_of
-from diagnosis.measurements.link_encoders.columns import DELAY, Seen, Shape, shapes, standing_orders, turns
+from diagnosis.measurements.link_encoders.columns import (
+    DELAY,
+    Seen,
+    Shape,
+    late,
+    orders,
+    shapes,
+    standing_orders,
+    turns,
+)
 from diagnosis.measurements.link_encoders.regression import (
     OVER_NOISE,
     Sides,
@@ -37,8 +48,6 @@ OFFSET = 1e-3
 PREDICTED = 0.3
 """Share of what is left that one variable must predict to be reported."""
 BINS = 16
-LOOKALIKES = ("backlash", "joint_compliance")
-"""What the loop of two encoders is readily taken for."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +96,7 @@ def _cause(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> Cause:
     unit = unit_at(arm.joints[int(sides.fit.joints[felt[0]]) - 1], "rad")
     evidence = (
         _skew_sentence(others, sides)
-        if shape.effect == "time_skew"
+        if shape.definition.delay is not None
         else _sentence(shape, before, after, one.share, unit)
     )
     return Cause(
@@ -102,14 +111,15 @@ def _cause(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> Cause:
         felt_at=int(sides.fit.joints[most]),
         unit=unit,
         signal=Signal.LINK_ANGLE,
-        of_arm=shape.effect not in ("time_skew", "encoder_ripple"),
+        of_arm=shape.definition.observed_by[Instrument.LINK_ENCODER].of_arm,
     )
 
 
 def _group(shape: Shape, others: list[Shape], gain: float, sides: Sides) -> tuple[EffectKey, ...]:
     group: list[EffectKey] = [(shape.effect, shape.joint)]
-    if shape.effect == "gear_ripple" and shape.value in (1.0, 2.0):
-        group.append(("encoder_ripple", shape.joint))  # of the motor: to the link encoder it is the same
+    for alias in shape.definition.observed_by[Instrument.LINK_ENCODER].aliases:
+        if shape.value in orders(CATALOGUE[alias]):
+            group.append((alias, shape.joint))
     for other in best_shapes(list(shapes(sides.fit)), others, sides):
         felt = other.joint == shape.joint or len(sides.fit.joints) == 1
         if other.effect == shape.effect or not felt or not physical(other, others, sides):
@@ -130,12 +140,12 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> li
     def rough(value: float, std: float) -> float:
         return float(np.hypot(std, SYSTEMATIC * value))
 
-    match shape.effect:
-        case "time_skew":
+    match shape.name:
+        case "":
             delays = delays_by_joint([s for s in chosen if s is not shape], sides)
             scatter = float(np.std(delays, ddof=1) / np.sqrt(len(delays))) if len(delays) > 1 else 0.0
             return [Estimate("delay", c * DELAY, float(np.hypot(spread * DELAY, scatter)), "s")]
-        case "joint_compliance":
+        case "drag":
             k = float(sides.whole.largest[int(np.flatnonzero(sides.whole.joints == shape.joint)[0])]) / c
             joint = arm.joints[(shape.joint or 1) - 1]
             damping, std = _damping(shape, chosen, sides, k)
@@ -143,12 +153,11 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> li
                 Estimate("stiffness", k, rough(k, k * spread / c), unit_at(joint, "N m/rad")),
                 Estimate("damping", damping, std, unit_at(joint, "N m s/rad")),
             ]
-        case "backlash":
+        case "half_gap" | "by_load":
             return [Estimate("half_gap", c, rough(c, spread), unit)]
     sine, cosine = values[at : at + 2]
-    turned = (
-        1.0 if shape.effect == "gear_ripple" else -1.0
-    )  # d = -A sin(n q + phase), and of the encoder -e sin(n q - phase)
+    # d = -A sin(n q + phase), and of the encoder -e sin(n q - phase)
+    turned = 1.0 if shape.definition.deflection is not None else -1.0
     amplitude = float(np.hypot(sine, cosine))
     return [
         Estimate("amplitude", amplitude, rough(amplitude, spread), unit),
@@ -203,9 +212,7 @@ def delays_by_joint(others: list[Shape], sides: Sides) -> Array:
     delays = []
     for k, joint in enumerate(int(j) for j in sides.whole.joints):
         own = [s for s in others if s.joint == joint]
-        x = np.column_stack(
-            [np.ones(sides.whole.rows), *(sides.columns(s, sides.whole, k) for s in [*own, Shape("time_skew", None)])]
-        )
+        x = np.column_stack([np.ones(sides.whole.rows), *(sides.columns(s, sides.whole, k) for s in [*own, late()])])
         delays.append(float(np.linalg.lstsq(x, sides.whole.difference[:, k], rcond=1e-10)[0][-1]) * DELAY)
     return np.array(delays)
 
@@ -213,7 +220,7 @@ def delays_by_joint(others: list[Shape], sides: Sides) -> Array:
 def _skew_sentence(others: list[Shape], sides: Sides) -> str:
     delays = delays_by_joint(others, sides)
     whole = residual(others, sides.fit, sides.held_out, sides)
-    rest = residual([*others, Shape("time_skew", None)], sides.fit, sides.held_out, sides)
+    rest = residual([*others, late()], sides.fit, sides.held_out, sides)
     shares = 1.0 - np.sum(rest**2, axis=0) / np.sum(whole**2, axis=0)
     where = ", ".join(map(str, sides.fit.joints))
     low, high = float(shares.min()), float(shares.max())
@@ -229,20 +236,17 @@ def _skew_sentence(others: list[Shape], sides: Sides) -> str:
 def _best_instead(others: list[Shape], sides: Sides) -> str:
     """What the effects that such a loop is taken for would predict in its place, at best at any joint."""
     best: dict[str, float] = {}
+    taken_for = late().definition.confused_with
     for shape in best_shapes(list(shapes(sides.fit)), others, sides):
-        if shape.effect in LOOKALIKES and physical(shape, others, sides):
+        if shape.effect in taken_for and physical(shape, others, sides):
             best[shape.effect] = max(best.get(shape.effect, 0.0), look(shape, others, sides).share)
     return " and ".join(f"{name.replace('_', ' ')} would predict {share:.0%} at most" for name, share in best.items())
 
 
 def _sentence(shape: Shape, before: float, after: float, share: float, unit: str) -> str:
     """What a person sees; the share may be more than that of the fall, as either part of one run is predicted from the other."""
-    shows = {
-        "backlash": "motor less link encoder jumps between two values where the load or the motion turns round",
-        "joint_compliance": "motor less link encoder follows the load",
-        "gear_ripple": f"motor less link encoder repeats {shape.value:.4g} times a motor turn",
-        "encoder_ripple": f"motor less link encoder repeats {shape.value:.0f} times a turn of the joint: the link encoder is off centre",
-    }[shape.effect]
+    order = {p.name: shape.value for p in shape.definition.parameters if p.whole}
+    shows = shape.definition.shown(Instrument.LINK_ENCODER, order, {})
     return (
         f"{shows}: with it the held-out difference of joint {shape.joint} falls from {1e3 * before:.3g} to {1e3 * after:.3g} m{unit} rms, "
         f"{share:.0%} of its square"
@@ -262,13 +266,13 @@ def _offsets(chosen: list[Shape], sides: Sides, arm: Arm) -> list[Cause]:
         left = float(np.sqrt(np.mean(rest**2)))
         causes.append(
             Cause(
-                effect="joint_zero_offset",
+                effect=JOINT_ZERO_OFFSET.name,
                 joint=joint,
                 parameters=[Estimate("offset", offset, std, unit)],
                 confidence=MAX_CONFIDENCE,
                 before=float(np.hypot(offset, left)),
                 after=left,
-                group=(("joint_zero_offset", joint),),
+                group=((JOINT_ZERO_OFFSET.name, joint),),
                 evidence=(
                     f"the motor encoder of joint {joint} reads {abs(1e3 * offset):.3g} m{unit} {'more' if offset > 0 else 'less'} than the "
                     "link encoder, everywhere alike; which of the two is off, a level or a tracker says, and the model stays as it is"

@@ -16,6 +16,7 @@ from scipy import ndimage
 
 from arm_io.types import Array
 from arm_model.description import Arm
+from arm_model.effects import CATALOGUE, Effect, Instrument, observed_by
 from arm_model.rigid_body.numeric import rigid_torque
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
@@ -37,13 +38,17 @@ DRAGS = (0.0, 0.1, 0.2, 0.3, 0.4)
 """Friction between motor and gear that is tried, as a share of the largest measured torque; where the load is not known from masses."""
 DELAY = 1e-3
 """s: the delay of a unit coefficient."""
-ORDERS = tuple(range(1, 61))
-"""Cycles a motor turn that are tried."""
+HIGHEST_ORDER = 60
+"""Cycles a motor turn that are heard."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """One effect at one joint (1-based; None: the same at all), with its nonlinear parameter ("" and 0 where there is none)."""
+    """One effect at one joint (1-based; None: the same at all), with its nonlinear parameter ("" and 0 where there is none).
+
+    name of the parameter: "drag" (friction between motor and gear, of a spring), "half_gap" or "by_load" (of a gap, as the link is held by
+    friction or by its load), "order" and "turn_order" (of a wave over the turn of the motor, of the joint).
+    """
 
     effect: str
     joint: int | None
@@ -54,6 +59,11 @@ class Shape:
     def width(self) -> int:
         """Coefficients: a wave has a sine and a cosine."""
         return 2 if self.name.endswith("order") else 1
+
+    @property
+    def definition(self) -> Effect:
+        """What the catalogue says of its effect."""
+        return CATALOGUE[self.effect]
 
 
 @dataclass(frozen=True)
@@ -134,24 +144,41 @@ def see_links(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Seen:
 
 def shapes(seen: Seen) -> Iterator[Shape]:
     """Every candidate with each value of its nonlinear parameter."""
-    yield Shape("time_skew", None)
+    yield late()
     for column, joint in enumerate(int(j) for j in seen.joints):
-        yield from (
-            Shape("joint_compliance", joint, "drag", drag) for drag in (DRAGS[:1] if seen.known_load else DRAGS)
-        )
-        yield from (Shape("backlash", joint, "half_gap", gap) for gap in GAPS)
-        if min(seen.load[:, column].max(), -seen.load[:, column].min()) > 0.05 * float(
-            np.max(np.abs(seen.load[:, column]))
-        ):
-            yield Shape("backlash", joint, "by_load", 1.0)  # the load changes sides
-        yield from (Shape("gear_ripple", joint, "order", float(n)) for n in ORDERS)
-        if np.ptp(seen.q[:, column]) > np.pi:  # over less than half a turn a slow wave is any bend
-            yield from (Shape("encoder_ripple", joint, "turn_order", float(n)) for n in (1, 2))
+        for effect in observed_by(Instrument.LINK_ENCODER):
+            yield from _at_joint(effect, seen, column, joint)
+
+
+def _at_joint(effect: Effect, seen: Seen, column: int, joint: int) -> Iterator[Shape]:
+    """Candidates of one effect at one joint; an effect that changes the description is a constant, which is always free."""
+    load = seen.load[:, column]
+    if effect.gap is not None:
+        yield from (Shape(effect.name, joint, "half_gap", gap) for gap in GAPS)
+        if min(load.max(), -load.min()) > 0.05 * float(np.max(np.abs(load))):
+            yield Shape(effect.name, joint, "by_load", 1.0)  # the load changes sides
+    elif effect.spring is not None:
+        yield from (Shape(effect.name, joint, "drag", drag) for drag in (DRAGS[:1] if seen.known_load else DRAGS))
+    elif effect.wave and effect.deflection is not None:
+        yield from (Shape(effect.name, joint, "order", n) for n in orders(effect))
+    elif effect.wave and np.ptp(seen.q[:, column]) > np.pi:
+        # of the link encoder, whose angle is the joint's; over less than half a turn a slow wave is any bend
+        yield from (Shape(effect.name, joint, "turn_order", n) for n in orders(effect))
+
+
+def late() -> Shape:
+    """Stamps of the link encoders that are late, alike at all joints."""
+    return next(Shape(effect.name, None) for effect in observed_by(Instrument.LINK_ENCODER) if effect.delay is not None)
+
+
+def orders(effect: Effect) -> tuple[float, ...]:
+    """Orders of a wave that are tried."""
+    return next((p.search for p in effect.parameters if p.whole), ())
 
 
 def columns(shape: Shape, seen: Seen, k: int) -> Array:
     """(m, c) rad: what a unit of each of c coefficients adds to the difference at the k-th joint of ``seen``; c = 0 where it is not felt."""
-    if shape.effect == "time_skew":  # q(t) - q(t - delay)
+    if shape.joint is None:  # q(t) - q(t - delay)
         return seen.v[:, k, None] * DELAY
     if seen.joints[k] != shape.joint:
         return np.empty((seen.rows, 0))
@@ -161,14 +188,14 @@ def columns(shape: Shape, seen: Seen, k: int) -> Array:
 def _own(shape: Shape, seen: Seen, k: int) -> Array:
     q, load = seen.q[:, k], seen.load[:, k]
     largest = float(seen.largest[k])
-    match shape.effect, shape.name:
-        case "joint_compliance", _:
+    match shape.name:
+        case "drag":
             return (load - shape.value * largest * _direction(seen.v[:, k]))[:, None] / largest
-        case "backlash", "by_load":
+        case "by_load":
             return (load / np.hypot(load, 0.01 * largest))[:, None]
-        case "backlash", _:
+        case "half_gap":
             return _play(q, shape.value, seen.starts)[:, None] / shape.value
-        case "gear_ripple", _:
+        case "order":
             angle = shape.value * seen.ratio[k] * q
         case _:
             angle = shape.value * q
@@ -193,7 +220,7 @@ def standing_orders(rest: Array, seen: Seen, k: int, count: int = 3) -> list[flo
     length = 8 * len(wave)
     power = np.abs(np.fft.rfft(wave, length)) ** 2
     order = np.fft.rfftfreq(length, 1 / 128)
-    power[(order < 0.5) | (order > ORDERS[-1])] = 0.0
+    power[(order < 0.5) | (order > HIGHEST_ORDER)] = 0.0
     peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
     return [float(order[peak]) for peak in peaks[np.argsort(-power[peaks])][:count]]
 

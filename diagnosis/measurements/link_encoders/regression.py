@@ -147,7 +147,8 @@ def best_shapes(everything: Sequence[Shape], chosen: Sequence[Shape], sides: Sid
         x = np.column_stack([np.ones(sides.fit.rows), *(sides.columns(s, sides.fit, k) for s in chosen)])
         basis = np.linalg.qr(x / np.linalg.norm(x, axis=0))[0]
         rest = _off(basis, sides.fit.difference[:, k])
-        standing = [Shape("gear_ripple", joint, "order", order) for order in standing_orders(rest, sides.fit, k)]
+        waves = {s.effect for s in everything if s.name == "order"}
+        standing = [Shape(w, joint, "order", order) for w in waves for order in standing_orders(rest, sides.fit, k)]
         for shape in [*everything, *standing]:
             key = (shape.effect, shape.joint)
             if shape.joint != joint or key in taken or (*key, shape.value) in taken:
@@ -213,6 +214,6 @@ def _over_noise(shape: Shape, left: Array, sides: Sides) -> bool:
 
 def physical(shape: Shape, chosen: Sequence[Shape], sides: Sides) -> bool:
     """Whether a stiffness or a gap comes out positive."""
-    if shape.effect not in ("joint_compliance", "backlash"):
+    if shape.definition.spring is None:
         return True
     return bool(coefficients([*chosen, shape], sides.fit, sides)[-1] > 0.0)
