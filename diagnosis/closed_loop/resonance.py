@@ -17,7 +17,7 @@ from scipy import signal
 
 from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm
-from arm_model.effects import CATALOGUE
+from arm_model.effects import CATALOGUE, Instrument
 from arm_model.effects.definition import SYSTEMATIC
 from arm_model.rigid_body.numeric import mass_matrix
 from arm_model.sensing import recorded
@@ -218,9 +218,9 @@ def _judged(
     if not excess[1] < (1.0 - MOST) * excess[0] or p > SIGNIFICANT:
         return None
     unit = arm.joints[j].current_unit
-    shows = {"joint_compliance": "a transmission that swings behind its spring", "backlash": "a transmission with play"}
+    shows = CATALOGUE[trial.effect].shown(Instrument.CLOSED_LOOP, trial.values, {})
     sentence = (
-        f"{shows[trial.effect]}: with it the closed loop on held-out demands follows the current of joint {trial.joint} between {BAND[0]:.0f} and "
+        f"{shows}: with it the closed loop on held-out demands follows the current of joint {trial.joint} between {BAND[0]:.0f} and "
         f"{BAND[1]:.0f} Hz to {after[j]:.3g} instead of {before[j]:.3g} {unit} rms, better in {int(np.sum(gains > 0))} of {len(gains)} "
         "one-second blocks"
     )

@@ -15,7 +15,9 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.effects import described
+from arm_model.effects import Instrument, described
+from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
+from arm_model.effects.tracking import LINK_GEOMETRY, TRACKER_OUTLIERS
 from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Structure, Undetectable, confidence_of
 from diagnosis.measurements.tracker.columns import Candidate, State, candidates, estimates, fitted
@@ -31,13 +33,6 @@ MOST = 8
 """Causes."""
 FEWEST_WRONG = 3
 """Points that are wrong, or missing in a row, before it is worth a sentence."""
-SHOWS = {
-    "joint_zero_offset": "the tracked point is turned by one angle about the axis",
-    "encoder_ripple": "the tracked point is ahead and behind by orders of the motor's angle",
-    "backlash": "the tracked point gives way where the load changes sign, about the axis",
-    "joint_compliance": "the tracked point gives way with the torque, about the axis",
-}
-"""What a person sees in the points, where the catalogue says what shows in the currents."""
 OTHER_POSES = "more varied poses: armscope calibrate --poses 40"
 WORTH = 0.02
 """Of the energy of what the points cannot tell, that each of the five must explain."""
@@ -63,7 +58,7 @@ class Tracked:
     @property
     def geometry(self) -> list[Cause]:
         """Causes that say where the links are: what the currents are to be seen through as well."""
-        return [one for one in self.causes if one.effect in ("joint_zero_offset", "link_geometry")]
+        return [one for one in self.causes if one.effect in (JOINT_ZERO_OFFSET.name, LINK_GEOMETRY.name)]
 
 
 def tracked_causes(
@@ -191,7 +186,7 @@ def _sparse(
     """
     least = WORTH * 3 * len(side) * level**2
     for candidate in state.chosen:
-        while candidate.effect == "link_geometry" and len(candidate.names) > 1:
+        while candidate.effect == LINK_GEOMETRY.name and len(candidate.names) > 1:
             values, covariance = precise(state).coefficients(candidate)
             certain = np.abs(values) / np.sqrt(np.diag(covariance))
             if candidate.names[0] == "d_theta" and abs(values[0]) < COUNTS * _step(candidate, steps):
@@ -201,7 +196,7 @@ def _sparse(
             if certain.min() > CERTAIN and energy(left(without, side)) > energy(left(state, side)) + least:
                 break
             candidate, state = fewer, without
-    chosen = [replace(c, effect="joint_zero_offset") if c.names == ("d_theta",) else c for c in state.chosen]
+    chosen = [replace(c, effect=JOINT_ZERO_OFFSET.name) if c.names == ("d_theta",) else c for c in state.chosen]
     stays = [
         c for c, was in zip(chosen, state.chosen)
         if c.names != ("d_theta",) or abs(state.coefficients(was)[0][0]) >= COUNTS * _step(c, steps)
@@ -220,17 +215,13 @@ def _cause(one: Named, sure: State, state: State, sides: Sequence[Side]) -> Caus
     after = left(state, sides[1])
     before, now = _rms(one.before), _rms(after)
     group = [c.key for c in one.equals]
-    if candidate.effect == "joint_zero_offset" and ("link_geometry", candidate.joint) not in group:
-        group.append(
-            ("link_geometry", candidate.joint)
-        )  # by definition: d_theta is the zero's error with its sign turned
-    if candidate.effect == "encoder_ripple":
-        group.append(("gear_ripple", candidate.joint))
     definition = candidate.definition
+    aliases = [(alias, candidate.joint) for alias in definition.observed_by[Instrument.TRACKER].aliases]
+    group += [key for key in aliases if key not in group]
     better, blocks = int(np.sum(one.look.blocks > 0)), int(np.sum(one.look.blocks != 0))
     where = "" if candidate.joint is None else f" of joint {candidate.joint}"
     sentence = (
-        f"{SHOWS.get(candidate.effect, definition.shows)}{where}: with it the held-out points are off by {1e3 * now:.3g} instead of "
+        f"{definition.shown(Instrument.TRACKER, {}, {})}{where}: with it the held-out points are off by {1e3 * now:.3g} instead of "
         f"{1e3 * before:.3g} mm rms a coordinate, better in {better} of {blocks} one-second blocks"
     )
     separate = None
@@ -269,7 +260,7 @@ def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str
         name for part, files in zip(outliers, names) for one, name in zip(part, files) if one.wrong + one.missing
     )
     return Cause(
-        effect="tracker_outliers",
+        effect=TRACKER_OUTLIERS.name,
         joint=None,
         parameters=[
             Estimate("share", share, float(np.sqrt(share / expected)), "1"),
@@ -278,7 +269,7 @@ def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str
         confidence=MAX_CONFIDENCE,
         before=float(typical * np.sqrt(wrong / expected / 3.0)),
         after=0.0,
-        group=(("tracker_outliers", None),),
+        group=((TRACKER_OUTLIERS.name, None),),
         evidence=(
             f"{wrong} of {expected} tracked points are off by {1e3 * typical:.3g} mm from their neighbours, {missing} are missing in "
             f"{sum(o.breaks for o in every)} breaks ({listed}); they were left out"

@@ -13,7 +13,9 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.effects import CATALOGUE, Effect, Signals, Values, described
+from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Signals, described, observed_by, units
+from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
+from arm_model.effects.tracking import LINK_GEOMETRY
 from diagnosis.cause import Estimate
 from diagnosis.measurements.tracker.points import Side
 from identification.kinematics.data.points import Points
@@ -21,24 +23,14 @@ from identification.kinematics.data.runs import correlation_time
 from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
 from identification.kinematics.models.parameters import Parameters, chain_of, parallel_next
 
-GEOMETRY = {"d_theta": "theta", "d_alpha": "alpha", "d_a": "a", "d_d": "d", "beta": "beta"}
-ANGLE, LENGTH = 0.05, 0.02
-"""Prior deviations of geometric errors, rad and m."""
+GEOMETRY = {p.name: p.chain for p in LINK_GEOMETRY.parameters}
+"""Value of the kinematic chain that each geometric error of a link moves."""
 FRAME, TARGET = 3e-4, 3e-4
 """How well the tracker's frame (m, rad) and the target's place (m) are known that a rig file gives."""
 ANYWHERE = 10.0
 """The same, of a tracker whose place no rig file gives."""
 BOUND = 2.5
 """Prior deviations beyond which frame and target are not taken to be off: something else is."""
-WIDEST_GAP = 1.5 * CATALOGUE["backlash"].linear[0].typical[1]
-SCALES = {
-    "link_sag": 1e-3,
-    "joint_compliance": 1e-3,
-    "backlash": 0.02,
-    "encoder_ripple": 0.01,
-    "tracker_latency": 0.05,
-}
-"""Prior deviations of one coefficient, in the unit of its parameter (rad/(N m) for a joint's compliance)."""
 
 
 @dataclass(frozen=True)
@@ -67,8 +59,13 @@ class Candidate:
     def scales(self) -> Array:
         """(k,) prior deviations of its coefficients."""
         if self.names:
-            return np.array([LENGTH if name in ("d_a", "d_d") else ANGLE for name in self.names])
-        return np.full(self.size, SCALES[self.effect])
+            return np.array([LINK_GEOMETRY[name].tracker_prior for name in self.names])
+        return np.full(self.size, self.parameter.tracker_prior)
+
+    @property
+    def parameter(self) -> Parameter:
+        """The parameter whose coefficient, or reciprocal, the points show."""
+        return next(p for p in self.definition.parameters if p.tracker_prior is not None)
 
     @property
     def values(self) -> tuple[str, ...]:
@@ -78,20 +75,23 @@ class Candidate:
 
 def candidates(arm: Arm) -> Iterator[Candidate]:
     """Every candidate for this arm; the simplest first."""
-    yield Candidate("tracker_latency", None)
+    laws = [effect for effect in observed_by(Instrument.TRACKER) if effect.change is None and effect.stray is None]
+    yield from (Candidate(effect.name, None) for effect in laws if effect.late is not None)
     for j, joint in enumerate(arm.joints, 1):
-        yield Candidate("joint_zero_offset", j, ("d_theta",) if joint.revolute else ("d_d",))
+        yield Candidate(JOINT_ZERO_OFFSET.name, j, ("d_theta",) if joint.revolute else ("d_d",))
     for j, joint in enumerate(arm.joints, 1):
         if joint.revolute:
-            yield from (Candidate(name, j) for name in ("link_sag", "joint_compliance", "backlash"))
-            yield from (Candidate("encoder_ripple", j, order=order) for order in (1, 2))
+            for effect in sorted(laws, key=lambda effect: len(effect.parameters)):
+                if effect.per_joint:
+                    orders = next((p.search for p in effect.parameters if p.whole), (0.0,)) if effect.wave else (0.0,)
+                    yield from (Candidate(effect.name, j, order=int(order)) for order in orders)
     parallel = parallel_next(described(arm))
     for j in range(1, len(arm) + 1):
         if parallel[j - 1]:
-            yield Candidate("link_geometry", j, tuple(GEOMETRY))
+            yield Candidate(LINK_GEOMETRY.name, j, tuple(GEOMETRY))
         else:  # beta does there what theta and the next joint's theta do, or nearly: it has to be worth it by itself
-            yield Candidate("link_geometry", j, tuple(name for name in GEOMETRY if name != "beta"))
-            yield Candidate("link_geometry", j, ("beta",))
+            yield Candidate(LINK_GEOMETRY.name, j, tuple(name for name in GEOMETRY if name != "beta"))
+            yield Candidate(LINK_GEOMETRY.name, j, ("beta",))
 
 
 def turns(candidate: Candidate, side: Side) -> Array:
@@ -100,17 +100,19 @@ def turns(candidate: Candidate, side: Side) -> Array:
     if candidate.names:
         return np.zeros((len(side), n, 0))
     effect = candidate.definition
+    # an inverse parameter at 1: its coefficient is the reciprocal
+    held = {p.name: 1.0 if p.inverse else float(candidate.order) if p.whole else 0.0 for p in effect.parameters}
+    each = units(effect, held)
     if effect.late is not None:
-        return -float(effect.late(Values(delay=1.0), Signals())) * side.v[..., None]
-    seen = Signals(motor=side.motor[:, j], load=side.load[:, j])
+        return -float(effect.late(each[0], Signals())) * side.v[..., None]
+    seen = Signals(q=side.q[:, j], motor=side.motor[:, j], load=side.load[:, j])
     columns = []
     if effect.bend is not None:
-        columns = [effect.bend(Values(compliance=1.0), Signals(load=side.holding[:, j]))]
+        columns = [effect.bend(unit, replace(seen, load=side.holding[:, j])) for unit in each]
     elif effect.angle is not None:  # the link stands where the joint reads, less the error
-        phases = (0.0, np.pi / 2)
-        columns = [-effect.angle(Values(amplitude=1.0, order=candidate.order, phase=p), seen) for p in phases]
+        columns = [-effect.angle(unit, seen) for unit in each]
     elif effect.deflection is not None:
-        columns = [-effect.deflection(Values(half_gap=1.0, stiffness=1.0), seen)]
+        columns = [-effect.deflection(unit, seen) for unit in each]
     bent = np.zeros((len(side), n, len(columns)))
     bent[:, j] = np.column_stack(columns)
     return bent
@@ -228,7 +230,7 @@ def _zero_scales(side: Side, steps: Array) -> Array:
 
 def _parameters(arm: Arm, chosen: Sequence[Candidate], target: Sequence[float], frame_known: bool) -> Parameters:
     chain = chain_of(described(arm), target)
-    wanted = {name for c in chosen for name in c.values}
+    wanted = {name: float(scale) for c in chosen if c.names for name, scale in zip(c.values, c.scales)}
     scale = np.zeros(len(chain.steps))
     for k, step in enumerate(chain.steps):
         group = step.name.partition(".")[0]
@@ -237,7 +239,7 @@ def _parameters(arm: Arm, chosen: Sequence[Candidate], target: Sequence[float], 
         elif group == "target":
             scale[k] = TARGET
         elif step.name in wanted:
-            scale[k] = ANGLE if step.motion[0] == "r" else LENGTH
+            scale[k] = wanted[step.name]
     free = np.flatnonzero(scale)
     return Parameters(chain, free, free, scale)
 
@@ -245,13 +247,13 @@ def _parameters(arm: Arm, chosen: Sequence[Candidate], target: Sequence[float], 
 def estimates(candidate: Candidate, coefficients: Array, covariance: Array) -> list[Estimate]:
     """Parameters of the effect, from its coefficients (k,) and their covariance."""
     c, std = [float(v) for v in coefficients], np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    units = {p.name: p.unit for p in candidate.definition.parameters}
-    if candidate.effect == "joint_zero_offset":
-        return [Estimate("offset", -c[0], float(std[0]), units["offset"])]
+    effect = candidate.definition
+    if effect is JOINT_ZERO_OFFSET:
+        return [Estimate(effect.linear[0].name, -c[0], float(std[0]), effect.linear[0].unit)]
     if candidate.names:
-        return [Estimate(name, v, float(s), units[name]) for name, v, s in zip(candidate.names, c, std)]
-    if candidate.effect == "joint_compliance":
-        return [Estimate("stiffness", 1.0 / c[0], float(std[0] / c[0] ** 2), units["stiffness"])]
+        return [Estimate(name, v, float(s), effect[name].unit) for name, v, s in zip(candidate.names, c, std)]
+    if candidate.parameter.inverse:
+        return [Estimate(candidate.parameter.name, 1.0 / c[0], float(std[0] / c[0] ** 2), candidate.parameter.unit)]
     if candidate.order:
         # e (sin(n m) cos(phi) - cos(n m) sin(phi)) = e sin(n m - phi); the second column is the law at phi = 90 degrees
         amplitude = float(np.hypot(c[0], c[1]))
@@ -263,12 +265,11 @@ def estimates(candidate: Candidate, coefficients: Array, covariance: Array) -> l
             Estimate("order", float(candidate.order), 0.0, "1"),
             Estimate("phase", float(np.arctan2(c[1], c[0])), turn / max(amplitude, 1e-12), "rad"),
         ]
-    name = candidate.definition.linear[0].name
-    return [Estimate(name, c[0], float(std[0]), units[name])]
+    return [Estimate(candidate.parameter.name, c[0], float(std[0]), candidate.parameter.unit)]
 
 
 def possible(candidate: Candidate, coefficients: Array) -> bool:
     """Whether it can be: nothing hangs upwards, no gap is negative, nor wider than gears are let get."""
-    if candidate.effect == "backlash" and coefficients[0] > WIDEST_GAP:
-        return False
-    return candidate.effect not in ("link_sag", "joint_compliance", "backlash") or bool(coefficients[0] > 0.0)
+    if candidate.names or candidate.order:
+        return True
+    return candidate.definition.admits(candidate.parameter.name, float(coefficients[0])) and coefficients[0] != 0.0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from arm_model.effects import CATALOGUE
+from arm_model.effects import CATALOGUE, Instrument, observed_by
 from diagnosis.cause import EffectKey, Signal, Structure, Undetectable
 from diagnosis.measurements.tracker.columns import Candidate, State
 from diagnosis.measurements.tracker.points import Side
@@ -19,14 +19,6 @@ SHARE = 0.1
 """Of what is left: less is not worth a sentence."""
 ROUGH = 1.3
 """Times what the points cannot tell: below it what is left is noise as far as that is known."""
-ONLY_HERE = ("link_geometry", "link_sag", "tracker_latency")
-"""What currents say nothing of; of the others they may."""
-EXPERIMENTS = {
-    "link_geometry": "poses in which this joint and those behind it turn: armscope calibrate --poses 40",
-    "link_sag": "poses with this link level and upright, or a known mass on and off the flange",
-    "tracker_latency": "a motion: at 0.5 m/s a delay of 1 ms is 0.5 mm",
-    "tracker_outliers": "a recording with a tracker",
-}
 
 
 def no_tracker(placed: bool, fitted: bool) -> list[Undetectable]:
@@ -40,7 +32,13 @@ def no_tracker(placed: bool, fitted: bool) -> list[Undetectable]:
             f"no {which} recording has points of a tracker",
             "the same motion with a tracker (columns x, y, z)",
         )
-    return [Undetectable(effect, None, why, experiment) for effect in EXPERIMENTS]
+    return [Undetectable(effect, None, why, experiment) for effect in only_tracked()]
+
+
+def only_tracked() -> list[str]:
+    """Effects of which currents and encoders say nothing."""
+    tracked = {Instrument.TRACKER, Instrument.CALIBRATION}
+    return [effect.name for effect in observed_by(Instrument.TRACKER) if set(effect.observed_by) <= tracked]
 
 
 def sizes(every: Sequence[Candidate], nothing: State, sides: Sequence[Side]) -> dict[Candidate, float]:
@@ -52,13 +50,20 @@ def sizes(every: Sequence[Candidate], nothing: State, sides: Sequence[Side]) -> 
 def not_visible(moves: Mapping[Candidate, float], level: float, found: set[EffectKey]) -> list[Undetectable]:
     """Effects that only a tracker shows and that move the held-out points by less than a third of what they can tell (``level``, m);
     ``moves``: see ``sizes``."""
-    invisible = []
+    invisible, here = [], only_tracked()
     for candidate, size in moves.items():
-        if candidate.effect in ONLY_HERE and candidate.key not in found and size < level / 3.0:
+        if candidate.effect in here and candidate.key not in found and size < level / 3.0:
             where = f" at joint {candidate.joint}" if candidate.joint else ""
             by = f"by {1e3 * size:.2g} mm rms" if size > 1e-3 * level else "by nothing"
             why = f"even {_typical(candidate)[1]}{where} would move these points {by}; they tell {1e3 * level:.2g} mm"
-            invisible.append(Undetectable(candidate.effect, candidate.joint, why, EXPERIMENTS[candidate.effect]))
+            invisible.append(
+                Undetectable(
+                    candidate.effect,
+                    candidate.joint,
+                    why,
+                    candidate.definition.observed_by[Instrument.TRACKER].experiment,
+                )
+            )
     return invisible
 
 
@@ -83,7 +88,8 @@ def _typical_squares(candidate: Candidate, nothing: State, sides: Sequence[Side]
 
 def _typical(candidate: Candidate) -> tuple[list[float], str]:
     parameters = {p.name: p for p in CATALOGUE[candidate.effect].parameters}
-    names = candidate.names if candidate.names and candidate.effect == "link_geometry" else (next(iter(parameters)),)
+    own = candidate.names and set(candidate.names) <= set(parameters)
+    names = candidate.names if own else (next(iter(parameters)),)
     values = [parameters[name].typical[1] for name in names]
     words = ", ".join(f"{parameters[n].name} of {v:g} {parameters[n].unit}" for n, v in zip(names, values))
     return values, words

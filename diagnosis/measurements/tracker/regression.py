@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
+from arm_model.effects.tracking import LINK_GEOMETRY
 from diagnosis.measurements.tracker.columns import GEOMETRY, Candidate, State, points_of, possible, turns
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.selection.significance import p_value
@@ -248,9 +249,9 @@ def _within(one: Candidate, other: Candidate) -> bool:
 
 def _of_the_same_errors(alike: Sequence[Candidate], candidate: Candidate) -> list[Candidate]:
     """Other links with just those geometric errors that the candidate has: with all five they would follow the encoders' zeros."""
-    if candidate.effect != "link_geometry":
+    if candidate.effect != LINK_GEOMETRY.name:
         return []
-    return [replace(c, names=candidate.names) for c in alike if c.effect == "link_geometry"]
+    return [replace(c, names=candidate.names) for c in alike if c.effect == LINK_GEOMETRY.name]
 
 
 def _distinct(equals: Sequence[Candidate]) -> tuple[Candidate, ...]:
