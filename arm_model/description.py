@@ -16,7 +16,7 @@ Conventions (all SI, angles rad; prismatic joints m and N where revolute ones ha
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -214,6 +214,10 @@ class Arm:
 
     def __len__(self) -> int:
         return len(self.joints)
+
+    def with_effect(self, name: str, joint: int | None = None, **parameters: float) -> Arm:
+        """The arm with one more effect of the catalogue; ``joint`` from 1, None for an effect of the whole arm."""
+        return replace(self, effects=(*self.effects, EffectTerm(name, joint, parameters)))
 
     def joint_array(self, name: str) -> Array:
         """(n,) an attribute of every joint, in order."""

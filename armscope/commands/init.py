@@ -43,11 +43,12 @@ _VIEWS = (("views/foxglove.json", "views/foxglove.json"), ("views/plotjuggler.xm
 _SERVICE = ("armscope@.service", "systemd/armscope@.service")
 _PUMA, _FIRST = "models/puma560.toml", "starters/puma560/first_move.toml"
 _EXCITATIONS = ("experiments/excitation.toml", "experiments/excitation_held_out.toml")
+_TABLES = ("starters/csv/first_move.toml", "starters/csv/fit.toml", "starters/csv/held_out.toml")
 STARTERS = {
     Like.SIM: Starter("puma560_sim.toml", _PUMA, (_FIRST, *_EXCITATIONS), _VIEWS),
     Like.LAB: Starter("puma560_lab.toml", _PUMA, (_FIRST,), (*_VIEWS, _SERVICE)),
     Like.CAN: Starter("puma560_can.toml", _PUMA, (_FIRST,), (*_VIEWS, _SERVICE)),
-    Like.CSV: Starter("starters/csv/rig.toml", "starters/csv/model.toml", ("starters/csv/first_move.toml",)),
+    Like.CSV: Starter("starters/csv/rig.toml", "starters/csv/model.toml", _TABLES),
 }
 
 

@@ -106,7 +106,7 @@ def event_of(losses: Sequence[Loss], runs: Sequence[Run]) -> Event:
 def change_of_lag(run: Run) -> Change | None:
     """The instant that splits a run's lags best, each joint with a lag of its own before it; None for a short run."""
     lag, weight, pieces = _lags(run)
-    if len(lag) < 2 * FEWEST:
+    if len(lag) <= 2 * FEWEST:
         return None
     best = None
     for at in range(FEWEST, len(lag) - FEWEST):
