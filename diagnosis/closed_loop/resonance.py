@@ -28,9 +28,10 @@ from diagnosis.closed_loop.comparison import able
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run_setup import loaded, setup_of
 from diagnosis.selection.regression import SIGNIFICANT
-from diagnosis.selection.significance import BLOCK_SECONDS, p_value
 from diagnosis.units import unit_at
 from identification.preprocessing.demands import demand_of_run
+from identification.selection.cluster_covariance import cluster_covariance
+from identification.selection.significance import BLOCK_SECONDS, p_value
 
 BAND = (10.0, 100.0)
 """Hz."""
@@ -243,16 +244,18 @@ def _estimates(arm: Arm, trial: Trial, fit: Sequence[Recording], noise: Array) -
     """The parameters with deviations: least squares in the loop's sensitivities, the error independent from block to block."""
     j, names, step = trial.joint - 1, list(trial.values), 0.03
     moved = [trial] + [replace(trial, values={**trial.values, n: trial.values[n] * (1 + step)}) for n in names]
-    bread, meat = np.zeros((len(names), len(names))), np.zeros((len(names), len(names)))
+    sensitivity, residual, block, first = [], [], [], 0
     for r in fit:
         errors = _errors(arm, r, moved)[:, :, j] / noise[j]
-        x = (errors[0] - errors[1:]).T / step  # (m, k), by a relative change
-        bread += x.T @ x
-        starts = np.arange(0, len(x), round(BLOCK_SECONDS / r.dt))
-        scores = np.add.reduceat(x * errors[0][:, None], starts, axis=0)
-        meat += scores.T @ scores
-    inverse = np.linalg.pinv(bread)
-    relative = np.sqrt(np.diag(inverse @ meat @ inverse) + SYSTEMATIC**2)
+        # (m, k), by a relative change
+        sensitivity.append((errors[0] - errors[1:]).T / step)
+        residual.append(errors[0])
+        block.append(first + np.arange(len(errors[0])) // round(BLOCK_SECONDS / r.dt))
+        first = int(block[-1][-1]) + 1
+    covariance = cluster_covariance(
+        np.concatenate(sensitivity), [np.concatenate(residual)], np.concatenate(block), few=False
+    )
+    relative = np.sqrt(np.diag(covariance) + SYSTEMATIC**2)
     own = {p.name: p.unit for p in CATALOGUE[trial.effect].parameters}
     return [
         Estimate(n, trial.values[n], float(trial.values[n] * s), unit_at(arm.joints[j], own[n], n))

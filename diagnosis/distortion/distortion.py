@@ -26,8 +26,8 @@ from diagnosis.distortion.random_walk import STEP, gains_of, likelihood, memory,
 from diagnosis.measurements.currents.design_matrix import free_columns, side_of
 from diagnosis.residual.run import ROWS_PER_SECOND, Run
 from diagnosis.selection.regression import SHARE_OF_NOISE
-from diagnosis.selection.significance import p_value
 from diagnosis.units import unit_at
+from identification.selection.significance import p_value
 
 SURE = 3.0
 """Deviation over the instruments' noise up to which a row counts."""

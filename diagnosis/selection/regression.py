@@ -2,7 +2,7 @@
 
 The whitened residual is y = A b + X c + e: A the columns of causes accepted so far, X those of a candidate. Which shape of a candidate fits
 best is decided on the fit recordings; whether it enters, on the held-out ones: their squared error must fall by more than its scatter over blocks
-allows (``diagnosis.selection.significance``), with false-discovery control over all effects that were looked at, and by an amount that matters.
+allows (``identification.selection.significance``), with false-discovery control over all effects that were looked at, and by an amount that matters.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from arm_io.types import Array
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side
-from diagnosis.selection.significance import benjamini_hochberg, p_value, shift_p_value
+from identification.selection.significance import benjamini_hochberg, p_value, shift_p_value
 
 Pair = tuple[Columns, Columns]
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import signal, stats
 
 from diagnosis.selection.aliasing import confusability, smallest_detectable, span_of, survival
-from diagnosis.selection.significance import benjamini_hochberg, p_value
+from identification.selection.significance import benjamini_hochberg, p_value
 
 
 def _coloured(rng: np.random.Generator, seconds: float, correlation: float, rate: float = 100.0) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import optimize
@@ -16,6 +16,7 @@ from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side, columns_of
 from diagnosis.selection.regression import INDEPENDENT, Accepted, fit_gain
 from diagnosis.units import unit_at
+from identification.selection.cluster_covariance import cluster_covariance
 
 
 def parameters_of(candidate: Candidate, coefficients: Array) -> dict[str, float]:
@@ -89,8 +90,8 @@ def estimates(
     sizes += [0.0] * len(free)
     explained = np.sum([_spread(column, part, fit) for column, part in zip(columns, parts)], axis=0)
     x = np.column_stack(wide + [_spread(c, np.ones(1), fit) for c in free])
-    covariance = _sandwich(x, (left, SYSTEMATIC * explained), fit, np.array(sizes))
-    covariance = covariance[: len(moves), : len(moves)]
+    doubts = left, SYSTEMATIC * explained
+    covariance = cluster_covariance(x, doubts, fit.block, independent=INDEPENDENT, unknown=np.array(sizes))
     result = []
     for index, (candidate, part) in enumerate(zip(chosen, parts)):
         values = parameters_of(candidate, part)
@@ -101,7 +102,8 @@ def estimates(
             if candidate.definition[name].fixed:
                 continue
             slope = np.array([move.get(name, 0.0) if owner == index else 0.0 for owner, move in moves])
-            std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
+            of_moves = covariance[: len(moves), : len(moves)]
+            std = float(np.sqrt(max(float(slope @ of_moves @ slope), 0.0)))
             systematic = 0.0 if candidate.definition[name].whole else candidate.definition.model_error * abs(value)
             rows.append(Estimate(name, value, float(np.hypot(std, systematic)), units[name]))
         result.append(rows)
@@ -120,26 +122,3 @@ def _by_coefficient(candidate: Candidate, part: Array, k: int) -> dict[str, floa
     down[k] -= step
     after, before = parameters_of(candidate, up), parameters_of(candidate, down)
     return {name: (after[name] - before[name]) / (2 * step) for name in after}
-
-
-def _sandwich(wide: Array, doubts: Sequence[Array], fit: Side, sizes: Array) -> Array:
-    """Covariance of the coefficients of columns ``wide`` (N, k) by ``doubts`` (N,) that are independent from block to block.
-
-    In directions that the data does not show, it is that of ``sizes`` (k,).
-    """
-    scale = np.linalg.norm(wide, axis=0)
-    scale[scale == 0.0] = 1.0
-    x = wide / scale
-    values, vectors = np.linalg.eigh(x.T @ x)
-    seen = values > INDEPENDENT**2
-    bread = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
-    meat = np.zeros_like(bread)
-    for doubt in doubts:
-        scores = np.stack([fit.by_block(column * doubt) for column in x.T], axis=1)
-        meat += scores.T @ scores * len(scores) / max(len(scores) - len(scale), 1)
-    unseen = vectors[:, ~seen] @ vectors[:, ~seen].T
-    covariance: Array = (bread @ meat @ bread + unseen * (sizes * scale) ** 2 @ unseen) / np.outer(scale, scale)
-    return covariance
-
-
-Progress = Callable[[str], None]

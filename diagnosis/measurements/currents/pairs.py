@@ -27,7 +27,7 @@ from diagnosis.selection.regression import (
     matters,
     shadows,
 )
-from diagnosis.selection.significance import benjamini_hochberg, p_value
+from identification.selection.significance import benjamini_hochberg, p_value
 
 MOST = 0.5
 """Share of what is left of a joint that two effects must explain: they are not looked for to explain a part."""

@@ -20,7 +20,7 @@ from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
 from diagnosis.measurements.currents.design_matrix import Columns, Side
 from diagnosis.residual.noise import quiet_noise
 from diagnosis.selection.regression import Accepted, Pair, gain_of
-from diagnosis.selection.significance import benjamini_hochberg, p_value
+from identification.selection.significance import benjamini_hochberg, p_value
 
 MATTERS = 0.15
 """A structure must explain this share of a joint's noise energy ..."""

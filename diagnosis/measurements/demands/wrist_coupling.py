@@ -18,7 +18,9 @@ from daq.recording import Recording
 from diagnosis.cause import Estimate
 from diagnosis.residual.noise import angle_noise
 from diagnosis.screening.event import Event, Gain
-from diagnosis.selection.significance import BLOCK_SECONDS, block_sums, p_value
+from identification.selection.cluster_covariance import cluster_covariance
+from identification.selection.least_squares import scaled_lstsq
+from identification.selection.significance import BLOCK_SECONDS, block_sums, p_value
 
 Index = NDArray[np.intp]
 
@@ -30,6 +32,8 @@ SIGNIFICANT = 0.05
 """Probability below which the gain over blocks of held-out rows is no chance."""
 STEPS = 20.0
 """Times the noise of the angle that the motor must turn."""
+SYSTEMATIC = 0.01
+"""Relative std from what is no coupling: the servo's own error."""
 OWN = 4
 """Columns of the servo's own error."""
 
@@ -110,7 +114,7 @@ def _turned(fit: Sequence[Recording], held_out: Sequence[Recording], axis: int) 
     each = all(np.sum(after_**2) < (1.0 - EXPLAINED) * np.sum(before_**2) for before_, after_ in zip(without, left))
     if not each or p > SIGNIFICANT or turns < STEPS * noise:
         return None
-    std = _deviations(learned, values)[OWN:]
+    std = _std(learned, values)[OWN:]
     seen = np.abs(values[OWN:]) > 3 * std
     if not seen.any():
         return None
@@ -137,19 +141,10 @@ def _rows(recordings: Sequence[Recording], axis: int, motors: Sequence[int]) -> 
 
 
 def _solved(x: Array, y: Array) -> Array:
-    size = np.linalg.norm(x, axis=0)
-    size[size == 0.0] = 1.0
-    values: Array = np.linalg.lstsq(x / size, y, rcond=1e-8)[0] / size
-    return values
+    return scaled_lstsq(x, y, 1e-8)
 
 
-def _deviations(rows: _Rows, values: Array) -> Array:
-    """Standard deviations of ``values``, right for residuals that are correlated within a block (sandwich of block scores)."""
-    size = np.linalg.norm(rows.columns, axis=0)
-    size[size == 0.0] = 1.0
-    x, rest = rows.columns / size, rows.difference - rows.columns @ values
-    blocks = int(rows.block[-1]) + 1
-    scores = np.stack([block_sums(column * rest, rows.block, blocks) for column in x.T], axis=1)
-    bread = np.linalg.pinv(x.T @ x, rcond=1e-12)
-    deviations: Array = np.sqrt(np.diag(bread @ (scores.T @ scores) @ bread)) / size
-    return np.hypot(deviations, 0.01 * np.abs(values))
+def _std(rows: _Rows, values: Array) -> Array:
+    """Standard deviations of ``values``, for residuals that are correlated within a block."""
+    covariance = cluster_covariance(rows.columns, [rows.difference - rows.columns @ values], rows.block, few=False)
+    return np.hypot(np.sqrt(np.diag(covariance)), SYSTEMATIC * np.abs(values))

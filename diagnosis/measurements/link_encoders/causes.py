@@ -37,8 +37,9 @@ from diagnosis.measurements.link_encoders.regression import (
     sides_of,
     stacked,
 )
-from diagnosis.selection.significance import BLOCK_SECONDS
 from diagnosis.units import unit_at
+from identification.selection.cluster_covariance import cluster_covariance
+from identification.selection.significance import BLOCK_SECONDS
 
 ALIKE = 0.95
 """A candidate that explains this share of what the named one does, in its place, and beside it less than the rest of this share of what it does
@@ -197,14 +198,7 @@ def _fitted(chosen: list[Shape], sides: Sides) -> tuple[Array, Array]:
     values = coefficients(chosen, sides.whole, sides)
     y = (sides.whole.difference / sides.scale).T.ravel()
     rest, block = y - x @ values, np.tile(sides.whole.blocks(BLOCK_SECONDS), len(sides.whole.joints))
-    size = np.linalg.norm(x, axis=0)
-    size[size == 0.0] = 1.0
-    x = x / size
-    bread = np.linalg.pinv(x.T @ x, rcond=1e-11)
-    scores = np.stack([np.bincount(block, weights=column * rest) for column in x.T], axis=1)
-    blocks = len(scores)
-    meat = scores.T @ scores * blocks / max(blocks - x.shape[1], 1)
-    return values, bread @ meat @ bread / np.outer(size, size)
+    return values, cluster_covariance(x, [rest], block)
 
 
 def delays_by_joint(others: list[Shape], sides: Sides) -> Array:

@@ -25,7 +25,7 @@ from diagnosis.measurements.link_encoders.columns import (
     shapes,
     standing_orders,
 )
-from diagnosis.selection.significance import BLOCK_SECONDS, benjamini_hochberg, p_value
+from identification.selection.significance import BLOCK_SECONDS, benjamini_hochberg, p_value
 
 SIGNIFICANT = 0.05
 """False-discovery rate at which a candidate may enter."""

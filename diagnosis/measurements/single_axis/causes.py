@@ -22,8 +22,10 @@ from arm_model.effects.definition import SYSTEMATIC
 from diagnosis.cause import Estimate
 from diagnosis.measurements.single_axis.columns import DELAY, Rows, Shape, columns, fine, rows_of, shapes, waves
 from diagnosis.residual.expected_current import low_pass
-from diagnosis.selection.significance import benjamini_hochberg, p_value
 from diagnosis.units import unit_at
+from identification.selection.cluster_covariance import cluster_covariance
+from identification.selection.least_squares import scaled_lstsq
+from identification.selection.significance import benjamini_hochberg, p_value
 
 Samples = tuple[Array, Array, Array]
 
@@ -204,9 +206,7 @@ def _fitted(chosen: Sequence[Shape], rows: Rows, sides: _Sides, where: NDArray[n
     x, y = sides.stacked(chosen, rows), rows.residual
     if where is not None:
         x, y = x[where], y[where]
-    size = np.linalg.norm(x, axis=0)
-    size[size == 0.0] = 1.0
-    return np.asarray(np.linalg.lstsq(x / size, y, rcond=1e-9)[0] / size, float)
+    return scaled_lstsq(x, y)
 
 
 def _physical(shape: Shape, chosen: Sequence[Shape], sides: _Sides) -> bool:
@@ -308,14 +308,8 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: _Sides) -> list[Estima
         if value > 0.0
     ]
     left = rows.residual - x @ c
-    wide = np.column_stack([x, *slopes])
-    size = np.linalg.norm(wide, axis=0)
-    size[size == 0.0] = 1.0
-    wide = wide / size
-    bread = np.linalg.pinv(wide.T @ wide, rcond=1e-10)
-    scores = np.stack([np.bincount(rows.cells, weights=column * left) for column in wide.T], axis=1)
-    meat = scores.T @ scores * len(scores) / max(len(scores) - wide.shape[1], 1)
-    std = np.sqrt(np.maximum(np.diag(bread @ meat @ bread), 0.0)) / size
+    covariance = cluster_covariance(np.column_stack([x, *slopes]), [left], rows.cells)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     effect = CATALOGUE[shape.effect]
     unit_of = {p.name: unit_at(rows.arm.joints[0], p.unit, p.name) for p in effect.parameters}
     if effect.delay is not None:

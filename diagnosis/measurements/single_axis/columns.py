@@ -19,7 +19,7 @@ from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Scale, S
 from arm_model.system.dynamics import inverse_dynamics
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import integrated, low_pass, motion_of
-from diagnosis.selection.significance import Index
+from identification.selection.significance import Index
 
 MOTION_BAND, COMPARE_BAND = 100.0, 60.0
 """Hz: pass-bands of the motion behind the expected current, and of the comparison."""

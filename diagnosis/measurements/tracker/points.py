@@ -17,7 +17,7 @@ from arm_model.rigid_body.numeric import rigid_torque
 from arm_model.tracking import bends, latency
 from daq.recording import Recording
 from diagnosis.residual.run_setup import loaded, setup_of
-from diagnosis.selection.significance import BLOCK_SECONDS
+from identification.selection.significance import BLOCK_SECONDS
 
 Mask = NDArray[np.bool_]
 

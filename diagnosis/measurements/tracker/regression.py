@@ -3,7 +3,7 @@
 Screening is linear: about the present fit, what a candidate's columns and all that is already free explain of the fitted points, judged by
 what it does to the held-out ones. A candidate enters if that is larger than ``SHARE`` of what the points cannot tell. Refits are not linear, so that
 a strong effect leaves no shadow. When nothing enters any more, each has to be significant beside all the others, over one-second blocks
-(``diagnosis.selection.significance``): before, two effects of one size hide each other's significance.
+(``identification.selection.significance``): before, two effects of one size hide each other's significance.
 Equals of a named one are refitted in its place: whatever then does as well on the held-out points is one group with it.
 """
 
@@ -19,9 +19,9 @@ from arm_io.types import Array
 from arm_model.effects.tracking import LINK_GEOMETRY
 from diagnosis.measurements.tracker.columns import GEOMETRY, Candidate, State, points_of, possible, turns
 from diagnosis.measurements.tracker.points import Side
-from diagnosis.selection.significance import p_value
 from identification.kinematics.estimation.map_estimation import REJECT, residuals
 from identification.kinematics.models.chain import position_jacobian
+from identification.selection.significance import p_value
 
 Refit = Callable[[Sequence[Candidate], State | None], State]
 

@@ -1,0 +1,53 @@
+"""Covariance of least-squares coefficients whose residual is correlated within clusters of rows (blocks of time, cells of a motion).
+
+The sandwich of Liang & Zeger (Biometrika 73, 1986): with e the residual, x the columns and g a cluster,
+
+    C = B (sum_g s_g s_g^T) B  G / (G - k),    s_g = x_g^T e_g,    B = (x^T x)^+
+
+G / (G - k), of G clusters and k coefficients, is the correction for few clusters: the residual of a fit is smaller than the error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from arm_io.types import Array
+from identification.selection.least_squares import scaled
+from identification.selection.significance import Index
+
+
+def cluster_covariance(
+    columns: Array,
+    residuals: Sequence[Array],
+    cluster: Index,
+    *,
+    independent: float = 1e-5,
+    unknown: Array | None = None,
+    few: bool = True,
+) -> Array:
+    """(k, k) covariance of the coefficients of ``columns`` (m, k).
+
+    residuals    (m,) each: errors that are independent of one another, and from cluster to cluster
+    cluster      (m,) number of every row's cluster, from 0
+    independent  singular value of the scaled columns below which the data says nothing of a direction
+    unknown      (k,) std of the coefficients in directions that the data says nothing of; default: 0
+    few          whether to correct for few clusters
+    """
+    x, size = scaled(columns)
+    values, vectors = np.linalg.eigh(x.T @ x)
+    seen = values > independent**2
+    bread = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
+    meat = np.zeros_like(bread)
+    clusters = int(cluster.max()) + 1
+    for residual in residuals:
+        scores = np.stack([np.bincount(cluster, column * residual, clusters) for column in x.T], axis=1)
+        meat += scores.T @ scores
+    if few:
+        meat *= clusters / max(clusters - x.shape[1], 1)
+    covariance = bread @ meat @ bread
+    if unknown is not None:
+        unseen = vectors[:, ~seen] @ vectors[:, ~seen].T
+        covariance = covariance + unseen * (unknown * size) ** 2 @ unseen
+    return np.asarray(covariance / np.outer(size, size), float)

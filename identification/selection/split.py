@@ -1,0 +1,33 @@
+"""Fit set and held-out set of anything: recordings, rows, columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+U = TypeVar("U")
+
+
+@dataclass(frozen=True)
+class Split(Generic[T]):
+    """What causes are found in, and what they are judged by.
+
+    two_fold: both are parts of the same recordings, and each is predicted from the other.
+    """
+
+    fit: T
+    held_out: T
+    two_fold: bool = False
+
+    def __iter__(self) -> Iterator[T]:
+        return iter((self.fit, self.held_out))
+
+    def folds(self) -> list[tuple[T, T]]:
+        """(learned from, judged by): once, or of two parts of the same recordings both ways."""
+        return [(self.fit, self.held_out), *([(self.held_out, self.fit)] if self.two_fold else [])]
+
+    def map(self, function: Callable[[T], U]) -> Split[U]:
+        """The function of either set."""
+        return Split(function(self.fit), function(self.held_out), self.two_fold)
