@@ -14,6 +14,7 @@ ROOMS = {
     "arm_model": ("rigid_body", "symbolic", "effects", "system", "simulation", "formulations", "control"),
     "sim_backend": ("electronics", "arm", "rig", "protocol"),
     "identification": (
+        "selection",
         "preprocessing",
         "regression",
         "methods",
