@@ -16,7 +16,7 @@ from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import refuted, with_widths
 from diagnosis.measurements.currents.causes import from_axis, of_candidate
-from diagnosis.measurements.currents.columns import Candidate, candidates
+from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, free_columns, side_of, side_with
 from diagnosis.measurements.currents.estimates import estimates
 from diagnosis.measurements.currents.ripple_orders import order_of
@@ -24,6 +24,7 @@ from diagnosis.measurements.currents.search import Found, Problem, search, terms
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, sharply
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Sight, seen_through, with_edges
+from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.regression import Pair
 
 SEARCHED_AGAIN = 2

@@ -18,7 +18,8 @@ from diagnosis.cause import Cause, EffectKey, Signal, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.motions import Kind, Stage, Trial, room, trials
 from diagnosis.experiments.t_optimality import Question, foreseen, rival_of
-from diagnosis.measurements.currents.columns import Candidate, candidates
+from diagnosis.measurements.currents.columns import candidates
+from diagnosis.selection.candidate import Candidate
 from experiment import Experiment, demand_of
 from identification.experiment_design.excitation import Limits
 

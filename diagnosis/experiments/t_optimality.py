@@ -18,11 +18,12 @@ from arm_model.description import Arm
 from arm_model.simulation.simulation import simulate
 from diagnosis.cause import EffectKey
 from diagnosis.experiments.motions import Stage, Trial
-from diagnosis.measurements.currents.columns import Candidate
+from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.design_matrix import Columns, Side, columns_of, free_columns, side_of
 from diagnosis.residual.expected_current import COMPARE_BAND
 from diagnosis.residual.run import ROWS_PER_SECOND, Run, see
 from diagnosis.residual.run_setup import loaded
+from diagnosis.selection.candidate import Candidate
 from experiment import demand_of
 
 SIMULATED_RATE = 2.0 * ROWS_PER_SECOND
@@ -93,7 +94,7 @@ class Question:
         rival = self.rivals[k]
         if rival.best is None:
             return run
-        current = run.current + rival.best.columns(run, self.arm) @ rival.coefficients
+        current = run.current + columns(rival.best, run) @ rival.coefficients
         return replace(run, current=current, current_rate=np.gradient(current, 1.0 / ROWS_PER_SECOND, axis=0))
 
     def _equations(self, side: Side) -> tuple[list[list[_Told]], Array]:

@@ -14,8 +14,8 @@ import numpy as np
 
 from arm_io.types import Array
 from diagnosis.cause import EffectKey
-from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side
+from diagnosis.selection.candidate import Candidate
 from identification.selection.significance import benjamini_hochberg, p_value, shift_p_value
 
 Pair = tuple[Columns, Columns]

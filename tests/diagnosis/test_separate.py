@@ -15,9 +15,10 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation, separation
 from diagnosis.experiments.motions import Kind, Stage, room, trials
 from diagnosis.experiments.t_optimality import Question, foreseen, rival_of
-from diagnosis.measurements.currents.columns import Candidate, candidates
+from diagnosis.measurements.currents.columns import candidates, columns
 from diagnosis.measurements.currents.design_matrix import free_columns, side_of
 from diagnosis.residual.run import COMPARE_BAND, ROWS_PER_SECOND, Run
+from diagnosis.selection.candidate import Candidate
 from experiment import demand_of, read_experiment, write_experiment
 from tests.diagnosis.runs import Seen, group_of, seen
 
@@ -49,7 +50,7 @@ def _flat(run: Run, columns: np.ndarray) -> np.ndarray:
 def _by_hand(true: Candidate, c: np.ndarray, rivals: list[Candidate], data: Seen, new: Run, arm: Arm) -> float:
     """The distance by least squares on explicit matrices, recordings and new motion stacked."""
     old = data.fit[0]
-    p = [_flat(run, true.columns(run, arm)) @ c for run in (old, new)]
+    p = [_flat(run, columns(true, run)) @ c for run in (old, new)]
     smallest = []
     for stacked in (False, True):
         left = []
@@ -59,9 +60,9 @@ def _by_hand(true: Candidate, c: np.ndarray, rivals: list[Candidate], data: Seen
             for run in runs:
                 side = side_of([run])
                 free = [np.zeros((len(side.y), 1)) for _ in free_columns(side, arm)]
-                for whole, columns in zip(free, free_columns(side, arm)):
-                    whole[columns.where] = columns.x
-                blocks.append(np.hstack([_flat(run, rival.columns(run, arm)), *free]))
+                for whole, of_width in zip(free, free_columns(side, arm)):
+                    whole[of_width.where] = of_width.x
+                blocks.append(np.hstack([_flat(run, columns(rival, run)), *free]))
             a, b = np.vstack(blocks), np.concatenate(p if stacked else p[:1])
             size = np.linalg.norm(a, axis=0)
             a = a[:, size > 0] / size[size > 0]

@@ -11,9 +11,10 @@ import pytest
 from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from arm_model.simulation.simulation import simulate
-from diagnosis.measurements.currents.columns import Candidate, candidates
+from diagnosis.measurements.currents.columns import candidates, columns
 from diagnosis.residual.run import see
 from diagnosis.residual.run_setup import loaded
+from diagnosis.selection.candidate import Candidate
 from experiment.file import Payload
 
 
@@ -33,10 +34,10 @@ def test_with_the_drives_off_only_what_instruments_add_is_looked_for(puma: Arm) 
     assert np.all(run.deviation < 0.005)
     on = see("on", puma, t, still, off)
     for candidate in {c.effect: c for c in candidates(puma)}.values():
-        columns = candidate.columns(run, puma)
-        assert candidate.definition.current is not None or not np.any(columns), candidate
-        assert columns.shape == candidate.columns(on, puma).shape
-    assert np.allclose(Candidate("current_offset", 2).columns(run, puma)[:, 1], 1.0)
+        change = columns(candidate, run)
+        assert candidate.definition.current is not None or not np.any(change), candidate
+        assert change.shape == columns(candidate, on).shape
+    assert np.allclose(columns(Candidate("current_offset", 2), run)[:, 1], 1.0)
 
 
 def test_a_known_payload_is_in_the_arm_that_a_run_is_seen_through(puma: Arm) -> None:
@@ -52,4 +53,4 @@ def test_a_known_payload_is_in_the_arm_that_a_run_is_seen_through(puma: Arm) -> 
     moving = np.abs(with_it.v[:, 1]) > 0.05
     assert np.std(with_it.residual[moving, 1]) < 0.05 * np.std(without.residual[moving, 1])
     error = Candidate("torque_constant", 2)
-    assert np.ptp(error.columns(with_it, puma)[:, 1]) > 1.02 * np.ptp(error.columns(without, puma)[:, 1])
+    assert np.ptp(columns(error, with_it)[:, 1]) > 1.02 * np.ptp(columns(error, without)[:, 1])

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side
 from diagnosis.measurements.currents.pairs import two_of
+from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.regression import Pair, accept
 
 ROWS, BLOCK = 3000, 100

@@ -11,12 +11,12 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, Instrument
 from diagnosis.cause import Cause, Estimate, Signal, confidence_of
-from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Side
 from diagnosis.measurements.currents.search import Found, Problem
 from diagnosis.measurements.single_axis.causes import AxisCause
 from diagnosis.screening.event import Event, Gain
 from diagnosis.selection.aliasing import confusability, span_of
+from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.regression import Look, look
 from diagnosis.units import unit_at
 

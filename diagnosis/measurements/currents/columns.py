@@ -2,90 +2,51 @@
 
 A candidate is one effect at one joint (or of the whole arm) with its nonlinear parameters fixed; its columns are the first-order change of the
 residual currents of all joints for a unit of each linear parameter, from the effect's own law. Parameters that enter by a phase or a rest
-position span a plane, and become two columns; ``solve`` turns coefficients back into parameters.
+position span a plane, and become two columns; ``Candidate.parameters`` turns coefficients back into parameters.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.effects import CATALOGUE, Effect, Instrument, Signals, Values, units
+from arm_model.effects import CATALOGUE, Effect, Instrument, Signals, Values
 from arm_model.effects.definition import Law
 from arm_model.system.dynamics import inverse_dynamics
 from diagnosis.residual.expected_current import COMPARE_BAND, integrated, low_pass, spring_of, through_gap, wound_up
 from diagnosis.residual.run import ROWS_PER_SECOND, Run, passed, signals_of
+from diagnosis.selection.candidate import Candidate
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """One effect at one joint (None: the arm), with values for its nonlinear parameters that are not spanned."""
+def at_own_joint(candidate: Candidate) -> bool:
+    """Whether only the current of the candidate's own joint changes."""
+    effect = candidate.definition
+    return effect.torque is not None or effect.current is not None or effect.own_joint
 
-    effect: str
-    joint: int | None
-    shape: tuple[tuple[str, float], ...] = ()
 
-    @property
-    def definition(self) -> Effect:
-        return CATALOGUE[self.effect]
-
-    @cached_property
-    def key(self) -> tuple[str, int | None]:
-        """Effect and joint, whatever the shape."""
-        return self.effect, self.joint
-
-    @property
-    def at_own_joint(self) -> bool:
-        """Whether only the current of the candidate's own joint changes."""
-        effect = self.definition
-        return effect.torque is not None or effect.current is not None or effect.own_joint
-
-    @property
-    def by_shape(self) -> bool:
-        """Whether the effect is told by its shape alone: nothing that it does is linear, and its coefficient is 1 where it is there."""
-        return self.definition.unit_amplitude
-
-    def largest(self, k: int) -> float:
-        """Largest typical magnitude of coefficient k: what is believed of one that the data does not show."""
-        linear = self.definition.linear
-        return linear[k].typical[1] if k < len(linear) else linear[0].typical[1] if linear else 1.0
-
-    def searched(self) -> list[str]:
-        """Names of the shape parameters that are continuous and seen in the currents."""
-        continuous = {p.name for p in self.definition.parameters if not (p.whole or p.fixed)}
-        return [name for name, _ in self.shape if name in continuous]
-
-    def with_shape(self, name: str, value: float) -> Candidate:
-        """The same with another value of one shape parameter."""
-        return replace(self, shape=tuple((n, value if n == name else v) for n, v in self.shape))
-
-    def units(self) -> list[Values]:
-        """Parameter values, one set a column: each linear parameter at 1, each spanned one at its two values."""
-        return [Values(self.shape)] if self.by_shape else units(self.definition, dict(self.shape))
-
-    def columns(self, run: Run, arm: Arm) -> Array:
-        """(m, n, k) A: change of ``run.residual`` for a unit of each of k coefficients."""
-        effect, arm = self.definition, run.arm
-        if not run.powered and effect.current is None:  # the brakes hold; only what the instruments add is there
-            count = effect.link_parameters or len(self.units())
-            return np.zeros((*run.current.shape, 1 if effect.delay is not None else count))
-        if effect.link_parameters:
-            return _link_columns(run, arm, self.joint or len(arm))[..., : effect.link_parameters]
-        if effect.change is not None:
-            return np.stack([_changed(run, arm, effect, self.joint, unit) for unit in self.units()], axis=-1)
-        if effect.coupling:
-            return np.stack([_coupled(run, arm, unit) for unit in self.units()], axis=-1)
-        if effect.delay is not None:
-            return -run.current_rate[..., None]
-        assert self.joint is not None
-        s = signals_of(run, arm, self.joint)
-        return np.stack([_law(run, arm, effect, self.joint, unit, s) for unit in self.units()], axis=-1)
+def columns(candidate: Candidate, run: Run) -> Array:
+    """(m, n, k) A: change of ``run.residual`` for a unit of each of k coefficients."""
+    effect, arm, joint = candidate.definition, run.arm, candidate.joint
+    if not run.powered and effect.current is None:
+        # the brakes hold; only what the instruments add is there
+        count = effect.link_parameters or len(candidate.units())
+        return np.zeros((*run.current.shape, 1 if effect.delay is not None else count))
+    if effect.link_parameters:
+        return _link_columns(run, arm, joint or len(arm))[..., : effect.link_parameters]
+    if effect.change is not None:
+        return np.stack([_changed(run, arm, effect, joint, unit) for unit in candidate.units()], axis=-1)
+    if effect.coupling:
+        return np.stack([_coupled(run, arm, unit) for unit in candidate.units()], axis=-1)
+    if effect.delay is not None:
+        return -run.current_rate[..., None]
+    assert joint is not None
+    s = signals_of(run, arm, joint)
+    return np.stack([_law(run, arm, effect, joint, unit, s) for unit in candidate.units()], axis=-1)
 
 
 def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) -> Array:

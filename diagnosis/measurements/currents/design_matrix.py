@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm
-from diagnosis.measurements.currents.columns import Candidate
+from diagnosis.measurements.currents.columns import at_own_joint, columns
 from diagnosis.residual.run import Run, merged, residual_with
+from diagnosis.selection.candidate import Candidate
 
 
 @dataclass(frozen=True)
@@ -88,9 +89,9 @@ def side_with(side: Side, terms: Sequence[EffectTerm]) -> Array:
 
 def columns_of(candidate: Candidate, side: Side, arm: Arm) -> Columns:
     """The candidate's columns over all recordings of a side, over the deviation of each row."""
-    parts = [candidate.columns(run, arm) / run.deviation[..., None] for run in side.together]
+    parts = [columns(candidate, run) / run.deviation[..., None] for run in side.together]
     x = np.concatenate(parts) if len(parts) > 1 else parts[0]  # (rows, n, k)
-    if candidate.at_own_joint:
+    if at_own_joint(candidate):
         assert candidate.joint is not None
         return Columns(np.ascontiguousarray(x[:, candidate.joint - 1]), side.of(candidate.joint))
     flat = x.transpose(1, 0, 2).reshape(-1, x.shape[2])

@@ -10,8 +10,8 @@ from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, Excitation, Instrument
 from arm_model.rigid_body.numeric import rigid_torque
 from diagnosis.cause import EffectKey, Undetectable
-from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side
+from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.regression import Pair
 from diagnosis.units import unit_at
 
@@ -128,7 +128,7 @@ def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Undetectable]:
 def _typical(candidate: Candidate) -> float:
     """Coefficient of an effect of the largest typical size: 1 of one that is told by its shape alone, 0 if that is beyond all that is typical."""
     effect = candidate.definition
-    if candidate.by_shape:
+    if candidate.unit_amplitude:
         ranges = {p.name: p.typical for p in effect.parameters}
         inside = (
             ranges[name][0] <= 1.001 * value and value <= 1.001 * ranges[name][1] for name, value in candidate.shape

@@ -9,27 +9,20 @@ from scipy import optimize
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.effects import solved
 from arm_model.effects.definition import SYSTEMATIC
 from diagnosis.cause import Estimate
-from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side, columns_of
+from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.regression import INDEPENDENT, Accepted, fit_gain
 from diagnosis.units import unit_at
 from identification.selection.cluster_covariance import cluster_covariance
 
 
-def parameters_of(candidate: Candidate, coefficients: Array) -> dict[str, float]:
-    """Parameter values (SI) that a candidate's coefficients (k,) stand for; see ``Candidate.units`` for their order."""
-    shape = dict(candidate.shape)
-    return shape if candidate.by_shape else solved(candidate.definition, shape, coefficients.tolist())
-
-
 def physical(candidate: Candidate, coefficients: Array) -> bool:
     """Whether the parameters have the signs that they must have (no negative mass, stiffness, gap or friction share) and sizes that can be."""
-    if candidate.by_shape and not 0.25 < coefficients[0] < 4.0:
+    if candidate.unit_amplitude and not 0.25 < coefficients[0] < 4.0:
         return False  # such an effect is there as it is or not at all; off the grid's points it is seen in part
-    values = parameters_of(candidate, coefficients)
+    values = candidate.parameters(coefficients.tolist())
     return all(candidate.definition.admits(name, value) for name, value in values.items())
 
 
@@ -40,10 +33,10 @@ def sharpened(candidate: Candidate, accepted: Accepted, fit: Side, arm: Arm) -> 
         value = dict(candidate.shape)[name]
 
         def worse(log_value: float, name: str = name, now: Candidate = candidate) -> float:
-            trial = now.with_shape(name, float(np.exp(float(log_value))))
+            trial = now.at(name, float(np.exp(float(log_value))))
             gain, c = fit_gain(columns_of(trial, fit, arm), accepted)
             # by shape alone: what a coefficient of 1 gains, for a gain that is quadratic in the coefficient
-            return -gain * (1.0 - (1.0 / c[0] - 1.0) ** 2) if now.by_shape and c[0] else -gain
+            return -gain * (1.0 - (1.0 / c[0] - 1.0) ** 2) if now.unit_amplitude and c[0] else -gain
 
         reach = 1.5 if candidate.definition.spring is not None else 3.0  # their grids are finer
         found = optimize.minimize_scalar(
@@ -52,7 +45,7 @@ def sharpened(candidate: Candidate, accepted: Accepted, fit: Side, arm: Arm) -> 
             method="bounded",
             options={"xatol": 0.01, "maxiter": 14},
         )
-        candidate = candidate.with_shape(name, float(np.exp(found.x)))
+        candidate = candidate.at(name, float(np.exp(found.x)))
     return candidate
 
 
@@ -82,7 +75,7 @@ def estimates(
         for name in candidate.searched():
             value = dict(candidate.shape)[name]
             step = 0.02 * value
-            other = candidate.with_shape(name, value + step)
+            other = candidate.at(name, value + step)
             slope = _spread(columns_of(other, fit, arm), part, fit) - _spread(column, part, fit)
             wide.append(slope / step)
             moves.append((index, {name: 1.0}))
@@ -94,7 +87,7 @@ def estimates(
     covariance = cluster_covariance(x, doubts, fit.block, independent=INDEPENDENT, unknown=np.array(sizes))
     result = []
     for index, (candidate, part) in enumerate(zip(chosen, parts)):
-        values = parameters_of(candidate, part)
+        values = candidate.parameters(part.tolist())
         own = arm.joints[candidate.joint - 1] if candidate.joint else None
         units = {p.name: unit_at(own, p.unit, p.name) if own else p.unit for p in candidate.definition.parameters}
         rows = []
@@ -120,5 +113,5 @@ def _by_coefficient(candidate: Candidate, part: Array, k: int) -> dict[str, floa
     up, down = part.copy(), part.copy()
     up[k] += step
     down[k] -= step
-    after, before = parameters_of(candidate, up), parameters_of(candidate, down)
+    after, before = candidate.parameters(up.tolist()), candidate.parameters(down.tolist())
     return {name: (after[name] - before[name]) / (2 * step) for name in after}

@@ -14,8 +14,8 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
-from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side
+from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.regression import (
     ALIKE,
     SIGNIFICANT,
@@ -47,7 +47,7 @@ def two_of(
     Judged like a single one: by the held-out gain of both at that joint over blocks, with false-discovery control over all pairs of the joint.
     """
     for joint in joints:
-        of_joint = {c: pair for c, pair in library.items() if c.joint == joint and not c.by_shape}
+        of_joint = {c: pair for c, pair in library.items() if c.joint == joint and not c.unit_amplitude}
         able = best_shapes(of_joint, accepted, fit, set(taken))
         pairs = [
             (one, other)

@@ -6,9 +6,9 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Side
 from diagnosis.residual.run import passed
+from diagnosis.selection.candidate import Candidate
 
 LOUDEST = 5
 """Orders kept for each way in which a ripple is heard: as a torque, by the acceleration that it forces on the link, by the load it lifts."""

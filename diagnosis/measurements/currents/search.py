@@ -16,9 +16,8 @@ from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, same_columns
 from diagnosis.cause import EffectKey
-from diagnosis.measurements.currents.columns import Candidate
 from diagnosis.measurements.currents.design_matrix import Columns, Side, columns_of, side_with
-from diagnosis.measurements.currents.estimates import parameters_of, physical, sharpened
+from diagnosis.measurements.currents.estimates import physical, sharpened
 from diagnosis.measurements.currents.pairs import two_of
 from diagnosis.measurements.currents.ripple_orders import audible, order_of
 from diagnosis.measurements.currents.unexplained import (
@@ -29,6 +28,7 @@ from diagnosis.measurements.currents.unexplained import (
     loud,
     structure_left,
 )
+from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.regression import (
     SHARE_OF_NOISE,
     Accepted,
@@ -252,7 +252,7 @@ def corrected(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, 
         terms = _terms(chosen, parts)
         exact = [side_with(side, terms) for side in problem.sides]
         once = [
-            np.ones_like(part) if c.by_shape else part for c, part in zip(chosen, parts)
+            np.ones_like(part) if c.unit_amplitude else part for c, part in zip(chosen, parts)
         ]  # as the exact model has them
         linear = [_spread(chosen, once, problem, which) for which in (0, 1)]
         first, second = (
@@ -272,7 +272,7 @@ def terms_of(problem: Problem, found: Found) -> list[EffectTerm]:
 
 
 def _terms(chosen: Sequence[Candidate], parts: Sequence[Array]) -> list[EffectTerm]:
-    return [EffectTerm(c.effect, c.joint, parameters_of(c, part)) for c, part in zip(chosen, parts)]
+    return [EffectTerm(c.effect, c.joint, c.parameters(part.tolist())) for c, part in zip(chosen, parts)]
 
 
 def polished(chosen: list[Candidate], problem: Problem, sides: tuple[Side, Side]) -> list[Candidate]:
@@ -286,7 +286,7 @@ def polished(chosen: list[Candidate], problem: Problem, sides: tuple[Side, Side]
     slopes, steps = [], []
     for k, name in searched:
         steps.append(0.02 * dict(chosen[k].shape)[name])
-        moved = [c.with_shape(name, dict(c.shape)[name] + steps[-1]) if n == k else c for n, c in enumerate(chosen)]
+        moved = [c.at(name, dict(c.shape)[name] + steps[-1]) if n == k else c for n, c in enumerate(chosen)]
         slopes.append((side_with(fit, _terms(moved, parts)) - here) / steps[-1])
     slope = np.stack(slopes, axis=1)
     slope -= accepted.basis @ (accepted.basis.T @ slope)
@@ -294,7 +294,7 @@ def polished(chosen: list[Candidate], problem: Problem, sides: tuple[Side, Side]
     better = list(chosen)
     for (k, name), by in zip(searched, change):
         value = dict(better[k].shape)[name]
-        better[k] = better[k].with_shape(name, float(np.clip(value + by, value / 2, 2 * value)))
+        better[k] = better[k].at(name, float(np.clip(value + by, value / 2, 2 * value)))
     for c in better:
         if c not in problem.library:
             problem.library[c] = (

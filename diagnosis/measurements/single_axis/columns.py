@@ -19,6 +19,7 @@ from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Scale, S
 from arm_model.system.dynamics import inverse_dynamics
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import integrated, low_pass, motion_of
+from diagnosis.selection.candidate import Candidate
 from identification.selection.significance import Index
 
 MOTION_BAND, COMPARE_BAND = 100.0, 60.0
@@ -28,18 +29,8 @@ ENDS = 0.3
 ROWS_PER_SECOND = 200
 PLACES, SPEEDS = 8, 15
 """Parts of the travel and of the range of speed that are an observation each."""
-DELAY = 1e-3
-"""s: the delay of a unit coefficient."""
 FEWEST_WAVES = 8
 """Of one length, in the travel: fewer are a bend."""
-
-
-@dataclass(frozen=True)
-class Shape:
-    """One effect of the axis, with its nonlinear parameters."""
-
-    effect: str
-    values: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -121,13 +112,13 @@ def fine(arm: Arm, rows: Rows) -> bool:
     return rows.noise < friction / 30
 
 
-def shapes(rows: Rows) -> Iterator[Shape]:
+def candidates(rows: Rows) -> Iterator[Candidate]:
     """Every candidate but waves, at every combination of the first values of its searched parameters."""
     for effect in CATALOGUE.values():
         if Instrument.SINGLE_AXIS in effect.observed_by and not effect.wave:
             searched = [p for p in effect.parameters if p.search]
             for values in itertools.product(*(_tried(p, rows) for p in searched)):
-                yield Shape(effect.name, tuple((p.name, value) for p, value in zip(searched, values)))
+                yield _candidate(effect, tuple((p.name, value) for p, value in zip(searched, values)))
 
 
 def _tried(parameter: Parameter, rows: Rows) -> tuple[float, ...]:
@@ -146,7 +137,7 @@ def _tried(parameter: Parameter, rows: Rows) -> tuple[float, ...]:
             return tuple(stiffness) if friction > 0.0 else ()
 
 
-def waves(rest: Array, rows: Rows, count: int = 3) -> list[Shape]:
+def waves(rest: Array, rows: Rows, count: int = 3) -> list[Candidate]:
     """Torques that go with the sine of the place, at the wave numbers where ``rest`` (m,) repeats most: at least FEWEST_WAVES in the travel,
     and not so many that the fastest stroke would take them past the filter."""
     travel, speed = float(np.ptp(rows.q)), max(float(np.max(np.abs(s.v))) for s, _ in rows.parts)
@@ -159,7 +150,7 @@ def waves(rest: Array, rows: Rows, count: int = 3) -> list[Shape]:
     peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
     turn = 2 * np.pi * cycles[peaks[np.argsort(-power[peaks])][:count]] / travel / rows.arm.joints[0].ratio
     return [
-        Shape(effect.name, ((p.name, float(n)),))
+        _candidate(effect, ((p.name, float(n)),))
         for effect in CATALOGUE.values()
         if Instrument.SINGLE_AXIS in effect.observed_by and effect.wave
         for p in effect.parameters
@@ -168,27 +159,26 @@ def waves(rest: Array, rows: Rows, count: int = 3) -> list[Shape]:
     ]
 
 
-def columns(shape: Shape, rows: Rows) -> Array:
+def _candidate(effect: Effect, shape: tuple[tuple[str, float], ...]) -> Candidate:
+    return Candidate(effect.name, 1 if effect.per_joint else None, shape)
+
+
+def columns(candidate: Candidate, rows: Rows) -> Array:
     """(m, c) A: change of the residual for a unit of each coefficient."""
-    effect = CATALOGUE[shape.effect]
+    effect = candidate.definition
+    held = {p.name: 0.0 for p in effect.parameters} | dict(candidate.shape)
     made = []
     for s, rate in rows.parts:
         if effect.delay is not None:
-            full = [-np.gradient(s.current, 1.0 / rate) * DELAY]
+            full = [-np.gradient(s.current, 1.0 / rate)]
         else:
-            full = [_full(shape, unit, s, rate, rows.arm) for unit in _units(shape)]
+            full = [_full(effect, unit, s, rate, rows.arm) for unit in units(effect, held)]
         made.append(np.column_stack([low_pass(one, _bands(rate)[1], rate)[_kept(rate)] for one in full]))
     return np.concatenate(made)
 
 
-def _units(shape: Shape) -> list[Values]:
-    """Parameter values of each coefficient's column."""
-    effect = CATALOGUE[shape.effect]
-    return units(effect, {p.name: 0.0 for p in effect.parameters} | dict(shape.values))
-
-
-def _full(shape: Shape, p: Values, s: Signals, rate: float, arm: Arm) -> Array:
-    effect, constant = CATALOGUE[shape.effect], arm.joints[0].drive_constant
+def _full(effect: Effect, p: Values, s: Signals, rate: float, arm: Arm) -> Array:
+    constant = arm.joints[0].drive_constant
     if effect.change is not None:
         return _changed(effect, p, s, arm)
     if effect.current is not None:

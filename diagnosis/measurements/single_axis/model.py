@@ -1,0 +1,200 @@
+"""One axis with an encoder fine enough to judge reversals, as a measurement model of the selection.
+
+Coefficients and nonlinear parameters come from the fit rows, acceptance from the held-out ones; parts of one recording are predicted from each
+other. A drive that repeats one motion would confirm anything that repeats with it. So what is not itself a difference between the directions
+has to hold across them too: each direction is predicted from what the other one shows. A wave over the place is chosen only where other
+recordings show it at the same places: where a scale has its zero, and in which turn its screw then stands, one run cannot tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import optimize
+
+from arm_io.types import Array
+from diagnosis.measurements.single_axis.columns import Rows, candidates, columns, waves
+from diagnosis.selection.candidate import Candidate
+from identification.selection.least_squares import scaled_lstsq
+from identification.selection.limits import Limits
+from identification.selection.significance import p_value
+from identification.selection.split import Split
+from identification.selection.stepwise import MeasurementModel, Score
+
+Chosen = tuple[Candidate, ...]
+
+LIMITS = Limits(
+    max_causes=6,
+    # of the squared residual that is left: a drive repeats its motion, and with it what no effect explains
+    min_gain=0.08,
+    kept_gain=0.04,
+    ambiguity=0.95,
+    # a stroke lasts a second or less
+    block_seconds=0.3,
+)
+PRESLIDING = (0.6, 1.6)
+"""Friction that builds up gradually is the model's own: a coefficient outside says that it is not what is seen."""
+
+
+@dataclass(frozen=True)
+class SingleAxis(MeasurementModel[Candidate, Chosen]):
+    """rows: fit and held-out rows; whole: the rows that parameters are estimated from: those of fit, or of two parts of the same recordings all.
+
+    one_run: nothing is held out but what one run went on with, whether it was cut here or into tables before.
+    """
+
+    rows: Split[Rows]
+    whole: Rows
+    one_run: bool
+    limits: Limits = LIMITS
+    cache: dict[tuple[int, Candidate], Array] = field(default_factory=dict, repr=False)
+
+    def start(self) -> Chosen:
+        """Nothing chosen."""
+        return ()
+
+    def chosen(self, state: Chosen) -> Chosen:
+        """The candidates of a state."""
+        return state
+
+    def scores(self, state: Chosen) -> list[Score[Candidate]]:
+        """Every effect that is not chosen, at the nonlinear parameters that fit best."""
+        return [self.score(candidate, state) for candidate in self.best(state)]
+
+    def admissible(self, score: Score[Candidate], state: Chosen) -> bool:
+        """Whether a candidate matters, is physically admissible, and holds across the directions."""
+        candidate = score.candidate
+        return (
+            score.share > self.limits.min_gain
+            and self.is_physical(candidate, state)
+            and self.holds_across_directions(candidate, state)
+            and not (candidate.definition.wave and self.one_run)
+        )
+
+    def entered(self, score: Score[Candidate], admissible: Sequence[Score[Candidate]], state: Chosen) -> Chosen:
+        """With the candidate; each then refined conditional on the others."""
+        chosen = [*state, score.candidate]
+        return tuple(self._refined(candidate, [c for c in chosen if c is not candidate]) for candidate in chosen)
+
+    def without(self, candidate: Candidate, state: Chosen) -> Chosen:
+        """Without the candidate."""
+        return tuple(c for c in state if c is not candidate)
+
+    def conditional(self, candidate: Candidate, without: Chosen, state: Chosen) -> Score[Candidate]:
+        """One candidate conditional on all others."""
+        return self.score(candidate, without)
+
+    def needed(self, score: Score[Candidate], state: Chosen) -> bool:
+        """Whether it still matters."""
+        return score.share > self.limits.kept_gain
+
+    def best(self, chosen: Sequence[Candidate]) -> list[Candidate]:
+        """For every effect that is not chosen, the nonlinear parameters that leave least of the fit rows."""
+        taken = {c.effect for c in chosen}
+        best: dict[str, tuple[float, Candidate]] = {}
+        for candidate in [
+            *candidates(self.rows.fit),
+            *waves(self.residual(chosen, self.rows.fit, self.rows.fit), self.rows.fit),
+        ]:
+            if candidate.effect not in taken:
+                left = float(np.sum(self.residual([*chosen, candidate], self.rows.fit, self.rows.fit) ** 2))
+                if candidate.effect not in best or left < best[candidate.effect][0]:
+                    best[candidate.effect] = left, candidate
+        return [candidate for _, candidate in best.values()]
+
+    def score(self, candidate: Candidate, chosen: Sequence[Candidate]) -> Score[Candidate]:
+        """Gain A2 per block of held-out rows; share 0 where the held-out set itself gains nothing."""
+        falls, left = [], 0.0
+        for learned, judged in self.rows.folds():
+            before, after = (self.residual(some, learned, judged) for some in (chosen, [*chosen, candidate]))
+            falls.append(np.bincount(judged.block, weights=before**2 - after**2).astype(float))
+            left += float(np.sum(before**2))
+        blocks = np.concatenate(falls)
+        gain = float(blocks.sum())
+        return Score(
+            candidate=candidate,
+            gain=gain,
+            p=p_value(blocks),
+            blocks=blocks,
+            coefficients=self.fitted([*chosen, candidate], self.rows.fit)[
+                -self.columns(candidate, self.rows.fit).shape[1] :
+            ],
+            share=gain / max(left, 1e-300) if falls[0].sum() > 0 else 0.0,
+        )
+
+    def columns(self, candidate: Candidate, rows: Rows) -> Array:
+        """(m, c) A: ``columns``, each computed once."""
+        key = id(rows), candidate
+        if key not in self.cache:
+            self.cache[key] = columns(candidate, rows)
+        return self.cache[key]
+
+    def stacked(self, chosen: Sequence[Candidate], rows: Rows) -> Array:
+        """(m, c) A: columns of several candidates, side by side."""
+        return np.column_stack([np.empty((len(rows.residual), 0)), *(self.columns(c, rows) for c in chosen)])
+
+    def fitted(self, chosen: Sequence[Candidate], rows: Rows) -> Array:
+        """(c,) coefficients of the chosen candidates together."""
+        return scaled_lstsq(self.stacked(chosen, rows), rows.residual)
+
+    def residual(self, chosen: Sequence[Candidate], learned: Rows, judged: Rows) -> Array:
+        """(m,) A: what is left of ``judged`` with coefficients from ``learned``."""
+        return np.asarray(judged.residual - self.stacked(chosen, judged) @ self.fitted(chosen, learned), float)
+
+    def is_physical(self, candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
+        """Friction at rest not negative; gradual friction the model's own; a share of friction between none and all of it."""
+        rows = self.rows.fit
+        c = float(self.fitted([*chosen, candidate], rows)[-1])
+        effect = candidate.definition
+        if effect.unit_amplitude:
+            return PRESLIDING[0] < c < PRESLIDING[1]
+        if not effect.linear or effect.span is not None:
+            return True
+        parameter = effect.linear[-1]
+        if parameter.unit == "N m" and not parameter.signed:
+            return c > -rows.arm.joints[0].ratio * max(rows.arm.joints[0].coulomb)
+        return effect.admits(parameter.name, c)
+
+    def holds_across_directions(self, candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
+        """Whether what one direction shows of it predicts the other, in both sets."""
+        if candidate.definition.directional:
+            return True
+        for rows in self.rows:
+            others, own = self.stacked(chosen, rows), self.columns(candidate, rows)
+            before = rows.residual - others @ self.fitted(chosen, rows)
+            own = own - others @ np.linalg.lstsq(others, own, rcond=1e-9)[0]
+            for learned in (rows.v > 0, rows.v < 0):
+                c = np.linalg.lstsq(own[learned], before[learned], rcond=1e-9)[0]
+                judged = ~learned
+                if np.sum((before[judged] - own[judged] @ c) ** 2) >= np.sum(before[judged] ** 2):
+                    return False
+        return True
+
+    def _refined(self, candidate: Candidate, others: Sequence[Candidate]) -> Candidate:
+        """Each nonlinear parameter at its best between its neighbours on the grid."""
+        rows = self.rows.fit
+        fixed = self.stacked(others, rows)
+
+        def left(trial: Candidate) -> float:
+            x = np.column_stack([fixed, columns(trial, rows)])
+            return float(np.sum((rows.residual - x @ scaled_lstsq(x, rows.residual)) ** 2))
+
+        for name, value in candidate.shape:
+            if value <= 0.0:
+                continue
+
+            def worse(log_value: float, name: str = name, now: Candidate = candidate) -> float:
+                return left(now.at(name, float(np.exp(log_value))))
+
+            reach = 2.0
+            if candidate.definition.wave:
+                # half a wave in the travel: beyond, another one fits
+                reach = 1.0 + np.pi / (value * rows.arm.joints[0].ratio * float(np.ptp(rows.q)))
+            found = optimize.minimize_scalar(
+                worse, bounds=(np.log(value / reach), np.log(value * reach)), method="bounded", options={"maxiter": 12}
+            )
+            if found.fun < worse(float(np.log(value))):
+                candidate = candidate.at(name, float(np.exp(found.x)))
+        return candidate

@@ -1,0 +1,57 @@
+"""A hypothesis of the selection: one effect at one joint, at given values of its nonlinear parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from arm_model.effects import CATALOGUE, Effect, Values, solved, units
+from diagnosis.cause import EffectKey
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one joint (from 1; None: of the whole arm), with values for its nonlinear parameters that are not spanned by columns."""
+
+    effect: str
+    joint: int | None
+    shape: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def definition(self) -> Effect:
+        """The effect as the catalogue defines it."""
+        return CATALOGUE[self.effect]
+
+    @cached_property
+    def key(self) -> EffectKey:
+        """Effect and joint, whatever the nonlinear parameters."""
+        return self.effect, self.joint
+
+    @property
+    def unit_amplitude(self) -> bool:
+        """Whether nothing that the effect does is linear: its one coefficient is 1 where it is there."""
+        return self.definition.unit_amplitude
+
+    def largest(self, k: int) -> float:
+        """Largest typical magnitude of coefficient k: the std of one that the data says nothing of."""
+        linear = self.definition.linear
+        return linear[k].typical[1] if k < len(linear) else linear[0].typical[1] if linear else 1.0
+
+    def searched(self) -> list[str]:
+        """Names of the nonlinear parameters that are continuous and determined by the data."""
+        continuous = {p.name for p in self.definition.parameters if not (p.whole or p.fixed)}
+        return [name for name, _ in self.shape if name in continuous]
+
+    def at(self, name: str, value: float) -> Candidate:
+        """The same with another value of one nonlinear parameter."""
+        return replace(self, shape=tuple((n, value if n == name else v) for n, v in self.shape))
+
+    def units(self) -> list[Values]:
+        """Parameter values, one set per column: each linear parameter at 1, each spanned one at its two values."""
+        return [Values(self.shape)] if self.unit_amplitude else units(self.definition, dict(self.shape))
+
+    def parameters(self, coefficients: Sequence[float]) -> dict[str, float]:
+        """Parameter values (SI) that the coefficients (k,) of its columns stand for; see ``units`` for their order."""
+        held = dict(self.shape)
+        return held if self.unit_amplitude else solved(self.definition, held, coefficients)
