@@ -96,6 +96,8 @@ def place_of(out: str, folder: RecordingsFolder | None) -> Path:
     path = Path(out)
     if not path.is_absolute():
         raise InputError("daemon", f"out: {out} is relative; the daemon needs the whole path")
+    if not path.name:
+        raise InputError("daemon", f"out: {out} names no file")
     for part in path.parts[1:]:
         check_name(part)
     return path
