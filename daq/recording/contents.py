@@ -19,6 +19,7 @@ from daq.recording.mcap_file.pages import mapped
 from daq.recording.mcap_file.writer import PROGRESS, Progress
 from daq.recording.messages.row_format import Layout, RowFormat, format_of
 from daq.recording.missing_rows import Found, account
+from daq.recording.thinned import Thinned
 
 
 @dataclass
@@ -30,6 +31,8 @@ class Contents:
     torn         of each chunk: something unreadable stands before it
     attachments  intact ones, by file name
     progress     of the recorder when it wrote last; None where that cannot be read
+    most_numbers rows times joints to be kept of each signal; None: all
+    thinned      where there are ``most_numbers``: the rows, averaged; ``columns`` then has their numbers alone
     damages      what cannot be read, without the record that a crash cut in two
     cut          that record
     finished     the file has its end
@@ -40,6 +43,8 @@ class Contents:
     torn: list[bool] = field(default_factory=list)
     attachments: dict[str, bytes] = field(default_factory=dict)
     progress: Progress | None = None
+    most_numbers: int | None = None
+    thinned: Thinned | None = None
     damages: list[mcap_walk.Damage] = field(default_factory=list)
     cut: mcap_walk.Damage | None = None
     finished: bool = False
@@ -57,7 +62,12 @@ class Contents:
         if part.form.layout != self.layout:
             self.damages.append(mcap_walk.Damage(0, 0, "a chunk has other columns than those before it"))
             return False
-        for name, column in _columns(part.form, part.rows).items():
+        columns = _columns(part.form, part.rows)
+        if self.most_numbers is not None:
+            self.thinned = self.thinned or Thinned(self.most_numbers // max(len(self.layout.joints), 1))
+            self.thinned.append(columns)
+            columns = {"number": columns["number"]}
+        for name, column in columns.items():
             self.columns[name].append(column.copy())
         self.torn.append(torn)
         return True
@@ -65,6 +75,8 @@ class Contents:
     def arrays(self) -> dict[str, NDArray]:
         """Column -> (n, ...) array."""
         assert self.form is not None
+        if self.thinned is not None:
+            return self.thinned.arrays()
         nothing = _columns(self.form, np.empty(0, self.form.dtype))
         pieces = self.columns or {name: [column] for name, column in nothing.items()}
         return {name: np.concatenate(column) for name, column in pieces.items()}
@@ -102,10 +114,13 @@ class Contents:
         return LedgerSummary(table["triggers"], table["latched"], table["recorded"], tuple(losses))
 
 
-def read_contents(path: Path) -> Contents:
-    """Walks the file. InputError where it is absent, or no row and no layout of ours can be found in it."""
+def read_contents(path: Path, *, most_numbers: int | None = None) -> Contents:
+    """Walks the file. InputError where it is absent, or no row and no layout of ours can be found in it.
+
+    most_numbers  rows times joints to be kept of each signal (``daq.recording.thinned``); None: all
+    """
     data = mapped(path)
-    contents, torn = Contents(), False
+    contents, torn = Contents(most_numbers=most_numbers), False
     for part in mcap_walk.walk(data):
         match part:
             case mcap_walk.Rows():

@@ -52,6 +52,7 @@ class Recording:
     gaps        where triggers are missing between rows, or more than ``PAUSE`` median periods pass (also in a table)
     finished    False: the recording was cut off
     notes       sentences about what is wrong with the file; empty for a whole one
+    averaged    rows of the file that each row here is the mean of (``open_recording`` with ``most_numbers``)
     """
 
     path: Path
@@ -79,6 +80,7 @@ class Recording:
     gaps: list[Gap]
     finished: bool
     notes: tuple[str, ...]
+    averaged: int = 1
 
     def __len__(self) -> int:
         return len(self.t)
@@ -150,15 +152,17 @@ class Recording:
         return None if data is None else toml_of(data.decode(), f"{self.path}: {name}")
 
 
-def open_recording(path: str | Path, *, damaged: bool = False) -> Recording:
+def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int | None = None) -> Recording:
     """Reads a recording, finished or cut off (``RUN.mcap.active``); of the latter the ledger tells what is missing.
 
     damaged  True: of a damaged file everything that can be read, with ``notes``; False: it is refused, so that nobody
              computes with holes unawares
+    most_numbers  rows times joints to be kept of each signal: in a longer recording rows are averaged, and raw counts, volts and clocks
+             left out (``daq.recording.thinned``); None: everything as it was recorded
     Raises InputError where the file is absent, no recording of armscope, or damaged.
     """
     path = Path(path)
-    contents = read_contents(path)
+    contents = read_contents(path, most_numbers=most_numbers)
     if contents.damages and not damaged:
         raise InputError(path, f"is damaged: {contents.damages[0].sentence}; 'armscope recover' keeps what can be read")
     return recording_of(path, contents)
@@ -169,6 +173,7 @@ def recording_of(path: Path, contents: Contents) -> Recording:
     columns: dict[str, Any] = contents.arrays()
     layout, wall_ns, number = contents.layout, columns["wall_ns"], columns["number"]
     ledger, sure = contents.ledger()
+    averaged = 1 if contents.thinned is None else contents.thinned.factor
     t = (wall_ns - wall_ns[:1]) * 1e-9 if layout.raw else columns["time"] - columns["time"][:1]
     signals: dict[str, Any] = {name: _by_joint(columns.get(name), layout, name) for name in JOINT_TOPICS}
     for name in ("q", "i"):
@@ -188,12 +193,13 @@ def recording_of(path: Path, contents: Contents) -> Recording:
         host_ns=columns.get("host_ns"),
         tick=columns.get("tick"),
         time=columns.get("time"),
-        extra=dict(zip(layout.extra, columns["extra"].T)) if layout.extra else {},
+        extra=dict(zip(layout.extra, columns["extra"].T)) if "extra" in columns else {},
         attachments=contents.attachments,
         ledger=ledger,
-        gaps=_gaps(number, t),
+        gaps=_gaps(number, t, averaged),
         finished=contents.finished,
         notes=contents.notes(sure),
+        averaged=averaged,
     )
     return _in_base_frame(recording)
 
@@ -207,12 +213,12 @@ def _by_joint(values: Array | None, layout: Layout, signal: str) -> Array | None
     return full
 
 
-def _gaps(number: NDArray[np.int64], t: Array) -> list[Gap]:
+def _gaps(number: NDArray[np.int64], t: Array, averaged: int) -> list[Gap]:
     if len(t) < 2:
         return []
     steps, pauses = np.diff(number), np.diff(t)
-    places = np.flatnonzero((steps != 1) | (pauses > PAUSE * np.median(pauses)))
-    return [Gap(int(row), int(steps[row]) - 1, float(pauses[row])) for row in places]
+    places = np.flatnonzero((steps != averaged) | (pauses > PAUSE * np.median(pauses)))
+    return [Gap(int(row), int(steps[row]) - averaged, float(pauses[row])) for row in places]
 
 
 def _in_base_frame(recording: Recording) -> Recording:
