@@ -10,7 +10,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from scipy import signal
 
+from arm_io.types import Array
 from arm_model.description import Arm
 from daq.recording import Recording
 from identification.preprocessing.aliased_ripple import rate_beside, rows_a_setpoint
@@ -25,6 +27,7 @@ TOLD = 0.9  # of the torque's square: a motion that explains less of it tells no
 ILL_CONDITIONED = 1e4  # of the regressor with its columns scaled alike
 TELLING = 1.5  # times the unexplained at no lag over that at the best: less is chance
 LIMIT = 0.98  # of the torque limit counts as reached
+BLOCK = 1 << 17  # rows of a correlation at a time
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,10 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
         )
     name = recording.path.name
     warnings = [f"{name}: {note}" for note in recording.notes]
+    if recording.averaged > 1:
+        warnings.append(
+            f"{name}: each row used is the mean of {recording.averaged} recorded ones ({1 / recording.dt:.5g} Hz), to bound the memory"
+        )
     if recording.ledger.lost:
         warnings.append(
             f"{name}: {recording.ledger.lost} of {recording.ledger.triggers} rows were lost as it was recorded"
@@ -187,9 +194,10 @@ def lag_of_torque(motion: Motion, j: int) -> float | None:
     basis = np.linalg.qr(columns)[0]
     reach = max(2, min(int(FURTHEST / motion.dt), int(LAG / motion.dt) - 1))
     shifts = np.arange(-reach, reach + 1)
-    start, stop = rows.start, len(motion.t) + rows.stop
-    torques = np.stack([motion.torque[start + s : stop + s, j] for s in shifts], axis=1)
-    explained = np.sum((basis.T @ torques) ** 2, axis=0) / np.maximum(np.sum(torques**2, axis=0), 1e-300)
+    torque = motion.torque[rows.start - reach : len(motion.t) + rows.stop + reach, j]
+    shared = sum(_at_all_shifts(torque, column) ** 2 for column in basis.T)
+    energy = np.concatenate([[0.0], np.cumsum(torque**2)])
+    explained = shared / np.maximum(energy[len(basis) :] - energy[: -len(basis)], 1e-300)
     best = int(np.argmax(explained))
     if explained[best] < TOLD or best in (0, len(shifts) - 1):
         return None
@@ -198,3 +206,13 @@ def lag_of_torque(motion: Motion, j: int) -> float | None:
     left, middle, right = explained[best - 1 : best + 2]
     bend = left - 2 * middle + right
     return float((shifts[best] + (0.5 * (left - right) / bend if bend < 0 else 0.0)) * motion.dt)
+
+
+def _at_all_shifts(values: Array, column: Array) -> Array:
+    """(s + 1,) inner products of ``column`` (n,) with ``values`` (n + s,) from its first to its last place beside them, block by block."""
+    shifts = len(values) - len(column)
+    total = np.zeros(shifts + 1)
+    for first in range(0, len(column), BLOCK):
+        part = column[first : first + BLOCK]
+        total += signal.correlate(values[first : first + len(part) + shifts], part, "valid", "fft")
+    return total

@@ -13,15 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
-from scipy.interpolate import PchipInterpolator, make_interp_spline
+from scipy.interpolate import make_interp_spline
 
 from arm_io.types import Array
+from identification.preprocessing.grid import longest_whole, nearest, on_grid, uniform_grid
 from identification.preprocessing.spectrum import Band, choose_band
 
 Mask = NDArray[np.bool_]
 
-JITTER = 0.01  # of the period: stamps this close to a grid are on it
-HOLE = 2.5  # periods between two samples that are no mere jitter
 FLAT = 5  # rows at the extreme value of a channel, while the joint moves, that make it saturated
 SHAKEN = 0.02  # of the liveliest joint's travel: less is no motion of a joint's own
 CREEP = 0.005  # of a joint's peak speed: below it the direction of Coulomb friction is not known
@@ -29,6 +28,7 @@ CREEP = 0.005  # of a joint's peak speed: below it the direction of Coulomb fric
 REVERSAL = 0.01  # s: a joint slow for longer stands, or sticks; what is quicker is a reversal, and Coulomb's law holds through it
 ROWS = 16  # rows of the parallel filter at a time
 SMEARED = 0.6  # periods of the low-pass's cut-off until a step that went through it is within 5 % of itself
+BLOCK = 1 << 15  # rows of a spline at a time
 SPLINE_END = 25  # rows in which a quintic spline forgets its end or a hole (by 0.43 a row; Unser, 1999)
 
 
@@ -74,16 +74,14 @@ def smooth_motion(
 
     ``saturated`` (n, J) marks torques that the instrument clipped; flat tops are found here. ``band``: see ``choose_band``, the default.
     """
-    dt = float(np.median(np.diff(t)))
-    grid = t[0] + dt * np.arange(int(np.floor((t[-1] - t[0]) / dt + JITTER)) + 1)
-    q_grid, far_q = _on_grid(t, q, grid, dt)
-    torque_grid, far_torque = _on_grid(t, torque, grid, dt)
-    band = band or choose_band(q_grid[_longest_whole(far_q, dt)], dt)
+    grid, dt = uniform_grid(t)
+    q_smooth, far_q = on_grid(t, q, grid, dt)
+    torque_smooth, far_torque = on_grid(t, torque, grid, dt)
+    band = band or choose_band(q_smooth[longest_whole(far_q, dt)], dt)
     low_pass = signal.butter(4, min(band.motion * dt * 2, 0.98), output="sos")
-    q_smooth = _both_ways(low_pass, q_grid)
-    torque_smooth = _both_ways(low_pass, torque_grid)
-    spline = make_interp_spline(grid, q_smooth, k=5)
-    qd, qdd = spline(grid, 1), spline(grid, 2)
+    for column in (*q_smooth.T, *torque_smooth.T):
+        column[:] = _both_ways(low_pass, column)
+    qd, qdd = _derivatives(q_smooth, dt)
 
     # A hole narrower than an eighth of the shortest period that passes is as good as sampled.
     bridge = max(1.5 * dt, 1 / (8 * band.motion))
@@ -94,10 +92,10 @@ def smooth_motion(
     reasons = {
         "gap": _dilate(np.any(far_q > bridge, axis=1, keepdims=True) | (far_torque > bridge), reach),
         "end": np.repeat(_ends(len(grid), reach)[:, None], q.shape[1], axis=1),
-        "saturated": _dilate(_nearest(t, clipped, grid), reach),
+        "saturated": _dilate(nearest(t, clipped, grid), reach),
         "standstill": _lasting(slow, int(np.ceil(REVERSAL / dt))),
     }
-    usable = np.ones(q_grid.shape, bool)
+    usable = np.ones(q_smooth.shape, bool)
     excluded = {}
     for reason, marked in reasons.items():
         excluded[reason] = np.sum(usable & marked, axis=0)
@@ -207,44 +205,26 @@ def flat_tops(channel: Array, q: Array) -> Mask:
     return flat
 
 
-def _on_grid(t: Array, samples: Array, grid: Array, dt: float) -> tuple[Array, Array]:
-    """Samples at the grid's instants, and the distance (m, J) s from each to the nearest real sample (holes only)."""
-    on = len(grid) == len(t) and float(np.max(np.abs(t - grid))) < JITTER * dt
-    values, distance = np.empty((len(grid), samples.shape[1])), np.zeros((len(grid), samples.shape[1]))
-    for j, column in enumerate(samples.T):
-        there = np.isfinite(column)
-        if on and there.all():
-            values[:, j] = column
-            continue
-        known, inside = t[there], np.clip(grid, t[there][0], t[there][-1])
-        after = np.searchsorted(known, grid).clip(1, len(known) - 1)
-        hole = known[after] - known[after - 1]
-        # A hole is crossed without overshoot. Elsewhere that would cut the tops off servo ripple, always on the same side, by 0.5 % of an inertia.
-        across = PchipInterpolator(known, column[there])(inside)
-        values[:, j] = np.where(hole > HOLE * dt, across, make_interp_spline(known, column[there], k=3)(inside))
-        distance[:, j] = np.where((grid < known[0]) | (grid > known[-1]), np.inf, hole / 2)
-    return values, distance
+def _both_ways(sos: Array, column: Array) -> Array:
+    pad = min(len(column) - 1, 3 * int(np.ceil(10 / max(1e-3, 1 - np.max(np.abs(signal.sos2zpk(sos)[1]))))))
+    return np.asarray(signal.sosfiltfilt(sos, column, padlen=pad))
 
 
-def _longest_whole(far: Array, dt: float) -> slice:
-    """The longest stretch of the grid without holes of more than ten rows in any joint."""
-    torn = np.concatenate([[True], np.any(far > 5.5 * dt, axis=1), [True]])
-    edges = np.flatnonzero(torn)
-    longest = int(np.argmax(np.diff(edges)))
-    return slice(int(edges[longest]), int(edges[longest + 1]) - 1)
-
-
-def _both_ways(sos: Array, columns: Array) -> Array:
-    pad = min(len(columns) - 1, 3 * int(np.ceil(10 / max(1e-3, 1 - np.max(np.abs(signal.sos2zpk(sos)[1]))))))
-    return np.asarray(signal.sosfiltfilt(sos, columns, axis=0, padlen=pad))
-
-
-def _nearest(t: Array, marked: Mask, grid: Array) -> Mask:
-    out = np.zeros((len(grid), marked.shape[1]), bool)
-    rows, joints = np.nonzero(marked)
-    dt = grid[1] - grid[0] if len(grid) > 1 else 1.0
-    out[np.clip(np.rint((t[rows] - grid[0]) / dt).astype(int), 0, len(grid) - 1), joints] = True
-    return out
+def _derivatives(q: Array, dt: float) -> tuple[Array, Array]:
+    """First and second derivative of the quintic spline through q (m, J), rows dt s apart. A block at a time: twice SPLINE_END rows beyond it,
+    what the spline does there is less than rounding."""
+    first, second = np.empty_like(q), np.empty_like(q)
+    for start in range(0, len(q), BLOCK):
+        # The last block takes in what would be too short a block of its own.
+        stop = len(q) if len(q) - start < 2 * BLOCK else start + BLOCK
+        low, high = max(0, start - 2 * SPLINE_END), min(len(q), stop + 2 * SPLINE_END)
+        t = dt * np.arange(high - low)
+        spline = make_interp_spline(t, q[low:high], k=5)
+        inside = t[start - low : stop - low]
+        first[start:stop], second[start:stop] = spline(inside, 1), spline(inside, 2)
+        if stop == len(q):
+            break
+    return first, second
 
 
 def _lasting(marked: Mask, rows: int) -> Mask:

@@ -9,6 +9,7 @@ Vandanjon, Gautier, IEEE T-CST 22 (2014) 132: at least twice the bandwidth of th
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,9 +41,8 @@ class Band:
 def choose_band(q: Array, dt: float) -> Band:
     """The band of positions q (n, J) rad or m on a uniform grid of dt s. Joints that do not move have no say."""
     rate = 1.0 / dt
-    acceleration = np.diff(q, 2, axis=0) / dt**2
-    segment = int(min(len(acceleration), max(SEGMENT * rate, 16)))
-    f, density = signal.welch(acceleration, rate, nperseg=segment, axis=0)
+    segment = int(min(len(q) - 2, max(SEGMENT * rate, 16)))
+    f, density = _spectra((np.diff(column, 2) / dt**2 for column in q.T), rate, segment)
     noise = _white_noise(f, density, dt)
     travel = np.ptp(q, axis=0) / np.maximum(noise, 1e-15)
     # Joints that the moving ones only shake by a few counts would make the spectrum that of their counts.
@@ -55,10 +55,15 @@ def choose_band(q: Array, dt: float) -> Band:
     motion = min(2.0 * valley, 0.25 / dt)
     inside = (f > 0) & (f <= valley)
     dynamics = _occupied(f[inside], share[inside])
-    signs = _signs(q[:, moving], dt, valley)
-    turns, sign_density = signal.welch(signs, rate, nperseg=segment, axis=0, detrend="constant")
+    turns, sign_density = _spectra((_signs(column, dt, valley) for column in q.T[moving]), rate, segment)
     dynamics = max(dynamics, _occupied(turns[1:], sign_density[1:]))
     return Band(motion, min(valley, 2.0 * dynamics), f, density, noise)
+
+
+def _spectra(signals: Iterable[Array], rate: float, segment: int) -> tuple[Array, Array]:
+    """Frequencies (f,) Hz and power densities (f, k) of k signals (m,), one after the other, in segments of so many rows (Welch)."""
+    found = [signal.welch(each, rate, nperseg=segment) for each in signals]
+    return found[0][0], np.stack([density for _, density in found], axis=1)
 
 
 def _occupied(f: Array, density: Array) -> float:
@@ -68,10 +73,10 @@ def _occupied(f: Array, density: Array) -> float:
 
 
 def _signs(q: Array, dt: float, cut: float) -> Array:
-    """Direction of motion (n, J), 0 where a joint all but stands."""
+    """Direction of motion (n,) of a joint, 0 where it all but stands."""
     low_pass = signal.butter(2, min(2 * cut * dt, 0.98), output="sos")
-    speed = np.gradient(signal.sosfiltfilt(low_pass, q, axis=0), dt, axis=0)
-    return np.where(np.abs(speed) > STANDING * np.max(np.abs(speed), axis=0), np.sign(speed), 0.0)
+    speed = np.gradient(signal.sosfiltfilt(low_pass, q), dt)
+    return np.where(np.abs(speed) > STANDING * np.max(np.abs(speed)), np.sign(speed), 0.0)
 
 
 def _white_noise(f: Array, density: Array, dt: float) -> Array:
