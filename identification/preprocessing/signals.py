@@ -7,7 +7,7 @@ samples, gaps, saturation, standstill, the ends) is marked per joint, and every 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ CREEP = 0.005  # of a joint's peak speed: below it the direction of Coulomb fric
 REVERSAL = 0.01  # s: a joint slow for longer stands, or sticks; what is quicker is a reversal, and Coulomb's law holds through it
 ROWS = 16  # rows of the parallel filter at a time
 SMEARED = 0.6  # periods of the low-pass's cut-off until a step that went through it is within 5 % of itself
+MOST_ROWS = 200_000  # of a regression: each has a hundred columns
 BLOCK = 1 << 15  # rows of a spline at a time
 SPLINE_END = 25  # rows in which a quintic spline forgets its end or a hole (by 0.43 a row; Unser, 1999)
 
@@ -41,6 +42,7 @@ class Motion:
     low-pass smears a step. Around a reversal the torque's step of Coulomb friction is smeared and the column's is not, and what friction does
     there is not Coulomb's law in the first place: for a fit, such samples are made zero on both sides; in a motion for judging fits they stay.
     folded (m, J): what sampling may have put into the torque unseen, one standard deviation (``setpoint_ripple``).
+    sparing: every so many rows of the parallel filter are kept, all by default (``spared``).
     """
 
     dt: float
@@ -55,6 +57,7 @@ class Motion:
     band: Band
     folded: Array | None = None
     for_judging: bool = False
+    sparing: int = 1
 
     def moves(self, j: int) -> bool:
         """Whether joint j (from 0) moves by itself, and is not just shaken by the others."""
@@ -105,7 +108,7 @@ def smooth_motion(
 
 
 def parallel_filter(motion: Motion, columns: Array) -> Array:
-    """``columns`` (m, ...) through the parallel low-pass, decimated to 2.5 rows per period of the cut-off frequency.
+    """``columns`` (m, ...) through the parallel low-pass, decimated to 2.5 rows per period of the cut-off frequency, over ``sparing``.
 
     A finite symmetric impulse response (zero phase), so that row k rests on rows k step .. k step + window - 1 alone.
     """
@@ -127,6 +130,15 @@ def _decimated(columns: Array, taps: Array, step: int) -> Array:
         width = (count - 1) * step + len(taps)
         kept[first : first + count] = band[:count, :width] @ flat[first * step : first * step + width]
     return kept.reshape(-1, *columns.shape[1:])
+
+
+def spared(motions: Sequence[Motion]) -> list[Motion]:
+    """The motions with as many rows of the parallel filter left out as it takes to keep MOST_ROWS, of all joints and motions together.
+
+    Little is lost: what an hour of motion leaves unexplained is correlated for longer than the rows are then apart.
+    """
+    rows = sum(len(motion.t) // parallel_window(motion)[1] * motion.q.shape[1] for motion in motions)
+    return [replace(motion, sparing=max(1, -(-rows // MOST_ROWS))) for motion in motions]
 
 
 def parallel_window(motion: Motion) -> tuple[int, int]:
@@ -173,7 +185,7 @@ def _parallel(motion: Motion) -> tuple[Array, int]:
     cut = motion.band.parallel * motion.dt  # of the rate
     half = min(int(np.ceil(2.0 / cut)), (len(motion.t) - 1) // 4)
     taps = signal.firwin(2 * half + 1, min(2 * cut, 0.98))
-    return taps, max(1, int(1 / (2.5 * cut)))
+    return taps, max(1, int(1 / (2.5 * cut))) * motion.sparing
 
 
 def slowest_certain_speed(q: Array, qd: Array, band: Band, dt: float) -> Array:

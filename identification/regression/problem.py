@@ -15,7 +15,7 @@ from identification.preprocessing import checks
 from identification.preprocessing.aliased_ripple import folded_torque
 from identification.preprocessing.quality import trusted
 from identification.preprocessing.readiness import Excitation, RunReadiness, readiness_of
-from identification.preprocessing.signals import Motion, smooth_motion, with_reversals
+from identification.preprocessing.signals import Motion, smooth_motion, spared, with_reversals
 from identification.regression.base_parameters import BaseParameters, base_parameters
 from identification.regression.effect_columns import left_to_the_model, repeated, true_readings
 from identification.regression.equations import (
@@ -111,8 +111,8 @@ def motions_of(
     progress("smoothing")
     seen = [motion_of(recording, arm) for recording in [*fit, *held_out]]
     return (
-        [motion for motion, _ in seen[: len(fit)]],
-        [with_reversals(motion) for motion, _ in seen[len(fit) :]],
+        spared([motion for motion, _ in seen[: len(fit)]]),
+        spared([with_reversals(motion) for motion, _ in seen[len(fit) :]]),
         [run for _, run in seen],
     )
 

@@ -22,6 +22,7 @@ from identification.regression.qr import triangle_of
 
 REPLICATES = 400
 LEAST_BLOCKS = 12  # fewer say nothing about their own spread
+MOST_BLOCKS = 2500  # each has normal equations of its own
 MEMORIES = 4.0  # block length in correlation times of the residual
 
 
@@ -104,7 +105,7 @@ def uncertainty(columns: Array, rows: Equations, fit: Fit, *, instruments: Array
 
 
 def block_length(rows: Equations, residual: Array) -> float:
-    """s: MEMORIES correlation times of the most persistent joint's residual, yet at least LEAST_BLOCKS blocks in all."""
+    """s: MEMORIES correlation times of the most persistent joint's residual, yet at least LEAST_BLOCKS blocks in all, and at most MOST_BLOCKS."""
     longest, duration = 0.0, 0.0
     for run in np.unique(rows.run):
         here = rows.run == run
@@ -113,7 +114,7 @@ def block_length(rows: Equations, residual: Array) -> float:
             mine = here & (rows.joint == j)
             if mine.sum() > 10:
                 longest = max(longest, correlation_time(rows.t[mine], residual[mine]))
-    return float(min(MEMORIES * longest, duration / LEAST_BLOCKS))
+    return float(np.clip(MEMORIES * longest, duration / MOST_BLOCKS, duration / LEAST_BLOCKS))
 
 
 def correlation_time(t: Array, residual: Array) -> float:
