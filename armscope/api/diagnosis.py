@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from arm_io import InputError
-from armscope.api.reading import File, Source, read_model, recordings_of
+from armscope.api.reading import File, Source, for_analysis, read_model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -85,7 +85,7 @@ def diagnose(
 ) -> Diagnosis:
     """What a model's simulation gets wrong in recordings of the arm, and why.
 
-    recordings  to find causes in: one or several, as paths or objects
+    recordings  to find causes in: one or several, as paths or objects; of very long ones the rows are averaged as they are read
     model       the nominal model, whose simulation is judged
     held_out    other recordings, which judge; without any, the last 40 % of each recording, a weaker test
     Raises InputError where a recording does not belong to the arm, or is both fitted and held out.
@@ -101,7 +101,7 @@ def fit_and_held_out(
     fit: Source | Sequence[Source], held_out: Source | Sequence[Source]
 ) -> tuple[list[Recording], list[Recording]]:
     """Both sides read; without held-out recordings each one split by time. InputError where a recording is on both sides."""
-    fitted, held = recordings_of(fit), recordings_of(held_out)
+    fitted, held = for_analysis(fit, held_out)
     for one in held:
         if any(_same(one, other) for other in fitted):
             raise InputError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
-from armscope.api.reading import File, Source, read_model, recordings_of
+from armscope.api.reading import File, Source, for_analysis, read_model
 
 if TYPE_CHECKING:
     from arm_model import Arm
@@ -29,7 +29,7 @@ def identify(
 ) -> Identification:
     """The dynamic parameters of an arm, with standard deviations, base parameters, and the error on held-out recordings.
 
-    recordings  to fit: one or several, as paths or objects
+    recordings  to fit: one or several, as paths or objects; of very long ones the rows are averaged as they are read
     model       geometry and drives, and the values to start from
     held_out    to judge by; without any the last part of each fitted recording is predicted from the first
     method      ols, wls, irls: least squares on the inverse dynamics; iv, didim: against the simulated closed loop;
@@ -38,7 +38,8 @@ def identify(
     friction    asymmetric: viscous and Coulomb friction for each direction; None: as the model has viscous friction
     Raises InputError where a recording does not belong to the arm or cannot be used by the method.
     """
-    arm, fitted, held = read_model(model), recordings_of(recordings), recordings_of(held_out)
+    arm = read_model(model)
+    fitted, held = for_analysis(recordings, held_out)
     # Imported last: these libraries take a second, for which a wrong file need not wait.
     from identification.identify import identify_by, own_friction
 
@@ -55,7 +56,8 @@ def check(
     progress: Callable[[str], None] = lambda _: None,
 ) -> Readiness:
     """How fit recordings are for ``identify``, before anything is fitted: rows, excitation, saturation, lag. Arguments as there."""
-    arm, fitted, held = read_model(model), recordings_of(recordings), recordings_of(held_out)
+    arm = read_model(model)
+    fitted, held = for_analysis(recordings, held_out)
     from identification.identify import check_runs, own_friction
 
     friction = friction or own_friction(arm)

@@ -42,6 +42,18 @@ def recordings_of(sources: Source | Sequence[Source]) -> list[Recording]:
     return [open_recording(source) for source in sources]
 
 
+def for_analysis(*groups: Source | Sequence[Source]) -> list[list[Recording]]:
+    """``recordings_of`` each group, all of them within one bound on memory: rows of long recordings are averaged (``daq.recording.several``)."""
+    from daq.recording import Recording, open_recordings
+
+    listed = [[group] if isinstance(group, Recording | str | PathLike) else list(group) for group in groups]
+    paths = [[Path(one) for one in group if not isinstance(one, Recording)] for group in listed]
+    read = [iter(group) for group in open_recordings(*paths)]
+    return [
+        [one if isinstance(one, Recording) else next(opened) for one in group] for group, opened in zip(listed, read)
+    ]
+
+
 def read_model(model: File | Arm) -> Arm:
     """The arm of a model file (.toml) or of a URDF file (.urdf); docs/model.md. InputError where it is wrong or unphysical."""
     from arm_model import Arm, read_model

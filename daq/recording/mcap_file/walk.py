@@ -24,6 +24,7 @@ from mcap.records import Channel, Header, McapRecord, Metadata, Schema
 from numpy.typing import NDArray
 
 from daq.recording.mcap_file.checksums import MAGIC
+from daq.recording.mcap_file.pages import release
 from daq.recording.messages.row_format import RowFormat, format_of
 
 LARGEST_CHUNK = 1 << 30
@@ -87,7 +88,7 @@ class _BrokenRecord(ValueError):
 def walk(data: memoryview) -> Iterator[Part]:
     """The parts of an MCAP file in their order. A stretch that cannot be read is one ``Damage``; the end of a file that
     was not finished is none, unless a record is cut in two there."""
-    place = len(MAGIC)
+    place, held = len(MAGIC), 0
     if data[:place] != MAGIC:
         yield Damage(0, place, "the file does not begin as an MCAP file does")
     while place < len(data):
@@ -101,6 +102,7 @@ def walk(data: memoryview) -> Iterator[Part]:
         if isinstance(part, End):
             return
         place = end
+        held = release(data, held, place)
 
 
 def _resume(data: memoryview, place: int) -> int:
