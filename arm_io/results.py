@@ -19,7 +19,7 @@ def check_folder(path: str | Path) -> None:
     while not nearest.exists():
         nearest = nearest.parent
     if not nearest.is_dir():
-        raise InputError(path, "is a file; a folder for the results is wanted")
+        raise InputError(path, "is a file; expected a folder for the results")
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise InputError(path, f"cannot be written: no permission in {nearest}")
 

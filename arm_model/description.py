@@ -58,7 +58,7 @@ class Cylinder:
     @model_validator(mode="after")
     def _has_a_length(self) -> Cylinder:
         if self.start == self.end:
-            raise ValueError("cylinder: starts where it ends; two different points are wanted")
+            raise ValueError("cylinder: starts where it ends; use two different points")
         return self
 
 
@@ -67,7 +67,7 @@ class Joint:
     """One joint, the link behind it and the drive that moves it.
 
     mass kg; com (3,) m and inertia (xx, yy, zz, xy, yz, xz) kg m2 about the com, both in the link's frame. What surrounds the link is
-    told by its ``cylinder``, or all at once by ``drag``: the torque D |q'| q' on it, whatever the other joints do.
+    given by its ``cylinder``, or in one number by ``drag``: the torque D |q'| q' on it, whatever the other joints do.
     """
 
     type: Literal["revolute", "prismatic"] = "revolute"
@@ -108,7 +108,7 @@ class Joint:
             raise ValueError("gear: must not be 0")
         if self.convention == "placed":
             if np.linalg.norm(self.axis) < 1e-9:
-                raise ValueError("axis: wants a direction, is zero")
+                raise ValueError("axis: needs a direction, is zero")
             if any((self.theta, self.d, self.a, self.alpha, self.beta)):
                 raise ValueError("convention 'placed' takes xyz, rpy and axis, not theta, d, a, alpha, beta")
         elif any(self.xyz) or any(self.rpy) or self.axis != (0.0, 0.0, 1.0):
@@ -140,7 +140,7 @@ class Controller:
 
     clipped at torque_limit / (abs(gear) k), behind a current loop of first order. Gains come either per joint as they stand
     (kind "gains", A/rad, A/(rad s), A s/rad; V and m for the EMPS), as a cascade (kind "cascade": velocity_gain, and
-    position_gain in 1/s that makes the velocity demand), or from a wanted bandwidth (kind "bandwidth": J = diagonal of the mass
+    position_gain in 1/s that makes the velocity demand), or from a bandwidth (kind "bandwidth": J = diagonal of the mass
     matrix at inertia_pose plus reflected rotors, Kp = wn^2 J, Kd = 2 zeta wn J, Ki = integral_rate Kp, over abs(gear) k).
     """
 
@@ -167,7 +167,7 @@ class Controller:
         }[self.kind]
         for name in wanted:
             if getattr(self, name) is None:
-                raise ValueError(f"a controller of kind {self.kind!r} wants '{name}', one entry a joint")
+                raise ValueError(f"a controller of kind {self.kind!r} needs '{name}', one entry per joint")
         return self
 
 
@@ -201,7 +201,7 @@ class Arm:
             rotation = np.array(pose)[:3, :3]
             if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or pose[3] != (0.0, 0.0, 0.0, 1.0):
                 raise ValueError(
-                    f"{name}: is not a pose: rows of a rotation and a translation, then 0, 0, 0, 1, are wanted"
+                    f"{name}: is not a pose; expected rows of a rotation and a translation, then 0, 0, 0, 1"
                 )
         if self.controller is not None:
             for name in ("natural_frequency", "inertia_pose", "position_gain", "velocity_gain", "integral_gain"):

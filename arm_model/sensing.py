@@ -34,7 +34,7 @@ def recorded(arm: Arm, motion: Motion) -> Readings:
     for effect, joint, values in terms:
         if effect.angle is not None or effect.current is not None:
             if joint is None:
-                raise InputError(effect.name, "wants a joint")
+                raise InputError(effect.name, "needs a joint")
             j = joint - 1
             q[..., j], current[..., j] = _shown(arm, motion, j, effect, values, q[..., j], current[..., j])
     return Readings(q, current)

@@ -25,7 +25,7 @@ def servo_gains(arm: Arm) -> Gains:
     """The gains in force; InputError where the arm has no controller."""
     controller = arm.controller
     if controller is None:
-        raise InputError(arm.name, "the model has no [controller]; simulating demanded positions wants one")
+        raise InputError(arm.name, "the model has no [controller]; simulating demanded positions needs one")
     zeros = np.zeros(len(arm))
     if controller.kind == "bandwidth":
         rotors = mass_matrix(arm, np.array(controller.inertia_pose))[0]

@@ -70,7 +70,7 @@ def _chain(path: str | Path, robot: xml.Element, links: dict[str, xml.Element], 
             if end not in links:
                 raise InputError(path, f"joint {joint.get('name')!r}: no link {end!r}")
         if child in parent_of:
-            raise InputError(path, f"link {child!r} has two parents; a tree is wanted")
+            raise InputError(path, f"link {child!r} has two parents; expected a tree")
         parent_of[child] = joint
     parents = {_attribute(path, joint, "parent", "link") for joint in parent_of.values()}
     tips = [name for name in links if name not in parents]
@@ -89,7 +89,7 @@ def _chain(path: str | Path, robot: xml.Element, links: dict[str, xml.Element], 
 def _attribute(path: str | Path, element: xml.Element, child: str, name: str) -> str:
     found = element.find(child)
     if found is None or found.get(name) is None:
-        raise InputError(path, f"<{element.tag} name={element.get('name')!r}> wants <{child} {name}=...>")
+        raise InputError(path, f"<{element.tag} name={element.get('name')!r}> needs <{child} {name}=...>")
     return str(found.get(name))
 
 
@@ -100,7 +100,7 @@ def _numbers(path: str | Path, element: xml.Element | None, name: str, default: 
     except ValueError:
         values = ()
     if len(values) != count or not np.isfinite(values).all():
-        raise InputError(path, f"{name}={text!r}: {count} numbers are wanted")
+        raise InputError(path, f"{name}={text!r}: expected {count} numbers")
     return values
 
 
@@ -129,7 +129,7 @@ def _joint(path: str | Path, element: xml.Element, pose: Array) -> Joint:
     kind = element.get("type", "")
     if kind not in _MOVING:
         allowed = ", ".join([*_MOVING, "fixed"])
-        raise InputError(path, f"joint {element.get('name')!r} is of type {kind!r}; one of {allowed} is wanted")
+        raise InputError(path, f"joint {element.get('name')!r} is of type {kind!r}; expected one of {allowed}")
     limit, dynamics = element.find("limit"), element.find("dynamics")
     lower, upper = (_numbers(path, limit, name, "0", 1)[0] for name in _LIMITS)
     effort = _numbers(path, limit, "effort", "0", 1)[0]

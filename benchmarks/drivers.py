@@ -87,7 +87,7 @@ def free_port() -> int:
 
 
 def measure(name: str, take: Callable[[], Block], limit: float, every: float) -> dict[str, float]:
-    """``take`` every so many s, or (0) again and again, for SECONDS: good rows a second against ``limit``, CPU, latency."""
+    """``take`` every so many s, or (0) again and again, for SECONDS: good rows per second against ``limit``, CPU, latency."""
     take()
     begun, cpu = time.monotonic(), _cpu()
     rows, ages, took = 0, [], []

@@ -4,7 +4,7 @@ The devices hand over rows that were computed beforehand, on a time of their own
 extending, calibrating and watching limits, without recorder, publisher or simulation.
 
 * sampler_core_share_1khz, _5khz, _20khz: processor time over sampled time (a few per cent at 20 kHz wanted)
-* sampler_rows_per_s: rows a second of processor time, at 20 kHz
+* sampler_rows_per_s: rows per second of processor time, at 20 kHz
 * sampler_lost_rows: of all these runs (0 wanted)
 
 Run as ``python -m benchmarks.sampler [--json]``.

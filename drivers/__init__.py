@@ -1,1 +1,1 @@
-"""Hardware, one file a device, behind a few small shapes (``drivers.protocols``)."""
+"""Hardware, one file per device, behind a few small shapes (``drivers.protocols``)."""

@@ -72,7 +72,7 @@ class EdgeSource(StrEnum):
 
 
 class CounterMode(StrEnum):
-    """How edges of the two quadrature lines are counted: one, two or four counts a line period."""
+    """How edges of the two quadrature lines are counted: one, two or four counts per line period."""
 
     X1 = "x1"
     X2 = "x2"

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.control.computed_torque import ComputedTorque, Wanted
+from arm_model.control.computed_torque import ComputedTorque, Reference
 from arm_model.control.decoupling import DisturbanceDecoupling
 from arm_model.control.time_scaling import TimeScaling
 from arm_model.control.torque_control import Run, TorqueController, controlled
@@ -70,10 +70,10 @@ def push(t: Array) -> Array:
     return np.column_stack([t < 1.0 - 1e-9, (t >= 5.0 - 1e-9) & (t < 6.0 - 1e-9)]).astype(float)
 
 
-def demand(t: float) -> Wanted:
+def demand(t: float) -> Reference:
     """From rest to TARGET in MOVE s, with continuous acceleration, and staying there."""
     s = min(t / MOVE, 1.0)
-    return Wanted(
+    return Reference(
         TARGET * (10 * s**3 - 15 * s**4 + 6 * s**5),
         TARGET * (30 * s**2 - 60 * s**3 + 30 * s**4) / MOVE,
         TARGET * (60 * s - 180 * s**2 + 120 * s**3) / MOVE**2,

@@ -34,7 +34,7 @@ class Experiment(Table):
     start              (joints,) rad or m: the pose in which the arm stands before the first segment
     full_speed         (joints,) rad/s: what ``speed = 1`` of a segment means
     full_acceleration  (joints,) rad/s2 of the trapezoidal ramps
-    rate               rows/s wanted; None: what the rig file says
+    rate               rows/s; None: as the rig file says
     """
 
     name: str
@@ -62,11 +62,11 @@ def _check_joints(segments: list[Segment], joints: int, place: str) -> None:
         if isinstance(segment, Drive | Chirp) and segment.joint > joints:
             raise ValueError(f"{here}.joint: {segment.joint} is not in 1..{joints}")
         if isinstance(segment, Move) and len(segment.to) != joints:
-            raise ValueError(f"{here}.to: has {len(segment.to)} entries, wants {joints}")
+            raise ValueError(f"{here}.to: has {len(segment.to)} entries, needs {joints}")
         if isinstance(segment, Fourier) and len(segment.sine) != joints:
-            raise ValueError(f"{here}.sine: has {len(segment.sine)} rows, wants {joints}")
+            raise ValueError(f"{here}.sine: has {len(segment.sine)} rows, needs {joints}")
         if isinstance(segment, Setpoints) and any(len(row) != joints for row in segment.positions):
-            raise ValueError(f"{here}.positions: every row wants {joints} entries")
+            raise ValueError(f"{here}.positions: every row needs {joints} entries")
         if isinstance(segment, Repeat):
             _check_joints(segment.segment, joints, f"{here}.segment")
 

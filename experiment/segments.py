@@ -60,9 +60,9 @@ class Fourier(Table):
     @model_validator(mode="after")
     def _same_shape(self) -> Self:
         if [len(row) for row in self.sine] != [len(row) for row in self.cosine]:
-            raise ValueError("'sine' and 'cosine' want one row a joint, with equally many harmonics")
+            raise ValueError("'sine' and 'cosine' need one row per joint, with equally many harmonics")
         if 2 * self.fade > self.duration:
-            raise ValueError("the two fades are longer than the segment; 'fade' wants to be at most half of 'duration'")
+            raise ValueError("the two fades are longer than the segment; 'fade' must be at most half of 'duration'")
         return self
 
 
@@ -80,7 +80,7 @@ class Chirp(Table):
     @model_validator(mode="after")
     def _fades_fit(self) -> Self:
         if 2 * self.fade > self.duration:
-            raise ValueError("the two fades are longer than the segment; 'fade' wants to be at most half of 'duration'")
+            raise ValueError("the two fades are longer than the segment; 'fade' must be at most half of 'duration'")
         return self
 
 
@@ -94,9 +94,9 @@ class Setpoints(Table):
     @model_validator(mode="after")
     def _a_table(self) -> Self:
         if len(self.times) < 2 or len(self.times) != len(self.positions):
-            raise ValueError("wants at least two times and as many rows of positions")
+            raise ValueError("needs at least two times and as many rows of positions")
         if self.times[0] != 0 or any(b <= a for a, b in zip(self.times, self.times[1:])):
-            raise ValueError("times want to start at 0 and increase strictly")
+            raise ValueError("times must start at 0 and increase strictly")
         return self
 
 

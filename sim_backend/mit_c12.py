@@ -1,6 +1,6 @@
 """The counter card of the thesis, MIT C12: three quadrature channels of 24 bit and one of 32, all latched on one trigger input.
 
-Modes x1, x2 and x4; presets; reset on the next index pulse (once a motor revolution). Six joints want two cards. Rows are numbered by
+Modes x1, x2 and x4; presets; reset on the next index pulse (once a motor revolution). Six joints need two cards. Rows are numbered by
 the card's own count of edges; its ticks are of its 1 MHz timer.
 """
 

@@ -57,7 +57,7 @@ class Config(Table):
     def _pose(cls, pose: list[list[float]]) -> list[list[float]]:
         matrix = np.array(pose) if [len(row) for row in pose] == [4] * 4 else np.zeros((4, 4))
         if not np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-6):
-            raise ValueError("wants four rows of four numbers: a rotation and a translation, then 0, 0, 0, 1")
+            raise ValueError("needs four rows of four numbers: a rotation and a translation, then 0, 0, 0, 1")
         return pose
 
 

@@ -10,7 +10,7 @@ from arm_model.system.dynamics import inverse_dynamics
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Reference:
     """(n,) each: demanded position, rate and acceleration of the joints, rad, rad/s, rad/s2 (m)."""
 
     q: Array
@@ -30,11 +30,11 @@ class ComputedTorque:
     natural_frequency: float
     damping_ratio: float = 1.0
 
-    def torque(self, q: Array, qd: Array, wanted: Wanted) -> Array:
+    def torque(self, q: Array, qd: Array, reference: Reference) -> Array:
         """(n,) joint torque, N m (N), that no limit has cut yet."""
         w = self.natural_frequency
-        rate = 2 * self.damping_ratio * w * (wanted.qd - qd) + w * w * (wanted.q - q)
-        return inverse_dynamics(self.arm, q[None], qd[None], (wanted.qdd + rate)[None])[0]
+        rate = 2 * self.damping_ratio * w * (reference.qd - qd) + w * w * (reference.q - q)
+        return inverse_dynamics(self.arm, q[None], qd[None], (reference.qdd + rate)[None])[0]
 
-    def told(self, q: Array, qd: Array, applied: Array) -> None:
+    def observe(self, q: Array, qd: Array, applied: Array) -> None:
         """What the drives then gave; computed torque needs no memory of it."""

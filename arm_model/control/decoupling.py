@@ -6,7 +6,7 @@ of all that is not in the model: the water's drag and added mass, a payload, wro
     r = K (p - p(0) - int (tau + M' q' - h - g - friction + r) dt)       r' = K (d - r)
 
 r is d through a low-pass of bandwidth K, without differentiating a velocity (De Luca and Mattone, "Actuator failure detection and
-isolation using generalized momenta", ICRA 2003). The drives are told tau - r. tau in the observer is what the drives gave,
+isolation using generalized momenta", ICRA 2003). The drives are commanded tau - r. tau in the observer is what the drives gave,
 cut by their limits.
 
 What it guarantees where motions are slow against the sampling period T:
@@ -27,7 +27,7 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.control.computed_torque import ComputedTorque, Wanted
+from arm_model.control.computed_torque import ComputedTorque, Reference
 from arm_model.rigid_body.numeric import mass_matrix
 from arm_model.system.dynamics import inverse_dynamics
 
@@ -40,23 +40,23 @@ class DisturbanceDecoupling:
 
     def __init__(self, computed: ComputedTorque, *, bandwidth: float, period: float) -> None:
         if not 0 < bandwidth * period < 1:
-            raise InputError("bandwidth", f"times the period is {bandwidth * period:g}; between 0 and 1 is wanted")
+            raise InputError("bandwidth", f"times the period is {bandwidth * period:g}; expected between 0 and 1")
         self.computed, self.bandwidth, self.period = computed, bandwidth, period
         self.disturbance = np.zeros(len(computed.arm))
         """(n,) N m (N): r as it was observed last."""
         self._integral: Array | None = None
 
-    def torque(self, q: Array, qd: Array, wanted: Wanted) -> Array:
+    def torque(self, q: Array, qd: Array, reference: Reference) -> Array:
         """(n,) joint torque, N m (N), that no limit has cut yet."""
         momentum = self._momentum(q, qd)
         if self._integral is None:
             self._integral = momentum
         self.disturbance = self.bandwidth * (momentum - self._integral)
-        return self.computed.torque(q, qd, wanted) - self.disturbance
+        return self.computed.torque(q, qd, reference) - self.disturbance
 
-    def told(self, q: Array, qd: Array, applied: Array) -> None:
+    def observe(self, q: Array, qd: Array, applied: Array) -> None:
         """What the drives give until the next call, (n,) N m, at the state of the last."""
-        assert self._integral is not None, "torque is called before told"
+        assert self._integral is not None, "torque() is called before observe()"
         self._integral = self._integral + self.period * (applied + self._bias(q, qd) + self.disturbance)
 
     def _momentum(self, q: Array, qd: Array) -> Array:

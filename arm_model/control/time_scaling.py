@@ -1,7 +1,7 @@
 """A demanded motion slowed where the drives cannot follow it, so that limits cost time and not accuracy.
 
 The demand is run along s instead of t, with s' = sigma <= 1: q_d(s), its rate sigma q_d', its acceleration sigma^2 q_d'' + x q_d' with
-x = sigma'. The controller's torque is affine in x; of the x that keep every joint within its limit the one nearest to the wanted
+x = sigma'. The controller's torque is affine in x; of the x that keep every joint within its limit the one nearest to the reference
 (1 - sigma) / recovery is taken (Dahl and Nielsen, "Torque-limited path following by online trajectory time scaling", IEEE
 Trans. Robotics and Automation 6(5), 1990). Where no x does, the motion is slowed.
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.control.computed_torque import Wanted
+from arm_model.control.computed_torque import Reference
 from arm_model.control.torque_control import TorqueController
 
 
@@ -31,7 +31,7 @@ class TimeScaling:
     def __init__(
         self,
         controller: TorqueController,
-        demand: Callable[[float], Wanted],
+        demand: Callable[[float], Reference],
         limits: Array,
         *,
         period: float,
@@ -45,21 +45,21 @@ class TimeScaling:
         self.place, self.speed = 0.0, 1.0  # s and sigma
         self.reference: list[Array] = []
 
-    def torque(self, q: Array, qd: Array, wanted: Wanted) -> Array:
-        """(n,) joint torque; ``wanted``, the demand at its own pace, is not looked at."""
+    def torque(self, q: Array, qd: Array, reference: Reference) -> Array:
+        """(n,) joint torque; ``reference``, the demand at its own pace, is not looked at."""
         along = self.demand(self.place)
-        base = Wanted(along.q, self.speed * along.qd, self.speed**2 * along.qdd)
+        base = Reference(along.q, self.speed * along.qd, self.speed**2 * along.qdd)
         tau = self.controller.torque(q, qd, base)
-        inertial = self.controller.torque(q, qd, Wanted(base.q, base.qd, base.qdd + along.qd)) - tau
+        inertial = self.controller.torque(q, qd, Reference(base.q, base.qd, base.qdd + along.qd)) - tau
         x = self._pace(tau, inertial)
         self.reference.append(along.q)
         self.place += self.period * (self.speed + self.period * x / 2)
         self.speed = min(max(self.speed + self.period * x, 0.0), 1.0)
         return tau + x * inertial
 
-    def told(self, q: Array, qd: Array, applied: Array) -> None:
+    def observe(self, q: Array, qd: Array, applied: Array) -> None:
         """What the drives gave, for the controller."""
-        self.controller.told(q, qd, applied)
+        self.controller.observe(q, qd, applied)
 
     def _pace(self, tau: Array, inertial: Array) -> float:
         """x within what stops in one tick and what brings the full speed back in one, and within the limits if possible."""
@@ -69,5 +69,5 @@ class TimeScaling:
         bears = np.abs(inertial) > 1e-9
         low = max(low, float(np.max(ends.min(axis=0), where=bears, initial=low)))
         high = min(high, float(np.min(ends.max(axis=0), where=bears, initial=high)))
-        wanted = (1.0 - self.speed) / self.recovery
-        return float(np.clip(wanted, low, high)) if low <= high else -self.speed / self.recovery
+        reference = (1.0 - self.speed) / self.recovery
+        return float(np.clip(reference, low, high)) if low <= high else -self.speed / self.recovery

@@ -10,17 +10,17 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.control.computed_torque import Wanted
+from arm_model.control.computed_torque import Reference
 from arm_model.description import Arm
 from arm_model.simulation.simulation import Stepper
 
 
 class TorqueController(Protocol):
-    """What decides torques: ``torque`` at every tick, then ``told`` what the drives made of it."""
+    """Decides the torques: ``torque`` at every tick, then ``observe`` with the torque that the drives gave."""
 
-    def torque(self, q: Array, qd: Array, wanted: Wanted) -> Array: ...
+    def torque(self, q: Array, qd: Array, reference: Reference) -> Array: ...
 
-    def told(self, q: Array, qd: Array, applied: Array) -> None: ...
+    def observe(self, q: Array, qd: Array, applied: Array) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Run:
 def controlled(
     arm: Arm,
     controller: TorqueController,
-    demand: Callable[[float], Wanted],
+    demand: Callable[[float], Reference],
     *,
     duration: float,
     period: float,
@@ -52,7 +52,7 @@ def controlled(
     stepper = Stepper(replace(arm, controller=None), demand(0.0).q if start is None else np.asarray(start, float))
     steps = round(period / stepper.period)
     if steps < 1 or abs(steps * stepper.period - period) > 1e-9:
-        raise InputError("period", f"is {period:g} s; a whole number of steps of {stepper.period:g} s is wanted")
+        raise InputError("period", f"is {period:g} s; expected a whole number of steps of {stepper.period:g} s")
     limits = np.array([np.inf if joint.torque_limit is None else joint.torque_limit for joint in arm.joints])
     drive = arm.joint_array("drive_constant")
     count = int(np.floor(duration / period + 1e-9)) + 1
@@ -61,10 +61,10 @@ def controlled(
     for k in range(count):
         q[k], qd[k] = stepper.motors
         if not (np.isfinite(q[k]).all() and np.isfinite(qd[k]).all()):
-            raise InputError(arm.name, f"runs away at {t[k]:.3g} s; a shorter period or lower gains are wanted")
-        wanted = demand(float(t[k]))
-        asked[k] = wanted.q
-        given[k] = np.clip(controller.torque(q[k], qd[k], wanted), -limits, limits)
-        controller.told(q[k], qd[k], given[k])
+            raise InputError(arm.name, f"runs away at {t[k]:.3g} s; use a shorter period or lower gains")
+        reference = demand(float(t[k]))
+        asked[k] = reference.q
+        given[k] = np.clip(controller.torque(q[k], qd[k], reference), -limits, limits)
+        controller.observe(q[k], qd[k], given[k])
         stepper.advance(np.tile(given[k] / drive, (steps, 1)), np.empty(0))
     return Run(t, q, qd, given, asked)

@@ -191,7 +191,7 @@ class Effect:
     stray: Law | None = None
     change: Callable[[Any, int | None, Values], Any] | None = None
     coupling: bool = False
-    cylinder: bool = False  # it acts along the link's cylinder, and wants one in the model
+    cylinder: bool = False  # it acts along the link's cylinder, and needs one in the model
     link_side: bool = False  # a torque on the link, behind a two-mass transmission; else it acts on the motor
 
     def __getitem__(self, name: str) -> Parameter:

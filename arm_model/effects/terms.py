@@ -21,15 +21,15 @@ def check_terms(arm: Arm, where: str | Path | None = None) -> None:
         here = f"effect[{number}]"
         effect = CATALOGUE.get(term.name)
         if effect is None:
-            raise InputError(where, f"{here}.name: no effect {term.name!r}; one of {', '.join(CATALOGUE)} is wanted")
+            raise InputError(where, f"{here}.name: no effect {term.name!r}; expected one of {', '.join(CATALOGUE)}")
         if not effect.per_joint and term.joint is not None:
             raise InputError(where, f"{here}.joint: {term.name} belongs to the whole arm; leave 'joint' out")
         if effect.per_joint and not (term.joint and term.joint <= len(arm)):
-            raise InputError(where, f"{here}.joint: {term.name} wants a joint in 1..{len(arm)} (is {term.joint})")
+            raise InputError(where, f"{here}.joint: {term.name} needs a joint in 1..{len(arm)} (is {term.joint})")
         if effect.cylinder and term.joint and arm.joints[term.joint - 1].cylinder is None:
             raise InputError(
                 where,
-                f"{here}: {term.name} wants joint[{term.joint}].cylinder (start, end, radius), the body in the water",
+                f"{here}: {term.name} needs joint[{term.joint}].cylinder (start, end, radius), the body in the water",
             )
         _check_parameters(effect, term, where, here)
 

@@ -17,7 +17,7 @@ def _other_links(arm: Arm, joint: int | None, p: Values) -> Arm:
     assert joint is not None
     link = arm.joints[joint - 1]
     if link.convention == "placed":
-        raise ValueError(f"joint[{joint}]: link_geometry wants D-H parameters, the joint is placed (URDF)")
+        raise ValueError(f"joint[{joint}]: link_geometry needs D-H parameters, the joint is placed (URDF)")
     moved = replace(
         link,
         theta=link.theta + p.d_theta,
@@ -153,7 +153,7 @@ ENCODER_SCALE = Effect(
             "1",
             (1e-4, 1e-2),
             True,
-            "relative error of counts a turn, gear ratio or belt",
+            "relative error of counts per turn, gear ratio or belt",
             signed=True,
             tracker_prior=0.05,
         ),

@@ -80,7 +80,7 @@ def motion(joint: Joint, q: Array) -> Array:
 def _check(arm: Arm, q: Array) -> Array:
     q = np.asarray(q, float)
     if q.shape[-1:] != (len(arm),):
-        raise InputError("q", f"has shape {q.shape}; the last axis wants the arm's {len(arm)} joints")
+        raise InputError("q", f"has shape {q.shape}; the last axis must be the {len(arm)} joints of the arm")
     return q
 
 

@@ -59,7 +59,7 @@ def samples(arm: Arm, *arrays: Array) -> list[Array]:
     for array in arrays:
         array = np.atleast_2d(np.asarray(array, float))
         if array.ndim != 2 or array.shape[1] != len(arm):
-            raise InputError("samples", f"have shape {array.shape}; (N, {len(arm)}) is wanted for this arm")
+            raise InputError("samples", f"have shape {array.shape}; expected (N, {len(arm)}) for this arm")
         found.append(array)
     return found
 

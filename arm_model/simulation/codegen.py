@@ -1,4 +1,4 @@
-"""Tape expressions as LLVM vector code: every value is a vector of ``width`` lanes, one lane a parameter set.
+"""Tape expressions as LLVM vector code: every value is a vector of ``width`` lanes, one lane per parameter set.
 
 sin, cos and exp are branch-free: range reduction by a magic addition (Cody and Waite, Software Manual for the Elementary Functions,
 1980) and the polynomials of Cephes / fdlibm, right to about 1 unit in the last place for arguments up to 1e5.

@@ -1,4 +1,4 @@
-"""How a simulated motion changes with the parameters of its arm: two lanes a parameter, all in one batch."""
+"""How a simulated motion changes with the parameters of its arm: two lanes per parameter, all in one batch."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def sensitivities(
     """
     for name, step in steps.items():
         if not step > 0:
-            raise InputError(name, f"has a step of {step:g}; a positive one is wanted")
+            raise InputError(name, f"has a step of {step:g}; expected a positive one")
     count, names = len(steps), list(steps)
     lanes = {name: np.full(2 * count + 1, parameter(arm, name)) for name in names}
     for k, (name, step) in enumerate(steps.items()):

@@ -346,7 +346,7 @@ class Stepper:
         """
         demands, times = np.asarray(demands, float), np.asarray(times, float)
         if demands.ndim != 2 or demands.shape[1] != len(self.arm):
-            raise InputError("demands", f"have shape {demands.shape}; (ticks, {len(self.arm)}) is wanted")
+            raise InputError("demands", f"have shape {demands.shape}; expected (ticks, {len(self.arm)})")
         first = self._run.tick
         rows = _advance(self._run, demands, times)
         shown = demands[np.clip((times / self.period + 1e-9).astype(int) - first, 0, len(demands) - 1)]

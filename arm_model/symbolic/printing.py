@@ -98,7 +98,7 @@ def python_function(
 ) -> str:
     """Source of a Python function that returns the outputs as a tuple.
 
-    It wants sin, cos, sqrt, exp, abs, minimum and maximum in its namespace: numpy's, math's or another library's.
+    It needs sin, cos, sqrt, exp, abs, minimum and maximum in its namespace: numpy's, math's or another library's.
     """
     lines, values = assignments(tape, {str(k): expr for k, expr in enumerate(outputs)}, PYTHON, names)
     body = [*lines, f"return ({', '.join(values.values())},)"]

@@ -21,7 +21,7 @@ def inverse_dynamics(arm: Arm, q: Array, qd: Array, qdd: Array, *, time: Array |
 
     With effects q, qd, qdd are of the motors over their gear ratios; ``time`` (N,) s matters for drifting friction only. Of the
     effects everything algebraic acts; elastic transmissions count as rigid and bristles as sliding, since what their states
-    were cannot be told from one sample.
+    were cannot be determined from one sample.
     """
     q, qd, qdd = samples(arm, q, qd, qdd)
     if arm.effects:

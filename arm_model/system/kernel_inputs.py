@@ -39,7 +39,7 @@ def numbers(arm: Arm, variations: Mapping[str, Array] | None = None) -> dict[str
     variations = {name: np.atleast_1d(np.asarray(value, float)) for name, value in (variations or {}).items()}
     counts = {len(value) for value in variations.values()} or {1}
     if len(counts) != 1:
-        raise InputError("parameters", f"have {sorted(counts)} values; as many for each are wanted")
+        raise InputError("parameters", f"have {sorted(counts)} values; expected as many for each")
     lanes = counts.pop()
     for name in variations:
         if name.split(".")[-1] in ("theta", "d", "a", "alpha", "beta"):

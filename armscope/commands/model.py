@@ -48,7 +48,7 @@ def command(
         bool, typer.Option(help="compare Newton-Euler, Lagrange and Kane: operations, generation, agreement")
     ] = False,
     effects: Annotated[
-        bool, typer.Option(help="list the effects that a model may have, with their parameters; wants no model")
+        bool, typer.Option(help="list the effects that a model may have, with their parameters; needs no model")
     ] = False,
     tip: Annotated[str | None, typer.Option(help="last link, of a URDF file that branches")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
@@ -57,14 +57,12 @@ def command(
         _catalogue(as_json)
         return
     if model is None:
-        raise InputError("model", "wants a model file, as config/models/puma560.toml")
+        raise InputError("model", "needs a model file, as config/models/puma560.toml")
     arm = _read(model, tip)
     if out is not None:
         _write(out, arm)
     if by is not None and equations is None:
-        raise InputError(
-            "--by", "says whose equations to print; --equations text, latex, python or c is wanted with it"
-        )
+        raise InputError("--by", "says whose equations to print; expected --equations text, latex, python or c with it")
     if equations is not None:
         print(_equations(arm, equations, by), end="")
         return
@@ -91,7 +89,7 @@ def _write(path: Path, arm: Arm) -> None:
     elif path.suffix == ".toml":
         write_model(path, arm)
     else:
-        raise InputError(path, "ends in neither .toml nor .urdf; that says which of the two is wanted")
+        raise InputError(path, "ends in neither .toml nor .urdf; expected that says which of the two")
 
 
 def _summary(arm: Arm) -> dict[str, Any]:

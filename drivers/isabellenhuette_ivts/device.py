@@ -1,4 +1,4 @@
-"""Isabellenhuette IVT-S: motor currents as numbers on a CAN bus, one sensor a motor.
+"""Isabellenhuette IVT-S: motor currents as numbers on a CAN bus, one sensor per motor.
 
 It measures on its own clock, every ``period`` ms, 1 ms at the fastest, and cannot be triggered: a row takes the newest result,
 at most a period old. Its channels are in A (not V): in the rig file, 1 A a "volt", 1 turn.

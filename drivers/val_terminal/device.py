@@ -39,7 +39,7 @@ class Config(Table):
     """A VAL controller in the rig file.
 
     dialect         "val2" knows joint-interpolated moves of all joints (DO MOVE #PPOINT); "val" only DRIVE
-    sign, zero      VAL's joint angle (deg) = sign x the model's angle + zero, one entry a joint
+    sign, zero      VAL's joint angle (deg) = sign x the model's angle + zero, one entry per joint
     full_speed, full_acceleration  rad/s and rad/s2 of each joint at 100 %: an experiment that means something else by
                     "full speed" is refused
     approach_speed  per cent, on the way to the start pose

@@ -69,10 +69,10 @@ def read_arm(path: Path, known: Path | None, hold: float) -> SimulatedArm:
     check_terms(arm, path)
     Instruments(arm)  # refuses what cannot be simulated
     if arm.controller is None:
-        raise InputError(path, "has no [controller]; an arm that is to move wants one")
+        raise InputError(path, "has no [controller]; an arm that is to move needs one")
     for number, joint in enumerate(arm.joints, 1):
         if joint.encoder_lines is None:
-            raise InputError(path, f"joint[{number}].encoder_lines: is missing; the simulated encoder wants it")
+            raise InputError(path, f"joint[{number}].encoder_lines: is missing; the simulated encoder needs it")
     tuned = fixed_gains(arm if known is None or arm.controller.kind != "bandwidth" else read_model(known))
     if len(tuned) != len(arm):
         raise InputError(path, f"has {len(arm)} joints; the rig's own model, {known}, has {len(tuned)}")

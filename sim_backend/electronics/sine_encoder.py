@@ -62,7 +62,7 @@ class SineEncoder:
                 joint = int(np.argmin(reach)) + 1
                 raise ValueError(
                     f"encoder {joint}: the {name} does not reach its comparator's thresholds;"
-                    f" gain wants to be above |offset| + hysteresis + {LARGEST} noise"
+                    f" gain must be above |offset| + hysteresis + {LARGEST} noise"
                 )
 
 

@@ -23,7 +23,7 @@ class SimulatedVal:
     """The controller. Faults for tests: ``pull_cable``/``plug_cable``, ``corrupt`` (bytes -> bytes on its way out)."""
 
     def __init__(self, name: str, config: Config, wires: Wires) -> None:
-        assert wires.arm is not None, "a controller wants an arm"
+        assert wires.arm is not None, "a controller needs an arm"
         self.name, self.config = name, config
         self.arm: Arm = wires.arm
         self.entered: list[str] = []

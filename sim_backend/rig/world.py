@@ -34,7 +34,7 @@ Times = NDArray[np.int64]
 class Plant(Protocol):
     """What is on the test floor; ``sim_backend.arm.plant`` is the one there is.
 
-    encoder_lines  (n,) lines a motor revolution
+    encoder_lines  (n,) lines per motor revolution
     rest           (n,) rad: the pose before anything was asked
     standing       a mover that holds the pose (n,) rad with the brakes on
     moving         a mover that follows an experiment; ``loadable`` says what it cannot do, "" where all is well

@@ -23,7 +23,7 @@ def test_a_folder_that_can_be_is_not_made_by_checking_it(tmp_path: Path) -> None
 @pytest.mark.parametrize("function", [check_folder, make_folder])
 def test_a_file_is_no_folder(tmp_path: Path, name: str, function: object) -> None:
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(InputError, match="is a file; a folder for the results is wanted"):
+    with pytest.raises(InputError, match="is a file; expected a folder for the results"):
         function(tmp_path / name)  # type: ignore[operator]
     assert (tmp_path / "file").read_text() == "mine"
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from arm_io import InputError
-from arm_model.control.computed_torque import ComputedTorque, Wanted
+from arm_model.control.computed_torque import ComputedTorque, Reference
 from arm_model.control.decoupling import DisturbanceDecoupling
 from arm_model.control.time_scaling import TimeScaling
 from arm_model.control.torque_control import controlled
@@ -26,8 +26,8 @@ def arm() -> Arm:
     return read_model(Path(__file__).resolve().parents[2] / "config/models/underwater.toml")
 
 
-def hold(t: float) -> Wanted:
-    return Wanted(POINT, np.zeros(2), np.zeros(2))
+def hold(t: float) -> Reference:
+    return Reference(POINT, np.zeros(2), np.zeros(2))
 
 
 def with_unknown(arm: Arm, *torque: float) -> Arm:
@@ -53,13 +53,13 @@ def test_unknown_torque_is_observed_at_the_bandwidth_and_cancelled(arm: Arm) -> 
     decoupled = DisturbanceDecoupling(ComputedTorque(arm, 6.0), bandwidth=bandwidth, period=period)
 
     class Watched:
-        def torque(self, q: np.ndarray, qd: np.ndarray, wanted: Wanted) -> np.ndarray:
+        def torque(self, q: np.ndarray, qd: np.ndarray, wanted: Reference) -> np.ndarray:
             tau = decoupled.torque(q, qd, wanted)
             seen.append(decoupled.disturbance.copy())
             return tau
 
-        def told(self, q: np.ndarray, qd: np.ndarray, applied: np.ndarray) -> None:
-            decoupled.told(q, qd, applied)
+        def observe(self, q: np.ndarray, qd: np.ndarray, applied: np.ndarray) -> None:
+            decoupled.observe(q, qd, applied)
 
     run = controlled(with_unknown(arm, *unknown), Watched(), hold, duration=1.2, period=period)
     wanted = -np.outer(1 - (1 - bandwidth * period) ** np.arange(len(run.t)), unknown)  # the sampled low-pass
@@ -87,13 +87,13 @@ def test_the_water_is_observed_through_the_low_pass_saturated_or_not(
     decoupled, seen = DisturbanceDecoupling(ComputedTorque(dry(weak), 4.0), bandwidth=bandwidth, period=period), []
 
     class Watched:
-        def torque(self, q: np.ndarray, qd: np.ndarray, wanted: Wanted) -> np.ndarray:
+        def torque(self, q: np.ndarray, qd: np.ndarray, wanted: Reference) -> np.ndarray:
             tau = decoupled.torque(q, qd, wanted)
             seen.append(decoupled.disturbance.copy())
             return tau
 
-        def told(self, q: np.ndarray, qd: np.ndarray, applied: np.ndarray) -> None:
-            decoupled.told(q, qd, applied)
+        def observe(self, q: np.ndarray, qd: np.ndarray, applied: np.ndarray) -> None:
+            decoupled.observe(q, qd, applied)
 
     run = controlled(weak, Watched(), sway, duration=3.9, period=period)
     share = (np.abs(run.torque) >= np.array(limits) - 1e-9).mean(axis=0)
@@ -110,10 +110,10 @@ def test_the_water_is_observed_through_the_low_pass_saturated_or_not(
     assert overshoot < 5e-3
 
 
-def sway(t: float) -> Wanted:
+def sway(t: float) -> Reference:
     """To POINT in 3 s, from and to rest without a jump of the acceleration."""
     s = min(t / 3.0, 1.0)
-    return Wanted(
+    return Reference(
         POINT * (10 * s**3 - 15 * s**4 + 6 * s**5),
         POINT * (30 * s**2 - 60 * s**3 + 30 * s**4) / 3.0,
         POINT * (60 * s - 180 * s**2 + 120 * s**3) / 9.0,

@@ -49,7 +49,7 @@ def test_every_effect_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
     printed = capsys.readouterr().out
     assert "backlash (transmission, of a joint)" in printed and "half_gap             rad" in printed
     assert run(["model"]) == 2
-    assert capsys.readouterr().err == "error: model: wants a model file, as config/models/puma560.toml\n"
+    assert capsys.readouterr().err == "error: model: needs a model file, as config/models/puma560.toml\n"
 
 
 def test_water_is_told(root: Path, capsys: pytest.CaptureFixture[str]) -> None:

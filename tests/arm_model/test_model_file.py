@@ -76,7 +76,7 @@ def _effect(**entries: Any) -> Callable[[dict[str, Any]], object]:
         (lambda t: t["joint"][0].update(mass=float("nan")), "joint[1].mass: must be a finite number"),
         (lambda t: t["joint"][0].update(gear=0.0), "gear: must not be 0"),
         (lambda t: t["controller"].update(natural_frequency=[40.0]), "controller.natural_frequency: has 1 entries"),
-        (_effect(name="added_mass", joint=2, parameters={"coefficient": 1.0}), "added_mass wants joint[2].cylinder"),
+        (_effect(name="added_mass", joint=2, parameters={"coefficient": 1.0}), "added_mass needs joint[2].cylinder"),
         (
             lambda t: t["joint"][1].update(cylinder={"start": [0, 0, 0], "end": [0, 0, 0], "radius": 0.1}),
             "cylinder: starts where it ends",
@@ -88,7 +88,7 @@ def _effect(**entries: Any) -> Callable[[dict[str, Any]], object]:
         (_effect(name="blacklash", joint=2, parameters={}), "effect[1].name: no effect 'blacklash'"),
         (
             _effect(name="backlash", joint=9, parameters={"half_gap": 1e-3}),
-            "effect[1].joint: backlash wants a joint in 1..6",
+            "effect[1].joint: backlash needs a joint in 1..6",
         ),
         (_effect(name="backlash", joint=2, parameters={}), "effect[1].parameters.half_gap: is missing (rad;"),
         (_effect(name="backlash", joint=2, parameters={"gap": 1.0}), "effect[1].parameters.gap: backlash has half_gap"),

@@ -144,7 +144,7 @@ def test_fixed_links_are_merged(tmp_path: Path) -> None:
         ("<robot", "cannot be read as URDF"),
         ("<sdf/>", "not a URDF"),
         ("<robot><link name='a'/><link name='b'/></robot>", "branches into a, b"),
-        ("<robot><link name='a'/><joint name='j'><parent link='a'/></joint></robot>", "wants <child link"),
+        ("<robot><link name='a'/><joint name='j'><parent link='a'/></joint></robot>", "needs <child link"),
     ],
 )
 def test_bad_urdf_gets_one_line(tmp_path: Path, text: str, said: str) -> None:

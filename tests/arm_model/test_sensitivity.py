@@ -41,5 +41,5 @@ def test_lanes_are_differences_of_single_simulations(puma: Arm) -> None:
         for nudge in (step, -step)
     ]
     np.testing.assert_allclose(slopes.current[1], (ends[0].current - ends[1].current) / (2 * step), atol=1e-6)
-    with pytest.raises(InputError, match="positive one is wanted"):
+    with pytest.raises(InputError, match="expected a positive one"):
         sensitivities(arm, swing(3), {name: 0.0}, row_times(0.5, 100))

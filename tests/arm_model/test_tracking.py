@@ -69,7 +69,7 @@ def test_servos_stay_those_of_the_arm_as_described(puma: Arm) -> None:
     )
     assert 1e-4 < np.abs(plain.current - other.current).max() < 5.0
     placed = replace(arm, joints=(Joint(convention="placed"), *arm.joints[1:]), controller=None)
-    with pytest.raises(InputError, match="wants D-H parameters"):
+    with pytest.raises(InputError, match="needs D-H parameters"):
         relinked(replace(placed, effects=(EffectTerm("link_geometry", 1, {"d_a": 0.05}),)))
 
 

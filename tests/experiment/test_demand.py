@@ -75,7 +75,7 @@ def test_file_round_trip(tmp_path: Path) -> None:
     [
         ([dict(type="drive", joint=3, to=1.0)], "joint: 3 is not in 1..2"),
         ([dict(type="drive", joint=1)], "either 'to'"),
-        ([dict(type="move", to=[1.0])], "has 1 entries, wants 2"),
+        ([dict(type="move", to=[1.0])], "has 1 entries, needs 2"),
         ([dict(type="drive", joint=1, to=1.0, speed=2.0)], "less than or equal to 1"),
         ([dict(type="hold", duration=0.1, hold=1)], "unknown entry"),
         ([], "at least 1 item"),

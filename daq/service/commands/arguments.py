@@ -10,12 +10,12 @@ from arm_io import check_table
 from daq.service.transfer.folder import MOST_PIECE
 
 MOST_EXPIRY = 3600.0
-Coordinate = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 Name = Annotated[str, Field(min_length=1, max_length=255)]
 
 
 class _Arguments(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class NoArguments(_Arguments):
@@ -37,7 +37,7 @@ class ArmArguments(_Arguments):
     experiment_file: Annotated[str, Field(max_length=4000)] = "experiment"
     rig_sha256: str | None = None
     client: Annotated[str, Field(pattern=r"^[0-9A-Za-z]{1,64}$")] | None = None
-    expires: Annotated[float, Field(gt=0, le=MOST_EXPIRY, allow_inf_nan=False)] = 120.0
+    expires: Annotated[float, Field(gt=0, le=MOST_EXPIRY)] = 120.0
 
 
 class StopArguments(_Arguments):
