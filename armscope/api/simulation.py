@@ -14,6 +14,7 @@ import numpy as np
 from arm_io import InputError, read_text
 from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm
+from arm_model.effects.description_errors import PAYLOAD
 from arm_model.model_file import write_model
 from arm_model.motion import Motion
 from arm_model.sensing import Readings, recorded
@@ -193,7 +194,7 @@ def _of_experiment(arm: Arm, source: File | Experiment, rate: float | None) -> _
         raise InputError(_name(source), f"is for {len(asked.start)} joints, the model has {len(arm)}")
     if asked.setup.payload is not None:
         x, y, z = asked.setup.payload.com
-        load = EffectTerm("payload", None, {"mass": asked.setup.payload.mass, "x": x, "y": y, "z": z})
+        load = EffectTerm(PAYLOAD.name, None, {"mass": asked.setup.payload.mass, "x": x, "y": y, "z": z})
         arm = replace(arm, effects=(*arm.effects, load))
     demand = demand_of(asked)
     rows = rate or asked.rate or RATE

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from arm_io import check_table
 from arm_model.description import Arm
-from arm_model.effects import CATALOGUE, values_of
+from arm_model.effects import values_of
+from arm_model.effects.description_errors import PAYLOAD
 from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from experiment.file import Payload, Setup
@@ -25,8 +26,7 @@ def loaded(arm: Arm, payload: Payload | None) -> Arm:
     if payload is None:
         return arm
     x, y, z = payload.com
-    effect = CATALOGUE["payload"]
-    assert effect.change is not None
-    values = values_of(effect, {"mass": payload.mass, "x": x, "y": y, "z": z})
-    carrying: Arm = effect.change(fixed_gains(arm), None, values)
+    assert PAYLOAD.change is not None
+    values = values_of(PAYLOAD, {"mass": payload.mass, "x": x, "y": y, "z": z})
+    carrying: Arm = PAYLOAD.change(fixed_gains(arm), None, values)
     return carrying

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from arm_io.types import Array
+from arm_model.effects.description_errors import CURRENT_LIMIT
 from daq.recording import Recording
 from diagnosis.cause import Estimate
 from diagnosis.residual.encoder_step import encoder_step
@@ -42,7 +43,7 @@ def current_limits(recordings: Sequence[Recording]) -> list[Event]:
         if clipped:
             events.append(
                 Event(
-                    effect="current_limit",
+                    effect=CURRENT_LIMIT.name,
                     joint=j + 1,
                     parameters=[Estimate("limit", top - width, width, "A")],
                     evidence=f"the current of joint {j + 1} lies flat at {top:.2f} A in {len(clipped)} of {len(recordings)} recordings",

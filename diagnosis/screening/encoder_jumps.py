@@ -12,6 +12,7 @@ from scipy import signal
 
 from arm_io.types import Array
 from arm_model.description import Arm, Joint
+from arm_model.effects.sensing import DROPPED_TRIGGER, MISSED_COUNTS
 from daq.recording import Recording
 from diagnosis.cause import Estimate
 from diagnosis.residual.encoder_step import encoder_step
@@ -45,7 +46,7 @@ def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
         t, dt, name = recordings[index].t[row], recordings[index].dt, recordings[index].path.name
         events.append(
             Event(
-                effect="missed_counts",
+                effect=MISSED_COUNTS.name,
                 joint=j + 1,
                 parameters=[
                     Estimate("counts", float(np.round(size / step)), max(1.0, 0.01 * abs(size / step)), "1"),
@@ -101,7 +102,7 @@ def _lost_edges(recordings: Sequence[Recording], lost: Sequence[tuple[int, int] 
     names = ", ".join(f"{recordings[k].path.name} {n} at {recordings[k].t[at]:.3f} s" for k, at, n in told)
     period = recordings[index].dt
     return Event(
-        effect="dropped_trigger",
+        effect=DROPPED_TRIGGER.name,
         joint=None,
         parameters=[
             Estimate("row", float(row), 1.0, "1"),
@@ -152,10 +153,10 @@ def without_jumps(recording: Recording, index: int, events: list[Event]) -> Arra
     """(n, J) rad: the angles of recording ``index`` with its jumps taken out, and rows that are missing bridged."""
     q = recording.q.copy()
     for event in events:
-        if event.effect == "dropped_trigger" and index in event.recordings:
+        if event.effect == DROPPED_TRIGGER.name and index in event.recordings:
             missing = _rows_missing(recording, [_jump(recording, j) for j in range(recording.joints)])
             q = q if missing is None else _bridged(q, *missing)
-        if event.effect == "missed_counts" and event.joint is not None and index in event.recordings:
+        if event.effect == MISSED_COUNTS.name and event.joint is not None and index in event.recordings:
             found = _jump(recording, event.joint - 1)
             if found is not None:
                 row, size = found

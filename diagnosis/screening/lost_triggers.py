@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
+from arm_model.effects.sensing import DROPPED_TRIGGER
 from diagnosis.cause import Estimate
 from diagnosis.residual.run import Run
 from diagnosis.screening.event import Event
@@ -95,7 +96,7 @@ def event_of(losses: Sequence[Loss], runs: Sequence[Run]) -> Event:
     ]
     sentence = "the lag of the currents changes by whole rows and stays, in " + "; ".join(told)
     return Event(
-        effect="dropped_trigger",
+        effect=DROPPED_TRIGGER.name,
         joint=None,
         parameters=parameters,
         evidence=sentence,

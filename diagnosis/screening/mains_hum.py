@@ -9,6 +9,7 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
+from arm_model.effects.sensing import MAINS_HUM
 from daq.recording import Recording
 from diagnosis.cause import Estimate
 from diagnosis.screening.event import Event, Gain
@@ -48,7 +49,7 @@ def mains_hum(recordings: Sequence[Recording]) -> list[Event]:
         spread = float(amplitudes.std() + 0.02 * amplitudes.mean())
         events.append(
             Event(
-                effect="mains_hum",
+                effect=MAINS_HUM.name,
                 joint=j + 1,
                 parameters=[
                     Estimate("amplitude", float(amplitudes.mean()), spread, "A"),
@@ -72,7 +73,7 @@ def without_hum(recording: Recording, events: Sequence[Event]) -> Array:
     """(n, J) A: the currents with the lines subtracted, each with its own phase in this recording."""
     current = recording.i.copy()
     for event in events:
-        if event.effect != "mains_hum" or event.joint is None:
+        if event.effect != MAINS_HUM.name or event.joint is None:
             continue
         f = next(p.value for p in event.parameters if p.name == "frequency")
         column = current[:, event.joint - 1]

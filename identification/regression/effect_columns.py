@@ -19,7 +19,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm
-from arm_model.effects import CATALOGUE, Effect, Parameter, Signals, described, values_of
+from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Signals, described, values_of
 from arm_model.parameters import parameter, with_parameters
 from arm_model.system.dynamics import inverse_dynamics
 
@@ -49,7 +49,7 @@ def felt(effect: Effect) -> bool:
     if effect.deflection is not None:
         return effect.spring is None
     if effect.change is not None:
-        return effect.name != "link_geometry"  # calibration finds it, by the tracker
+        return Instrument.CURRENT in effect.observed_by
     return effect.coupling or effect.angle is not None or effect.current is not None
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
+from arm_model.effects.wrist import WRIST_COUPLING
 from daq.recording import Recording
 from diagnosis.cause import Estimate
 from diagnosis.residual.noise import angle_noise
@@ -91,7 +92,9 @@ def turned_wrist(fit: Sequence[Recording], held_out: Sequence[Recording]) -> lis
     )
     every = tuple(range(len(fit) + len(held_out)))
     gain = Gain(before=most.before, after=most.after, unit="rad", joint=most.axis, p=max(one.p for one in found))
-    return [Event(effect="wrist_coupling", joint=None, parameters=rows, evidence=sentence, recordings=every, gain=gain)]
+    return [
+        Event(effect=WRIST_COUPLING.name, joint=None, parameters=rows, evidence=sentence, recordings=every, gain=gain)
+    ]
 
 
 def _turned(fit: Sequence[Recording], held_out: Sequence[Recording], axis: int) -> Turned | None:
