@@ -5,7 +5,7 @@ URDF knows no motors: gears, torque constants and controllers do not go through 
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as xml
+import xml.etree.ElementTree as xml  # noqa: N813
 from dataclasses import replace
 from pathlib import Path
 

@@ -13,7 +13,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from arm_io import DeviceFault, InputError
     from arm_model import Arm
-    from arm_model.effects import CATALOGUE as effects
+    from arm_model.effects import CATALOGUE
     from armscope.api.calibration import Calibration, calibrate
     from armscope.api.diagnosis import Diagnosis, diagnose
     from armscope.api.identification import identify
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from daq.recording import Recording
     from experiment import Experiment
     from identification.result import Identification
+
+    effects = CATALOGUE
 
 _HOMES = {
     "Arm": "arm_model:Arm",

@@ -120,9 +120,9 @@ def test_mcap_ros2_decodes(file: Path, rows: Rows) -> None:
 
 
 def test_rosbags_decodes(file: Path, rows: Rows) -> None:
-    AnyReader = pytest.importorskip("rosbags.highlevel").AnyReader
+    any_reader = pytest.importorskip("rosbags.highlevel").AnyReader
     messages: dict[str, list] = {}
-    with AnyReader([file]) as reader:
+    with any_reader([file]) as reader:
         for connection, _, raw in reader.messages():
             messages.setdefault(connection.topic, []).append(reader.deserialize(raw, connection.msgtype))
     check_messages(rows, messages)
@@ -132,8 +132,8 @@ def test_our_bytes_are_those_that_rosbags_makes(file: Path) -> None:
     """Not only decodable: CDR byte for byte, padding included."""
     from mcap.reader import make_reader
 
-    AnyReader = pytest.importorskip("rosbags.highlevel").AnyReader
-    with AnyReader([file]) as reader, open(file, "rb") as stream:
+    any_reader = pytest.importorskip("rosbags.highlevel").AnyReader
+    with any_reader([file]) as reader, open(file, "rb") as stream:
         for schema, _, message in make_reader(stream).iter_messages():
             decoded = reader.deserialize(message.data, schema.name)
             assert bytes(reader.typestore.serialize_cdr(decoded, schema.name)) == message.data
