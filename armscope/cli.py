@@ -1,6 +1,7 @@
 """The front door: finds the command, and turns the ways it can end into one line and the exit status of the contract.
 
-0 done; 2 unusable input; 3 a device failed; 4 done, but samples were lost. A command is a function ``command`` in
+0 done; 2 unusable input; 3 a device failed; 4 done, but samples were lost, also in a recording that the command read: what is missing in
+those is said on standard error, here and for every command. A command is a function ``command`` in
 ``armscope/commands/NAME.py``, with typer's annotations; it returns None or an exit status. Only the chosen one is imported.
 """
 
@@ -81,17 +82,21 @@ def _call(name: str, arguments: list[str]) -> int:
     import typer
     from typer.exceptions import TyperException
 
+    from daq.recording.losses import told_on
+
     module = importlib.import_module(f"armscope.commands.{name.replace('-', '_')}{'_' * keyword.iskeyword(name)}")
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.command(name, help=COMMANDS[name])(finite(module.command, getattr(module, "MAY_BE_INFINITE", ())))
+    arguments = spread(arguments, getattr(module, "MANY", ()))
     try:
-        status = app(
-            spread(arguments, getattr(module, "MANY", ())), prog_name=f"armscope {name}", standalone_mode=False
-        )
+        with told_on(sys.stderr) as lacking:
+            status = app(arguments, prog_name=f"armscope {name}", standalone_mode=False)
     except TyperException as error:
         message = error.format_message() if hasattr(error, "format_message") else str(error)
         return _refuse(f"{name}: {message}; see 'armscope {name} --help'")
-    return status if isinstance(status, int) else DONE
+    if not isinstance(status, int) or status == DONE:
+        return SAMPLES_LOST if lacking else DONE
+    return status
 
 
 def check_arguments(arguments: Sequence[str]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -23,8 +22,6 @@ def command(
     if out.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(out, "the name of a picture wants to end in .png, .svg or .pdf")
     data = [open_recording(path) for path in recordings]
-    for note in (f"{recording.path}: {note}" for recording in data for note in recording.notes):
-        print(f"warning: {note}", file=sys.stderr)
     joints = max(recording.joints for recording in data)
     for number in joint or []:
         if not 1 <= number <= joints:

@@ -33,6 +33,4 @@ def command(
         last = loss.first + loss.rows - 1
         detail = f" ({loss.detail})" if loss.detail else ""
         print(f"  lost: rows {loss.first} to {last} ({loss.rows}): {SENTENCES[loss.reason]}{detail}")
-    for note in result.notes:
-        print(f"  {recording}: {note}")
     return 0 if result.complete else 4

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -28,7 +27,5 @@ def command(
         raise InputError("simulate", "needs either --experiment or --like")
     point = None if target is None else point_of(target, "--target")
     simulation = simulate(model, experiment, like=like, rate=rate, target=point)
-    for note in simulation.notes:
-        print(f"warning: {note}", file=sys.stderr)
     simulation.write(out)
     print(json.dumps({"file": str(out)} | simulation.to_json()) if as_json else f"{out}: {simulation}")

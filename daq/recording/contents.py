@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from arm_io import InputError
 from daq.acquisition.ledger import LedgerSummary, Loss, LossReason
+from daq.recording.losses import UNSURE
 from daq.recording.mcap_file import walk as mcap_walk
 from daq.recording.mcap_file.checksums import MAGIC
 from daq.recording.mcap_file.checksums import NAME as CHECKSUMS
@@ -100,7 +101,7 @@ class Contents:
             )
             notes.append(f"the file is not finished: {what}")
         if not sure:
-            notes.append("how many rows followed the last one cannot be told")
+            notes.append(UNSURE)
         return tuple(notes)
 
     def _written_ledger(self) -> LedgerSummary | None:

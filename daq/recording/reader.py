@@ -14,6 +14,7 @@ from arm_io import InputError, toml_of
 from arm_io.types import Array
 from daq.acquisition.ledger import LedgerSummary
 from daq.recording.contents import Contents, read_contents
+from daq.recording.losses import Account, opened
 from daq.recording.messages.row_format import JOINT_TOPICS, Layout
 from drivers.protocols import Quality
 
@@ -165,7 +166,9 @@ def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int
     contents = read_contents(path, most_numbers=most_numbers)
     if contents.damages and not damaged:
         raise InputError(path, f"is damaged: {contents.damages[0].sentence}; 'armscope recover' keeps what can be read")
-    return recording_of(path, contents)
+    recording = recording_of(path, contents)
+    opened(Account(path, recording.ledger, recording.notes))
+    return recording
 
 
 def recording_of(path: Path, contents: Contents) -> Recording:

@@ -12,6 +12,7 @@ from mcap.opcode import Opcode
 from arm_io import DeviceFault, InputError
 from daq.acquisition.ledger import LedgerSummary
 from daq.recording.contents import read_contents
+from daq.recording.losses import Account, opened
 from daq.recording.mcap_file import walk as mcap_walk
 from daq.recording.mcap_file.checksums import NAME as CHECKSUMS
 from daq.recording.mcap_file.checksums import verify
@@ -84,5 +85,6 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     except BaseException:
         file.abandon()
         raise
+    opened(Account(path, ledger, notes))
     lost = sum(damage.opcode == Opcode.ATTACHMENT and CHECKSUMS not in damage.name for damage in damages)
     return Recovery(out, ledger, sure, notes, lost)

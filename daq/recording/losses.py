@@ -1,0 +1,78 @@
+"""What is missing in the recordings that are read: said in one place, whoever reads them and for whatever purpose."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+from daq.acquisition.ledger import SENTENCES, LedgerSummary
+
+UNSURE = "how many rows followed the last one cannot be told"
+"""Note of a recording whose end is missing, and the count of its rows with it."""
+
+
+@dataclass(frozen=True)
+class Account:
+    """Of a recording: its file, its ledger, and sentences about what is wrong with the file."""
+
+    path: Path
+    ledger: LedgerSummary
+    notes: tuple[str, ...]
+
+
+_listeners: list[Callable[[Account], None]] = []
+
+
+def opened(account: Account) -> None:
+    """To be called with the account of every recording that is read."""
+    for listener in _listeners:
+        listener(account)
+
+
+@contextmanager
+def told_on(stream: TextIO) -> Iterator[list[Path]]:
+    """Within it, what is missing in a recording is written to ``stream`` as it is read, once per file.
+
+    The list that it gives collects the files in which rows are missing.
+    """
+    seen: set[Path] = set()
+    incomplete: list[Path] = []
+
+    def tell(account: Account) -> None:
+        if account.path in seen:
+            return
+        seen.add(account.path)
+        for sentence in sentences(account):
+            print(f"warning: {account.path}: {sentence}", file=stream, flush=True)
+        if lacks_rows(account):
+            incomplete.append(account.path)
+
+    _listeners.append(tell)
+    try:
+        yield incomplete
+    finally:
+        _listeners.remove(tell)
+
+
+def lacks_rows(account: Account) -> bool:
+    """Whether rows are missing, or may be."""
+    return account.ledger.lost > 0 or UNSURE in account.notes
+
+
+def sentences(account: Account) -> list[str]:
+    """What is missing: rows, their share and the reasons; then what is wrong with the file."""
+    ledger, rows = account.ledger, Counter[str]()
+    for loss in ledger.losses:
+        rows[SENTENCES[loss.reason]] += loss.rows
+    if not rows:
+        return list(account.notes)
+    if len(rows) == 1:
+        reasons = next(iter(rows))
+    else:
+        reasons = "; ".join(f"{count} because {sentence}" for sentence, count in rows.most_common())
+    share = 100 * ledger.lost / ledger.triggers
+    return [f"{ledger.lost} of {ledger.triggers} rows are missing ({share:.3g} %): {reasons}", *account.notes]
