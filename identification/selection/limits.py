@@ -29,9 +29,9 @@ class Limits:
     min_gain: float
     kept_gain: float
     tie: float = 0.0
-    ambiguity: float | None = None
+    ambiguity: float = 1.0
     attempts: int = 1
-    block_seconds: float | None = 1.0
+    block_seconds: float = 1.0
     independent: float = 1e-5
     systematic: float = 0.02
 

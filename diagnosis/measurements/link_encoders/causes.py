@@ -1,10 +1,10 @@
-"""What the two encoders of a joint say: causes with parameters, groups and evidence, and what no effect explains (``diagnosis.measurements.link_encoders.regression``)."""
+"""What the two encoders of a joint say: causes with parameters, groups and evidence, and what no effect explains (``model.LinkEncoders``)."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,35 +15,14 @@ from arm_model.effects.definition import SYSTEMATIC
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, Cause, EffectKey, Estimate, Signal, Structure, confidence_of
-from diagnosis.measurements.link_encoders.columns import (
-    DELAY,
-    Seen,
-    Shape,
-    late,
-    orders,
-    shapes,
-    standing_orders,
-    turns,
-)
-from diagnosis.measurements.link_encoders.regression import (
-    OVER_NOISE,
-    Sides,
-    best_shapes,
-    coefficients,
-    look,
-    physical,
-    residual,
-    select,
-    sides_of,
-    stacked,
-)
+from diagnosis.measurements.link_encoders.columns import Rows, late, orders, standing_orders, turns, variant, width
+from diagnosis.measurements.link_encoders.model import LIMITS, OVER_NOISE, Chosen, LinkEncoders, link_encoders
+from diagnosis.selection.candidate import Candidate
 from diagnosis.units import unit_at
 from identification.selection.cluster_covariance import cluster_covariance
 from identification.selection.significance import BLOCK_SECONDS
+from identification.selection.stepwise import select
 
-ALIKE = 0.95
-"""A candidate that explains this share of what the named one does, in its place, and beside it less than the rest of this share of what it does
-alone, is in its group: others explain as much of something else."""
 OFFSET = 1e-3
 """rad (m): a constant between two encoders that is worth a name; below, it is how they were zeroed."""
 PREDICTED = 0.3
@@ -51,14 +30,14 @@ PREDICTED = 0.3
 BINS = 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LinkSide:
     """Causes, structure left; seen: the held-out rows; without, left (m, k): their difference less its constant, and after all causes;
     remarks: what is left above the scatter, joint by joint."""
 
     causes: list[Cause]
     unexplained: list[Structure]
-    seen: Seen
+    seen: Rows
     without: Array
     left: Array
     remarks: tuple[str, ...]
@@ -66,90 +45,94 @@ class LinkSide:
 
 def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> LinkSide | None:
     """Diagnoses the difference of motor and link encoders; None where no joint of all recordings has both."""
-    sides = sides_of(arm, fit, held_out)
-    if sides is None:
+    model = link_encoders(arm, fit, held_out)
+    if model is None:
         return None
-    chosen = [_settled(shape, sides) for shape in select(sides)]
-    causes = [_cause(shape, chosen, sides, arm) for shape in chosen] + _offsets(chosen, sides, arm)
-    without, left = (residual(some, sides.fit, sides.held_out, sides) for some in ([], chosen))
+    chosen = tuple(_settled(candidate, model) for candidate in select(model))
+    causes = [_cause(candidate, chosen, model, arm) for candidate in chosen] + _offsets(chosen, model, arm)
     return LinkSide(
-        causes, _structure(chosen, sides), sides.held_out, without, left, tuple(_remarks(chosen, sides, arm))
+        causes=causes,
+        unexplained=_structure(chosen, model),
+        seen=model.rows.held_out,
+        without=model.residual((), *model.rows),
+        left=model.residual(chosen, *model.rows),
+        remarks=tuple(_remarks(chosen, model, arm)),
     )
 
 
-def _settled(shape: Shape, sides: Sides) -> Shape:
+def _settled(candidate: Candidate, model: LinkEncoders) -> Candidate:
     """A gap at the value that its own coefficient asks for, instead of the nearest on the grid."""
-    if shape.name != "half_gap":
-        return shape
+    if variant(candidate)[0] != "half_gap":
+        return candidate
     for _ in range(4):
-        shape = replace(shape, value=float(coefficients([shape], sides.whole, sides)[-1]))
-    return shape
+        candidate = candidate.at("half_gap", float(model.fitted([candidate], model.whole)[-1]))
+    return candidate
 
 
-def _cause(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> Cause:
-    others = [s for s in chosen if s is not shape]
-    one = look(shape, others, sides)
-    felt = [k for k, joint in enumerate(sides.fit.joints) if shape.joint in (None, joint)]
-    left = [residual(some, sides.fit, sides.held_out, sides)[:, felt] for some in (others, chosen)]
+def _cause(candidate: Candidate, chosen: Chosen, model: LinkEncoders, arm: Arm) -> Cause:
+    others = model.without(candidate, chosen)
+    one = model.score(candidate, others)
+    felt = model.felt(candidate)
+    left = [model.residual(some, *model.rows)[:, felt] for some in (others, chosen)]
     before, after = (float(np.sqrt(np.mean(values**2))) for values in left)
     most = felt[int(np.argmax(np.sum(left[0] ** 2 - left[1] ** 2, axis=0)))]
-    group = _group(shape, others, one.gain, sides)
-    unit = unit_at(arm.joints[int(sides.fit.joints[felt[0]]) - 1], "rad")
+    group = _group(candidate, others, one.gain, model)
+    unit = unit_at(arm.joints[int(model.rows.fit.joints[felt[0]]) - 1], "rad")
     evidence = (
-        _skew_sentence(others, sides)
-        if shape.definition.delay is not None
-        else _sentence(shape, before, after, one.share, unit)
+        _skew_sentence(others, model)
+        if candidate.definition.delay is not None
+        else _sentence(candidate, before, after, one.share, unit)
     )
     return Cause(
-        effect=shape.effect,
-        joint=shape.joint,
-        parameters=_parameters(shape, chosen, sides, arm),
+        effect=candidate.effect,
+        joint=candidate.joint,
+        parameters=_parameters(candidate, chosen, model, arm),
         confidence=confidence_of(one.p),
         before=before,
         after=after,
         group=group,
         evidence=evidence,
-        felt_at=int(sides.fit.joints[most]),
+        felt_at=int(model.rows.fit.joints[most]),
         unit=unit,
         signal=Signal.LINK_ANGLE,
-        of_arm=shape.definition.observed_by[Instrument.LINK_ENCODER].of_arm,
+        of_arm=candidate.definition.observed_by[Instrument.LINK_ENCODER].of_arm,
     )
 
 
-def _group(shape: Shape, others: list[Shape], gain: float, sides: Sides) -> tuple[EffectKey, ...]:
-    group: list[EffectKey] = [(shape.effect, shape.joint)]
-    for alias in shape.definition.observed_by[Instrument.LINK_ENCODER].aliases:
-        if shape.value in orders(CATALOGUE[alias]):
-            group.append((alias, shape.joint))
-    for other in best_shapes(list(shapes(sides.fit)), others, sides):
-        felt = other.joint == shape.joint or len(sides.fit.joints) == 1
-        if other.effect == shape.effect or not felt or not physical(other, others, sides):
+def _group(candidate: Candidate, others: Chosen, gain: float, model: LinkEncoders) -> tuple[EffectKey, ...]:
+    group: list[EffectKey] = [candidate.key]
+    for alias in candidate.definition.observed_by[Instrument.LINK_ENCODER].aliases:
+        if variant(candidate)[1] in orders(CATALOGUE[alias]):
+            group.append((alias, candidate.joint))
+    for other in model.best(others):
+        felt = other.joint == candidate.joint or len(model.rows.fit.joints) == 1
+        if other.effect == candidate.effect or not felt or not model.is_physical(other, others):
             continue
-        alone = look(other, others, sides).gain
-        if alone >= ALIKE * gain and look(other, [*others, shape], sides).gain < (1.0 - ALIKE) * alone:
-            group.append((other.effect, other.joint))
+        alone, share = model.score(other, others).gain, LIMITS.ambiguity
+        if alone >= share * gain and model.score(other, [*others, candidate]).gain < (1.0 - share) * alone:
+            group.append(other.key)
     return tuple(group)
 
 
-def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> list[Estimate]:
+def _parameters(candidate: Candidate, chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Estimate]:
     """Values and standard deviations, by the sandwich of block scores."""
-    values, covariance = _fitted(chosen, sides)
-    at = len(sides.whole.joints) + sum(s.width for s in chosen[: chosen.index(shape)])
+    values, covariance = _fitted(chosen, model)
+    at = len(model.whole.joints) + sum(width(s) for s in chosen[: chosen.index(candidate)])
     c, spread = values[at], float(np.sqrt(covariance[at, at]))
-    unit = "rad" if shape.joint is None or arm.joints[shape.joint - 1].revolute else "m"
+    unit = "rad" if candidate.joint is None or arm.joints[candidate.joint - 1].revolute else "m"
 
     def rough(value: float, std: float) -> float:
         return float(np.hypot(std, SYSTEMATIC * value))
 
-    match shape.name:
+    match variant(candidate)[0]:
         case "":
-            delays = delays_by_joint([s for s in chosen if s is not shape], sides)
+            delays = delays_by_joint(model.without(candidate, chosen), model)
             scatter = float(np.std(delays, ddof=1) / np.sqrt(len(delays))) if len(delays) > 1 else 0.0
-            return [Estimate("delay", c * DELAY, float(np.hypot(spread * DELAY, scatter)), "s")]
+            return [Estimate("delay", c, float(np.hypot(spread, scatter)), "s")]
         case "drag":
-            k = float(sides.whole.largest[int(np.flatnonzero(sides.whole.joints == shape.joint)[0])]) / c
-            joint = arm.joints[(shape.joint or 1) - 1]
-            damping, std = _damping(shape, chosen, sides, k)
+            k = float(model.whole.largest[int(np.flatnonzero(model.whole.joints == candidate.joint)[0])]) / c
+            joint = arm.joints[(candidate.joint or 1) - 1]
+            damping, std = _damping(candidate, chosen, model, k)
             return [
                 Estimate("stiffness", k, rough(k, k * spread / c), unit_at(joint, "N m/rad")),
                 Estimate("damping", damping, std, unit_at(joint, "N m s/rad")),
@@ -158,29 +141,29 @@ def _parameters(shape: Shape, chosen: list[Shape], sides: Sides, arm: Arm) -> li
             return [Estimate("half_gap", c, rough(c, spread), unit)]
     sine, cosine = values[at : at + 2]
     # d = -A sin(n q + phase), and of the encoder -e sin(n q - phase)
-    turned = 1.0 if shape.definition.deflection is not None else -1.0
+    turned = 1.0 if candidate.definition.deflection is not None else -1.0
     amplitude = float(np.hypot(sine, cosine))
     return [
         Estimate("amplitude", amplitude, rough(amplitude, spread), unit),
         Estimate(
             "order",
-            shape.value,
-            0.1 / turns(sides.whole, int(np.flatnonzero(sides.whole.joints == shape.joint)[0])),
+            variant(candidate)[1],
+            0.1 / turns(model.whole, int(np.flatnonzero(model.whole.joints == candidate.joint)[0])),
             "1",
         ),
         Estimate("phase", float(np.arctan2(-turned * cosine, -sine)), min(spread / max(amplitude, 1e-12), 3.2), "rad"),
     ]
 
 
-def _damping(shape: Shape, chosen: list[Shape], sides: Sides, stiffness: float) -> tuple[float, float]:
+def _damping(candidate: Candidate, chosen: Chosen, model: LinkEncoders, stiffness: float) -> tuple[float, float]:
     """Damping N m s/rad (N s/m) of a spring and its standard deviation: by k d + c d' = load its twist is late by c / k,
     d = load / k - c / k^2 load'; the stamps of two encoders agree to half a row at best.
 
     Where it cannot be told from nothing it is its deviation: a spring without any would swing for ever.
     """
-    seen = sides.whole
-    k = int(np.flatnonzero(seen.joints == shape.joint)[0])
-    rest, edges = residual(chosen, seen, seen, sides)[:, k], [*seen.starts, seen.rows]
+    seen = model.whole
+    k = int(np.flatnonzero(seen.joints == candidate.joint)[0])
+    rest, edges = model.residual(chosen, seen, seen)[:, k], [*seen.starts, seen.rows]
     late = np.concatenate([np.gradient(seen.load[a:b, k], seen.t[a:b]) for a, b in itertools.pairwise(edges)])
     late = late - late.mean()
     size = float(late @ late)
@@ -192,71 +175,71 @@ def _damping(shape: Shape, chosen: list[Shape], sides: Sides, stiffness: float) 
     return (damping if damping > std else std), std
 
 
-def _fitted(chosen: list[Shape], sides: Sides) -> tuple[Array, Array]:
+def _fitted(chosen: Chosen, model: LinkEncoders) -> tuple[Array, Array]:
     """Coefficients (c,) on the fit rows and their covariance (c, c), right for residuals that are correlated within a block."""
-    x = stacked(chosen, sides.whole, sides)
-    values = coefficients(chosen, sides.whole, sides)
-    y = (sides.whole.difference / sides.scale).T.ravel()
-    rest, block = y - x @ values, np.tile(sides.whole.blocks(BLOCK_SECONDS), len(sides.whole.joints))
+    x = model.stacked(chosen, model.whole)
+    values = model.fitted(chosen, model.whole)
+    y = model.response(model.whole)
+    rest, block = y - x @ values, np.tile(model.whole.blocks(BLOCK_SECONDS), len(model.whole.joints))
     return values, cluster_covariance(x, [rest], block)
 
 
-def delays_by_joint(others: list[Shape], sides: Sides) -> Array:
+def delays_by_joint(others: Chosen, model: LinkEncoders) -> Array:
     """(k,) s: the delay that each joint alone would have beside the other causes."""
     delays = []
-    for k, joint in enumerate(int(j) for j in sides.whole.joints):
+    for k, joint in enumerate(int(j) for j in model.whole.joints):
         own = [s for s in others if s.joint == joint]
-        x = np.column_stack([np.ones(sides.whole.rows), *(sides.columns(s, sides.whole, k) for s in [*own, late()])])
-        delays.append(float(np.linalg.lstsq(x, sides.whole.difference[:, k], rcond=1e-10)[0][-1]) * DELAY)
+        x = np.column_stack([np.ones(model.whole.rows), *(model.columns(s, model.whole, k) for s in [*own, late()])])
+        delays.append(float(np.linalg.lstsq(x, model.whole.difference[:, k], rcond=1e-10)[0][-1]))
     return np.array(delays)
 
 
-def _skew_sentence(others: list[Shape], sides: Sides) -> str:
-    delays = delays_by_joint(others, sides)
-    whole = residual(others, sides.fit, sides.held_out, sides)
-    rest = residual([*others, late()], sides.fit, sides.held_out, sides)
+def _skew_sentence(others: Chosen, model: LinkEncoders) -> str:
+    delays = delays_by_joint(others, model)
+    whole = model.residual(others, model.rows.fit, model.rows.held_out)
+    rest = model.residual([*others, late()], model.rows.fit, model.rows.held_out)
     shares = 1.0 - np.sum(rest**2, axis=0) / np.sum(whole**2, axis=0)
-    where = ", ".join(map(str, sides.fit.joints))
+    where = ", ".join(map(str, model.rows.fit.joints))
     low, high = float(shares.min()), float(shares.max())
     share = f"{low:.1%}" if len(shares) == 1 else f"{low:.1%} to {high:.1%}"
     sentence = (
         f"motor less link encoder is velocity times one constant: {', '.join(f'{d * 1e3:.2f}' for d in delays)} ms at joint {where}, "
         f"which predicts {share} of it in held-out rows: the link encoder's stamps are late"
     )
-    instead = _best_instead(others, sides)
+    instead = _best_instead(others, model)
     return sentence + (f"; {instead}" if instead else "")
 
 
-def _best_instead(others: list[Shape], sides: Sides) -> str:
+def _best_instead(others: Chosen, model: LinkEncoders) -> str:
     """What the effects that such a loop is taken for would predict in its place, at best at any joint."""
     best: dict[str, float] = {}
     taken_for = late().definition.confused_with
-    for shape in best_shapes(list(shapes(sides.fit)), others, sides):
-        if shape.effect in taken_for and physical(shape, others, sides):
-            best[shape.effect] = max(best.get(shape.effect, 0.0), look(shape, others, sides).share)
+    for candidate in model.best(others):
+        if candidate.effect in taken_for and model.is_physical(candidate, others):
+            best[candidate.effect] = max(best.get(candidate.effect, 0.0), model.score(candidate, others).share)
     return " and ".join(f"{name.replace('_', ' ')} would predict {share:.0%} at most" for name, share in best.items())
 
 
-def _sentence(shape: Shape, before: float, after: float, share: float, unit: str) -> str:
+def _sentence(candidate: Candidate, before: float, after: float, share: float, unit: str) -> str:
     """What a person sees; the share may be more than that of the fall, as either part of one run is predicted from the other."""
-    order = {p.name: shape.value for p in shape.definition.parameters if p.whole}
-    shows = shape.definition.shown(Instrument.LINK_ENCODER, order, {})
+    order = {p.name: variant(candidate)[1] for p in candidate.definition.parameters if p.whole}
+    shows = candidate.definition.shown(Instrument.LINK_ENCODER, order, {})
     return (
-        f"{shows}: with it the held-out difference of joint {shape.joint} falls from {1e3 * before:.3g} to {1e3 * after:.3g} m{unit} rms, "
+        f"{shows}: with it the held-out difference of joint {candidate.joint} falls from {1e3 * before:.3g} to {1e3 * after:.3g} m{unit} rms, "
         f"{share:.0%} of its square"
     )
 
 
-def _offsets(chosen: list[Shape], sides: Sides, arm: Arm) -> list[Cause]:
+def _offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
     """Constants between two encoders, as far as they are large and the same in both halves."""
     causes = []
-    values, covariance = _fitted(chosen, sides)
-    for k, joint in enumerate(int(j) for j in sides.fit.joints):
+    values, covariance = _fitted(chosen, model)
+    for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
         offset, std = float(values[k]), float(np.sqrt(covariance[k, k]))
         if abs(offset) < max(OFFSET, 5 * std):
             continue
         unit = unit_at(arm.joints[joint - 1], "rad")
-        rest = residual(chosen, sides.fit, sides.held_out, sides)[:, k]
+        rest = model.residual(chosen, model.rows.fit, model.rows.held_out)[:, k]
         left = float(np.sqrt(np.mean(rest**2)))
         causes.append(
             Cause(
@@ -280,34 +263,39 @@ def _offsets(chosen: list[Shape], sides: Sides, arm: Arm) -> list[Cause]:
     return causes
 
 
-def _remarks(chosen: list[Shape], sides: Sides, arm: Arm) -> Iterator[str]:
-    """What is left above the scatter from row to row; with the order of a wave over motor angle that both sides show alike."""
-    left = [residual(chosen, side, side, sides) for side in (sides.fit, sides.held_out)]
-    for k, joint in enumerate(int(j) for j in sides.fit.joints):
+def _remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
+    """What is left above the scatter from row to row; with the order of a wave over motor angle that both model show alike."""
+    left = [model.residual(chosen, side, side) for side in (model.rows.fit, model.rows.held_out)]
+    for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
         rms = float(np.sqrt(np.mean(left[1][:, k] ** 2)))
-        if rms < OVER_NOISE * sides.fit.noise[k]:
+        if rms < OVER_NOISE * model.rows.fit.noise[k]:
             continue
         remark = (
             f"joint {joint}: {1e3 * rms:.2g} m{unit_at(arm.joints[joint - 1], 'rad')} rms between its encoders is left, "
-            f"{rms / sides.fit.noise[k]:.0f} times their scatter from row to row"
+            f"{rms / model.rows.fit.noise[k]:.0f} times their scatter from row to row"
         )
-        orders = [standing_orders(values[:, k], side, k, 1) for values, side in zip(left, (sides.fit, sides.held_out))]
-        if all(orders) and abs(orders[0][0] - orders[1][0]) < 0.5 / turns(sides.fit, k):
+        orders = [
+            standing_orders(values[:, k], side, k, 1)
+            for values, side in zip(left, (model.rows.fit, model.rows.held_out))
+        ]
+        if all(orders) and abs(orders[0][0] - orders[1][0]) < 0.5 / turns(model.rows.fit, k):
             remark += f"; part of it repeats {orders[0][0]:.3g} times a motor turn"
         yield remark
 
 
-def _structure(chosen: list[Shape], sides: Sides) -> list[Structure]:
+def _structure(chosen: Chosen, model: LinkEncoders) -> list[Structure]:
     """Joints whose difference is still above the noise and predictable from a variable, and from which one best."""
     found = []
-    left = [residual(chosen, sides.fit, side, sides) for side in (sides.fit, sides.held_out)]
-    for k, joint in enumerate(int(j) for j in sides.fit.joints):
-        if float(np.sqrt(np.mean(left[1][:, k] ** 2))) < OVER_NOISE * sides.fit.noise[k]:
+    left = [model.residual(chosen, model.rows.fit, side) for side in (model.rows.fit, model.rows.held_out)]
+    for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
+        if float(np.sqrt(np.mean(left[1][:, k] ** 2))) < OVER_NOISE * model.rows.fit.noise[k]:
             continue
         against = {"position": "q", "velocity": "v", "load torque": "load"}
         shares = {
             name: _predicted(
-                left[0][:, k], left[1][:, k], *(getattr(side, field)[:, k] for side in (sides.fit, sides.held_out))
+                left[0][:, k],
+                left[1][:, k],
+                *(getattr(side, field)[:, k] for side in (model.rows.fit, model.rows.held_out)),
             )
             for name, field in against.items()
         }

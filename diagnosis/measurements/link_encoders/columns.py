@@ -16,11 +16,12 @@ from scipy import ndimage
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.effects import CATALOGUE, Effect, Instrument, observed_by
+from arm_model.effects import Effect, Instrument, observed_by
 from arm_model.rigid_body.numeric import rigid_torque
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import low_pass
+from diagnosis.selection.candidate import Candidate
 
 Index = NDArray[np.intp]
 
@@ -36,38 +37,12 @@ GAPS = tuple(float(gap) for gap in np.geomspace(5e-5, 1e-2, 12))
 """Half gaps that are tried, rad (m)."""
 DRAGS = (0.0, 0.1, 0.2, 0.3, 0.4)
 """Friction between motor and gear that is tried, as a share of the largest measured torque; where the load is not known from masses."""
-DELAY = 1e-3
-"""s: the delay of a unit coefficient."""
 HIGHEST_ORDER = 60
 """Cycles a motor turn that are heard."""
 
 
 @dataclass(frozen=True)
-class Shape:
-    """One effect at one joint (1-based; None: the same at all), with its nonlinear parameter ("" and 0 where there is none).
-
-    name of the parameter: "drag" (friction between motor and gear, of a spring), "half_gap" or "by_load" (of a gap, as the link is held by
-    friction or by its load), "order" and "turn_order" (of a wave over the turn of the motor, of the joint).
-    """
-
-    effect: str
-    joint: int | None
-    name: str = ""
-    value: float = 0.0
-
-    @property
-    def width(self) -> int:
-        """Coefficients: a wave has a sine and a cosine."""
-        return 2 if self.name.endswith("order") else 1
-
-    @property
-    def definition(self) -> Effect:
-        """What the catalogue says of its effect."""
-        return CATALOGUE[self.effect]
-
-
-@dataclass(frozen=True)
-class Seen:
+class Rows:
     """Rows of some recordings one after the other, at the joints (k,) that have both encoders (1-based).
 
     difference, q, v, load (m, k) rad, rad/s, N m (m, m/s, N); t (m,) s; starts: first row of each recording;
@@ -109,7 +84,7 @@ def joints_with_both(recordings: Sequence[Recording]) -> Index:
     return np.flatnonzero(there & moved) + 1
 
 
-def see_links(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Seen:
+def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
     """The rows of ``recordings``, thinned to MOST_ROWS; uniformly sampled positions without holes are wanted."""
     parts: list[tuple[Array, ...]] = []
     noises = []
@@ -136,39 +111,68 @@ def see_links(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Seen:
         parts.append((difference[keep], r.q[keep][:, k], v[keep][:, k], load[keep][:, k], t))
     starts = np.cumsum([0, *(len(part[0]) for part in parts[:-1])])
     difference, q, v, load, t = (np.concatenate(columns) for columns in zip(*parts))
-    return Seen(
+    return Rows(
         joints, difference, q, v, load, known, t, tuple(starts.tolist()),
         np.mean(noises, axis=0) + 1e-12, np.array([arm.joints[j].ratio for j in k]), np.maximum(np.max(np.abs(load), axis=0), 1e-12),
     )  # fmt: skip
 
 
-def shapes(seen: Seen) -> Iterator[Shape]:
+def candidates(rows: Rows) -> Iterator[Candidate]:
     """Every candidate with each value of its nonlinear parameter."""
     yield late()
-    for column, joint in enumerate(int(j) for j in seen.joints):
+    for column, joint in enumerate(int(j) for j in rows.joints):
         for effect in observed_by(Instrument.LINK_ENCODER):
-            yield from _at_joint(effect, seen, column, joint)
+            yield from _at_joint(effect, rows, column, joint)
 
 
-def _at_joint(effect: Effect, seen: Seen, column: int, joint: int) -> Iterator[Shape]:
+def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[Candidate]:
     """Candidates of one effect at one joint; an effect that changes the description is a constant, which is always free."""
-    load = seen.load[:, column]
+    load = rows.load[:, column]
     if effect.gap is not None:
-        yield from (Shape(effect.name, joint, "half_gap", gap) for gap in GAPS)
+        yield from (Candidate(effect.name, joint, (("half_gap", gap),)) for gap in GAPS)
         if min(load.max(), -load.min()) > 0.05 * float(np.max(np.abs(load))):
-            yield Shape(effect.name, joint, "by_load", 1.0)  # the load changes sides
+            yield Candidate(effect.name, joint, (("by_load", 1.0),))  # the load changes sides
     elif effect.spring is not None:
-        yield from (Shape(effect.name, joint, "drag", drag) for drag in (DRAGS[:1] if seen.known_load else DRAGS))
+        yield from (
+            Candidate(effect.name, joint, (("drag", drag),)) for drag in (DRAGS[:1] if rows.known_load else DRAGS)
+        )
     elif effect.wave and effect.deflection is not None:
-        yield from (Shape(effect.name, joint, "order", n) for n in orders(effect))
-    elif effect.wave and np.ptp(seen.q[:, column]) > np.pi:
+        yield from (Candidate(effect.name, joint, (("order", n),)) for n in orders(effect))
+    elif effect.wave and np.ptp(rows.q[:, column]) > np.pi:
         # of the link encoder, whose angle is the joint's; over less than half a turn a slow wave is any bend
-        yield from (Shape(effect.name, joint, "turn_order", n) for n in orders(effect))
+        yield from (Candidate(effect.name, joint, (("turn_order", n),)) for n in orders(effect))
 
 
-def late() -> Shape:
+def variant(candidate: Candidate) -> tuple[str, float]:
+    """What a candidate is evaluated at, and its value.
+
+    "drag": friction between motor and gear, of a spring; "half_gap" or "by_load": of a gap, as the link is held by friction or by its load;
+    "order" and "turn_order": of a wave over the turn of the motor, of the joint; "": a delay.
+    """
+    return candidate.shape[0] if candidate.shape else ("", 0.0)
+
+
+def width(candidate: Candidate) -> int:
+    """Coefficients: a wave has a sine and a cosine."""
+    return 2 if variant(candidate)[0].endswith("order") else 1
+
+
+def standing_waves(rest: Array, rows: Rows, k: int) -> list[Candidate]:
+    """Waves of the gear at the k-th joint at the orders, whole or not, at which ``rest`` (m,) repeats most."""
+    gears = (e for e in observed_by(Instrument.LINK_ENCODER) if e.wave and e.deflection is not None)
+    joint = int(rows.joints[k])
+    return [
+        Candidate(effect.name, joint, (("order", order),))
+        for effect in gears
+        for order in standing_orders(rest, rows, k)
+    ]
+
+
+def late() -> Candidate:
     """Stamps of the link encoders that are late, alike at all joints."""
-    return next(Shape(effect.name, None) for effect in observed_by(Instrument.LINK_ENCODER) if effect.delay is not None)
+    return next(
+        Candidate(effect.name, None) for effect in observed_by(Instrument.LINK_ENCODER) if effect.delay is not None
+    )
 
 
 def orders(effect: Effect) -> tuple[float, ...]:
@@ -176,43 +180,43 @@ def orders(effect: Effect) -> tuple[float, ...]:
     return next((p.search for p in effect.parameters if p.whole), ())
 
 
-def columns(shape: Shape, seen: Seen, k: int) -> Array:
-    """(m, c) rad: what a unit of each of c coefficients adds to the difference at the k-th joint of ``seen``; c = 0 where it is not felt."""
-    if shape.joint is None:  # q(t) - q(t - delay)
-        return seen.v[:, k, None] * DELAY
-    if seen.joints[k] != shape.joint:
-        return np.empty((seen.rows, 0))
-    return _own(shape, seen, k)
+def columns(candidate: Candidate, rows: Rows, k: int) -> Array:
+    """(m, c) rad: what a unit of each of c coefficients adds to the difference at the k-th joint of ``rows``; c = 0 where it is not felt."""
+    if candidate.joint is None:  # q(t) - q(t - delay)
+        return rows.v[:, k, None]
+    if rows.joints[k] != candidate.joint:
+        return np.empty((rows.rows, 0))
+    return _own(*variant(candidate), rows, k)
 
 
-def _own(shape: Shape, seen: Seen, k: int) -> Array:
-    q, load = seen.q[:, k], seen.load[:, k]
-    largest = float(seen.largest[k])
-    match shape.name:
+def _own(name: str, value: float, rows: Rows, k: int) -> Array:
+    q, load = rows.q[:, k], rows.load[:, k]
+    largest = float(rows.largest[k])
+    match name:
         case "drag":
-            return (load - shape.value * largest * _direction(seen.v[:, k]))[:, None] / largest
+            return (load - value * largest * _direction(rows.v[:, k]))[:, None] / largest
         case "by_load":
             return (load / np.hypot(load, 0.01 * largest))[:, None]
         case "half_gap":
-            return _play(q, shape.value, seen.starts)[:, None] / shape.value
+            return _play(q, value, rows.starts)[:, None] / value
         case "order":
-            angle = shape.value * seen.ratio[k] * q
+            angle = value * rows.ratio[k] * q
         case _:
-            angle = shape.value * q
+            angle = value * q
     return np.column_stack([np.sin(angle), np.cos(angle)])
 
 
-def turns(seen: Seen, k: int) -> float:
+def turns(rows: Rows, k: int) -> float:
     """Motor turns that the k-th joint covers."""
-    return float(np.ptp(seen.q[:, k]) * seen.ratio[k] / (2 * np.pi))
+    return float(np.ptp(rows.q[:, k]) * rows.ratio[k] / (2 * np.pi))
 
 
-def standing_orders(rest: Array, seen: Seen, k: int, count: int = 3) -> list[float]:
+def standing_orders(rest: Array, rows: Rows, k: int, count: int = 3) -> list[float]:
     """Cycles a motor turn, whole or not (a wave of the gear wheel is not), at which ``rest`` (m,) repeats most: peaks of the spectrum over motor
     angle of its averages in bins of a 128th turn, less their running mean over a turn."""
-    if turns(seen, k) < 2.0:
+    if turns(rows, k) < 2.0:
         return []
-    angle = seen.q[:, k] * seen.ratio[k] / (2 * np.pi)
+    angle = rows.q[:, k] * rows.ratio[k] / (2 * np.pi)
     bins = ((angle - angle.min()) * 128).astype(np.intp)
     number = np.bincount(bins)
     mean = np.bincount(bins, weights=rest) / np.maximum(number, 1)

@@ -92,7 +92,6 @@ def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, 
     if len(arm) != 1:
         return None
     arm = sharply(arm, [*fit, *held_out])
-    assert LIMITS.block_seconds is not None
     rows = Split(rows_of(arm, fit, LIMITS.block_seconds), rows_of(arm, held_out, LIMITS.block_seconds), parts)
     if not fine(arm, rows.fit):
         return None
@@ -148,7 +147,6 @@ def _cause(candidate: Candidate, chosen: Chosen, model: SingleAxis) -> AxisCause
 
 def _group(score: Score[Candidate], chosen: Chosen, model: SingleAxis) -> tuple[str, ...]:
     """The ambiguity group of a cause: itself, and what explains as much in its place with no more coefficients."""
-    assert LIMITS.ambiguity is not None
     others = model.without(score.candidate, chosen)
     named, group = {c.effect for c in chosen}, [score.candidate.effect]
     for rival in model.best(others):
