@@ -29,7 +29,7 @@ from daq.acquisition.rows import Rows
 from daq.acquisition.states import NEXT, End, Ending, State, check_plan
 from daq.acquisition.tracker_memory import merge_points
 from daq.rig.bench import Bench
-from daq.rig.calibration import currents, positions, without_position
+from daq.rig.calibration import currents, of_another_time, positions, without_position
 from drivers.protocols import ClockReadings, EdgeSource, Plan, PositionTracker, Reconnecting
 from experiment import Experiment, demand_of
 
@@ -170,7 +170,8 @@ class Acquisition:
             if stream.name in self._join.gone:
                 continue
             try:
-                self._intake.read(stream)
+                with self.bench.guard.awaiting(stream.name):
+                    self._intake.read(stream)
             except DeviceFault as fault:
                 self._join.gone[stream.name] = fault.what
                 self.stop(End.DEVICE_LOST, str(fault))
@@ -206,7 +207,8 @@ class Acquisition:
             self._check_first(rows)
         self._pace_ns = (int(rows.host_ns[-1]) - self._first[1]) / max(int(rows.number[-1]) - self._first[0], 1)
         unmeasured = without_position(self.bench.calibration, rows.quality)
-        breach = self.bench.guard.breach(rows.position, rows.current, rows.host_ns, unmeasured)
+        untimed = of_another_time(self.bench.calibration, rows.quality)
+        breach = self.bench.guard.breach(rows.position, rows.current, rows.host_ns, unmeasured, untimed)
         if breach is not None:
             self.stop(End.LIMIT, breach)
         self.rows_made += len(rows)
@@ -255,7 +257,8 @@ class Acquisition:
             self._newest_ns = max(self._newest_ns, int(self._clock.ready["host"][-1]))
         controller = self.bench.guard.controller
         if self._stop is None and self.bench.guard.tripped is not None:
-            self.stop(End.WATCHDOG, self.bench.guard.tripped)
+            silent = self.bench.guard.silent
+            self.stop(End.WATCHDOG if silent is None else End.NO_ANSWER, self.bench.guard.tripped)
         if self._stop is None and self.experiment is not None and controller is not None:
             try:
                 if controller.finished():

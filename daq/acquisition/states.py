@@ -44,6 +44,7 @@ class End(StrEnum):
     TRACKER_FULL = "tracker_full"
     DEVICE_LOST = "device_lost"
     DEVICE_SILENT = "device_silent"
+    NO_ANSWER = "no_answer"
     LIMIT = "limit"
     WATCHDOG = "watchdog"
     RECORDER = "recorder"
@@ -60,6 +61,7 @@ SENTENCES = {
     End.TRACKER_FULL: "the tracker's memory is full and it makes no more edges",
     End.DEVICE_LOST: "a device failed or was unplugged",
     End.DEVICE_SILENT: "a device makes no rows any more though the trigger line goes on",
+    End.NO_ANSWER: "a device kept the sampler waiting and the watchdog brought the outputs to their safe state",
     End.LIMIT: "the arm left its limits",
     End.WATCHDOG: "the sampler was not served in time and the watchdog brought the outputs to their safe state",
     End.RECORDER: "the recorder could not go on",
@@ -71,6 +73,7 @@ FAULTS = {
     End.TRIGGER_STOPPED,
     End.DEVICE_LOST,
     End.DEVICE_SILENT,
+    End.NO_ANSWER,
     End.LIMIT,
     End.WATCHDOG,
     End.RECORDER,

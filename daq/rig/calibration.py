@@ -105,11 +105,20 @@ def positions(calibration: Calibration, counts: NDArray[np.int64], quality: NDAr
 
 def without_position(calibration: Calibration, quality: NDArray[np.uint8]) -> NDArray[np.bool_]:
     """(n, J) where a joint has no encoder, or its value is MISSING in rows of ``quality`` (n, C + A + tracker)."""
+    return _marked(calibration, quality, Quality.MISSING)
+
+
+def of_another_time(calibration: Calibration, quality: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """(n, J) where a joint's value was not taken at its row's time: one repeated, one that came late, or none at all."""
+    return _marked(calibration, quality, Quality.STALE | Quality.LATE | Quality.MISSING)
+
+
+def _marked(calibration: Calibration, quality: NDArray[np.uint8], marks: Quality) -> NDArray[np.bool_]:
     which = np.array(calibration.count_column, int)
-    without = np.ones((len(quality), len(which)), bool)
+    marked = np.ones((len(quality), len(which)), bool)
     have = which != NONE
-    without[:, have] = (quality[:, which[have]] & int(Quality.MISSING)) != 0
-    return without
+    marked[:, have] = (quality[:, which[have]] & int(marks)) != 0
+    return marked
 
 
 def currents(calibration: Calibration, volts: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,7 +11,8 @@ the daemon anew, and opening the rig begins with the safe state; what must be sa
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +20,19 @@ from numpy.typing import NDArray
 from arm_io import DeviceFault, InputError
 from daq.acquisition.states import check_motion
 from daq.rig.rig_file import Output, Rig
+from daq.rig.speed_check import SpeedCheck
 from drivers.protocols import AnalogOutput, ArmController, Device, DigitalOutput, HostClock, OwnWatchdog
 from experiment import Experiment
 
 START = "start"  # the output that begins a run
-SHORTEST = 5e-3
-"""s over which a speed is taken, at least."""
 
 
 class Guard:
-    """Outputs and arm of one rig. May be used from any thread; ``tripped`` is why all is held safe, or None."""
+    """Outputs and arm of one rig. May be used from any thread.
+
+    tripped  why all is held safe, or None
+    silent   the device that the sampler waited for when the watchdog tripped; None if it waited for none
+    """
 
     def __init__(self, rig: Rig, devices: Mapping[str, Device], clock: HostClock) -> None:
         self.rig, self.clock = rig, clock
@@ -39,6 +43,10 @@ class Guard:
         _check_watchdogs(rig, devices)
         self._lock = threading.RLock()
         self._fed = 0
+        self._awaited: str | None = None  # device that is being read
+        self._slow: str | None = None  # device whose reading took long since the last sign of life
+        self.silent: str | None = None
+        self._speeds = _speed_check(rig)
         self._watching: threading.Thread | None = None
         self._end = threading.Event()
 
@@ -85,6 +93,8 @@ class Guard:
         with self._lock:
             self._refuse_if_tripped("the arm")
             self._fed = self.clock.monotonic_ns()
+            self._slow = None
+            self._speeds = _speed_check(self.rig)
             self._watch()
             if motion and self.controller is not None:
                 self.controller.start()
@@ -98,7 +108,19 @@ class Guard:
         now = self.clock.monotonic_ns()
         if now - self._fed > self.rig.watchdog * 1e9:
             self._starved()
-        self._fed = now
+        self._fed, self._slow = now, None
+
+    @contextmanager
+    def awaiting(self, device: str) -> Iterator[None]:
+        """The sampler reads ``device``: if it takes too long, that is whom the watchdog names."""
+        began = self.clock.monotonic_ns()
+        self._awaited = device
+        try:
+            yield
+        finally:
+            self._awaited = None
+            if self.clock.monotonic_ns() - began > self.rig.watchdog * 0.5e9:
+                self._slow = device
 
     def breach(
         self,
@@ -106,14 +128,16 @@ class Guard:
         current: NDArray[np.float64],
         host_ns: NDArray[np.int64],
         unmeasured: NDArray[np.bool_] | None = None,
+        untimed: NDArray[np.bool_] | None = None,
     ) -> str | None:
         """What limit the arm was seen to break in rows (n, J), as a sentence; None if it kept them all.
 
         unmeasured  (n, J) True where the joint has no encoder, or its device says itself that the value is missing; None: nowhere.
                     A position that is not finite elsewhere is a breach, with or without limits: nobody knows where the arm is.
+        untimed     (n, J) True where the value was not taken at the time of its row; None: nowhere
 
-        A current that is NaN was not measured; an infinite one is a breach. Speed is taken from the first to the last measured row of
-        the block, where encoder steps do not look like speed.
+        A current that is NaN was not measured; an infinite one is a breach. Speed is that of ``daq.rig.speed_check``, over the blocks
+        of one run, which must be given in their order.
         """
         if len(position) == 0:
             return None
@@ -128,7 +152,10 @@ class Guard:
         if (over := ~(np.abs(current) <= most) & ~np.isnan(current)).any():
             row, joint = np.argwhere(over)[0]
             return f"current {current[row, joint]:.4g} A in joint {joint + 1}, limit {most[joint]:g} A"
-        return None if limits.speed is None else _too_fast(position, measured, host_ns, np.array(limits.speed))
+        if self._speeds is None:
+            return None
+        timed = np.ones(position.shape, bool) if untimed is None else ~untimed
+        return self._speeds.too_fast(position, measured, timed, host_ns)
 
     def trip(self, why: str) -> None:
         """Safe state, held until ``reset``."""
@@ -138,7 +165,7 @@ class Guard:
 
     def reset(self) -> None:
         """Somebody has looked: commands are taken again."""
-        self.tripped = None
+        self.tripped = self.silent = None
 
     def make_safe(self) -> None:
         """Stops the arm and brings every output to its safe state; never raises, tries every device."""
@@ -179,22 +206,16 @@ class Guard:
                 return
 
     def _starved(self) -> None:
-        self.trip(f"no sign of life of the sampler for {self.rig.watchdog:g} s")
+        if self.tripped is None:
+            self.silent = self._awaited or self._slow
+        who = "no sign of life of the sampler" if self.silent is None else f"{self.silent} did not answer"
+        self.trip(f"{who} for {self.rig.watchdog:g} s")
 
 
-def _too_fast(
-    position: NDArray[np.float64], measured: NDArray[np.bool_], host_ns: NDArray[np.int64], limit: NDArray[np.float64]
-) -> str | None:
-    """The first joint whose mean speed between its first and last measured row is not within ``limit`` (J,), as a sentence."""
-    joints = np.flatnonzero(measured.any(axis=0))
-    first = np.argmax(measured[:, joints], axis=0)
-    last = len(measured) - 1 - np.argmax(measured[::-1, joints], axis=0)
-    seconds = (host_ns[last] - host_ns[first]) * 1e-9
-    moved = np.abs(position[last, joints] - position[first, joints])
-    for joint, distance, time in zip(joints.tolist(), moved.tolist(), seconds.tolist()):
-        if time > SHORTEST and not distance / time <= limit[joint]:
-            return f"joint {joint + 1} at {distance / time:.4g}/s, limit {limit[joint]:g}/s"
-    return None
+def _speed_check(rig: Rig) -> SpeedCheck | None:
+    if rig.limits.speed is None:
+        return None
+    return SpeedCheck(np.array(rig.limits.speed), 0.0 if rig.trigger is None else 1e9 / rig.trigger.rate)
 
 
 def _check_watchdogs(rig: Rig, devices: Mapping[str, Device]) -> None:
