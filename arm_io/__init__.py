@@ -2,7 +2,7 @@
 
 from arm_io.errors import DeviceFault, InputError
 from arm_io.files import read_file, read_text
-from arm_io.plain_data import check_plain, json_of
+from arm_io.plain_data import check_plain
 from arm_io.results import check_folder, make_folder, whole_file, write_text
 from arm_io.toml import check_table, read_toml, toml_of, write_toml
 
@@ -12,7 +12,6 @@ __all__ = [
     "check_folder",
     "check_plain",
     "check_table",
-    "json_of",
     "make_folder",
     "read_file",
     "read_text",

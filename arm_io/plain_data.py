@@ -6,7 +6,6 @@ comparison may then rely on numbers being ordered (a comparison with NaN is fals
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -45,18 +44,6 @@ def check_plain(where: str | Path, data: Any) -> None:
             if wrong := _wrong(key):
                 raise InputError(where, f"an entry's name {wrong}")
         waiting += reversed(children)
-
-
-def json_of(text: str | bytes, where: str | Path) -> Any:
-    """What a JSON text says, checked by ``check_plain``; InputError for anything else, NaN and Infinity included."""
-    try:
-        data = json.loads(text)
-    except RecursionError:
-        raise InputError(where, f"is nested more than {DEEPEST} deep") from None
-    except ValueError as error:
-        raise InputError(where, f"not valid JSON: {error}") from None
-    check_plain(where, data)
-    return data
 
 
 def point_of(text: str, option: str) -> tuple[float, float, float]:

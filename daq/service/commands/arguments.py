@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from arm_io import check_table
+from arm_io.table import Table
 from daq.service.transfer.folder import MOST_PIECE
 
 MOST_EXPIRY = 3600.0
@@ -14,8 +15,8 @@ Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 Name = Annotated[str, Field(min_length=1, max_length=255)]
 
 
-class _Arguments(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+class _Arguments(Table):
+    model_config = ConfigDict(strict=True)
 
 
 class NoArguments(_Arguments):
