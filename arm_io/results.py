@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,17 +12,54 @@ from typing import IO
 
 from arm_io.errors import InputError
 
+LONGEST_NAME = 230
+"""Bytes of a file's name: 255 of the file system, less what is appended until the file is whole."""
+
+
+def check_file(path: str | Path) -> None:
+    """Raises InputError where no regular file can be at ``path``: a name that is empty, too long or none, a folder, a device, a pipe.
+
+    For ahead of long work; makes nothing. A file that is there is no error: who must not replace it asks for itself.
+    """
+    name = os.path.basename(path)
+    if name in ("", ".", ".."):
+        raise InputError(path or "output", "is not the name of a file")
+    mode = _mode(path)
+    if mode is not None and stat.S_ISDIR(mode):
+        raise InputError(path, "is a folder; the name of a file is needed")
+    if mode is not None and not stat.S_ISREG(mode):
+        raise InputError(path, "is a pipe, socket or device; the name of a regular file is needed")
+    if len(os.fsencode(name)) > LONGEST_NAME:
+        raise InputError(path, f"the name is longer than {LONGEST_NAME} bytes")
+    parent = _mode(Path(path).parent)
+    if parent is None or not stat.S_ISDIR(parent):
+        raise InputError(path, f"cannot be written: there is no folder {Path(path).parent}")
+
 
 def check_folder(path: str | Path) -> None:
-    """Raises InputError where ``path`` neither is a folder to write in nor can become one; for ahead of long work, makes nothing."""
+    """Raises InputError where ``path`` neither is a folder to write in nor can become one; for ahead of long work, leaves nothing."""
     path = Path(path)
     nearest = path.absolute()
-    while not nearest.exists():
+    while (mode := _mode(nearest)) is None:
+        if len(os.fsencode(nearest.name)) > LONGEST_NAME:
+            raise InputError(path, f"the name is longer than {LONGEST_NAME} bytes")
         nearest = nearest.parent
-    if not nearest.is_dir():
+    if not stat.S_ISDIR(mode):
         raise InputError(path, "is a file; expected a folder for the results")
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise InputError(path, f"cannot be written: no permission in {nearest}")
+    try:
+        os.rmdir(tempfile.mkdtemp(dir=nearest))  # the only sure test: root may do what a file system cannot
+    except OSError as error:
+        raise InputError(path, f"cannot be made in {nearest}: {error.strerror}") from None
+
+
+def _mode(path: str | Path) -> int | None:
+    """Of what is at ``path``, None where nothing is. InputError for a path that cannot be one."""
+    try:
+        return os.stat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except (OSError, ValueError) as error:  # ValueError: a NUL, a lone surrogate
+        raise InputError(ascii(str(path)), f"cannot be used: {getattr(error, 'strerror', None) or error}") from None
 
 
 def make_folder(path: str | Path) -> None:
@@ -45,6 +83,7 @@ def whole_file(path: str | Path) -> Iterator[IO[str]]:
 
     InputError where it cannot be written.
     """
+    check_file(path)
     path = Path(path)
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from arm_io import InputError, read_file
+from arm_io import InputError, read_file, write_text
 from arm_io.types import Array
 from arm_model.description import Arm, Joint, Pose
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
@@ -198,7 +198,7 @@ def write_urdf(path: str | Path, arm: Arm) -> None:
     xml.SubElement(fixed, "origin", _origin_of(pose @ np.array(arm.tool)))
     xml.SubElement(robot, "link", name="tool")
     xml.indent(robot)
-    xml.ElementTree(robot).write(path, encoding="utf-8", xml_declaration=True)
+    write_text(path, xml.tostring(robot, encoding="utf-8", xml_declaration=True).decode())
 
 
 def _write_joint(robot: xml.Element, joint: Joint, name: str, parent: str, child: str, origin: Array) -> None:

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from arm_io import make_folder
 from daq.service.service import Service
 
 
@@ -21,7 +22,7 @@ def command(
     ] = None,
 ) -> None:
     if recordings is not None:
-        recordings.mkdir(parents=True, exist_ok=True)
+        make_folder(recordings)
     service = Service(rig, folder=recordings)
     told_to_end = []
 

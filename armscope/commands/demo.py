@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from arm_io import DeviceFault, InputError, read_toml, write_toml
+from arm_io import DeviceFault, InputError, check_folder, make_folder, read_toml, write_toml
 from armscope.shipped import shipped_folder
 from daq.rig.rig_file import Rig, read_rig
 from daq.service.subscriber import Subscriber
@@ -32,10 +32,10 @@ def command(
     held_out: Annotated[str, typer.Option(help="experiment to judge by")] = HELD_OUT,
 ) -> None:
     folder = out or Path(time.strftime("armscope_demo_%Y%m%d_%H%M%S"))
-    try:
-        folder.mkdir(parents=True, exist_ok=False)
-    except FileExistsError:
-        raise InputError("--out", f"{folder} exists already; a new folder is wanted") from None
+    check_folder(folder)
+    if folder.exists():
+        raise InputError("--out", f"{folder} exists already; give a new folder")
+    make_folder(folder)
     rig_file = _write_rig(folder)
     runs = {name: folder / f"{name}.mcap" for name in (fit, held_out)}
     model = shipped_folder() / "models/puma560.toml"

@@ -63,8 +63,6 @@ def command(
     if distort is not None:
         return _distorted(arm, distort, recordings_of(fit), out, as_json)
     fitted, held = fit_and_held_out(fit, held_out or [])
-    if not held_out:
-        print("warning: no recording is held out; the last 40 % of each is judged by, a weaker test", file=sys.stderr)
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
         case = _case(arm, fitted, held, status)
         if rig is not None:
@@ -72,6 +70,8 @@ def command(
             table = _gone_on(arm, case, rig, out, yes, max_experiments, status)
         else:
             table = _kept(case, out, status)
+    if not held_out:
+        print("warning: no recording is held out; the last 40 % of each is judged by, a weaker test", file=sys.stderr)
     if as_json:
         print(json.dumps(table))
     else:

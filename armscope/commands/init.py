@@ -10,8 +10,9 @@ from typing import Annotated
 
 import typer
 
-from arm_io import InputError, make_folder, write_text
+from arm_io import InputError, check_folder, make_folder, write_text
 from armscope.shipped import shipped_folder
+from daq.rig.rig_file import LONGEST_RIG_NAME
 
 
 class Like(StrEnum):
@@ -70,6 +71,7 @@ def command(
 
 def write_starter(folder: Path, like: Like) -> list[str]:
     """The names of the files written; InputError where the folder holds something already."""
+    check_folder(folder)
     if folder.is_dir() and any(folder.iterdir()):
         raise InputError(folder, "is not empty; a starter project must have a folder of its own")
     texts = {place: _text(folder, source) for place, source in STARTERS[like].files(like).items()}
@@ -84,7 +86,7 @@ def _text(folder: Path, source: str) -> str:
     text = (shipped_folder() / source).read_text(encoding="utf-8")
     if source not in {starter.rig for starter in STARTERS.values()}:
         return text
-    name = re.sub(r"\W+", "_", folder.resolve().name, flags=re.ASCII).strip("_") or "my_arm"
+    name = re.sub(r"\W+", "_", folder.resolve().name, flags=re.ASCII).strip("_")[:LONGEST_RIG_NAME] or "my_arm"
     text = re.sub(r'^name = ".*"', f'name = "{name}"', text, count=1, flags=re.MULTILINE)
     text = re.sub(r'^model = ".*?"', 'model = "model.toml"', text, count=1, flags=re.MULTILINE)
     return text.replace(f"config/{source}", "rig.toml")

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from arm_io import InputError
+from arm_io import InputError, check_file
 from daq.recording import open_recording
 from daq.recording.plots import plot
 
@@ -21,6 +21,7 @@ def command(
 ) -> None:
     if out.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(out, "the name of a picture wants to end in .png, .svg or .pdf")
+    check_file(out)
     data = [open_recording(path) for path in recordings]
     joints = max(recording.joints for recording in data)
     for number in joint or []:

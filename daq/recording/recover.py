@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from mcap.opcode import Opcode
 
-from arm_io import DeviceFault, InputError
+from arm_io import DeviceFault, InputError, check_file
 from daq.acquisition.ledger import LedgerSummary
 from daq.recording.contents import read_contents
 from daq.recording.losses import Account, opened
@@ -56,8 +57,9 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
         if path.suffix != ACTIVE:
             raise InputError(path, "is not called '.active'; --out with the name of the new file is wanted")
         out = path.with_suffix("")
+    check_file(out)
     out = Path(out)
-    if out.exists() and path.exists() and out.samefile(path):
+    if out.exists() and os.path.exists(path) and out.samefile(path):
         raise InputError(out, "is the damaged file itself; another name is wanted")
     contents = read_contents(path)
     if being_written(path):

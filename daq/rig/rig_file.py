@@ -34,6 +34,8 @@ from drivers.registry import World, check_config, make_device
 Positive = Annotated[float, Field(gt=0)]
 Channel = Annotated[int, Field(ge=0)]
 Sign = Literal[-1, 1]
+LONGEST_RIG_NAME = 100
+"""Characters: the name of the rig's lock file and its Zenoh keys follow from it."""
 Vector = tuple[float, float, float]
 
 
@@ -233,7 +235,7 @@ class RecordingTable(Table):
 class Rig(Table):
     """A rig file, checked. ``joint`` alone is a rig for imported data."""
 
-    name: Annotated[str, Field(min_length=1, max_length=100)]
+    name: Annotated[str, Field(min_length=1, max_length=LONGEST_RIG_NAME)]
     description: str = ""
     model: str | None = None  # the arm's model, relative to this file
     trigger: Trigger | None = None

@@ -39,7 +39,8 @@ from mcap.records import (
 )
 from numpy.typing import NDArray
 
-from arm_io import InputError
+from arm_io import DeviceFault, InputError, check_file
+from arm_io.files import open_regular
 from daq.recording.mcap_file import checksums
 from daq.recording.mcap_file.checksums import MAGIC, Checksums
 from daq.recording.mcap_file.pages import ACTIVE
@@ -235,15 +236,16 @@ class McapFile:
 
 
 def create(path: str | Path, *, live: bool = False, replace: bool = False) -> McapFile:
-    """Opens ``path`` for writing under another name. InputError where it exists (unless ``replace``), or cannot be made.
+    """Opens ``path`` for writing under another name. InputError where it exists (unless ``replace``), or cannot be made; DeviceFault
+    where the host's clock stands before 1970.
 
     live  True: the other name is ``path.active``, because what is in it is found nowhere else; never replaces one. A lock on it
           tells that somebody still writes (``being_written``). False: ``path.part``
     """
+    check_file(path)
+    _check_clock()
     path = Path(path)
     active = path.with_name(path.name + (ACTIVE if live else ".part"))
-    if path.is_dir():
-        raise InputError(path, "is a folder; the name of a file is wanted")
     if path.exists() and not replace:
         raise InputError(path, "exists already, and no recording is overwritten; another name is wanted")
     handle = -1
@@ -263,9 +265,16 @@ def create(path: str | Path, *, live: bool = False, replace: bool = False) -> Mc
     return McapFile(path, active, handle)
 
 
+def _check_clock() -> None:
+    """DeviceFault where the host's clock shows a time that a file cannot hold: MCAP counts from 1970 on, ROS in 31 bits of seconds."""
+    now = time.time_ns()
+    if not 0 <= now < 2**31 * 10**9:
+        raise DeviceFault("clock", f"the host's clock stands {now / 1e9:.0f} s after 1970, beyond 1970 to 2038; set it")
+
+
 def being_written(path: str | Path) -> bool:
     """True while a process has the file ``path`` open for recording."""
-    with open(path, "rb") as file:
+    with os.fdopen(open_regular(path), "rb") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:

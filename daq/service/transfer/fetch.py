@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from arm_io import DeviceFault, InputError
+from arm_io import DeviceFault, InputError, check_file
 from daq.service.client import call, call_for_bytes
 from daq.service.transfer.folder import MOST_PIECE
 from daq.service.zenoh_session import Keys
@@ -35,6 +35,7 @@ def fetch(
     Returns file, bytes, sha256 and how many bytes were here from an earlier attempt. InputError: no such recording, or ``out``
     exists or cannot be written. DeviceFault: the daemon or the disk failed; what has come stays for the next attempt.
     """
+    check_file(out)
     if out.exists():
         raise InputError(out, "exists already, and no recording is overwritten; give another name")
     told = call(session, keys, "checksum", {"name": name}, timeout=CHECKSUM_SECONDS)
