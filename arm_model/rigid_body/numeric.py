@@ -5,7 +5,8 @@ Shapes: q, qd, qdd, tau (N, n) rad, rad/s, rad/s2, N m (m and N for prismatic jo
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from arm_model.description import Arm, Joint, Pose
 from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
 from arm_model.rigid_body.inertia import barycentric, transform
 from arm_model.rigid_body.kinematics import link_frames
+
+BLOCK = 4096  # rows
 
 
 def link_parameters(arm: Arm) -> Array:
@@ -64,6 +67,16 @@ def samples(arm: Arm, *arrays: Array) -> list[Array]:
     return found
 
 
+def in_blocks(compute: Callable[..., Array], *arrays: Array) -> Array:
+    """``compute``, which treats each row alike, of arrays (N, ...) or (1, ...), BLOCK rows at a time: its hundreds of intermediate results then
+    stay in the cache, where those of all rows would take a hundred times the memory of the result."""
+    rows = max(map(len, arrays))
+    if rows <= BLOCK:
+        return compute(*arrays)
+    blocks = (slice(first, first + BLOCK) for first in range(0, rows, BLOCK))
+    return np.concatenate([compute(*(one if len(one) == 1 else one[block] for one in arrays)) for block in blocks])
+
+
 def turns(chain: newton_euler.Chain, q: Array) -> list[tuple[Any, Any]]:
     """(cos q, sin q) of every joint, (N,) each, for q (N, n)."""
     return newton_euler.turns(chain, list(q.T), np.cos, np.sin)
@@ -76,7 +89,10 @@ def stacked(columns: list[Any], shape: tuple[int, ...]) -> Array:
 
 def rigid_torque(arm: Arm, q: Array, qd: Array, qdd: Array, *, gravity: bool = True) -> Array:
     """(N, n) torque of the rigid links and the water round them: no rotors, no friction, no effects."""
-    q, qd, qdd = samples(arm, q, qd, qdd)
+    return in_blocks(partial(_rigid_torque, arm, gravity), *samples(arm, q, qd, qdd))
+
+
+def _rigid_torque(arm: Arm, gravity: bool, q: Array, qd: Array, qdd: Array) -> Array:
     chain = newton_euler.chain_of(arm)
     state = turns(chain, q), list(q.T), list(qd.T), list(qdd.T), arm.gravity if gravity else (0.0, 0.0, 0.0)
     tau = newton_euler.inverse_dynamics(chain, _bodies(arm.base, arm.joints), *state)
@@ -91,7 +107,10 @@ def rigid_torque(arm: Arm, q: Array, qd: Array, qdd: Array, *, gravity: bool = T
 def mass_matrix(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
     """(N, n, n) mass matrix, with the water's added mass, and with the reflected rotor inertias on the diagonal unless ``rotors`` is
     False."""
-    (q,) = samples(arm, q)
+    return in_blocks(partial(_mass_matrix, arm, rotors), *samples(arm, q))
+
+
+def _mass_matrix(arm: Arm, rotors: bool, q: Array) -> Array:
     chain = newton_euler.chain_of(arm)
     state = turns(chain, q), list(q.T)
     rigid = newton_euler.mass_matrix(chain, _bodies(arm.base, arm.joints), *state)

@@ -6,6 +6,7 @@ Atkeson, An, Hollerbach, "Estimation of inertial parameters of manipulator loads
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from arm_model.description import Arm
 from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
 from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
 from arm_model.rigid_body.inertia import PARAMETERS, transform_matrix
-from arm_model.rigid_body.numeric import link_parameters, samples, stacked, turns
+from arm_model.rigid_body.numeric import in_blocks, link_parameters, samples, stacked, turns
 
 Friction = Literal["asymmetric", "symmetric"]
 
@@ -61,7 +62,7 @@ def regressor(
     With ``friction`` "symmetric" one column joint{j}.viscous and one joint{j}.coulomb stand for both directions.
     """
     q, qd, qdd = samples(arm, q, qd, qdd)
-    blocks = [_link_columns(arm, q, qd, qdd)] + [
+    blocks = [in_blocks(partial(_link_columns, arm), q, qd, qdd)] + [
         _drive_columns(arm, j, qd[:, j], qdd[:, j], friction) for j in range(len(arm))
     ]
     blocks.append(_water_columns(arm, q, qd, qdd))

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 
-import numpy as np
-
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, check_terms
 from arm_model.geometry import relinked
+from arm_model.rigid_body.numeric import in_blocks, stacked
 from arm_model.symbolic.tape import Expr, Tape, evaluate
 from arm_model.system.closed_loop_system import Symbols, rigid_links
 from arm_model.system.kernel_inputs import numbers
@@ -37,9 +36,12 @@ def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Arra
         inputs |= moved
     n, zeros = len(arm), frozenset(name for name, value in inputs.items() if not value.any())
     tape, torque = _equations(_Structure(kept), zeros)
-    moving = {f"{name}{j}": values[:, j] for name, values in _named(theta, speed, acceleration) for j in range(n)}
-    found = evaluate(tape, torque, {**inputs, **moving, "time": time})
-    return np.stack([np.broadcast_to(np.asarray(value, float), theta.shape[:1]) for value in found], axis=-1)
+
+    def block(theta: Array, speed: Array, acceleration: Array, time: Array) -> Array:
+        moving = {f"{name}{j}": values[:, j] for name, values in _named(theta, speed, acceleration) for j in range(n)}
+        return stacked(evaluate(tape, torque, {**inputs, **moving, "time": time}), theta.shape[:1])
+
+    return in_blocks(block, theta, speed, acceleration, time)
 
 
 class _Structure:

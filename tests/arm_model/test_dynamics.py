@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -160,3 +161,25 @@ def test_uneven_friction_is_the_same_as_effect_and_in_the_description() -> None:
     np.testing.assert_allclose(
         dynamics.inverse_dynamics(effect, *states), dynamics.inverse_dynamics(described, *states), atol=1e-9
     )
+
+
+@pytest.mark.parametrize("name", ["puma560", "puma560_worn"])
+def test_many_rows_take_the_memory_of_few_and_give_the_same(root: Path, name: str) -> None:
+    arm = read_model(root / f"config/models/{name}.toml")
+    q, qd, qdd = random_states(3, len(arm), count=4 * numeric.BLOCK + 5)
+    time = np.linspace(0.0, 60.0, len(q))
+    dynamics.inverse_dynamics(arm, q[:2], qd[:2], qdd[:2], time=time[:2])  # its equations are made once
+    tracemalloc.start()
+    torque, matrix = dynamics.inverse_dynamics(arm, q, qd, qdd, time=time), numeric.mass_matrix(arm, q)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 3 * (torque.nbytes + matrix.nbytes) + 600 * 8 * numeric.BLOCK
+    some = np.random.default_rng(0).choice(len(q), 40)
+    found = dynamics.inverse_dynamics(arm, q[some], qd[some], qdd[some], time=time[some])
+    np.testing.assert_allclose(torque[some], found, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(matrix[some], numeric.mass_matrix(arm, q[some]), rtol=1e-12, atol=1e-12)
+    at_rest = (
+        dynamics.inverse_dynamics(arm, q, np.zeros((1, len(arm))), np.zeros((1, len(arm)))) if not arm.effects else None
+    )
+    if at_rest is not None:
+        np.testing.assert_allclose(at_rest, dynamics.inverse_dynamics(arm, q, 0 * q, 0 * q), atol=1e-12)
