@@ -51,6 +51,7 @@ class Cia406Encoders(EncoderNodes):
         answers = self._answers.take()
         for number in self._heed_events():
             self._rounds.forget(number)
+        self._seek(self._rounds.absent, now)
         for at, identifier, data in answers:
             self._rounds.take(identifier - cia.TPDO1, data, at)
         if self._rounds.blocked(now):

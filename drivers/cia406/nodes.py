@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
@@ -15,6 +16,7 @@ from drivers.protocols import CounterMode, HostClock, Identity, Plan
 from drivers.reconnect import Reconnect, or_fault
 
 ADVICE = "is the bus terminated, are the encoders powered?"
+SEEK_EVERY = 1_000_000_000  # ns
 Node = Annotated[int, Field(ge=1, le=127)]
 
 
@@ -50,7 +52,9 @@ class EncoderNodes:
         self.name, self.config, self._bus, self._clock = name, config, bus, clock
         self.width = (config.bits,) * len(config.nodes)
         self._addressed = set(config.nodes) | ({config.sync} if isinstance(config.sync, int) else set())
-        self._events = bus.listen([base + n for n in self._addressed for base in (cia.HEARTBEAT, cia.EMERGENCY)])
+        told = (cia.HEARTBEAT, cia.EMERGENCY, cia.SDO_REPLY)
+        self._events = bus.listen([base + n for n in self._addressed for base in told])
+        self._asked = 0  # ns: when silent nodes were last asked what ails them
         self._sdo: dict[int, Any] = {}
         self._serials: dict[int, int] = {}  # by node
         self._restarted: set[int] = set()
@@ -141,13 +145,23 @@ class EncoderNodes:
             self._opened = False
             self._bus.close()
 
+    def _seek(self, silent: Iterable[int], now: int) -> None:
+        """Asks nodes that give no positions for their settings, now and then, without waiting: ``_heed_events`` takes the answers."""
+        if now - self._asked > SEEK_EVERY:
+            self._asked = now
+            for number in silent:
+                with contextlib.suppress(OSError):  # who reads next finds the bus off
+                    self._bus.send(cia.SDO_REQUEST + number, cia.ASK_WHEN_SENT)
+
     def _heed_events(self) -> list[int]:
-        """A node that boots has lost its settings: it is set up again, and its counts are marked from then on. DeviceFault where
-        another encoder has taken its place. Returns the nodes that did boot."""
-        booted = []
+        """A node that boots, or whose settings are not ours any more, has restarted: it is set up again, and its counts are marked from
+        then on. DeviceFault where another encoder has taken its place. Returns the nodes that did restart."""
+        booted: list[int] = []
         for _, identifier, data in self._events.there():
             number = identifier & 0x7F
-            if identifier & ~0x7F == cia.HEARTBEAT and data == cia.BOOT_UP:
+            boots = identifier & ~0x7F == cia.HEARTBEAT and data == cia.BOOT_UP
+            foreign = identifier & ~0x7F == cia.SDO_REPLY and data[:4] == cia.WHEN_SENT and data[4] != cia.EVERY_SYNC
+            if (boots or foreign) and number not in booted:
                 booted.append(number)
                 if number in self.config.nodes:
                     self._restarted.add(number)
@@ -165,6 +179,7 @@ class EncoderNodes:
             if self._upload(number, cia.TPDO1_PARAMETERS, 2) != cia.EVERY_SYNC:
                 self._restarted.add(number)
             self._set_up(number)
+        self._events.take()
 
     def configure(self, channel: int, mode: CounterMode) -> None:
         check_channel(self.name, channel, len(self.width))

@@ -10,6 +10,8 @@ from drivers.protocols import Quality
 SYNC, SYNC_BITS = 0x080, 44  # its bits until it is valid: no data, no stuffing counted
 EMERGENCY, TPDO1, SDO_REPLY, SDO_REQUEST, HEARTBEAT = 0x080, 0x180, 0x580, 0x600, 0x700  # + node
 ASK_DEVICE_TYPE = bytes([0x40, 0x00, 0x10, 0, 0, 0, 0, 0])  # SDO: upload of 1000h
+ASK_WHEN_SENT = bytes([0x40, 0x00, 0x18, 0x02, 0, 0, 0, 0])  # SDO: upload of 1800h:2, when the position is sent
+WHEN_SENT = bytes([0x4F, 0x00, 0x18, 0x02])  # and how its answer begins
 BOOT_UP = b"\x00"  # heartbeat of a node that has just started
 
 DEVICE_TYPE = 0x1000  # low word 406
@@ -95,6 +97,11 @@ class Rounds:
         """True when nobody is to be waited for."""
         return not any(node.owes and node.silent < ABSENT for node in self.nodes.values())
 
+    @property
+    def absent(self) -> list[int]:
+        """Nodes that have been silent for so long that nobody waits for them."""
+        return [number for number, node in self.nodes.items() if node.silent >= ABSENT]
+
     def end(self) -> None:
         """No more waiting: an answer that still comes is too late for this round."""
         self._open = False
@@ -121,6 +128,7 @@ class Listened:
 
     answers: list[tuple[int, int]]  # value, ns after the SYNC
     usual: int | None = None
+    silent: int = 0  # rounds in a row without an answer
     doubtful: bool = False  # it missed a SYNC: it may have been late, and be one behind from then on
 
 
@@ -149,6 +157,11 @@ class Heard:
             answering.answers.append((value, arrived - self._at))
         return None
 
+    @property
+    def absent(self) -> list[int]:
+        """Nodes that have been silent for ``ABSENT`` rounds."""
+        return [number for number, node in self._nodes.items() if node.silent >= ABSENT]
+
     def restart(self) -> None:
         """Frames may have been lost: what is under way belongs to no SYNC."""
         self._at = None
@@ -160,8 +173,9 @@ class Heard:
 
     def _judge(self, node: Listened, period: int) -> tuple[int, Quality]:
         if not node.answers:
-            node.doubtful = True
+            node.doubtful, node.silent = True, node.silent + 1
             return 0, Quality.MISSING
+        node.silent = 0
         value, after = node.answers[-1]
         if len(node.answers) > 1:
             node.doubtful = False

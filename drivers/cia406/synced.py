@@ -111,6 +111,7 @@ class SyncedEncoders(EncoderNodes):
         rounds = [r for at, i, data in frames if (r := self._heard.take(i, data, at)) is not None]
         if rounds:
             self._keep(rounds)
+        self._seek(self._heard.absent, now)
         if self.config.sync in self._heed_events():
             with or_fault(self.name, ADVICE):
                 self._make_syncs(self._plan.rate)

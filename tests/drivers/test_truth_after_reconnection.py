@@ -213,6 +213,24 @@ def test_rows_after_a_cable_and_after_a_restart_are_those_of_their_triggers(tmp_
         judge(rows.volts[:, channel], lambda at, c=channel: volts(c, at), speed, rows, column, case.rate, restarted)
 
 
+@pytest.mark.parametrize("sync", ["host", 1])
+def test_an_encoder_whose_boot_up_nobody_heard_comes_back_marked(tmp_path: Path, sync: Any) -> None:
+    """It was off the bus when it restarted: it answers no SYNC until it is asked for its settings, and set up again."""
+    case = cia406(tmp_path, sync)
+    box = simulated(case.driver, case.options)
+
+    def unheard() -> None:
+        box.close()
+        box.restart(2)
+        box.open()
+
+    _, rows, begun = acquire(rig_of(case), [box], [(CUT, unheard)])
+    marked = (rows.quality[:, :2] & Quality.DEVICE_RESET) != 0
+    assert marked[-1].tolist() == [False, True] and not marked[rows.host_ns < begun + CUT * 1e9].any()
+    speed = np.pi * AMPLITUDE
+    judge(rows.counts[:, 1], lambda at: counts(1, at), speed, rows, 1, case.rate, begun + int(CUT * 1e9))
+
+
 def tracked(folder: Path) -> tuple[Rig, Any, Any]:
     """A T7 on the line of a tracker that was started by hand, which sends its points by a serial line."""
     box = {"host": "127.0.0.1", "port": free_port(), "stream_port": free_port(), "counters": [0], "inputs": [0]}
