@@ -139,12 +139,7 @@ class Recorder:
         if self._failure is not None:
             self._file.close()
             raise self._failure
-        latched = self._progress.rows
-        before = sum(loss.rows for loss in losses)
-        every = sorted([*losses, *self._losses], key=lambda loss: loss.first)
-        ledger = LedgerSummary(
-            latched + before if triggers is None else triggers, latched, self._recorded, tuple(every)
-        )
+        ledger = self.balance(triggers, losses)
         try:
             if closing is not None:
                 self._file.attach("run.json", "application/json", as_json(closing))
@@ -158,6 +153,13 @@ class Recorder:
             ) from None
         self._ledger = ledger
         return ledger
+
+    def balance(self, triggers: int | None, losses: Sequence[Loss]) -> LedgerSummary:
+        """The account of the rows so far, with what the disk has refused; arguments as for ``finish``."""
+        latched = self._progress.rows
+        before = sum(loss.rows for loss in losses)
+        every = sorted([*losses, *self._losses], key=lambda loss: loss.first)
+        return LedgerSummary(latched + before if triggers is None else triggers, latched, self._recorded, tuple(every))
 
     def __enter__(self) -> Recorder:
         return self

@@ -14,7 +14,6 @@ import numpy as np
 
 from arm_io import DeviceFault, InputError, read_text, toml_of
 from daq.acquisition.acquisition import Acquisition
-from daq.acquisition.ledger import LedgerSummary
 from daq.acquisition.states import End, State
 from daq.recording.parts import Attachments, ledger_table
 from daq.recording.provenance import provenance
@@ -168,7 +167,7 @@ class Run:
         try:
             ledger = self._recorder.finish(triggers=account.triggers, losses=account.losses, closing=closing)
         except DeviceFault as fault:
-            ledger = LedgerSummary(account.triggers, account.latched, self._recorder.recorded, account.losses)
+            ledger = self._recorder.balance(account.triggers, account.losses)
             ending = {"reason": str(End.RECORDER), "sentence": str(fault), "fault": True}
         return {
             "schema": "armscope.record/1",
