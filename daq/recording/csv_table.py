@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import os
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -15,29 +14,32 @@ import numpy as np
 from arm_io import InputError, whole_file
 from arm_io.files import open_regular
 from arm_io.types import Array
+from daq.recording.csv_header import JOINT_COLUMN, joints_of, read_header
+from daq.recording.csv_time import TimeUnit, times_of
 from daq.recording.messages.row_format import JOINT_TOPICS
 from daq.recording.reader import Recording
 
-_JOINT_COLUMN = re.compile(rf"({'|'.join(JOINT_TOPICS)})([1-9][0-9]*)")
 _LARGEST = 1e15
 """In rad, m, A, V or degC: nothing measures more, and squares of it are still numbers."""
-_KNOWN = "t, q1.., i1.., qref1.., ql1.., v1.., temp1.., x, y, z"
 
 
 @dataclass(frozen=True)
 class Table:
     """n lines. Missing samples are NaN.
 
-    t        (n,) s, strictly increasing
+    t        (n,) s, strictly increasing; from 0 on where the file's times are of the epoch
     signals  'q', 'i', and whatever else of ``JOINT_TOPICS`` some joint has -> (n, J)
     xyz      (n, 3) m in the base frame, or None
     extra    further columns by name, (n,)
+    epoch    s since 1970 of the first line, exactly, or None; start_ns: the same in ns, where ROS stamps can hold it
     """
 
     t: Array
     signals: dict[str, Array]
     xyz: Array | None
     extra: dict[str, Array]
+    epoch: Decimal | None = None
+    start_ns: int | None = None
 
     @property
     def joints(self) -> int:
@@ -51,18 +53,20 @@ class Table:
         return int(np.any([hole.any(axis=1) for hole in holes], axis=0).sum())
 
 
-def read_csv(path: str | Path, *, joints: int | None = None, keep_extra: bool = False) -> Table:
+def read_csv(
+    path: str | Path, *, joints: int | None = None, keep_extra: bool = False, unit: TimeUnit | None = None
+) -> Table:
     """Reads a table. InputError names line and column, and what would be right.
 
     joints  that the rig has; None: as many as the table has columns q1, q2, ...
+    unit    of the column t; None: s, and InputError where it looks like another
     """
-    names, lines, cells = _cells(path)
-    count = _check_names(path, names, joints, keep_extra)
+    names, lines, cells = _cells(path, joints, keep_extra)
     columns = {name: _numbers(path, name, lines, column) for name, column in zip(names, cells)}
-    t = columns.pop("t")
-    _check_time(path, lines, t)
+    times = times_of(path, lines, cells[names.index("t")], columns.pop("t"), unit)
+    t, count = times.t, joints_of(path, names, joints, keep_extra)
     for name, values in columns.items():
-        if (name in "xyz" or _JOINT_COLUMN.fullmatch(name)) and (wrong := np.abs(values) > _LARGEST).any():
+        if (name in "xyz" or JOINT_COLUMN.fullmatch(name)) and (wrong := np.abs(values) > _LARGEST).any():
             row = int(np.argmax(wrong))
             raise InputError(
                 path,
@@ -70,7 +74,7 @@ def read_csv(path: str | Path, *, joints: int | None = None, keep_extra: bool = 
             )
     signals: dict[str, Array] = {}
     for name in list(columns):
-        match = _JOINT_COLUMN.fullmatch(name)
+        match = JOINT_COLUMN.fullmatch(name)
         if match is None:
             continue
         values = columns.pop(name)
@@ -79,7 +83,8 @@ def read_csv(path: str | Path, *, joints: int | None = None, keep_extra: bool = 
         everyone = signals.setdefault(match[1], np.full((len(t), count), np.nan))
         everyone[:, int(match[2]) - 1] = values
     xyz = np.column_stack([columns.pop(axis) for axis in "xyz"]) if "x" in columns else None
-    return Table(t, {name: signals[name] for name in JOINT_TOPICS if name in signals}, xyz, columns)
+    ordered = {name: signals[name] for name in JOINT_TOPICS if name in signals}
+    return Table(t, ordered, xyz, columns, epoch=times.epoch, start_ns=times.start_ns)
 
 
 def write_csv(path: str | Path, recording: Recording) -> list[str]:
@@ -89,6 +94,7 @@ def write_csv(path: str | Path, recording: Recording) -> list[str]:
     that nobody can place in the base frame stay out.
     """
     columns: dict[str, Array] = {"t": recording.t if recording.time is None else recording.time}
+    epoch = recording.provenance.get("epoch")
     for signal, having in recording.layout.signals.items():
         values = getattr(recording, signal)
         columns |= {f"{signal}{joint}": values[:, joint - 1] for joint in having}
@@ -98,61 +104,35 @@ def write_csv(path: str | Path, recording: Recording) -> list[str]:
     with whole_file(path) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows(zip(*(_texts(values) for values in columns.values())))
+        writer.writerows(zip(*(_texts(values, epoch if name == "t" else None) for name, values in columns.items())))
     return list(columns)
 
 
-def _texts(values: Array) -> Iterator[str]:
+def _texts(values: Array, since: str | None) -> Iterator[str]:
+    """Each number as the shortest text that reads back as the same float64; ``since``: what is added to it, exactly."""
+    if since is not None:
+        return (str(Decimal(since) + Decimal(repr(value))) for value in values.tolist())
     return ("" if value != value else repr(value) for value in values.tolist())
 
 
-def _cells(path: str | Path) -> tuple[list[str], list[int], list[tuple[str, ...]]]:
-    """Column names, the number of each line with cells, and the cells by column."""
+def _cells(
+    path: str | Path, joints: int | None, keep_extra: bool
+) -> tuple[list[str], list[int], list[tuple[str, ...]]]:
+    """Column names, the number of each line with cells, and the cells by column. The names are checked before a row is read."""
     try:
         with os.fdopen(open_regular(path), encoding="utf-8-sig", newline="") as file:
+            names = read_header(path, file)
+            joints_of(path, names, joints, keep_extra)
             reader = csv.reader(file)
-            names = [name.strip() for name in next(reader, [])]
-            rows = [(reader.line_num, row) for row in reader if row]
+            rows = [(reader.line_num + 1, row) for row in reader if row]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(path, f"cannot be read as a CSV text in UTF-8: {error}") from None
-    if len(names) == 1 and (found := re.search(r"[;\t|]", names[0])):
-        raise InputError(path, f"columns are separated by {found[0]!r}; commas are wanted, and decimal points")
     for line, row in rows:
         if len(row) != len(names):
             raise InputError(path, f"line {line}: has {len(row)} cells, the first line names {len(names)} columns")
     if len(rows) < 2:
         raise InputError(path, f"has {len(rows)} lines of numbers; at least 2 are wanted")
     return names, [line for line, _ in rows], list(zip(*(row for _, row in rows)))
-
-
-def _check_names(path: str | Path, names: Sequence[str], joints: int | None, keep_extra: bool) -> int:
-    """The number of joints, if the columns are as they should be."""
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(path, f"line 1: column {name!r} is there twice")
-    by_joint = [match for name in names if (match := _JOINT_COLUMN.fullmatch(name))]
-    count = joints or max((int(match[2]) for match in by_joint if match[1] == "q"), default=1)
-    wanted = ["t", *(f"{signal}{joint}" for joint in range(1, count + 1) for signal in "qi")]
-    missing = [name for name in wanted if name not in names]
-    known = {*wanted, *"xyz", *(f"{signal}{joint}" for signal in JOINT_TOPICS for joint in range(1, count + 1))}
-    unknown = [name for name in names if name not in known]
-    if missing:
-        close = difflib.get_close_matches(missing[0], unknown, 1, 0.5)
-        hint = f"; is it {close[0]!r}?" if close else ""
-        more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
-        rig = f"; the rig has {joints} joint{'s' * (joints > 1)}" if joints else ""
-        raise InputError(path, f"line 1: column {missing[0]} is missing{more}{hint or rig}")
-    for match in by_joint:
-        if match[0] in unknown:
-            owner = "the rig" if joints else "the table (columns q1, q2, ...)"
-            raise InputError(path, f"line 1: column {match[0]}, but {owner} has {count} joint{'s' * (count > 1)}")
-    if unknown and not keep_extra:
-        raise InputError(
-            path, f"line 1: column {unknown[0]!r} is unknown; known are {_KNOWN}; --keep-extra keeps others"
-        )
-    if 0 < sum(axis in names for axis in "xyz") < 3:
-        raise InputError(path, "line 1: of the tracker's columns x, y, z all three are wanted, or none")
-    return count
 
 
 def _numbers(path: str | Path, name: str, lines: Sequence[int], cells: Sequence[str]) -> Array:
@@ -173,17 +153,3 @@ def _number(path: str | Path, name: str, line: int, cell: str) -> float:
     if np.isinf(value):
         raise InputError(path, f"line {line}, column {name}: {cell!r} is not finite; a missing sample is an empty cell")
     return value
-
-
-def _check_time(path: str | Path, lines: Sequence[int], t: Array) -> None:
-    if np.isnan(t).any():
-        line = lines[int(np.argmax(np.isnan(t)))]
-        raise InputError(path, f"line {line}, column t: is missing; every line wants its time")
-    back = np.flatnonzero(np.diff(t) <= 0)
-    if len(back):
-        row = int(back[0]) + 1
-        raise InputError(
-            path, f"line {lines[row]}: t goes from {t[row - 1]:.9g} to {t[row]:.9g}; it wants to increase strictly"
-        )
-    if t[-1] - t[0] >= 2**31:
-        raise InputError(path, f"t spans {t[-1] - t[0]:.3g} s; is it in s?")

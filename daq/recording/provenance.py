@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import getpass
 import hashlib
+import os
 import platform
 import sys
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
+
+from arm_io.files import open_regular
 
 _PACKAGES = ("armscope", "numpy", "scipy", "mcap", "zstandard", "eclipse-zenoh")
 
@@ -30,8 +33,12 @@ def provenance(kind: str, **details: Any) -> dict[str, Any]:
 
 def file_identity(path: str | Path) -> dict[str, Any]:
     """A source file's name, size and content hash."""
-    data = Path(path).read_bytes()
-    return {"name": Path(path).name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+    with os.fdopen(open_regular(path), "rb") as file:
+        return {
+            "name": Path(path).name,
+            "sha256": hashlib.file_digest(file, "sha256").hexdigest(),
+            "bytes": os.fstat(file.fileno()).st_size,
+        }
 
 
 def _version(package: str) -> str:

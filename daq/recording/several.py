@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
+from arm_io import InputError
+from arm_io.files import open_regular
 from daq.recording.messages.row_format import format_of
 from daq.recording.reader import Recording, open_recording
 from daq.recording.thinned import MOST_NUMBERS
@@ -35,14 +37,14 @@ def open_recordings(*groups: Sequence[Path], most_numbers: int = MOST_NUMBERS) -
 def numbers_of(path: Path) -> int:
     """Rows times joints of a recording: from the summary of a finished one, else at most, by its size; 0 where there is no such file."""
     try:
-        with open(path, "rb") as file:
+        with os.fdopen(open_regular(path), "rb") as file:
             size = file.seek(0, 2)
             file.seek(0)
             try:
                 summary = make_reader(file).get_summary()
-            except (McapError, ValueError, EOFError):
+            except Exception:  # the library raises anything over a damaged file; its size still tells
                 summary = None
-    except OSError:
+    except (InputError, OSError):  # told when it is read
         return 0
     layouts = [c.metadata["layout"] for c in summary.channels.values() if "layout" in c.metadata] if summary else []
     if summary is None or summary.statistics is None or not layouts:

@@ -37,10 +37,10 @@ def test_text_is_written_whole_over_what_was_there(tmp_path: Path) -> None:
 
 
 def test_no_folder_and_a_folder_in_the_way_are_refused_in_one_line(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="x.toml: cannot be written: No such file or directory"):
+    with pytest.raises(InputError, match="x.toml: cannot be written: there is no folder"):
         write_toml(tmp_path / "none" / "x.toml", {"a": 1})
     (tmp_path / "x.toml").mkdir()
-    with pytest.raises(InputError, match="x.toml: cannot be written: Is a directory"):
+    with pytest.raises(InputError, match="x.toml: is a folder"):
         write_toml(tmp_path / "x.toml", {"a": 1})
     assert [file.name for file in tmp_path.iterdir()] == ["x.toml"]
 

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 import struct
+import tempfile
+import time
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from arm_io import InputError
+from armscope.cli import run
 from daq.recording import open_recording
 from daq.recording.csv_table import read_csv, write_csv
+from daq.recording.csv_time import TimeUnit
 from daq.recording.parts import Attachments
 from daq.recording.table import write_table
 
@@ -62,7 +68,7 @@ def test_windows_and_spaces_are_welcome(tmp_path: Path) -> None:
         ("t,q1,i1\n0,1,2\n1,inf,2\n", "line 3, column q1: 'inf' is not finite"),
         ("t,q1,i1\n0,1,2\n1,1,-1e300\n", "line 3, column i1: -1e.300 is no measurement"),
         ("t,q1,i1\n0,1,2\n,1,2\n", "line 3, column t: is missing"),
-        ("t,q1,i1\n0,1,2\n2,1,2\n1.5,1,2\n", "line 4: t goes from 2 to 1.5; it wants to increase strictly"),
+        ("t,q1,i1\n0,1,2\n2,1,2\n1.5,1,2\n", "line 4: t goes from 2 to 1.5; it must increase strictly"),
         ("t,q1,i1\n0,1,2\n0,1,2\n", "line 3: t goes from 0 to 0"),
         ("t,q1,i1\n0,1,\n1,2,nan\n", "column i1 has no value in any line"),
         ("t;q1;i1\n0;1;2\n1;1;2\n", "columns are separated by ';'; commas are wanted"),
@@ -92,7 +98,7 @@ def test_the_rig_has_the_last_word_on_joints(tmp_path: Path) -> None:
 
 
 def test_extra_columns_are_kept_on_request(tmp_path: Path) -> None:
-    path = write(tmp_path, "room,t,q1,i1\n20,0,1,2\n,1,1,2\n")
+    path = write(tmp_path, "room,t,q1,i1\n20,0,1,2\n,0.1,1,2\n")
     np.testing.assert_array_equal(read_csv(path, keep_extra=True).extra["room"], [20, np.nan])
 
 
@@ -119,10 +125,10 @@ def test_a_table_survives_recording_and_export_to_the_last_bit(
     cells = [["" if math.isnan(value) else repr(float(value)) for value in row] for row in columns.T]
     lines = [",".join([repr(float(time)), *row, row[0], row[1]]) for time, row in zip(t, cells)]
     write_first.write_text("\n".join([",".join(["t", *names, "y", "z"]), *lines]) + "\n")
-    table = read_csv(write_first, keep_extra=True)
+    table = read_csv(write_first, keep_extra=True, unit=TimeUnit.S)
     write_table(folder / "run.mcap", table.t, table.signals, Attachments(), xyz=table.xyz, extra=table.extra)
     write_csv(folder / "second.csv", open_recording(folder / "run.mcap"))
-    again = read_csv(folder / "second.csv", keep_extra=True)
+    again = read_csv(folder / "second.csv", keep_extra=True, unit=TimeUnit.S)
     for before, after in [
         (t, again.t),
         (np.column_stack(columns[[0, 2]]).reshape(-1, 2), again.signals["q"]),
@@ -138,3 +144,87 @@ def test_a_table_survives_recording_and_export_to_the_last_bit(
 def bits(values: np.ndarray) -> bytes:
     """Bit patterns; every NaN is the same."""
     return b"".join(struct.pack("<d", math.nan if math.isnan(value) else value) for value in np.ravel(values).tolist())
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        ("t,q3000000,i1", "column q3000000: joints are numbered from 1 to at most 64"),
+        ("t,q99999999999999,i1", "column q99999999999999: joints are numbered from 1 to at most 64"),
+        ("t,q" + "9" * 6000 + ",i1", "joints are numbered"),
+        ("t,q65,i65", "at most 64"),
+        ("t,q1,i1,q3,i3", "column q2 is missing"),
+        (",".join(["t", *(f"a{k}" for k in range(1_000_000))]), "is longer than 65536 characters"),
+        (",".join(["t", "q1", "i1", *(f"a{k}" for k in range(9000))]), "column 'a0' is unknown"),
+    ],
+)
+def test_headers_of_no_table_are_refused_at_once(tmp_path: Path, header: str, words: str) -> None:
+    began = time.process_time()
+    with pytest.raises(InputError, match=words):
+        read_csv(write(tmp_path, header + "\n0,0,0\n0.001,0,0\n"))
+    assert time.process_time() - began < 5.0
+
+
+def rows_of(times: list[str]) -> str:
+    return "t,q1,i1\n" + "".join(f"{t},{k * 0.001},0.5\n" for k, t in enumerate(times))
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        ([str(k) for k in range(20)], "goes by 1 from row to row; is it in s\\? Give --time-unit s, ms, us or ns"),
+        ([str(1000 * k) for k in range(20)], "goes by 1000 .* --time-unit"),
+        ([str(10 * k + 0.5) for k in range(20)], "goes by 10 .* --time-unit"),
+        (["1700000000000", "1700000000001"], "as ms since 1970 do; give --time-unit"),
+        (["1700000000000000", "1700000000001000"], "as us since 1970 do; give --time-unit"),
+        (["1700000000000000000", "1700000000000050000"], "as ns since 1970 do; give --time-unit"),
+    ],
+)
+def test_times_that_do_not_look_like_seconds_are_asked_about(tmp_path: Path, times: list[str], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        read_csv(write(tmp_path, rows_of(times)))
+    assert len(read_csv(write(tmp_path, rows_of(times)), unit=TimeUnit.NS).t) == len(times)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(list(TimeUnit)),
+    st.lists(st.integers(1, 2_000_000_000), min_size=2, max_size=30),
+    st.booleans(),
+    st.integers(0, 10**9),
+)
+def test_times_in_any_unit_since_any_time_lose_nothing(
+    unit: TimeUnit, steps: list[int], of_epoch: bool, nanoseconds: int
+) -> None:
+    """Steps in ns, written with all digits: what is read is the nearest float64 to the exact time since the first row, or the start."""
+    digits = {"s": 9, "ms": 6, "us": 3, "ns": 0}[unit]
+    first = (1_700_000_000 * of_epoch) * 10**9 + nanoseconds
+    exact = [first + sum(steps[:k]) for k in range(len(steps) + 1)]
+    texts = [str(Decimal(value).scaleb(-digits).normalize()) for value in exact]
+    with tempfile.TemporaryDirectory() as folder:
+        table = read_csv(write(Path(folder), rows_of(texts)), unit=unit)
+    origin = first if of_epoch else 0
+    assert table.t.tolist() == [float(Fraction(value - origin, 10**9)) for value in exact]
+    assert table.start_ns == (first if of_epoch else None)
+
+
+def test_times_of_the_epoch_are_relative_in_the_recording_and_come_back(tmp_path: Path) -> None:
+    texts = [f"17000000{k // 1000:02d}.{k % 1000:03d}123456" for k in range(3000)]
+    table, run_file, back = write(tmp_path, rows_of(texts)), tmp_path / "run.mcap", tmp_path / "back.csv"
+    assert run(["import", str(table), "--out", str(run_file)]) == 0
+    recording = open_recording(run_file)
+    np.testing.assert_array_equal(
+        recording.t, np.arange(3000) / 1000
+    )  # to the last bit, where float64 since 1970 has 0.24 us
+    assert recording.wall_ns[0] == 1_700_000_000_000_123_456 and recording.wall_ns[-1] == 1_700_000_002_999_123_456
+    assert run(["export", str(run_file), "--out", str(back)]) == 0
+    assert [line.split(",")[0] for line in back.read_text().splitlines()[1:]] == texts
+
+
+def test_the_command_asks_for_the_unit_and_takes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table, out = write(tmp_path, rows_of([str(k) for k in range(2000)])), tmp_path / "run.mcap"
+    assert run(["import", str(table), "--out", str(out)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1 and not out.exists()
+    assert run(["import", str(table), "--out", str(out), "--time-unit", "ms"]) == 0
+    np.testing.assert_array_equal(open_recording(out).t, np.arange(2000) / 1000)
+    assert run(["import", str(table), "--out", str(out), "--time-unit", "hours"]) == 2
