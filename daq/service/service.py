@@ -33,6 +33,7 @@ from daq.service.commands.live_clients import LiveClients
 from daq.service.commands.queue import CommandQueue
 from daq.service.commands.server import Command, CommandServer
 from daq.service.device_jobs import Armed, DeviceJobs
+from daq.service.heap import return_large_blocks
 from daq.service.publisher import Publisher
 from daq.service.rig_lock import RigLock
 from daq.service.ros2_keys import RosPublisher
@@ -98,6 +99,7 @@ class Service:
 
     def open(self) -> None:
         """Takes the rig, opens its devices and the Zenoh session; all or nothing."""
+        return_large_blocks()
         self._lock = RigLock(self.rig.name, self._role)
         self._devices, self._files = Worker("devices", self.wake), Worker("files", self.wake)
         try:

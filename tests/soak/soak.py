@@ -31,6 +31,7 @@ Table = dict[str, Any]
 CROWD = ("visitors", "wedged", "liars", "strangers")
 KINDS = ("plain", "plain", "stopped", "device lost", "disk slow", "disk full", "abandoned")
 WARM_UP, MOST_GROWTH = 60.0, 20.0  # s after which memory must be flat, and MB by which it may still rise
+LOST = ("device_lost", "no_answer", "watchdog")  # how a run may end whose device is lost
 DEVICE_BACK = 10.0  # s, for which a lost device may stay away
 SLOW_DISK, FULL_DISK = 0.7, 2_000_000  # s an fsync; bytes that a file may have
 LEAST_LIFE, MOST_LIFE = 180.0, 3600.0  # s, after which a daemon is killed and started again; else a third of the soak
@@ -158,7 +159,7 @@ class Soak:
         for fault in judge.told(last):
             self._wrong(f"{kind}: {fault}")
         account.ends[f"{kind}: {last['ending']['reason']}"] += 1
-        if kind == "device lost" and last["ending"]["reason"] not in ("device_lost", "watchdog"):
+        if kind == "device lost" and last["ending"]["reason"] not in LOST:
             self._wrong(f"{kind}: ended by {last['ending']['reason']}")
         if self.out.exists():
             for fault in judge.finished(self.out, last):
