@@ -19,7 +19,6 @@ from diagnosis.cause import Cause, Signal, Structure, Undetectable, extend, merg
 from diagnosis.closed_loop.comparison import Compared, along_motion, compare, faithful, with_widths
 from diagnosis.find_causes import has_dynamics, named_causes
 from diagnosis.measurements.currents.causes import from_event
-from diagnosis.measurements.currents.design_matrix import Side
 from diagnosis.measurements.currents.detectability import not_judged, not_visible
 from diagnosis.measurements.currents.unexplained import LOUD, loudness
 from diagnosis.measurements.demands.wrist_coupling import turned_wrist
@@ -31,6 +30,7 @@ from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import check
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
 from diagnosis.screening.plausibility import check_motion, mixed_up
+from diagnosis.selection.design import Dataset
 from diagnosis.units import unit_at
 
 
@@ -91,9 +91,9 @@ def diagnose(
     known_arm, found, axis = named.arm, named.found, named.axis
     swung = [named.swung] if named.swung else []
     known += swung
-    runs = [*found.sides[0].runs, *found.sides[1].runs]
-    accepted = named.problem.accepted(found.chosen, found.sides)
-    causes = [from_event(event, known_arm, found.sides) for event in [*named.sight.found, *turned_wrist(fit, held_out)]]
+    data, fitted = found.state.data, found.state.fitted
+    runs = [*data.fit.runs, *data.held_out.runs]
+    causes = [from_event(event, known_arm, data) for event in [*named.sight.found, *turned_wrist(fit, held_out)]]
     causes += named.causes
     beside = merge(causes if judged else [*causes, *of_links], [one for one in tracked.causes if one not in known])
     extended = extend(named.base, beside) if beside else known_arm
@@ -107,7 +107,7 @@ def diagnose(
     simulated = [after for _, after in compared["held_out"]]
     causes = [_shown_in_loop(one, extended, simulated, held_out, runs[len(fit) :]) for one in causes]
     along = {half: [along_motion(run, arm, extended) for run in seen if judged] for half, (_, seen) in halves.items()}
-    left = (accepted.fit, accepted.held_out)
+    left = (fitted.fit, fitted.held_out)
     structures = found.remainder.structures if judged else []
     unjudged = [] if judged else not_judged(known_arm, link.seen.joints.tolist() if link else [])
     if axis and axis.wave:
@@ -115,19 +115,19 @@ def diagnose(
     told = {(one.effect, one.joint) for one in [*named.causes, *known]} | tracked.shown
     return Diagnosis(
         arm, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
-        not_visible(named.library, named.problem.lines, found.sides[1], told, known_arm) + unjudged + tracked.not_visible,
+        not_visible(named.library, named.ripples, data.held_out, told, known_arm) + unjudged + tracked.not_visible,
         structures + (link.unexplained if link else []) + tracked.unexplained, compared, along,
         np.array([encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked, axis, judged,
         (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
         + (mixed_up(runs) if judged else ())
-        + (not_held_out(accepted.fit, found.sides[0], structures, arm) if judged else ())
+        + (not_held_out(fitted.fit, data.fit, structures, arm) if judged else ())
         + (_of_width(known_arm, named.base))
         + (_beside_causes(axis, arm) if axis else ())
         + (link.remarks if link else ()),
     )  # fmt: skip
 
 
-def not_held_out(left: Array, fit: Side, structures: Sequence[Structure], arm: Arm) -> tuple[str, ...]:
+def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure], arm: Arm) -> tuple[str, ...]:
     """Says where only the fitted recordings show that something is missing: what they alone show is not named."""
     told = {one.joint for one in structures}
     by_joint = {joint: loudness(left, fit, joint) for joint in range(1, len(arm) + 1) if joint not in told}

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
+from functools import partial
 
-from arm_model.description import Arm, EffectTerm
+from arm_model.description import Arm
 from arm_model.effects import CATALOGUE
 from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, extend
@@ -17,25 +18,21 @@ from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import refuted, with_widths
 from diagnosis.measurements.currents.causes import from_axis, of_candidate
 from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import columns_of, free_columns, side_of, side_with
-from diagnosis.measurements.currents.estimates import estimates
+from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of, dataset_with, free_columns
+from diagnosis.measurements.currents.estimates import estimates_of
+from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.ripple_orders import order_of
-from diagnosis.measurements.currents.search import Found, Problem, search, terms_of, without
+from diagnosis.measurements.currents.search import Found, search, without
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, sharply
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Sight, seen_through, with_edges
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.regression import Pair
-
-SEARCHED_AGAIN = 2
-"""Refuted causes in whose place another is looked for; what has no better name by then is left unexplained."""
-TOLD_FROM_NOTHING = 2.0
-"""Standard deviations that some size of a cause must be from zero ..."""
-MANY = 5
-"""... if there are not so many that they cannot be told from one another."""
+from diagnosis.selection.design import Pair
+from identification.selection.split import Split
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Named:
     """What the currents of recordings name beside what is known of the arm.
 
@@ -48,12 +45,11 @@ class Named:
     arm: Arm
     sight: Sight
     base: Arm
-    problem: Problem
     library: dict[Candidate, Pair]
+    ripples: tuple[Candidate, ...]
     found: Found
     axis: AxisSide | None
     causes: list[Cause]
-    terms: list[EffectTerm]
     swung: Cause | None = None
 
 
@@ -71,14 +67,14 @@ def named_causes(
     arm = extend(model, known) if known else model
     sight = seen_through(arm, everything, progress)
     named = _searched(arm, sight, held_out, parts, banned, progress)
-    if (behind := with_edges(sight, named.terms)) is not sight:
+    if (behind := with_edges(sight, named.found.state.terms)) is not sight:
         named = _searched(arm, behind, held_out, parts, banned, progress)
     progress("looking for what swings")
     swung = _swung(named, fit, held_out) if has_dynamics(model) else None
     if swung is None:
         return named
     arm = extend(model, [*known, swung])  # the others are then judged by the arm that swings
-    sight = with_edges(seen_through(arm, everything, progress), named.terms)
+    sight = with_edges(seen_through(arm, everything, progress), named.found.state.terms)
     banned |= {(effect, swung.joint) for effect in resonance.FIRST}
     return replace(_searched(arm, sight, held_out, parts, banned, progress), swung=swung)
 
@@ -93,35 +89,48 @@ def _searched(
 ) -> Named:
     """Names causes in recordings as they are seen, those held out last; none of ``banned``. parts: both sides are parts of the same recordings."""
     first = len(sight.runs) - len(held_out)
-    runs, sides = sight.runs, (side_of(sight.runs[:first]), side_of(sight.runs[first:]))
+    runs, data = sight.runs, Split(dataset_of(sight.runs[:first]), dataset_of(sight.runs[first:]), parts)
     progress("computing what each effect would look like")
     every = tuple(c for c in candidates(arm) if c.key not in banned) if has_dynamics(arm) else ()
-    lines = tuple(c for c in every if order_of(c) is not None)
-    library = {c: (columns_of(c, sides[0], arm), columns_of(c, sides[1], arm)) for c in every if order_of(c) is None}
+    ripples = tuple(c for c in every if order_of(c) is not None)
+    library = {c: data.map(partial(columns_of, c)) for c in every if order_of(c) is None}
     axis = axis_side(arm, sight.samples[:first], sight.samples[first:], parts=parts)
     of_axis, base = [from_axis(one, arm) for one in axis.causes] if axis else [], arm
-    if of_axis:  # the search is left with what they leave
+    if of_axis:
+        # the search is left with what they leave
         base = sharply(arm, sight.samples)
         runs = [replace(run, arm=base) for run in runs]
-        sides = side_of(runs[:first]), side_of(runs[first:])
         terms = extend(base, of_axis).effects[len(arm.effects) :]
-        sides = replace(sides[0], y=side_with(sides[0], terms)), replace(sides[1], y=side_with(sides[1], terms))
-    free = list(zip(free_columns(sides[0], arm), free_columns(sides[1], arm)))
-    problem = Problem(arm, sides, library, free, lines) if axis is None else Problem(arm, sides, {}, free)
+        data = Split(dataset_of(runs[:first]), dataset_of(runs[first:]), parts)
+        data = data.map(lambda part: replace(part, y=dataset_with(part, terms)))
+    free = [Split(*pair) for pair in zip(free_columns(data.fit, arm), free_columns(data.held_out, arm))]
+    searched, waves = (library, ripples) if axis is None else ({}, ())
+    model = Currents(arm, data, searched, free, waves, banned)
     refused: list[EffectKey] = []
-    found = search(problem, progress, banned)
+    found = search(model, progress)
     while True:
         progress("estimating parameters")
-        causes = _of_search(problem, found)
+        causes = _of_search(found)
         progress("judging in closed loop")
-        if (gone := _untenable(arm, causes, held_out, runs[first:])) is None:
+        if (removed := _untenable(arm, causes, held_out, runs[first:])) is None:
             break
-        refused.append(found.chosen[gone].key)
-        if len(refused) <= SEARCHED_AGAIN:  # what it stood for may have a better name
-            found = search(problem, progress, banned | set(refused))
+        candidate = found.state.chosen[removed]
+        refused.append(candidate.key)
+        if len(refused) <= LIMITS.searched_again:
+            # what it stood for may have a better name
+            found = search(replace(model, excluded=banned | set(refused)), progress)
         else:
-            found = without(found, found.chosen[gone], problem)
-    return Named(arm, sight, base, problem, library, found, axis, causes + of_axis, terms_of(problem, found))
+            found = without(found, candidate)
+    return Named(
+        arm=arm,
+        sight=sight,
+        base=base,
+        library=library,
+        ripples=waves,
+        found=found,
+        axis=axis,
+        causes=causes + of_axis,
+    )
 
 
 def _swung(named: Named, fit: Sequence[Recording], held_out: Sequence[Recording]) -> Cause | None:
@@ -140,13 +149,10 @@ def has_dynamics(arm: Arm) -> bool:
     return any(joint.mass or joint.rotor_inertia or any(joint.coulomb) or any(joint.viscous) for joint in arm.joints)
 
 
-def _of_search(problem: Problem, found: Found) -> list[Cause]:
+def _of_search(found: Found) -> list[Cause]:
     """The causes that a search found, in its order, with parameters."""
-    accepted, sides = problem.accepted(found.chosen, found.sides), found.sides
-    own = accepted.coefficients[len(problem.free) :]
-    free = [pair[0] for pair in problem.free]
-    values = estimates(found.chosen, own, accepted.fit, free, sides[0], problem.arm) if found.chosen else []
-    return [of_candidate(c, v, one, problem, found) for c, v, one in zip(found.chosen, values, found.equals)]
+    state = found.state
+    return [of_candidate(c, values, state) for c, values in zip(state.chosen, estimates_of(state))]
 
 
 def _indistinct(causes: Sequence[Cause]) -> int | None:
@@ -157,7 +163,7 @@ def _indistinct(causes: Sequence[Cause]) -> int | None:
     for index, cause in enumerate(causes):
         sizes = {p.name for p in CATALOGUE[cause.effect].linear}
         values = [p for p in cause.parameters if p.name in sizes]
-        if 0 < len(values) < MANY and all(abs(p.value) < TOLD_FROM_NOTHING * p.std for p in values):
+        if 0 < len(values) < LIMITS.few_sizes and all(abs(p.value) < LIMITS.significant_sizes * p.std for p in values):
             return index
     return None
 

@@ -27,7 +27,6 @@ from diagnosis.cause import Cause, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import able
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run_setup import loaded, setup_of
-from diagnosis.selection.regression import SIGNIFICANT
 from diagnosis.units import unit_at
 from identification.preprocessing.demands import demand_of_run
 from identification.selection.cluster_covariance import cluster_covariance
@@ -45,6 +44,8 @@ FOLLOWED = 0.7
 """Share of moving joints that may be loud: where nearly all are, the servos are not those of the arm."""
 PROMISING, MOST = 0.4, 0.75
 """Share of the energy above the noise that the best of the first values must explain at the joint, and the best of all at all joints held out."""
+SIGNIFICANT = 0.05
+"""Probability below which the gain over blocks is no chance."""
 ALIKE = 0.05
 """Share by which play must explain more than a spring: small play between springy teeth is one."""
 SEARCHED_IN = 2

@@ -23,9 +23,9 @@ from arm_model.system.dynamics import inverse_dynamics
 from daq.recording import Recording
 from diagnosis.distortion.dependence import Path, Share, shares_of
 from diagnosis.distortion.random_walk import STEP, gains_of, likelihood, memory, smoothed, strength
-from diagnosis.measurements.currents.design_matrix import free_columns, side_of
+from diagnosis.measurements.currents.design_matrix import dataset_of, free_columns
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.run import ROWS_PER_SECOND, Run
-from diagnosis.selection.regression import SHARE_OF_NOISE
 from diagnosis.units import unit_at
 from identification.selection.significance import p_value
 
@@ -34,7 +34,7 @@ SURE = 3.0
 CERTAIN = 0.01
 """Probability of so strong a walk, or of so large a share, by chance, below which it is called real.
 
-It has to matter, too: explain more than ``SHARE_OF_NOISE``, like a cause.
+It has to matter, too: explain more than ``LIMITS.min_gain``, like a cause.
 """
 JOINT_SIDE = (
     "viscous",
@@ -99,7 +99,7 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
         raise InputError("--distort", f"{own} does not show in these recordings; a motion that excites it is wanted")
     constant = float(sum(score.sum() for score, _ in steps)) / information
     ratio, scale = strength(steps)
-    enough = SHARE_OF_NOISE * sum(int(np.any(column != 0.0, axis=1).sum()) for column in columns)
+    enough = LIMITS.min_gain * sum(int(np.any(column != 0.0, axis=1).sum()) for column in columns)
     gains = gains_of(steps, ratio, constant)
 
     def paths_of(ratio: float, scale: float) -> tuple[Path, ...]:
@@ -137,7 +137,7 @@ def _column(run: Run, name: str, value: float) -> Array:
 
 def _residuals(runs: Sequence[Run], columns: Sequence[Array], arm: Arm) -> list[Array]:
     """(m, n) weighed residual of every run, less what the columns that are always free explain beside a constant parameter."""
-    side = side_of(runs)
+    side = dataset_of(runs)
     free = free_columns(side, arm)
     wide = [np.concatenate(columns).T.ravel()]
     for one in free:

@@ -15,7 +15,7 @@ from diagnosis.experiments.discriminating import further, stage_of
 from diagnosis.experiments.motions import Stage, Trial, of_joint, with_payload
 from diagnosis.experiments.t_optimality import foreseen
 from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import columns_of, side_of
+from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
 from diagnosis.measurements.currents.detectability import felt, times_noise
 from experiment import Experiment, demand_of
 from identification.experiment_design.excitation import Limits
@@ -95,10 +95,10 @@ def _strengths(trial: Trial, stage: Stage, noise: Array, wanted: set[EffectKey])
     run = foreseen(trial, stage, noise)
     if run is None:
         return {}
-    side, strongest = side_of([run]), dict[EffectKey, float]()
+    side, strongest = dataset_of([run]), dict[EffectKey, float]()
     for c in candidates(stage.arm):
         if c.key in wanted:
-            strongest[c.key] = max(strongest.get(c.key, 0.0), felt(c, columns_of(c, side, stage.arm), side.rows))
+            strongest[c.key] = max(strongest.get(c.key, 0.0), felt(c, columns_of(c, side), side.rows))
     return strongest
 
 

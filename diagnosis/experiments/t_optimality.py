@@ -19,11 +19,12 @@ from arm_model.simulation.simulation import simulate
 from diagnosis.cause import EffectKey
 from diagnosis.experiments.motions import Stage, Trial
 from diagnosis.measurements.currents.columns import columns
-from diagnosis.measurements.currents.design_matrix import Columns, Side, columns_of, free_columns, side_of
+from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of, free_columns
 from diagnosis.residual.expected_current import COMPARE_BAND
 from diagnosis.residual.run import ROWS_PER_SECOND, Run, see
 from diagnosis.residual.run_setup import loaded
 from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.design import Columns, Dataset
 from experiment import demand_of
 
 SIMULATED_RATE = 2.0 * ROWS_PER_SECOND
@@ -59,7 +60,7 @@ class Question:
     def __init__(self, rivals: Sequence[Rival], nuisances: Sequence[Candidate], runs: Sequence[Run], arm: Arm) -> None:
         self.rivals, self.nuisances, self.arm = tuple(rivals), tuple(nuisances), arm
         self.noise = np.mean([run.noise for run in runs], axis=0)
-        self._told, self._squares = self._equations(side_of(runs))
+        self._told, self._squares = self._equations(dataset_of(runs))
 
     def apart(self, run: Run) -> dict[tuple[EffectKey, EffectKey], float]:
         """The distance of every pair of rivals, whichever of the two is true; see ``distances``."""
@@ -77,7 +78,7 @@ class Question:
         count = len(self.rivals)
         found = np.full((count, count), np.inf)
         for k in range(count):
-            here, squares = self._equations(side_of([self._told_by(k, run)]))
+            here, squares = self._equations(dataset_of([self._told_by(k, run)]))
             for other in range(count):
                 if k == other:
                     continue
@@ -97,25 +98,21 @@ class Question:
         current = run.current + columns(rival.best, run) @ rival.coefficients
         return replace(run, current=current, current_rate=np.gradient(current, 1.0 / ROWS_PER_SECOND, axis=0))
 
-    def _equations(self, side: Side) -> tuple[list[list[_Told]], Array]:
+    def _equations(self, side: Dataset) -> tuple[list[list[_Told]], Array]:
         """For every rival, those of each of its shapes on one side; and the squares of what each rival predicts there."""
         length = len(side.y)
-        free = [_whole(c, length) for c in free_columns(side, self.arm)]
-        free += [_whole(columns_of(c, side, self.arm), length) for c in self.nuisances]
+        free = [c.dense(length) for c in free_columns(side, self.arm)]
+        free += [columns_of(c, side).dense(length) for c in self.nuisances]
         nuisance = np.hstack(free) if free else np.empty((length, 0))
         predicted = np.zeros((length, len(self.rivals)))
         for k, rival in enumerate(self.rivals):
             if rival.best is not None:
-                predicted[:, k] = columns_of(rival.best, side, self.arm).spread(rival.coefficients, length)
+                predicted[:, k] = columns_of(rival.best, side).spread(rival.coefficients, length)
         told = []
         for rival in self.rivals:
             several = []
             for shape in rival.shapes or (None,):
-                x = (
-                    nuisance
-                    if shape is None
-                    else np.hstack([nuisance, _whole(columns_of(shape, side, self.arm), length)])
-                )
+                x = nuisance if shape is None else np.hstack([nuisance, columns_of(shape, side).dense(length)])
                 several.append(_Told(x.T @ x, x.T @ predicted))
             told.append(several)
         return told, np.sum(predicted**2, axis=0)
@@ -142,13 +139,13 @@ def _whole(columns: Columns, length: int) -> Array:
 
 def rival_of(shapes: Sequence[Candidate], nuisances: Sequence[Candidate], runs: Sequence[Run], arm: Arm) -> Rival:
     """A rival as the recordings so far show it: its best shape beside the nuisances, fitted to their residuals."""
-    side = side_of(runs)
+    side = dataset_of(runs)
     length = len(side.y)
-    free = [_whole(c, length) for c in free_columns(side, arm)]
-    free += [_whole(columns_of(c, side, arm), length) for c in nuisances]
+    free = [c.dense(length) for c in free_columns(side, arm)]
+    free += [columns_of(c, side).dense(length) for c in nuisances]
     fits = []
     for shape in shapes:
-        x = np.hstack([_whole(columns_of(shape, side, arm), length), *free])
+        x = np.hstack([columns_of(shape, side).dense(length), *free])
         scale = np.linalg.norm(x, axis=0)
         scale[scale == 0.0] = 1.0
         c = np.linalg.lstsq(x / scale, side.y, rcond=1e-8)[0] / scale

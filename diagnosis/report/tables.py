@@ -11,7 +11,7 @@ import numpy as np
 import arm_report
 from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
-from diagnosis.measurements.currents.design_matrix import side_of
+from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure_share import FROM
 from diagnosis.report.plots.residuals import SURE
 from diagnosis.report.wording import estimate, gain, place, small, title
@@ -68,7 +68,7 @@ def rough(result: Diagnosis, table: dict[str, Any]) -> str:
     joints = range(1, len(result.arm) + 1)
     rows = []
     for runs, left, words in ((result.fit, result.left[0], "fitted"), (result.held_out, result.left[1], "held out")):
-        side = side_of(runs)
+        side = dataset_of(runs)
         edges = np.cumsum([0, *(len(run.t) for run in runs)])
         for run, rows_here in zip(runs, map(slice, edges, edges[1:])):
             cells = []

@@ -16,7 +16,7 @@ from diagnosis.cause import Cause, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation, separations
 from diagnosis.experiments.revealing import Showing, shown_by
-from diagnosis.measurements.currents.design_matrix import side_of
+from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure_share import predictable
 from diagnosis.report.html import report
 from diagnosis.units import unit_at
@@ -50,7 +50,7 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
 def _signals(result: Diagnosis) -> list[dict[str, Any]]:
     """Errors of simulated current and position, in the band and at the rows of ``closed_loop``, beside the instruments' noise."""
     rows, in_loop = [], result.in_closed_loop
-    fit, held_out = side_of(result.fit), side_of(result.held_out)
+    fit, held_out = dataset_of(result.fit), dataset_of(result.held_out)
     shares = [
         predictable(fit, held_out, *residuals, result.arm).round(4)
         for residuals in ((fit.y, held_out.y), result.left)

@@ -11,16 +11,16 @@ import numpy as np
 from arm_model.model_file import read_model
 from diagnosis.cause import Signal, Structure
 from diagnosis.diagnose import not_held_out
-from diagnosis.measurements.currents.design_matrix import Side
+from diagnosis.selection.design import Dataset
 
 ARM = read_model(Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml")
 ROWS = 1200
 
 
-def _side() -> Side:
+def _side() -> Dataset:
     one = SimpleNamespace(deviation=np.ones((ROWS, 6)), noise=np.ones(6), t=np.arange(ROWS) / 100.0)
     block = np.tile((one.t // 1.0).astype(np.intp), 6)
-    return Side(cast(Any, (one,)), cast(Any, (one,)), np.zeros(6 * ROWS), block, ROWS)
+    return Dataset(cast(Any, (one,)), cast(Any, (one,)), np.zeros(6 * ROWS), block, ROWS)
 
 
 def test_a_joint_that_only_the_fitted_recordings_find_loud_is_told() -> None:

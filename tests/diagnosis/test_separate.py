@@ -16,7 +16,7 @@ from diagnosis.experiments.discriminating import Separation, separation
 from diagnosis.experiments.motions import Kind, Stage, room, trials
 from diagnosis.experiments.t_optimality import Question, foreseen, rival_of
 from diagnosis.measurements.currents.columns import candidates, columns
-from diagnosis.measurements.currents.design_matrix import free_columns, side_of
+from diagnosis.measurements.currents.design_matrix import dataset_of, free_columns
 from diagnosis.residual.run import COMPARE_BAND, ROWS_PER_SECOND, Run
 from diagnosis.selection.candidate import Candidate
 from experiment import demand_of, read_experiment, write_experiment
@@ -58,7 +58,7 @@ def _by_hand(true: Candidate, c: np.ndarray, rivals: list[Candidate], data: Seen
             runs = [old, new] if stacked else [old]
             blocks = []
             for run in runs:
-                side = side_of([run])
+                side = dataset_of([run])
                 free = [np.zeros((len(side.y), 1)) for _ in free_columns(side, arm)]
                 for whole, of_width in zip(free, free_columns(side, arm)):
                     whole[of_width.where] = of_width.x

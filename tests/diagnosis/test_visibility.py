@@ -16,10 +16,11 @@ from diagnosis.experiments.motions import Stage, Trial, room
 from diagnosis.experiments.revealing import shown_by
 from diagnosis.experiments.t_optimality import foreseen
 from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import columns_of, side_of
+from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
 from diagnosis.measurements.currents.detectability import not_visible
 from diagnosis.measurements.currents.ripple_orders import order_of
 from diagnosis.residual.run import Run
+from identification.selection.split import Split
 from tests.diagnosis.runs import seen
 
 
@@ -46,9 +47,9 @@ def one_joint(root: Path, arm: Arm) -> Run:
 
 
 def _unseen(run: Run, arm: Arm) -> dict[tuple[str, int | None], Undetectable]:
-    side = side_of([run])
+    side = dataset_of([run])
     every = [c for c in candidates(arm) if c.joint in (1, 2, None)]
-    library = {c: (x, x) for c in every if order_of(c) is None for x in [columns_of(c, side, arm)]}
+    library = {c: Split(x, x) for c in every if order_of(c) is None for x in [columns_of(c, side)]}
     lines = [c for c in every if order_of(c) is not None]
     return {(one.effect, one.joint): one for one in not_visible(library, lines, side, set(), arm)}
 

@@ -13,7 +13,7 @@ import pytest
 from arm_model.model_file import read_model
 from diagnosis.cause import Estimate, Signal, Structure
 from diagnosis.diagnose import Diagnosis
-from diagnosis.measurements.currents.design_matrix import side_of
+from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure_share import predictable
 from diagnosis.report.tables import unseen
 from diagnosis.report.wording import either, estimate, gain, sentence
@@ -73,7 +73,7 @@ def test_small_errors_are_told_in_thousandths() -> None:
 def test_structure_is_predictable_and_noise_is_not(root: Path) -> None:
     """A function of joint 2's angle is foretold on the other recording, in noise by its share of the variance; noise by nothing."""
     arm = read_model(root / "config/models/puma560.toml")
-    fit, held_out = (side_of([run]) for run in seen(root, arm, [], ["excitation", "excitation"]).fit)
+    fit, held_out = (dataset_of([run]) for run in seen(root, arm, [], ["excitation", "excitation"]).fit)
     rng = np.random.default_rng(3)
     wrong = []
     for side in (fit, held_out):

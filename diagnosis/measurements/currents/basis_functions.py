@@ -12,9 +12,9 @@ from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from diagnosis.measurements.currents.design_matrix import Columns, Side
 from diagnosis.residual.run import Run, signals_of
-from diagnosis.selection.regression import Pair
+from diagnosis.selection.design import Columns, Dataset, Pair
+from identification.selection.split import Split
 
 KNOTS = 16
 """Of a function of one variable: enough for three cycles over the range of a joint."""
@@ -31,7 +31,7 @@ PLAYS = (0.004, 0.01, 0.02, 0.05, 0.1)
 """Half-widths of play operators, of the range of the current."""
 
 
-def variables(side: Side, arm: Arm, joint: int) -> Iterator[tuple[str, Array]]:
+def variables(side: Dataset, arm: Arm, joint: int) -> Iterator[tuple[str, Array]]:
     """Name and values (rows,) of everything that a residual of this joint is held against."""
 
     yield "time", np.concatenate([run.t for run in side.runs])
@@ -57,7 +57,7 @@ class Shape:
     known: NDArray[np.bool_]
 
 
-def shapes_of(fit: Side, held_out: Side, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
+def shapes_of(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
     """Functions of every variable at one joint, alone and times direction and velocity, over the deviation of each row.
 
     residual (n * rows,): whitened, of the fitted side; where its ripples are is read from it.
@@ -87,13 +87,13 @@ def shapes_of(fit: Side, held_out: Side, residual: Array, arm: Arm, joint: int) 
                 Columns(np.hstack([values * factor[kind][:, None] for kind in kinds]), side.of(joint))
                 for values, factor, side in zip(splines, factors, (fit, held_out))
             )
-            yield Shape(name, (one, other), known)
+            yield Shape(name, Split(one, other), known)
     yield from _places(fit, held_out, joint)
     yield from _waves(fit, held_out, residual, arm, joint)
     yield from _past(fit, held_out, arm, joint)
 
 
-def _places(fit: Side, held_out: Side, joint: int) -> Iterator[Shape]:
+def _places(fit: Dataset, held_out: Dataset, joint: int) -> Iterator[Shape]:
     """What is there at a place and nowhere else (a detent, a damaged tooth): narrow functions of the position, side by side."""
     x, x_held_out = _gathered(fit, "q", joint), _gathered(held_out, "q", joint)
     edges = np.linspace(x.min(), x.max(), PLACES)
@@ -108,7 +108,7 @@ def _places(fit: Side, held_out: Side, joint: int) -> Iterator[Shape]:
         )
         for values, side in ((x, fit), (x_held_out, held_out))
     )
-    yield Shape("position", (one, other), known)
+    yield Shape("position", Split(one, other), known)
 
 
 def _splines(x: Array, knots: Array) -> Array:
@@ -117,7 +117,7 @@ def _splines(x: Array, knots: Array) -> Array:
     return values
 
 
-def _waves(fit: Side, held_out: Side, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
+def _waves(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
     """The strongest ripple over the motor's angle, and over the angles of this joint and each other one together."""
     over = 1.0 / _gathered(fit, "deviation", joint)
     heard, ratio = residual[fit.of(joint)] * over, arm.joints[joint - 1].ratio
@@ -132,16 +132,16 @@ def _waves(fit: Side, held_out: Side, residual: Array, arm: Arm, joint: int) -> 
             yield _wave(name, fit, held_out, joint, partial(_mixed, joint=joint, other=other, c=c, d=d))
 
 
-def _mixed(side: Side, joint: int, other: int, c: float, d: float) -> Array:
+def _mixed(side: Dataset, joint: int, other: int, c: float, d: float) -> Array:
     return c * _gathered(side, "q", joint) + d * _gathered(side, "q", other)
 
 
-def _wave(name: str, fit: Side, held_out: Side, joint: int, angle: Callable[[Side], Array]) -> Shape:
+def _wave(name: str, fit: Dataset, held_out: Dataset, joint: int, angle: Callable[[Dataset], Array]) -> Shape:
     columns = []
     for side in (fit, held_out):
         over, phase = 1.0 / _gathered(side, "deviation", joint), angle(side)
         columns.append(Columns(np.stack([np.sin(phase), np.cos(phase)], axis=1) * over[:, None], side.of(joint)))
-    return Shape(name, (columns[0], columns[1]), np.ones(held_out.rows, bool))
+    return Shape(name, Split(columns[0], columns[1]), np.ones(held_out.rows, bool))
 
 
 def _ripple(heard: Array, motor: Array) -> float | None:
@@ -167,7 +167,7 @@ def _plane_wave(heard: Array, own: Array, other: Array) -> tuple[float, float]:
     return float(c[best[0]]), float(d[best[1]])
 
 
-def _past(fit: Side, held_out: Side, arm: Arm, joint: int) -> Iterator[Shape]:
+def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Shape]:
     """What hangs on where the current came from: play operators of it, from a tenth of its range to a 250th wide (Prandtl and Ishlinskii).
 
     Of the current that the model expects for the smoothed motion: the measured one has the residual in it, and would explain itself.
@@ -181,7 +181,7 @@ def _past(fit: Side, held_out: Side, arm: Arm, joint: int) -> Iterator[Shape]:
         over = 1.0 / _gathered(side, "deviation", joint)
         kept = [np.concatenate([_play(current, width * swing) - current for current in of_side]) for width in PLAYS]
         pair.append(Columns(np.stack(kept, axis=1) * over[:, None], side.of(joint)))
-    yield Shape("current and its past", (pair[0], pair[1]), np.ones(held_out.rows, bool))
+    yield Shape("current and its past", Split(pair[0], pair[1]), np.ones(held_out.rows, bool))
 
 
 def _expected(run: Run, arm: Arm, joint: int) -> Array:
@@ -200,6 +200,6 @@ def _play(values: Array, width: float) -> Array:
     return kept
 
 
-def _gathered(side: Side, name: str, joint: int) -> Array:
+def _gathered(side: Dataset, name: str, joint: int) -> Array:
     values: Array = np.concatenate([getattr(run, name)[:, joint - 1] for run in side.runs])
     return values

@@ -10,50 +10,38 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, Instrument
-from diagnosis.cause import Cause, Estimate, Signal, confidence_of
-from diagnosis.measurements.currents.design_matrix import Side
-from diagnosis.measurements.currents.search import Found, Problem
+from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
+from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.single_axis.causes import AxisCause
 from diagnosis.screening.event import Event, Gain
 from diagnosis.selection.aliasing import confusability, span_of
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.regression import Look, look
+from diagnosis.selection.design import Dataset
+from diagnosis.selection.regression import Fitted, score
 from diagnosis.units import unit_at
+from identification.selection.split import Split
 
 BY_DIRECTION = {"positive", "negative", "viscous_positive", "viscous_negative"}
 """Parameters that together are all the friction of an axis, each direction for itself."""
-GROUP_ABOVE = 0.98
-"""Canonical correlation above which two effects are one to this data."""
 
 
-def of_candidate(
-    candidate: Candidate,
-    values: list[Estimate],
-    alike: list[Look],
-    problem: Problem,
-    found: Found,
-) -> Cause:
-    library, (fit, held_out) = problem.library, found.sides
-    accepted = problem.accepted(found.chosen, found.sides)
-    others = problem.accepted([c for c in found.chosen if c is not candidate], found.sides)
-    one = look(candidate, library[candidate], others, held_out)
-    joint = candidate.joint or _most_felt(others.held_out, accepted.held_out, held_out)
-    before, after = (_rms_in_amperes(values_, held_out, joint) for values_ in (others.held_out, accepted.held_out))
-    group = [candidate.key]
-    basis = span_of(others.basis) if others.basis.shape[1] else span_of(np.zeros((len(fit.y), 1)))
-    for other in alike:
-        if other.candidate.key != candidate.key and candidate.effect not in other.candidate.definition.special_cases:
-            pair = library[candidate][0], library[other.candidate][0]
-            if confusability(basis, *(_full(c.x, c.where, len(fit.y)) for c in pair)) > GROUP_ABOVE:
-                group.append(other.candidate.key)
+def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> Cause:
+    """A chosen candidate as a cause, with its evidence and ambiguity group."""
+    model, held_out, all_fitted = state.model, state.data.held_out, state.fitted
+    others = model.without(candidate, state).fitted
+    one = score(candidate, model.columns(candidate), others, held_out)
+    joint = candidate.joint or _most_felt(others.held_out, all_fitted.held_out, held_out)
+    before, after = (_rms_in_amperes(residual, held_out, joint) for residual in (others.held_out, all_fitted.held_out))
+    group = [candidate.key, *_indistinguishable(candidate, others, state)]
     definition = candidate.definition
     aliases = [*definition.aliases]
-    if all(run.powered for side in found.sides for run in side.runs):
+    if all(run.powered for part in state.data for run in part.runs):
         aliases += definition.observed_by[Instrument.CURRENT].aliases
     group += [(name, candidate.joint) for name in aliases if (name, candidate.joint) not in group]
     where, unit = (
         f"joint {candidate.joint}" if candidate.joint else "all joints",
-        problem.arm.joints[joint - 1].current_unit,
+        model.arm.joints[joint - 1].current_unit,
     )
     sentence = (
         f"{definition.shows}: with it the held-out current error of joint {joint} falls from {before:.3g} to {after:.3g} {unit} rms, "
@@ -77,19 +65,27 @@ def of_candidate(
     )
 
 
-def _full(x: Array, where: slice, length: int) -> Array:
-    whole = np.zeros((length, x.shape[1]))
-    whole[where] = x
-    return whole
+def _indistinguishable(candidate: Candidate, others: Fitted, state: State) -> list[EffectKey]:
+    """Rivals whose columns this data does not distinguish from the candidate's, conditional on all others."""
+    model, rows = state.model, len(state.data.fit.y)
+    basis = span_of(others.basis) if others.basis.shape[1] else span_of(np.zeros((rows, 1)))
+    own = model.columns(candidate).fit.dense(rows)
+    return [
+        rival.candidate.key
+        for rival in state.rivals[candidate.key]
+        if rival.candidate.key != candidate.key
+        and candidate.effect not in rival.candidate.definition.special_cases
+        and confusability(basis, own, model.columns(rival.candidate).fit.dense(rows)) > LIMITS.group_correlation
+    ]
 
 
-def _most_felt(before: Array, after: Array, side: Side) -> int:
+def _most_felt(before: Array, after: Array, side: Dataset) -> int:
     """Joint (from 1) whose residual falls most."""
     fall = (before**2 - after**2).reshape(-1, side.rows).sum(axis=1)
     return int(np.argmax(fall)) + 1
 
 
-def _rms_in_amperes(whitened: Array, side: Side, joint: int) -> float:
+def _rms_in_amperes(whitened: Array, side: Dataset, joint: int) -> float:
     """A: rms of a joint's residual where it is known to better than three times the instruments' noise."""
     deviation = np.concatenate([run.deviation[:, joint - 1] for run in side.runs])
     noise = np.concatenate([np.full(len(run.t), run.noise[joint - 1]) for run in side.runs])
@@ -98,9 +94,9 @@ def _rms_in_amperes(whitened: Array, side: Side, joint: int) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def from_event(event: Event, arm: Arm, sides: tuple[Side, Side]) -> Cause:
+def from_event(event: Event, arm: Arm, data: Split[Dataset]) -> Cause:
     joint = event.joint or 1
-    noise = float(np.mean([run.noise[joint - 1] for run in sides[1].runs]))
+    noise = float(np.mean([run.noise[joint - 1] for run in data.held_out.runs]))
     gain = event.gain or Gain(before=noise, after=noise, unit="A", joint=joint)
     felt = arm.joints[gain.joint - 1]
     parameters = [replace(p, unit=unit_at(felt, p.unit, p.name)) for p in event.parameters]

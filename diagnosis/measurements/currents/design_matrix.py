@@ -4,68 +4,19 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm
 from diagnosis.measurements.currents.columns import at_own_joint, columns
 from diagnosis.residual.run import Run, merged, residual_with
 from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.design import Columns, Dataset
 
 
-@dataclass(frozen=True)
-class Side:
-    """Whitened residuals of all recordings of one side (fit or held out), joint after joint: y (n * rows,); block (n * rows,).
-
-    together: the same recordings, those with one setup after the other merged; corrected (n,): energy, by joint, of what an exact model has put
-    right in y since it was first computed.
-    """
-
-    runs: tuple[Run, ...]
-    together: tuple[Run, ...]
-    y: Array
-    block: NDArray[np.intp]
-    rows: int
-    corrected: Array | float = 0.0
-
-    def of(self, joint: int) -> slice:
-        """Where joint (1-based) stands in ``y``."""
-        return slice((joint - 1) * self.rows, joint * self.rows)
-
-    def by_block(self, values: Array) -> Array:
-        """(blocks,) sums of values (n * rows,), all joints together."""
-        return np.bincount(self.block, weights=values).astype(float)
-
-    def by_joint(self, values: Array) -> Array:
-        """(n,) sums of values (n * rows,)."""
-        sums: Array = values.reshape(-1, self.rows).sum(axis=1)
-        return sums
-
-
-@dataclass(frozen=True)
-class Columns:
-    """Whitened columns of one candidate on one side; ``where`` says at which rows of ``y`` they stand, elsewhere they are 0."""
-
-    x: Array  # (rows, k)
-    where: slice
-
-    def dot(self, other: Array) -> Array:
-        """x^T other, for other (N,) or (N, r)."""
-        product: Array = self.x.T @ other[self.where]
-        return product
-
-    def spread(self, coefficients: Array, length: int) -> Array:
-        """x coefficients, (length,)."""
-        values = np.zeros(length)
-        values[self.where] = self.x @ coefficients
-        return values
-
-
-def side_of(runs: Sequence[Run]) -> Side:
-    """The residuals of some recordings, in the layout of ``Side``."""
+def dataset_of(runs: Sequence[Run]) -> Dataset:
+    """The residuals of some recordings, in the layout of ``Dataset``."""
     numbers, first = [], 0
     for run in runs:
         numbers.append(run.block + first)
@@ -73,7 +24,7 @@ def side_of(runs: Sequence[Run]) -> Side:
     block = np.concatenate(numbers)
     joints = runs[0].q.shape[1]
     y = np.concatenate([run.whitened for run in runs]).T.ravel()
-    return Side(tuple(runs), tuple(_together(runs)), y, np.tile(block, joints), len(block))
+    return Dataset(tuple(runs), tuple(_together(runs)), y, np.tile(block, joints), len(block))
 
 
 def _together(runs: Sequence[Run]) -> Iterator[Run]:
@@ -81,13 +32,13 @@ def _together(runs: Sequence[Run]) -> Iterator[Run]:
         yield merged(list(alike))
 
 
-def side_with(side: Side, terms: Sequence[EffectTerm]) -> Array:
+def dataset_with(side: Dataset, terms: Sequence[EffectTerm]) -> Array:
     """(n * rows,) whitened residuals of a side's recordings under their arm with more effects."""
     whitened = [residual_with(run, terms) / run.deviation for run in side.runs]
     return np.concatenate(whitened).T.ravel()
 
 
-def columns_of(candidate: Candidate, side: Side, arm: Arm) -> Columns:
+def columns_of(candidate: Candidate, side: Dataset) -> Columns:
     """The candidate's columns over all recordings of a side, over the deviation of each row."""
     parts = [columns(candidate, run) / run.deviation[..., None] for run in side.together]
     x = np.concatenate(parts) if len(parts) > 1 else parts[0]  # (rows, n, k)
@@ -98,7 +49,7 @@ def columns_of(candidate: Candidate, side: Side, arm: Arm) -> Columns:
     return Columns(flat, slice(0, len(flat)))
 
 
-def free_columns(side: Side, arm: Arm) -> list[Columns]:
+def free_columns(side: Dataset, arm: Arm) -> list[Columns]:
     """Columns that are always in the model: how friction turns from one direction to the other.
 
     No data sheet says it, and simulations differ in it: a joint's Coulomb friction may change sign over a wider or narrower band of velocity

@@ -10,9 +10,8 @@ from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, Excitation, Instrument
 from arm_model.rigid_body.numeric import rigid_torque
 from diagnosis.cause import EffectKey, Undetectable
-from diagnosis.measurements.currents.design_matrix import Columns, Side
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.regression import Pair
+from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.units import unit_at
 
 STOOD = 0.005
@@ -35,15 +34,15 @@ INSTEAD = {
 
 
 def not_visible(
-    library: Mapping[Candidate, Pair], lines: Iterable[Candidate], held_out: Side, known: Set[EffectKey], arm: Arm
+    library: Mapping[Candidate, Pair], lines: Iterable[Candidate], held_out: Dataset, known: Set[EffectKey], arm: Arm
 ) -> list[Undetectable]:
     """Effects whose largest typical magnitude changes the held-out currents by less than a third of the noise; none of ``known`` ones.
 
     lines: ripples, whose columns are in the library only where they were heard: a motor that made no whole turn shows none.
     """
     strongest: dict[EffectKey, float] = {c.key: 0.0 for c in lines if c.joint and _turns(held_out, arm, c.joint) < 1.0}
-    for candidate, (_, columns) in library.items():
-        strength = felt(candidate, columns, held_out.rows)
+    for candidate, pair in library.items():
+        strength = felt(candidate, pair.held_out, held_out.rows)
         strongest[candidate.key] = max(strongest.get(candidate.key, 0.0), strength)
     found = []
     for (effect, joint), strength in strongest.items():
@@ -61,7 +60,7 @@ def not_visible(
     return found
 
 
-def _turns(side: Side, arm: Arm, joint: int) -> float:
+def _turns(side: Dataset, arm: Arm, joint: int) -> float:
     """Turns of a joint's motor from one end of its motion to the other."""
     return float(
         np.ptp(np.concatenate([run.q[:, joint - 1] for run in side.runs])) * arm.joints[joint - 1].ratio / (2 * np.pi)
@@ -79,7 +78,7 @@ def times_noise(strength: float) -> str:
     return "as good as nothing" if strength < 0.005 else f"{strength:.2g} times the noise"
 
 
-def _did(need: Excitation, joint: int | None, side: Side, arm: Arm) -> str:
+def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
     """What a joint did in some recordings of what an effect needs; nothing where it did as others do."""
     if joint is None:
         return ""

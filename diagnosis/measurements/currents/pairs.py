@@ -14,70 +14,58 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
-from diagnosis.measurements.currents.design_matrix import Columns, Side
+from diagnosis.measurements.currents.limits import LIMITS, leakage, matters
+from diagnosis.measurements.currents.refinement import is_physical
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.regression import (
-    ALIKE,
-    SIGNIFICANT,
-    Accepted,
-    Pair,
-    at_joint,
-    best_shapes,
-    gain_of,
-    matters,
-    shadows,
-)
+from diagnosis.selection.design import Columns, Dataset, Pair
+from diagnosis.selection.regression import Fitted, at_joint, best_of_each, gain_of
 from identification.selection.significance import benjamini_hochberg, p_value
-
-MOST = 0.5
-"""Share of what is left of a joint that two effects must explain: they are not looked for to explain a part."""
+from identification.selection.split import Split
 
 
-def two_of(
+def pair_of(
     library: Mapping[Candidate, Pair],
-    accepted: Accepted,
-    fit: Side,
-    held_out: Side,
+    fitted: Fitted,
+    data: Split[Dataset],
     joints: Sequence[int],
     taken: Set[EffectKey],
-    physical: Callable[[Candidate, Array], bool],
+    physical: Callable[[Candidate, Array], bool] = is_physical,
 ) -> list[Candidate]:
     """The two effects that together explain most of the first of ``joints`` where two do; empty where none do.
 
     Judged like a single one: by the held-out gain of both at that joint over blocks, with false-discovery control over all pairs of the joint.
     """
+    held_out = data.held_out
+    allowance = leakage(held_out, fitted)
     for joint in joints:
         of_joint = {c: pair for c, pair in library.items() if c.joint == joint and not c.unit_amplitude}
-        able = best_shapes(of_joint, accepted, fit, set(taken))
         pairs = [
             (one, other)
-            for one, other in itertools.combinations(able, 2)
+            for one, other in itertools.combinations(best_of_each(of_joint, fitted, data.fit, taken), 2)
             if other.effect not in same_columns(one.definition)
         ]
-        looks = [_gain(one, other, library, accepted, fit, held_out) for one, other in pairs]
-        q = benjamini_hochberg(np.array([p_value(held_out.by_block(fall)) for _, fall in looks]))
-        shadow = shadows(held_out, accepted)
-        most = MOST * float(np.sum(accepted.held_out[held_out.of(joint)] ** 2))
-        good = []
-        for (one, other), (coefficients, fall), q_one in zip(pairs, looks, q):
-            first = library[one][0].x.shape[1]
-            fits = physical(one, coefficients[:first]) and physical(other, coefficients[first:])
-            gain, by_joint = float(fall.sum()), held_out.by_joint(fall)
-            if q_one < SIGNIFICANT and fits and gain > most and matters(by_joint, len(coefficients), shadow, held_out):
-                good.append((gain * (1.0 - ALIKE * len(coefficients)), one, other))
-        if good:
-            _, one, other = max(good, key=lambda each: each[0])
+        gains = [gain_of(_both(one, other, library, data), fitted, held_out) for one, other in pairs]
+        q = benjamini_hochberg(np.array([p_value(held_out.by_block(fall)) for _, fall in gains]))
+        least = LIMITS.pair_share * float(np.sum(fitted.held_out[held_out.of(joint)] ** 2))
+        admissible = []
+        for (one, other), (c, fall), q_pair in zip(pairs, gains, q):
+            first = library[one].fit.x.shape[1]
+            fits = physical(one, c[:first]) and physical(other, c[first:])
+            gain, significant = float(fall.sum()), LIMITS.fdr is not None and q_pair < LIMITS.fdr
+            if significant and fits and gain > least and matters(held_out.by_joint(fall), len(c), allowance, held_out):
+                admissible.append((gain * (1.0 - LIMITS.tie * len(c)), one, other))
+        if admissible:
+            _, one, other = max(admissible, key=lambda each: each[0])
             return [one, other]
     return []
 
 
-def _gain(
-    one: Candidate, other: Candidate, library: Mapping[Candidate, Pair], accepted: Accepted, fit: Side, held_out: Side
-) -> tuple[Array, Array]:
-    """Coefficients of both (k,) and the fall of the squared held-out error of their joint, row by row."""
-    sides = []
-    for which, side in enumerate((fit, held_out)):
-        columns = [at_joint(library[c][which], one.joint, side) for c in (one, other)]
-        sides.append(Columns(np.hstack([c.x for c in columns]), columns[0].where))
-    _, coefficients, fall = gain_of((sides[0], sides[1]), accepted, held_out)
-    return coefficients, fall
+def _both(one: Candidate, other: Candidate, library: Mapping[Candidate, Pair], data: Split[Dataset]) -> Pair:
+    """Columns of both at their joint, side by side."""
+
+    def stacked(columns: Sequence[Columns], part: Dataset) -> Columns:
+        own = [at_joint(c, one.joint, part) for c in columns]
+        return Columns(np.hstack([c.x for c in own]), own[0].where)
+
+    pairs = library[one], library[other]
+    return Split(stacked([p.fit for p in pairs], data.fit), stacked([p.held_out for p in pairs], data.held_out))

@@ -6,9 +6,9 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from diagnosis.measurements.currents.design_matrix import Side
 from diagnosis.residual.run import passed
 from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.design import Dataset
 
 LOUDEST = 5
 """Orders kept for each way in which a ripple is heard: as a torque, by the acceleration that it forces on the link, by the load it lifts."""
@@ -24,7 +24,7 @@ def order_of(candidate: Candidate) -> int | None:
     return None
 
 
-def audible(side: Side, residual: Array, arm: Arm, joint: int, highest: int) -> set[int]:
+def audible(side: Dataset, residual: Array, arm: Arm, joint: int, highest: int) -> set[int]:
     """The loudest orders 1..highest at a joint in ``residual`` (n * rows,), whitened.
 
     The gain of a column w sin(k motor + phase) is |sum r w exp(i k motor)|^2 / (sum w^2 / 2), with w what the effect's law puts before the sine,

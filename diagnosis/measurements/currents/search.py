@@ -1,232 +1,133 @@
-"""The search for causes: rounds of forward selection, each followed by deletion and by the exact model of what was accepted.
-
-Columns are first order in their effects. After every round the model extended by the accepted causes is evaluated exactly
-(``diagnosis.residual.expected_current``), and what its first-order columns had wrong is taken out of the data (deferred correction: Stetter, Numerische
-Mathematik 29, 1978), so that it is not taken for another cause. Linear algebra stays as it is; its solution is that of the exact model.
-"""
+"""The search for causes in the currents: the stepwise selection, refined by the exact model, simplified, and held against unexplained structure."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence, Set
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm_io.types import Array
-from arm_model.description import Arm, EffectTerm
-from arm_model.effects import CATALOGUE, same_columns
-from diagnosis.cause import EffectKey
-from diagnosis.measurements.currents.design_matrix import Columns, Side, columns_of, side_with
-from diagnosis.measurements.currents.estimates import physical, sharpened
-from diagnosis.measurements.currents.pairs import two_of
-from diagnosis.measurements.currents.ripple_orders import audible, order_of
+from arm_model.effects import CATALOGUE
+from diagnosis.measurements.currents.design_matrix import dataset_with
+from diagnosis.measurements.currents.model import Currents, State, corrected, terms
 from diagnosis.measurements.currents.unexplained import (
     DEAFENING,
     Remainder,
     beside,
     better_than_causes,
-    loud,
     structure_left,
 )
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.regression import (
-    SHARE_OF_NOISE,
-    Accepted,
-    Look,
-    Pair,
-    accept,
-    look,
-    matters,
-    round_of,
-    shadows,
-    simplest,
-)
-
-MOST_CAUSES = 8
-CORRECTIONS = 2
-"""Evaluations of the exact model a round: the second-order part of a strong effect is a tenth of it, that of the rest a hundredth."""
-
-WORSE = 1.1
-"""Times the first-order residual: an exact model that leaves more is outside of its range."""
-MANY, MAKESHIFT = 6, 1.5
-"""Several causes of a joint with so many coefficients together are the makeshift for one function of one variable that leaves but a fifth more than
-they do; and four or more that mostly cancel one another (``_cancelling``; what is there adds up, hidden triples to 1.0) for one that explains nine
-tenths of what they do."""
-SUPERFLUOUS = 0.5
-"""A cause that keeps less than this share of its gain beside unexplained structure was a name for part of that structure."""
-
-
-@dataclass(frozen=True)
-class Problem:
-    """What is searched: both sides' residuals under the model as given, all candidates' columns, and those that are always free."""
-
-    arm: Arm
-    sides: tuple[Side, Side]
-    library: dict[Candidate, Pair]
-    free: list[Pair]
-    lines: tuple[Candidate, ...] = ()  # ripples, whose columns are computed where they can be heard
-
-    def listen(self, residual: Array) -> None:
-        """Puts the ripples that can be heard in the fitted side's whitened residual into the library."""
-        highest = max((order_of(c) or 0 for c in self.lines), default=0)
-        for joint in sorted({c.joint for c in self.lines if c.joint}):
-            orders = audible(self.sides[0], residual, self.arm, joint, highest)
-            for c in self.lines:
-                if c.joint == joint and order_of(c) in orders and c not in self.library:
-                    self.library[c] = columns_of(c, self.sides[0], self.arm), columns_of(c, self.sides[1], self.arm)
-
-    def accepted(self, chosen: Sequence[Candidate], sides: tuple[Side, Side]) -> Accepted:
-        """The chosen candidates fitted together to ``sides``; the free columns' coefficients come first."""
-        return accept(*sides, self.free + [self.library[c] for c in chosen])
-
-    def parts(self, chosen: Sequence[Candidate], accepted: Accepted) -> list[Array]:
-        """The coefficients (k,) of each chosen candidate."""
-        widths = [self.library[c][0].x.shape[1] for c in chosen]
-        return np.split(accepted.coefficients[len(self.free) :], np.cumsum(widths)[:-1]) if chosen else []
+from diagnosis.selection.design import Columns
+from diagnosis.selection.regression import score
+from identification.selection.stepwise import eliminate, select
 
 
 @dataclass(frozen=True)
 class Found:
-    """Chosen candidates in the order of acceptance; for each, those that would have done as well; residuals less what is of second order."""
+    """What was chosen, and the unexplained structure beside it."""
 
-    chosen: list[Candidate]
-    equals: list[list[Look]]
-    sides: tuple[Side, Side]
+    state: State
     remainder: Remainder
 
 
-def search(problem: Problem, progress: Callable[[str], None], banned: Set[EffectKey] = frozenset()) -> Found:
-    """Candidates that explain the residual together; none of ``banned``, effect and joint."""
-    sides, chosen = problem.sides, list[Candidate]()
-    equals: dict[EffectKey, list[Look]] = {}
-    for number in range(1, MOST_CAUSES + 1):
-        progress(f"looking for cause {number}")
-        accepted = problem.accepted(chosen, sides)
-        problem.listen(accepted.fit)
-        taken = _taken(chosen) | banned
-        able = round_of(problem.library, accepted, *sides, taken, physical)
-        entering: Sequence[Candidate]
-        if able:
-            best, alike = simplest(able, sides[1])
-            sharp = sharpened(best.candidate, accepted, sides[0], problem.arm)
-            problem.library[sharp] = columns_of(sharp, sides[0], problem.arm), columns_of(sharp, sides[1], problem.arm)
-            equals[sharp.key], entering = alike, [sharp]
-        else:  # two effects that hide each other may enter together
-            entering = two_of(problem.library, accepted, *sides, loud(accepted, sides[1], problem.arm), taken, physical)
-            equals |= {c.key: [look(c, problem.library[c], accepted, sides[1])] for c in entering}
-        before, chosen = chosen, weeded([*chosen, *entering], problem, sides)
-        if set(chosen) == set(before):
-            break
-        sides = corrected(chosen, problem, sides)
-    better = polished(chosen, problem, sides)
-    if better is not chosen:
-        chosen, sides = better, corrected(better, problem, problem.sides)
-    chosen, sides = simplified(chosen, problem, sides, equals, banned)
-    if len(fewer := weeded(chosen, problem, sides)) < len(chosen):
-        chosen, sides = fewer, corrected(fewer, problem, problem.sides)
-    progress("looking at what is left")
-    remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
-    while dissolved := _superfluous(chosen, problem, sides, remainder) or _outdone(chosen, problem, sides):
-        chosen = [c for c in chosen if c not in dissolved]
-        sides = corrected(chosen, problem, sides)
-        remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
-    return Found(chosen, [equals[c.key] for c in chosen], sides, remainder)
+def search(model: Currents, progress: Callable[[str], None]) -> Found:
+    """Candidates that explain the residual together, and what they leave."""
+    state = simplified(gauss_newton_refined(select(model, progress)))
+    if len(fewer := eliminate(model, state).chosen) < len(state.chosen):
+        state = model.refitted(fewer, state.rivals)
+    progress("searching for unexplained structure")
+    found = _with_remainder(state)
+    while dissolved := _superfluous(found) or _outdone(state):
+        state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in dissolved)))
+        found = _with_remainder(state)
+    return found
 
 
-def _taken(chosen: Sequence[Candidate]) -> set[EffectKey]:
-    """The chosen, and their twins: both together would explain anything, as their difference is the residual itself."""
-    return {c.key for c in chosen} | {(other, c.joint) for c in chosen for other in same_columns(c.definition)}
-
-
-def without(found: Found, gone: Candidate, problem: Problem) -> Found:
+def without(found: Found, removed: Candidate) -> Found:
     """What was found, less one candidate; the others fitted anew."""
-    kept = [(c, alike) for c, alike in zip(found.chosen, found.equals) if c is not gone]
-    chosen = [c for c, _ in kept]
-    sides = corrected(chosen, problem, problem.sides) if chosen else problem.sides
-    remainder = structure_left(*sides, problem.accepted(chosen, sides), problem.arm)
-    return Found(chosen, [alike for _, alike in kept], sides, remainder)
+    state = found.state
+    return _with_remainder(state.model.refitted([c for c in state.chosen if c is not removed], state.rivals))
 
 
-def _superfluous(
-    chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, Side], remainder: Remainder
-) -> list[Candidate]:
-    """The cause that unexplained structure beside all causes makes superfluous most, if there is one.
+def _with_remainder(state: State) -> Found:
+    return Found(state, structure_left(state.data, state.fitted, state.model.arm))
 
-    Where what is left hangs on nothing known and is far from noise, a cause that explains less than that was a name for part of it.
+
+def _superfluous(found: Found) -> list[Candidate]:
+    """The cause that unexplained structure conditional on all causes makes superfluous most, if there is one.
+
+    Where the residual follows no known variable and is far above noise, a cause that explains less than it was a name for part of it.
     """
-    shares = {}
-    unknown = {
-        one.joint for one in remainder.structures if not one.share
-    }  # joints where something is left that hangs on nothing known
-    for c in chosen:
-        others = problem.accepted([o for o in chosen if o is not c], sides)
-        touching = [pair for pair in remainder.pairs if _meet(pair[0], problem.library[c][0])]
+    state, shares = found.state, dict[Candidate, float]()
+    model, held_out = state.model, state.data.held_out
+    unknown = {structure.joint for structure in found.remainder.structures if not structure.share}
+    for c in state.chosen:
+        others, own = model.without(c, state), model.columns(c)
+        touching = [pair for pair in found.remainder.pairs if _overlap(pair.fit, own.fit)]
+        alone = score(c, own, others.fitted, held_out).gain
         if touching:
-            alone = look(c, problem.library[c], others, sides[1]).held_out_gain
-            shares[c] = look(c, problem.library[c], beside(others, touching), sides[1]).held_out_gain / alone
+            shares[c] = score(c, own, beside(others.fitted, touching), held_out).gain / alone
         elif c.joint is not None and c.joint in unknown:
-            rows = sides[1].of(c.joint)
-            left = float(np.sum(problem.accepted(chosen, sides).held_out[rows] ** 2))
-            if left > DEAFENING**2 * sides[1].rows:
-                shares[c] = SUPERFLUOUS * look(c, problem.library[c], others, sides[1]).held_out_gain / left
+            left = float(np.sum(state.fitted.held_out[held_out.of(c.joint)] ** 2))
+            if left > DEAFENING**2 * held_out.rows:
+                shares[c] = model.limits.superfluous * alone / left
     least = min(shares, key=lambda c: shares[c], default=None)
-    return [least] if least is not None and shares[least] < SUPERFLUOUS else []
+    return [least] if least is not None and shares[least] < model.limits.superfluous else []
 
 
-def _outdone(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, Side]) -> list[Candidate]:
+def _outdone(state: State) -> list[Candidate]:
     """The causes of a joint that a function of one variable explains better than all of them together."""
-    having = problem.accepted(chosen, sides)
-    for joint in sorted({c.joint for c in chosen if c.joint}):
-        own = [c for c in chosen if c.joint == joint]
-        without = problem.accepted([c for c in chosen if c not in own], sides)
-        before, left = (float(np.sum(one.held_out[sides[1].of(joint)] ** 2)) for one in (without, having))
+    model, limits, held_out = state.model, state.model.limits, state.data.held_out
+    for joint in sorted({c.joint for c in state.chosen if c.joint}):
+        own = [c for c in state.chosen if c.joint == joint]
+        less = replace(state, chosen=tuple(c for c in state.chosen if c not in own))
+        before, left = (float(np.sum(s.fitted.held_out[held_out.of(joint)] ** 2)) for s in (less, state))
         allowed = 0.0
-        if len(own) > 1 and sum(problem.library[c][0].x.shape[1] for c in own) >= MANY:
-            allowed = 0.2 * left
-        if len(own) > 3 and _cancelling(own, chosen, problem, having) > MAKESHIFT:
-            allowed = max(allowed, 0.1 * (before - left))
-        if better_than_causes(*sides, without, having, problem.arm, joint, allowed):
+        if len(own) > 1 and sum(model.columns(c).fit.x.shape[1] for c in own) >= limits.many:
+            allowed = limits.many_leave * left
+        if len(own) > 3 and _cancelling(own, state) > limits.makeshift:
+            allowed = max(allowed, limits.makeshift_leave * (before - left))
+        if better_than_causes(state.data, less.fitted, state.fitted, model.arm, joint, allowed):
             return own
     return []
 
 
-def _cancelling(own: Sequence[Candidate], chosen: Sequence[Candidate], problem: Problem, accepted: Accepted) -> float:
+def _cancelling(own: Sequence[Candidate], state: State) -> float:
     """Energy of what some of the chosen explain, each for itself, over that of what they explain together: 1 where they are independent."""
     each = [
-        problem.library[c][0].spread(part, len(accepted.fit))
-        for c, part in zip(chosen, problem.parts(chosen, accepted))
+        state.model.columns(c).fit.spread(coefficients, len(state.fitted.fit))
+        for c, coefficients in zip(state.chosen, state.coefficients)
         if c in own
     ]
     return float(sum(np.sum(one**2) for one in each) / np.sum(np.sum(each, axis=0) ** 2))
 
 
-def _meet(one: Columns, other: Columns) -> bool:
+def _overlap(one: Columns, other: Columns) -> bool:
     return one.where.start < other.where.stop and other.where.start < one.where.stop
 
 
-def simplified(
-    chosen: list[Candidate],
-    problem: Problem,
-    sides: tuple[Side, Side],
-    equals: dict[EffectKey, list[Look]],
-    banned: Set[EffectKey],
-) -> tuple[list[Candidate], tuple[Side, Side]]:
-    """The chosen, with fewer or simpler effects in the place of others where nothing that matters is lost.
+def simplified(state: State) -> State:
+    """The state with fewer or simpler effects in the place of others where nothing that matters is lost.
 
     Two parts of an effect at one joint are that effect. One that contains a simpler one is that simpler one, if that is enough: while other
     causes were missing or known to first order only, the one with more coefficients may have fitted their rest.
     """
-    for put, gone in _simpler(chosen):
-        if put not in problem.library or put.key in banned or put in chosen or not set(gone) <= set(chosen):
+    model = state.model
+    for put, replaced in _simpler(state.chosen):
+        chosen = state.chosen
+        known = put in model.library and put.key not in model.excluded
+        if not known or put in chosen or not set(replaced) <= set(chosen):
             continue
-        trial = [put if one is gone[0] else one for one in chosen if one not in gone[1:]]
-        anew = corrected(trial, problem, problem.sides)
-        before, after = problem.accepted(chosen, sides), problem.accepted(trial, anew)
-        lost = np.sum(after.held_out**2) - np.sum(before.held_out**2)
-        if lost < SHARE_OF_NOISE * sides[1].rows:
-            equals[put.key] = [one for one in equals[gone[0].key] if one.candidate.key != gone[0].key]
-            chosen, sides = trial, anew
-    return chosen, sides
+        rivals = [one for one in state.rivals[replaced[0].key] if one.candidate.key != replaced[0].key]
+        trial = model.refitted(
+            [put if c is replaced[0] else c for c in chosen if c not in replaced[1:]],
+            {**state.rivals, put.key: rivals},
+        )
+        lost = np.sum(trial.fitted.held_out**2) - np.sum(state.fitted.held_out**2)
+        if lost < model.limits.min_gain * state.data.held_out.rows:
+            state = trial
+    return state
 
 
 def _simpler(chosen: Sequence[Candidate]) -> Iterator[tuple[Candidate, tuple[Candidate, ...]]]:
@@ -241,90 +142,25 @@ def _simpler(chosen: Sequence[Candidate]) -> Iterator[tuple[Candidate, tuple[Can
             yield Candidate(part, c.joint), (c,)
 
 
-def corrected(chosen: Sequence[Candidate], problem: Problem, sides: tuple[Side, Side]) -> tuple[Side, Side]:
-    """Both sides with y = (residual of the exact extended model) + (first-order columns times their coefficients).
-
-    Where the exact model leaves more than its first order did (parameters out of its range), nothing is corrected.
-    """
-    for _ in range(CORRECTIONS):
-        accepted = problem.accepted(chosen, sides)
-        parts = problem.parts(chosen, accepted)
-        terms = _terms(chosen, parts)
-        exact = [side_with(side, terms) for side in problem.sides]
-        once = [
-            np.ones_like(part) if c.unit_amplitude else part for c, part in zip(chosen, parts)
-        ]  # as the exact model has them
-        linear = [_spread(chosen, once, problem, which) for which in (0, 1)]
-        first, second = (
-            replace(side, y=y, corrected=side.by_joint((y - side.y) ** 2))
-            for side, y in zip(problem.sides, (exact[0] + linear[0], exact[1] + linear[1]))
-        )
-        trial = first, second
-        if np.sum(problem.accepted(chosen, trial).fit ** 2) > WORSE * np.sum(accepted.fit**2):
-            return sides
-        sides = trial
-    return sides
-
-
-def terms_of(problem: Problem, found: Found) -> list[EffectTerm]:
-    """What was found, as effects of a model."""
-    return _terms(found.chosen, problem.parts(found.chosen, problem.accepted(found.chosen, found.sides)))
-
-
-def _terms(chosen: Sequence[Candidate], parts: Sequence[Array]) -> list[EffectTerm]:
-    return [EffectTerm(c.effect, c.joint, c.parameters(part.tolist())) for c, part in zip(chosen, parts)]
-
-
-def polished(chosen: list[Candidate], problem: Problem, sides: tuple[Side, Side]) -> list[Candidate]:
-    """The chosen with their continuous shape parameters where the exact model fits best: one step of Gauss and Newton, kept if it is one down."""
-    searched = [(k, name) for k, c in enumerate(chosen) for name in c.searched()]
+def gauss_newton_refined(state: State) -> State:
+    """The state with its continuous nonlinear parameters where the exact model fits best: one Gauss-Newton step, kept if it leaves less."""
+    searched = [(k, name) for k, c in enumerate(state.chosen) for name in c.searched()]
     if not searched:
-        return chosen
-    fit, accepted = problem.sides[0], problem.accepted(chosen, sides)
-    parts = problem.parts(chosen, accepted)
-    here = side_with(fit, _terms(chosen, parts))
-    slopes, steps = [], []
+        return state
+    model, own, basis = state.model, state.coefficients, state.fitted.basis
+    here = dataset_with(model.data.fit, state.terms)
+    slopes = []
     for k, name in searched:
-        steps.append(0.02 * dict(chosen[k].shape)[name])
-        moved = [c.at(name, dict(c.shape)[name] + steps[-1]) if n == k else c for n, c in enumerate(chosen)]
-        slopes.append((side_with(fit, _terms(moved, parts)) - here) / steps[-1])
+        value = dict(state.chosen[k].shape)[name]
+        step = 0.02 * value
+        moved = [c.at(name, value + step) if n == k else c for n, c in enumerate(state.chosen)]
+        slopes.append((dataset_with(model.data.fit, terms(moved, own)) - here) / step)
     slope = np.stack(slopes, axis=1)
-    slope -= accepted.basis @ (accepted.basis.T @ slope)
-    change = -np.linalg.lstsq(slope, here - accepted.basis @ (accepted.basis.T @ here), rcond=1e-3)[0]
-    better = list(chosen)
+    slope -= basis @ (basis.T @ slope)
+    change = -np.linalg.lstsq(slope, here - basis @ (basis.T @ here), rcond=1e-3)[0]
+    better = list(state.chosen)
     for (k, name), by in zip(searched, change):
         value = dict(better[k].shape)[name]
         better[k] = better[k].at(name, float(np.clip(value + by, value / 2, 2 * value)))
-    for c in better:
-        if c not in problem.library:
-            problem.library[c] = (
-                columns_of(c, problem.sides[0], problem.arm),
-                columns_of(c, problem.sides[1], problem.arm),
-            )
-    left = [
-        np.sum(problem.accepted(these, corrected(these, problem, problem.sides)).fit ** 2) for these in (chosen, better)
-    ]
-    return better if left[1] < left[0] else chosen
-
-
-def _spread(chosen: Sequence[Candidate], parts: Sequence[Array], problem: Problem, which: int) -> Array:
-    total = np.zeros(len(problem.sides[which].y))
-    for candidate, part in zip(chosen, parts):
-        columns = problem.library[candidate][which]
-        total[columns.where] += columns.x @ part
-    return total
-
-
-def weeded(chosen: list[Candidate], problem: Problem, sides: tuple[Side, Side]) -> list[Candidate]:
-    """Backward deletion: causes whose held-out gain beside all others no longer matters are dropped, the least first."""
-    while len(chosen) > 1:
-        gains = [
-            look(c, problem.library[c], problem.accepted([o for o in chosen if o is not c], sides), sides[1])
-            for c in chosen
-        ]
-        shadow = shadows(sides[1], problem.accepted(chosen, sides))
-        least = min(gains, key=lambda one: one.held_out_gain)
-        if matters(least.by_joint, len(least.coefficients), shadow, sides[1]):
-            break
-        chosen = [c for c in chosen if c is not least.candidate]
-    return chosen
+    as_is, moved_on = (model.refitted(chosen, state.rivals) for chosen in (state.chosen, better))
+    return moved_on if np.sum(moved_on.fitted.fit**2) < np.sum(as_is.fitted.fit**2) else state

@@ -9,7 +9,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.description import Arm
 from diagnosis.measurements.currents.basis_functions import variables
-from diagnosis.measurements.currents.design_matrix import Side
+from diagnosis.selection.design import Dataset
 
 FROM = ("position", "velocity", "load torque")
 KNOTS = 12
@@ -17,9 +17,9 @@ RIDGE = 1e-3
 """Of the rows a knot has on average: keeps knots that no row comes near at nothing."""
 
 
-def predictable(fit: Side, held_out: Side, fitted: Array, held: Array, arm: Arm) -> Array:
+def predictable(fit: Dataset, held_out: Dataset, fitted: Array, held: Array, arm: Arm) -> Array:
     """(n,) share of the variance of every joint's held-out residual that a sum of smooth functions of its ``FROM``, fitted to the other
-    recordings, predicts where these have been: 0 for noise. fitted, held (n * rows,): whitened residuals in the layout of ``Side``."""
+    recordings, predicts where these have been: 0 for noise. fitted, held (n * rows,): whitened residuals in the layout of ``Dataset``."""
     shares = np.zeros(len(arm))
     for joint in range(1, len(arm) + 1):
         known = [dict(variables(side, arm, joint)) for side in (fit, held_out)]
@@ -37,7 +37,7 @@ def predictable(fit: Side, held_out: Side, fitted: Array, held: Array, arm: Arm)
     return shares
 
 
-def _hats(values: Mapping[str, Array], knots: Sequence[Array], side: Side, joint: int) -> Array:
+def _hats(values: Mapping[str, Array], knots: Sequence[Array], side: Dataset, joint: int) -> Array:
     """(rows, len(FROM) * KNOTS) hat functions of every variable over the deviation of each row."""
     over = 1.0 / np.concatenate([run.deviation[:, joint - 1] for run in side.runs])
     hats = [np.interp(values[name], at, one) * over for name, at in zip(FROM, knots) for one in np.eye(len(at))]

@@ -17,10 +17,11 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from diagnosis.cause import Signal, Structure
 from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
-from diagnosis.measurements.currents.design_matrix import Columns, Side
 from diagnosis.residual.noise import quiet_noise
-from diagnosis.selection.regression import Accepted, Pair, gain_of
+from diagnosis.selection.design import Dataset, Pair
+from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with
 from identification.selection.significance import benjamini_hochberg, p_value
+from identification.selection.split import Split
 
 MATTERS = 0.15
 """A structure must explain this share of a joint's noise energy ..."""
@@ -47,14 +48,15 @@ class Remainder:
     pairs: list[Pair]
 
 
-def structure_left(fit: Side, held_out: Side, accepted: Accepted, arm: Arm) -> Remainder:
-    """Structures beside what is ``accepted``, joint by joint, the strongest first."""
+def structure_left(data: Split[Dataset], fitted: Fitted, arm: Arm) -> Remainder:
+    """Structures beside what is ``fitted``, joint by joint, the strongest first."""
     found, pairs = [], []
+    fit, held_out = data
     for joint in range(1, len(arm) + 1):
-        shapes = list(shapes_of(fit, held_out, accepted.fit, arm, joint))
+        shapes = list(shapes_of(fit, held_out, fitted.fit, arm, joint))
         here: list[Pair] = []
         for _ in range(MOST):
-            best = _strongest(shapes, beside(accepted, here), fit, held_out, joint)
+            best = _strongest(shapes, beside(fitted, here), fit, held_out, joint)
             if best is None:
                 break
             name, pair, share = best
@@ -62,15 +64,15 @@ def structure_left(fit: Side, held_out: Side, accepted: Accepted, arm: Arm) -> R
             here.append(pair)
             shapes = [one for one in shapes if one.name != name]
         pairs += here
-        if not here and (loud := loudness(accepted.held_out, held_out, joint)) > LOUD:
-            found.append(_likeliest(shapes, accepted, held_out, joint, loud))
+        if not here and (loud := loudness(fitted.held_out, held_out, joint)) > LOUD:
+            found.append(_likeliest(shapes, fitted, held_out, joint, loud))
     return Remainder(found, pairs)
 
 
-def _likeliest(shapes: Sequence[Shape], accepted: Accepted, held_out: Side, joint: int, loud: float) -> Structure:
+def _likeliest(shapes: Sequence[Shape], fitted: Fitted, held_out: Dataset, joint: int, loud: float) -> Structure:
     """What a residual that is no noise hangs on most probably: only which variable it is, not whether there is one, is left to chance."""
-    before = float(np.sum(accepted.held_out[held_out.of(joint)] ** 2))
-    gains = [held_out.by_block(gain_of(shape.pair, accepted, held_out)[2]) for shape in shapes]
+    before = float(np.sum(fitted.held_out[held_out.of(joint)] ** 2))
+    gains = [held_out.by_block(gain_of(shape.pair, fitted, held_out)[1]) for shape in shapes]
     able = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > HALF * before]
     p, best = min(able, default=(1.0, 0))
     if p > PROBABLE:
@@ -78,13 +80,13 @@ def _likeliest(shapes: Sequence[Shape], accepted: Accepted, held_out: Side, join
     return Structure(Signal.CURRENT, joint, shapes[best].name, float(gains[best].sum()) / before)
 
 
-def loud(accepted: Accepted, held_out: Side, arm: Arm) -> list[int]:
+def loud(fitted: Fitted, held_out: Dataset, arm: Arm) -> list[int]:
     """Joints where what is left of the currents is no noise, the loudest first."""
-    by_joint = {joint: loudness(accepted.held_out, held_out, joint) for joint in range(1, len(arm) + 1)}
+    by_joint = {joint: loudness(fitted.held_out, held_out, joint) for joint in range(1, len(arm) + 1)}
     return sorted((joint for joint, value in by_joint.items() if value > LOUD), key=lambda joint: -by_joint[joint])
 
 
-def loudness(left: Array, side: Side, joint: int) -> float:
+def loudness(left: Array, side: Dataset, joint: int) -> float:
     """Rms of what is ``left`` (n * rows,) of a joint over its deviation, where that is the instruments' and the joint moves; 1 where it may be noise.
 
     Noise that is correlated for longer than an arm stands is told too small. It is as loud in the quietest seconds as in all others.
@@ -99,7 +101,7 @@ def loudness(left: Array, side: Side, joint: int) -> float:
 
 
 def better_than_causes(
-    fit: Side, held_out: Side, without: Accepted, having: Accepted, arm: Arm, joint: int, allowed: float
+    data: Split[Dataset], without: Fitted, having: Fitted, arm: Arm, joint: int, allowed: float
 ) -> bool:
     """Whether one function of one variable, in place of the causes of a joint (``without`` them), leaves significantly less than they do.
 
@@ -107,11 +109,11 @@ def better_than_causes(
     allowed: squared error by which the function may leave more, where the causes are too many to be believed; the velocity, on which
     several effects hang, is no such variable.
     """
+    fit, held_out = data
     rows = held_out.of(joint)
     for shape in shapes_of(fit, held_out, without.fit, arm, joint):
-        _, c, _ = gain_of(shape.pair, without, held_out)
-        inside = shape.pair[0].dot(without.basis).T @ c
-        by_function = without.held_out - shape.pair[1].spread(c, len(held_out.y)) + without.to_held_out @ inside
+        _, c = fit_gain(shape.pair.fit, without)
+        by_function = residual_with(shape.pair, c, without, held_out)
         less = (having.held_out**2 - by_function**2)[rows] * shape.known
         blocks = np.bincount(held_out.block[rows], weights=less).astype(float)
         if blocks.sum() > MATTERS * held_out.rows and p_value(blocks) < CERTAIN:
@@ -122,13 +124,13 @@ def better_than_causes(
 
 
 def _strongest(
-    shapes: Sequence[Shape], accepted: Accepted, fit: Side, held_out: Side, joint: int
+    shapes: Sequence[Shape], fitted: Fitted, fit: Dataset, held_out: Dataset, joint: int
 ) -> tuple[str, Pair, float] | None:
     """The variable whose function explains most of a joint's held-out residual: name, columns, share of the residual's variance."""
-    gains = [held_out.by_block(gain_of(shape.pair, accepted, held_out)[2]) for shape in shapes]
+    gains = [held_out.by_block(gain_of(shape.pair, fitted, held_out)[1]) for shape in shapes]
     q = benjamini_hochberg(np.array([p_value(one) for one in gains]))
     rows = held_out.of(joint)
-    before = float(np.sum(accepted.held_out[rows] ** 2))
+    before = float(np.sum(fitted.held_out[rows] ** 2))
     explained = float(np.sum(held_out.y[rows] ** 2)) - before
     enough = max(MATTERS * held_out.rows, OF_EXPLAINED * explained)
     able = [k for k, one in enumerate(gains) if q[k] < CERTAIN and one.sum() > enough]
@@ -138,27 +140,21 @@ def _strongest(
     return shapes[best].name, shapes[best].pair, float(gains[best].sum()) / before
 
 
-def beside(accepted: Accepted, more: Sequence[Pair]) -> Accepted:
-    """What is accepted, with more columns fitted to what it left."""
+def beside(fitted: Fitted, more: Sequence[Pair]) -> Fitted:
+    """What is fitted, with more columns fitted to what it left."""
     for pair in more:
-        x, x_held_out = _full(pair[0], len(accepted.fit)), _full(pair[1], len(accepted.held_out))
-        inside = accepted.basis.T @ x
-        x, x_held_out = x - accepted.basis @ inside, x_held_out - accepted.to_held_out @ inside
+        x, x_held_out = pair.fit.dense(len(fitted.fit)), pair.held_out.dense(len(fitted.held_out))
+        inside = fitted.basis.T @ x
+        x, x_held_out = x - fitted.basis @ inside, x_held_out - fitted.to_held_out @ inside
         u, s, vt = np.linalg.svd(x, full_matrices=False)
         keep = s > 1e-4 * s[0]
         basis, to_held_out = u[:, keep], x_held_out @ (vt[keep].T / s[keep])
-        seen = basis.T @ accepted.fit
-        accepted = Accepted(
-            accepted.fit - basis @ seen,
-            accepted.held_out - to_held_out @ seen,
-            np.hstack([accepted.basis, basis]),
-            np.hstack([accepted.to_held_out, to_held_out]),
-            accepted.coefficients,
+        seen = basis.T @ fitted.fit
+        fitted = Fitted(
+            fitted.fit - basis @ seen,
+            fitted.held_out - to_held_out @ seen,
+            np.hstack([fitted.basis, basis]),
+            np.hstack([fitted.to_held_out, to_held_out]),
+            fitted.coefficients,
         )
-    return accepted
-
-
-def _full(columns: Columns, length: int) -> Array:
-    whole = np.zeros((length, columns.x.shape[1]))
-    whole[columns.where] = columns.x
-    return whole
+    return fitted

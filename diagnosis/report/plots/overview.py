@@ -10,7 +10,7 @@ from arm_model.effects import CATALOGUE, Instrument, Variable
 from arm_report.palette import AFTER, BEFORE, EDGE, GRID, NOISE
 from diagnosis.cause import Cause, Signal
 from diagnosis.diagnose import Diagnosis
-from diagnosis.measurements.currents.design_matrix import side_of
+from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.report.plots.closed_loop import loop_figure
 from diagnosis.report.plots.link_encoders import link_figure
 from diagnosis.report.plots.residuals import SURE, unit_of
@@ -28,7 +28,7 @@ def overview(result: Diagnosis) -> tuple[Figure, str]:
     from matplotlib.figure import Figure
 
     joints = len(result.arm)
-    side = side_of(result.held_out)
+    side = dataset_of(result.held_out)
     height = 0.9 + 1.3 * joints
     figure = Figure(figsize=(10.5, height))
     figure.subplots_adjust(left=0.075, right=0.99, bottom=0.5 / height, top=1.0 - 0.55 / height, hspace=0.12)
@@ -82,7 +82,7 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
     if result.axis is not None and any(one.effect == cause.effect for one in result.axis.causes):
         return axis_figure(result.axis, cause.effect, result.arm.joints[0])
 
-    side = side_of(result.held_out)
+    side = dataset_of(result.held_out)
     name = view_of(cause.effect)
     x = dict(variables(side, result.arm, joint))[name]
     deviation = np.concatenate([run.deviation[:, joint - 1] for run in result.held_out])

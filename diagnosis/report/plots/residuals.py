@@ -14,8 +14,9 @@ from daq.recording import Recording
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.basis_functions import variables
-from diagnosis.measurements.currents.design_matrix import Side, side_of
+from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
+from diagnosis.selection.design import Dataset
 from diagnosis.units import unit_at
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ BINS = 24
 
 def in_noise(result: Diagnosis, joint: int) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Held-out residual of a joint (from 1) before and after all causes (rows,), over the instruments' noise; and which rows are sure."""
-    side = side_of(result.held_out)
+    side = dataset_of(result.held_out)
     ratio = np.concatenate([run.deviation[:, joint - 1] / run.noise[joint - 1] for run in result.held_out])
     where = side.of(joint)
     return side.y[where] * ratio, result.left[1][where] * ratio, ratio < SURE
@@ -48,7 +49,7 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
     from matplotlib.figure import Figure
 
     before, after, sure = in_noise(result, joint)
-    panels = list(_panels(side_of(result.held_out), result, joint, held_out))
+    panels = list(_panels(dataset_of(result.held_out), result, joint, held_out))
     rows = -(-len(panels) // 3)
     figure = Figure(figsize=(10.5, 2.35 * rows))
     figure.subplots_adjust(left=0.06, right=0.99, bottom=0.24 / rows, top=1.0 - 0.16 / rows, wspace=0.06, hspace=0.42)
@@ -78,7 +79,7 @@ def left_against(result: Diagnosis, joint: int, name: str) -> tuple[Figure, str]
     """What is left of a joint after all causes against the variable that predicts it; None for a variable that has no rows of its own."""
     from matplotlib.figure import Figure
 
-    side = side_of(result.held_out)
+    side = dataset_of(result.held_out)
     found = dict(variables(side, result.arm, joint))
     if name not in found:
         return None
@@ -95,7 +96,7 @@ def left_against(result: Diagnosis, joint: int, name: str) -> tuple[Figure, str]
     return figure, f"what is left of joint {joint} against {name}"
 
 
-def _panels(side: Side, result: Diagnosis, joint: int, held_out: Sequence[Recording]) -> Iterator[tuple[str, Array]]:
+def _panels(side: Dataset, result: Diagnosis, joint: int, held_out: Sequence[Recording]) -> Iterator[tuple[str, Array]]:
     for name, values in variables(side, result.arm, joint):
         if name in SHOWN:
             yield name, values

@@ -1,0 +1,87 @@
+"""Thresholds of the selection from currents, and what matters by them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_io.types import Array
+from diagnosis.selection.design import Dataset
+from diagnosis.selection.regression import INDEPENDENT, Fitted
+from identification.selection.limits import Limits
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurrentLimits(Limits):
+    """Gains are shares of one joint's noise energy.
+
+    large_gain, relaxed_fdr  a gain above the first may enter at the second: what is active in few blocks has no more of them to be sure by, and
+                             without an effect gains stay below a fiftieth
+    coefficients             the least gain holds for every so many coefficients: many coefficients follow something
+    leakage                  share of what is explained at a joint that columns of the first order may leave for every coefficient of another
+                             effect: 0.3 % of an effect, a tenth of its second order
+    leakage_of_corrected     ... and share of what an exact model had to correct there
+    tie_floor                share of the noise energy by which equals may differ whatever they gain
+    ambiguity_p              probability of the difference of two gains above which the blocks do not distinguish them
+    group_correlation        canonical correlation above which two effects are one to this data
+    corrections              evaluations of the exact model per round: the second-order part of a strong effect is a tenth of it, that of the
+                             rest a hundredth
+    worse                    times the first-order residual: an exact model that leaves more is outside of its range
+    pair_share               share of what is left of a joint that two effects must explain to enter together
+    many, makeshift          causes of a joint with so many coefficients together are a makeshift for one function of one variable that leaves
+                             ``many_leave`` more than they do; and four or more whose energies exceed their sum's by ``makeshift`` (what is
+                             there adds up: hidden triples to 1.0) for one that leaves ``makeshift_leave`` of what they explain more
+    superfluous              share of its gain that a cause must keep conditional on unexplained structure, or it was a name for part of that
+    significant_sizes        std that some linear parameter of a cause must be from zero ...
+    few_sizes                ... if there are fewer: more are determined together, not one by one
+    searched_again           refuted causes in whose place another is searched; what has no better name by then is unexplained
+    """
+
+    large_gain: float = 0.25
+    relaxed_fdr: float = 0.15
+    coefficients: int = 8
+    leakage: float = 1e-5
+    leakage_of_corrected: float = 0.01
+    tie_floor: float = 0.02
+    ambiguity_p: float = 0.01
+    group_correlation: float = 0.98
+    corrections: int = 2
+    worse: float = 1.1
+    pair_share: float = 0.5
+    many: int = 6
+    many_leave: float = 0.2
+    makeshift: float = 1.5
+    makeshift_leave: float = 0.1
+    superfluous: float = 0.5
+    significant_sizes: float = 2.0
+    few_sizes: int = 5
+    searched_again: int = 2
+
+
+LIMITS = CurrentLimits(
+    max_causes=8,
+    # the effect is then a third of the noise, and the noise is known no better
+    min_gain=0.1,
+    kept_gain=0.1,
+    # per coefficient
+    tie=0.005,
+    ambiguity=0.8,
+    independent=INDEPENDENT,
+)
+
+
+def leakage(held_out: Dataset, fitted: Fitted) -> Array:
+    """(n,) leakage allowance: squared held-out residual of each joint that the chosen causes may have left for every coefficient of another."""
+    explained = held_out.by_joint(held_out.y**2 - fitted.held_out**2)
+    return LIMITS.leakage * explained + LIMITS.leakage_of_corrected * held_out.corrected
+
+
+def matters(gain: Array, coefficients: int, allowance: Array, held_out: Dataset) -> bool:
+    """Whether held-out gains (n,) of the joints are large against the noise, above the ``leakage`` allowance (n,).
+
+    An effect with k coefficients is given the allowance k times: it has k ways to follow what leaked.
+    """
+    above = np.maximum(gain - coefficients * allowance, 0.0)
+    least = LIMITS.min_gain * max(1.0, coefficients / LIMITS.coefficients) * held_out.rows
+    return bool(min(above.sum(), gain.sum()) > least)

@@ -1,0 +1,212 @@
+"""The currents of all joints as a measurement model of the selection.
+
+Columns are first order in their effects. After every round the model extended by the chosen causes is evaluated exactly
+(``diagnosis.residual.expected_current``), and what its first-order columns had wrong is taken out of the data (deferred correction: Stetter,
+Numerische Mathematik 29, 1978), so that it is not taken for another cause. Linear algebra stays as it is; its solution is that of the exact model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm, EffectTerm
+from arm_model.effects import same_columns
+from diagnosis.cause import EffectKey
+from diagnosis.measurements.currents.design_matrix import columns_of, dataset_with
+from diagnosis.measurements.currents.limits import LIMITS, CurrentLimits, leakage, matters
+from diagnosis.measurements.currents.pairs import pair_of
+from diagnosis.measurements.currents.refinement import is_physical, refined
+from diagnosis.measurements.currents.ripple_orders import audible, order_of
+from diagnosis.measurements.currents.unexplained import loud
+from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.design import Columns, Dataset, Pair
+from diagnosis.selection.regression import Fitted, best_of_each, fit_together, score
+from identification.selection.significance import p_value
+from identification.selection.split import Split
+from identification.selection.stepwise import MeasurementModel, Score
+
+Rivals = Mapping[EffectKey, Sequence[Score[Candidate]]]
+
+
+@dataclass(frozen=True)
+class State:
+    """Chosen candidates in the order of acceptance, fitted together.
+
+    data    residuals less what the chosen do in second order
+    rivals  for each of the chosen, the candidates that would have done as well
+    """
+
+    model: Currents = field(repr=False)
+    chosen: tuple[Candidate, ...]
+    data: Split[Dataset] = field(repr=False)
+    rivals: Rivals = field(repr=False)
+
+    @cached_property
+    def fitted(self) -> Fitted:
+        """All chosen candidates with the free columns; the coefficients of these come first."""
+        model = self.model
+        return fit_together(self.data, [*model.free, *(model.columns(c) for c in self.chosen)])
+
+    @property
+    def coefficients(self) -> list[Array]:
+        """(k,) of each chosen candidate."""
+        widths = [self.model.columns(c).fit.x.shape[1] for c in self.chosen]
+        own = self.fitted.coefficients[len(self.model.free) :]
+        return np.split(own, np.cumsum(widths)[:-1]) if self.chosen else []
+
+    @property
+    def terms(self) -> list[EffectTerm]:
+        """The chosen candidates as effects of a model."""
+        return terms(self.chosen, self.coefficients)
+
+
+@dataclass(frozen=True)
+class Currents(MeasurementModel[Candidate, State]):
+    """Residuals under the model as given, all candidates' columns, and the columns that are always free.
+
+    ripples   candidates whose columns are computed only where they stand out of the residual
+    excluded  effects that may not be chosen
+    """
+
+    arm: Arm
+    data: Split[Dataset]
+    library: dict[Candidate, Pair]
+    free: Sequence[Pair]
+    ripples: tuple[Candidate, ...] = ()
+    excluded: Set[EffectKey] = frozenset()
+    limits: CurrentLimits = LIMITS
+
+    def start(self) -> State:
+        """Nothing chosen."""
+        return State(self, (), self.data, {})
+
+    def chosen(self, state: State) -> Sequence[Candidate]:
+        """The candidates of a state."""
+        return state.chosen
+
+    def scores(self, state: State) -> list[Score[Candidate]]:
+        """Every effect at every joint, at the nonlinear parameters that fit best; the largest gain first."""
+        self._add_ripples(state.fitted.fit)
+        best = best_of_each(self.library, state.fitted, self.data.fit, self._taken(state))
+        scores = [score(c, self.library[c], state.fitted, state.data.held_out) for c in best]
+        return sorted(scores, key=lambda one: -one.gain)
+
+    def fdr(self, score: Score[Candidate]) -> float | None:
+        """Relaxed for a large gain, which may be active in few blocks only."""
+        large = score.gain >= self.limits.large_gain * self.data.held_out.rows
+        return self.limits.relaxed_fdr if large else self.limits.fdr
+
+    def tolerance(self, score: Score[Candidate], best: Score[Candidate]) -> float:
+        """A share of the gain for every coefficient that the best has more, and no less than the noise decides."""
+        more = max(1, len(best.coefficients) - len(score.coefficients))
+        return max(self.limits.tie * best.gain * more, self.limits.tie_floor * self.data.held_out.rows)
+
+    def admissible(self, score: Score[Candidate], state: State) -> bool:
+        """Whether a candidate is physically admissible and matters."""
+        return is_physical(score.candidate, score.coefficients) and self.needed(score, state)
+
+    def needed(self, score: Score[Candidate], state: State) -> bool:
+        """Whether the gain is large against the noise, above what may have leaked from the chosen ones."""
+        allowance = leakage(state.data.held_out, state.fitted)
+        return matters(score.by_joint, len(score.coefficients), allowance, state.data.held_out)
+
+    def entered(self, score: Score[Candidate], admissible: Sequence[Score[Candidate]], state: State) -> State:
+        """With the candidate refined; its rivals are those that gain as much, or that the blocks do not distinguish from it."""
+        best = max(admissible, key=lambda one: one.gain)
+        fewest, limits = len(score.coefficients), self.limits
+        rivals = [
+            one
+            for one in admissible
+            if (one.gain >= best.gain - self.tolerance(one, best) and len(one.coefficients) == fewest)
+            or (one.gain > limits.ambiguity * best.gain and p_value(score.blocks - one.blocks) > limits.ambiguity_p)
+        ]
+        sharp = refined(score.candidate, state.fitted, self.data.fit)
+        return State(self, (*state.chosen, sharp), state.data, {**state.rivals, sharp.key: rivals})
+
+    def stalled(self, state: State) -> State | None:
+        """Two effects that hide each other may enter together."""
+        joints = loud(state.fitted, state.data.held_out, self.arm)
+        both = pair_of(self.library, state.fitted, state.data, joints, self._taken(state))
+        if not both:
+            return None
+        held_out = state.data.held_out
+        alone = {c.key: [score(c, self.library[c], state.fitted, held_out)] for c in both}
+        return State(self, (*state.chosen, *both), state.data, {**state.rivals, **alone})
+
+    def without(self, candidate: Candidate, state: State) -> State:
+        """Without the candidate, the data as it is."""
+        return replace(state, chosen=tuple(c for c in state.chosen if c is not candidate))
+
+    def conditional(self, candidate: Candidate, without: State, state: State) -> Score[Candidate]:
+        """One candidate conditional on all others."""
+        return score(candidate, self.columns(candidate), without.fitted, state.data.held_out)
+
+    def after_round(self, state: State) -> State:
+        """The data corrected by the exact model of the chosen."""
+        return corrected(state)
+
+    def columns(self, candidate: Candidate) -> Pair:
+        """Columns of a candidate, each computed once."""
+        if candidate not in self.library:
+            self.library[candidate] = self.data.map(lambda data: columns_of(candidate, data))
+        return self.library[candidate]
+
+    def refitted(self, chosen: Sequence[Candidate], rivals: Rivals) -> State:
+        """Other candidates, the data corrected from the start."""
+        state = State(self, tuple(chosen), self.data, rivals)
+        return corrected(state) if chosen else state
+
+    def _taken(self, state: State) -> set[EffectKey]:
+        """The excluded, the chosen, and their aliases: both together would explain anything, as their difference is the residual itself."""
+        aliases = {(other, c.joint) for c in state.chosen for other in same_columns(c.definition)}
+        return {c.key for c in state.chosen} | aliases | set(self.excluded)
+
+    def _add_ripples(self, residual: Array) -> None:
+        """Adds the ripples that stand out of the whitened residual of the fit set to the library."""
+        highest = max((order_of(c) or 0 for c in self.ripples), default=0)
+        for joint in sorted({c.joint for c in self.ripples if c.joint}):
+            orders = audible(self.data.fit, residual, self.arm, joint, highest)
+            for c in self.ripples:
+                if c.joint == joint and order_of(c) in orders:
+                    self.columns(c)
+
+
+def terms(chosen: Sequence[Candidate], coefficients: Sequence[Array]) -> list[EffectTerm]:
+    """Candidates with coefficients (k,) each, as effects of a model."""
+    return [EffectTerm(c.effect, c.joint, c.parameters(own.tolist())) for c, own in zip(chosen, coefficients)]
+
+
+def corrected(state: State) -> State:
+    """The state with y = (residual of the exact extended model) + (first-order columns times their coefficients).
+
+    Where the exact model leaves more than its first order did (parameters out of its range), nothing is corrected.
+    """
+    model = state.model
+    for _ in range(model.limits.corrections):
+        own, extended = state.coefficients, state.terms
+        # as the exact model has them
+        once = [np.ones_like(c) if one.unit_amplitude else c for one, c in zip(state.chosen, own)]
+
+        columns = [model.columns(c) for c in state.chosen]
+        data = Split(
+            _exact(model.data.fit, [pair.fit for pair in columns], once, extended),
+            _exact(model.data.held_out, [pair.held_out for pair in columns], once, extended),
+            model.data.two_fold,
+        )
+        trial = replace(state, data=data)
+        if np.sum(trial.fitted.fit**2) > model.limits.worse * np.sum(state.fitted.fit**2):
+            return state
+        state = trial
+    return state
+
+
+def _exact(data: Dataset, columns: Sequence[Columns], once: Sequence[Array], extended: Sequence[EffectTerm]) -> Dataset:
+    y = dataset_with(data, extended)
+    for own, c in zip(columns, once):
+        y[own.where] += own.x @ c
+    return replace(data, y=y, corrected=data.by_joint((y - data.y) ** 2))

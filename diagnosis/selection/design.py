@@ -1,0 +1,70 @@
+"""What a selection from whitened residuals is made of: responses with their blocks, and columns of candidates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io.types import Array
+from diagnosis.residual.run import Run
+from identification.selection.split import Split
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Whitened residuals of all recordings of one side (fit or held out), joint after joint: y (n * rows,); block (n * rows,).
+
+    together: the same recordings, those with one setup after the other merged; corrected (n,): energy, by joint, of what an exact model has put
+    right in y since it was first computed.
+    """
+
+    runs: tuple[Run, ...]
+    together: tuple[Run, ...]
+    y: Array
+    block: NDArray[np.intp]
+    rows: int
+    corrected: Array | float = 0.0
+
+    def of(self, joint: int) -> slice:
+        """Where joint (1-based) stands in ``y``."""
+        return slice((joint - 1) * self.rows, joint * self.rows)
+
+    def by_block(self, values: Array) -> Array:
+        """(blocks,) sums of values (n * rows,), all joints together."""
+        return np.bincount(self.block, weights=values).astype(float)
+
+    def by_joint(self, values: Array) -> Array:
+        """(n,) sums of values (n * rows,)."""
+        sums: Array = values.reshape(-1, self.rows).sum(axis=1)
+        return sums
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Whitened columns of one candidate on one side; ``where`` says at which rows of ``y`` they stand, elsewhere they are 0."""
+
+    x: Array  # (rows, k)
+    where: slice
+
+    def dot(self, other: Array) -> Array:
+        """x^T other, for other (N,) or (N, r)."""
+        product: Array = self.x.T @ other[self.where]
+        return product
+
+    def spread(self, coefficients: Array, length: int) -> Array:
+        """x coefficients, (length,)."""
+        values = np.zeros(length)
+        values[self.where] = self.x @ coefficients
+        return values
+
+    def dense(self, length: int) -> Array:
+        """(length, k): the columns over all rows of ``y``."""
+        whole = np.zeros((length, self.x.shape[1]))
+        whole[self.where] = self.x
+        return whole
+
+
+Pair = Split[Columns]
+"""Columns of one candidate in the fit set and in the held-out set."""

@@ -1,0 +1,51 @@
+"""From coefficients of columns to the parameters of an effect, with standard deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Joint
+from diagnosis.cause import Estimate
+from diagnosis.selection.candidate import Candidate
+from diagnosis.units import unit_at
+
+
+def estimates(
+    candidate: Candidate,
+    coefficients: Sequence[float],
+    covariance: Array,
+    joint: Joint | None,
+    systematic: float | None = None,
+) -> list[Estimate]:
+    """The parameters of a candidate with coefficients (k,), in the units of a joint (None: SI).
+
+    covariance (k + s, k + s): of the coefficients, then of the nonlinear parameters ``candidate.searched()``, where these were estimated.
+    systematic: relative std of the measurement model, beside that of the data; default: the model error of the effect.
+    """
+    c, effect = np.asarray(coefficients, float), candidate.definition
+    by_coefficient = [_derivative(candidate, c, k) for k in range(len(c))]
+    by_parameter = [{name: 1.0} for name in candidate.searched()][: len(covariance) - len(c)]
+    share = effect.model_error if systematic is None else systematic
+    rows = []
+    for name, value in candidate.parameters(c.tolist()).items():
+        parameter = effect[name]
+        if parameter.fixed:
+            continue
+        slope = np.array([moved.get(name, 0.0) for moved in (*by_coefficient, *by_parameter)])
+        std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
+        unit = unit_at(joint, parameter.unit, parameter.name) if joint else parameter.unit
+        rows.append(Estimate(name, value, float(np.hypot(std, 0.0 if parameter.whole else share * abs(value))), unit))
+    return rows
+
+
+def _derivative(candidate: Candidate, c: Array, k: int) -> dict[str, float]:
+    """Of every parameter by coefficient k, by central differences."""
+    step = 1e-4 * max(float(np.max(np.abs(c))), 1e-9)
+    up, down = c.copy(), c.copy()
+    up[k] += step
+    down[k] -= step
+    after, before = candidate.parameters(up.tolist()), candidate.parameters(down.tolist())
+    return {name: (after[name] - before[name]) / (2 * step) for name in after}
