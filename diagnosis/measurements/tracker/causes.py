@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
@@ -20,17 +19,18 @@ from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from arm_model.effects.tracking import LINK_GEOMETRY, TRACKER_OUTLIERS
 from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Structure, Undetectable, confidence_of
-from diagnosis.measurements.tracker.columns import Candidate, State, candidates, estimates, fitted
+from diagnosis.measurements.tracker.columns import State, TrackedCandidate
 from diagnosis.measurements.tracker.detectability import no_tracker, not_visible, sizes, structure, visible
+from diagnosis.measurements.tracker.model import LIMITS, Named, TrackedPoints, selected, tracked_points
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
-from diagnosis.measurements.tracker.regression import Named, Refit, energy, good, left, named, select
+from diagnosis.measurements.tracker.regression import energy, good, left
 from diagnosis.residual.encoder_step import encoder_step
+from diagnosis.selection.estimates import estimates
 from identification.kinematics.data.runs import aligned
 from identification.kinematics.models.chain import Chain, position, position_jacobian, xyz_ypr
 from identification.kinematics.models.parameters import chain_of
+from identification.selection.split import Split
 
-MOST = 8
-"""Causes."""
 FEWEST_WRONG = 3
 """Points that are wrong, or missing in a row, before it is worth a sentence."""
 OTHER_POSES = "more varied poses: armscope calibrate --poses 40"
@@ -94,20 +94,13 @@ def tracked_causes(
     steps = np.array([max(encoder_step(r.q[:, j]) for r in recordings[0]) for j in range(len(arm))])
     noise = float(np.mean(noises))
     level = float(np.hypot(noise, _zeros(start, sides[1], steps)))
-    refit = partial(_refit, arm, sides[0], target, known, start.values)
-    every = list(candidates(arm))
-    precise = partial(_precise, arm, sides[0], target, known, steps)
-    state = _sparse(
-        select(every, sides[0], sides[1], level, refit, MOST, progress), sides[0], level, steps, refit, precise
-    )
-    sure = precise(state)
-    causes = [
-        _cause(one, sure, state, sides)
-        for one in (named(every, state, sides[0], sides[1], level, refit) if state.chosen else [])
-    ]
+    points = Split(sides[0], sides[1])
+    model = tracked_points(arm, points, target, frame_known=known, nominal=start.values, level=level, steps=steps)
+    state = _sparse(selected(model, progress), model)
+    precise = model.precise(state)
+    causes = [_cause(one, precise, state, model) for one in (model.named(state) if state.chosen else [])]
     strays = _strays(outliers, [[r.path.name for r in part] for part in recordings])
-    nothing = refit((), None)
-    moves = sizes(every, nothing, sides)
+    moves = sizes(model.every, model.start(), sides)
     before = [side.xyz - position(start, side.q) for side in sides]
     after = [left(state, side) for side in sides]
     names = ("fit", "held_out")
@@ -157,68 +150,49 @@ def _zeros(chain: Chain, side: Side, steps: Array) -> float:
     return float(np.sqrt(np.mean(np.sum((joint * steps) ** 2, axis=2)) / 6.0))
 
 
-def _refit(
-    arm: Arm,
-    side: Side,
-    target: tuple[float, float, float],
-    known: bool,
-    start: Array,
-    chosen: Sequence[Candidate],
-    near: State | None,
-) -> State:
-    return fitted(arm, chosen, side, target, frame_known=known, start=start if near is None else near.values)
-
-
-def _precise(
-    arm: Arm, side: Side, target: tuple[float, float, float], known: bool, steps: Array, state: State
-) -> State:
-    """The same candidates with the encoders' own zeros beside them, for values and deviations."""
-    return fitted(arm, state.chosen, side, target, frame_known=known, start=state.values, steps=steps)
-
-
-def _sparse(
-    state: State, side: Side, level: float, steps: Array, refit: Refit, precise: Callable[[State], State]
-) -> State:
+def _sparse(state: State, model: TrackedPoints) -> State:
     """The state without those geometric errors of a link that explain nothing, and without zeros of a count or two.
 
     The least certain is left out first; the others, frame and target take over what they shared with it. A turn of theta alone is a
     zero offset.
     """
-    least = WORTH * 3 * len(side) * level**2
+    fit, steps = model.points.fit, model.steps
+    least = WORTH * 3 * len(fit) * model.level**2
     for candidate in state.chosen:
         while candidate.effect == LINK_GEOMETRY.name and len(candidate.names) > 1:
-            values, covariance = precise(state).coefficients(candidate)
+            values, covariance = model.precise(state).coefficients(candidate)
             certain = np.abs(values) / np.sqrt(np.diag(covariance))
             if candidate.names[0] == "d_theta" and abs(values[0]) < COUNTS * _step(candidate, steps):
                 certain[0] = 0.0
             fewer = replace(candidate, names=tuple(np.delete(candidate.names, int(np.argmin(certain))).tolist()))
-            without = refit([fewer if c is candidate else c for c in state.chosen], state)
-            if certain.min() > CERTAIN and energy(left(without, side)) > energy(left(state, side)) + least:
+            without = model.refit([fewer if c is candidate else c for c in state.chosen], state)
+            if certain.min() > CERTAIN and energy(left(without, fit)) > energy(left(state, fit)) + least:
                 break
             candidate, state = fewer, without
     chosen = [replace(c, effect=JOINT_ZERO_OFFSET.name) if c.names == ("d_theta",) else c for c in state.chosen]
     stays = [
-        c for c, was in zip(chosen, state.chosen)
+        c
+        for c, was in zip(chosen, state.chosen)
         if c.names != ("d_theta",) or abs(state.coefficients(was)[0][0]) >= COUNTS * _step(c, steps)
-    ]  # fmt: skip
-    return state if tuple(stays) == state.chosen else refit(stays, state)
+    ]
+    return state if tuple(stays) == state.chosen else model.refit(stays, state)
 
 
-def _step(candidate: Candidate, steps: Array) -> float:
+def _step(candidate: TrackedCandidate, steps: Array) -> float:
     """rad: a count of the candidate's joint."""
     return float(steps[(candidate.joint or 1) - 1])
 
 
-def _cause(one: Named, sure: State, state: State, sides: Sequence[Side]) -> Cause:
+def _cause(one: Named, precise: State, state: State, model: TrackedPoints) -> Cause:
     candidate = one.candidate
-    values, covariance = sure.coefficients(candidate)
-    after = left(state, sides[1])
+    values, covariance = precise.coefficients(candidate)
+    after = left(state, model.points.held_out)
     before, now = _rms(one.before), _rms(after)
     group = [c.key for c in one.equals]
     definition = candidate.definition
     aliases = [(alias, candidate.joint) for alias in definition.observed_by[Instrument.TRACKER].aliases]
     group += [key for key in aliases if key not in group]
-    better, blocks = int(np.sum(one.look.blocks > 0)), int(np.sum(one.look.blocks != 0))
+    better, blocks = int(np.sum(one.score.blocks > 0)), int(np.sum(one.score.blocks != 0))
     where = "" if candidate.joint is None else f" of joint {candidate.joint}"
     sentence = (
         f"{definition.shown(Instrument.TRACKER, {}, {})}{where}: with it the held-out points are off by {1e3 * now:.3g} instead of "
@@ -232,8 +206,8 @@ def _cause(one: Named, sure: State, state: State, sides: Sequence[Side]) -> Caus
     return Cause(
         effect=candidate.effect,
         joint=candidate.joint,
-        parameters=estimates(candidate, values, covariance),
-        confidence=confidence_of(one.look.p),
+        parameters=estimates(candidate, values.tolist(), covariance, None, LIMITS.systematic),
+        confidence=confidence_of(one.score.p),
         before=before,
         after=now,
         group=tuple(group),

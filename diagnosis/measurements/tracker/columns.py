@@ -13,11 +13,11 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Signals, described, observed_by, units
+from arm_model.effects import Effect, Instrument, Parameter, Signals, described, observed_by, units
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from arm_model.effects.tracking import LINK_GEOMETRY
-from diagnosis.cause import Estimate
 from diagnosis.measurements.tracker.points import Side
+from diagnosis.selection.candidate import Candidate
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import correlation_time
 from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
@@ -34,30 +34,19 @@ BOUND = 2.5
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One effect at one joint (None: the arm); ``names`` of geometric errors that are free, ``order`` of a ripple."""
+class TrackedCandidate(Candidate):
+    """A candidate of the tracker's points; ``names`` of geometric errors that are free, ``shape`` with the order of a wave."""
 
-    effect: str
-    joint: int | None
     names: tuple[str, ...] = ()
-    order: int = 0
-
-    @property
-    def key(self) -> tuple[str, int | None]:
-        return self.effect, self.joint
-
-    @property
-    def definition(self) -> Effect:
-        return CATALOGUE[self.effect]
 
     @property
     def size(self) -> int:
         """Number of coefficients."""
-        return len(self.names) if self.names else 2 if self.order else 1
+        return len(self.names) if self.names else 2 if self.shape else 1
 
     @property
     def scales(self) -> Array:
-        """(k,) prior deviations of its coefficients."""
+        """(k,) prior std of its coefficients."""
         if self.names:
             return np.array([LINK_GEOMETRY[name].tracker_prior for name in self.names])
         return np.full(self.size, self.parameter.tracker_prior)
@@ -72,36 +61,55 @@ class Candidate:
         """Names of the chain's values that it frees."""
         return tuple(f"joint{self.joint}.{GEOMETRY[name]}" for name in self.names)
 
+    def parameters(self, coefficients: Sequence[float]) -> dict[str, float]:
+        """As of every candidate; of geometric errors the coefficients themselves, of an inverse parameter the reciprocal."""
+        if self.definition is JOINT_ZERO_OFFSET:
+            # the chain's theta has the zero's error with its sign turned
+            return {self.definition.linear[0].name: -coefficients[0]}
+        if self.names:
+            return dict(zip(self.names, coefficients))
+        if self.parameter.inverse:
+            return {self.parameter.name: 1.0 / coefficients[0] if coefficients[0] else np.inf}
+        return super().parameters(coefficients)
 
-def candidates(arm: Arm) -> Iterator[Candidate]:
+
+def candidates(arm: Arm) -> Iterator[TrackedCandidate]:
     """Every candidate for this arm; the simplest first."""
     laws = [effect for effect in observed_by(Instrument.TRACKER) if effect.change is None and effect.stray is None]
-    yield from (Candidate(effect.name, None) for effect in laws if effect.late is not None)
+    yield from (TrackedCandidate(effect.name, None) for effect in laws if effect.late is not None)
     for j, joint in enumerate(arm.joints, 1):
-        yield Candidate(JOINT_ZERO_OFFSET.name, j, ("d_theta",) if joint.revolute else ("d_d",))
+        yield TrackedCandidate(JOINT_ZERO_OFFSET.name, j, names=("d_theta",) if joint.revolute else ("d_d",))
     for j, joint in enumerate(arm.joints, 1):
         if joint.revolute:
             for effect in sorted(laws, key=lambda effect: len(effect.parameters)):
                 if effect.per_joint:
-                    orders = next((p.search for p in effect.parameters if p.whole), (0.0,)) if effect.wave else (0.0,)
-                    yield from (Candidate(effect.name, j, order=int(order)) for order in orders)
+                    yield from (TrackedCandidate(effect.name, j, shape) for shape in _orders(effect))
     parallel = parallel_next(described(arm))
     for j in range(1, len(arm) + 1):
         if parallel[j - 1]:
-            yield Candidate(LINK_GEOMETRY.name, j, tuple(GEOMETRY))
-        else:  # beta does there what theta and the next joint's theta do, or nearly: it has to be worth it by itself
-            yield Candidate(LINK_GEOMETRY.name, j, tuple(name for name in GEOMETRY if name != "beta"))
-            yield Candidate(LINK_GEOMETRY.name, j, ("beta",))
+            yield TrackedCandidate(LINK_GEOMETRY.name, j, names=tuple(GEOMETRY))
+        else:
+            # beta does there what theta and the next joint's theta do, or nearly: it has to improve the held-out points by itself
+            yield TrackedCandidate(LINK_GEOMETRY.name, j, names=tuple(name for name in GEOMETRY if name != "beta"))
+            yield TrackedCandidate(LINK_GEOMETRY.name, j, names=("beta",))
 
 
-def turns(candidate: Candidate, side: Side) -> Array:
+def _orders(effect: Effect) -> Iterator[tuple[tuple[str, float], ...]]:
+    """Nonlinear parameters that are tried: the orders of a wave, of all others none."""
+    waves = [(p.name, order) for p in effect.parameters if p.whole for order in p.search] if effect.wave else []
+    yield from (((name, float(order)),) for name, order in waves)
+    if not waves:
+        yield ()
+
+
+def turns(candidate: TrackedCandidate, side: Side) -> Array:
     """(N, n, k): how far a unit of each of its coefficients turns each joint; k = 0 for geometry."""
     n, j = side.q.shape[1], (candidate.joint or 1) - 1
     if candidate.names:
         return np.zeros((len(side), n, 0))
     effect = candidate.definition
     # an inverse parameter at 1: its coefficient is the reciprocal
-    held = {p.name: 1.0 if p.inverse else float(candidate.order) if p.whole else 0.0 for p in effect.parameters}
+    held = {p.name: 1.0 if p.inverse else 0.0 for p in effect.parameters} | dict(candidate.shape)
     each = units(effect, held)
     if effect.late is not None:
         return -float(effect.late(each[0], Signals())) * side.v[..., None]
@@ -125,7 +133,7 @@ class State:
     correlated: how many neighbouring points count as one in the deviations.
     """
 
-    chosen: tuple[Candidate, ...]
+    chosen: tuple[TrackedCandidate, ...]
     parameters: Parameters
     estimate: Fit
     correlated: float = 1.0
@@ -137,7 +145,7 @@ class State:
     def points(self, side: Side) -> Points:
         return points_of(self.chosen, side)
 
-    def coefficients(self, candidate: Candidate) -> tuple[Array, Array]:
+    def coefficients(self, candidate: TrackedCandidate) -> tuple[Array, Array]:
         """(k,) and their covariance (k, k), as fitted."""
         chain, free = self.parameters.chain, list(self.parameters.free)
         if candidate.names:
@@ -152,7 +160,7 @@ class State:
         return found, self.estimate.covariance[np.ix_(rows, rows)]
 
 
-def points_of(chosen: Sequence[Candidate], side: Side) -> Points:
+def points_of(chosen: Sequence[TrackedCandidate], side: Side) -> Points:
     """The side's points with the turns of all chosen candidates."""
     bent = [turns(c, side) for c in chosen if not c.names]
     return Points(side.q, side.xyz, np.concatenate(bent, axis=2) if bent else None)
@@ -160,7 +168,7 @@ def points_of(chosen: Sequence[Candidate], side: Side) -> Points:
 
 def fitted(
     arm: Arm,
-    chosen: Sequence[Candidate],
+    chosen: Sequence[TrackedCandidate],
     side: Side,
     target: Sequence[float],
     *,
@@ -228,7 +236,7 @@ def _zero_scales(side: Side, steps: Array) -> Array:
     return np.tile(np.maximum(steps, 1e-7) / np.sqrt(6.0), len(np.unique(side.of)))
 
 
-def _parameters(arm: Arm, chosen: Sequence[Candidate], target: Sequence[float], frame_known: bool) -> Parameters:
+def _parameters(arm: Arm, chosen: Sequence[TrackedCandidate], target: Sequence[float], frame_known: bool) -> Parameters:
     chain = chain_of(described(arm), target)
     wanted = {name: float(scale) for c in chosen if c.names for name, scale in zip(c.values, c.scales)}
     scale = np.zeros(len(chain.steps))
@@ -244,32 +252,8 @@ def _parameters(arm: Arm, chosen: Sequence[Candidate], target: Sequence[float], 
     return Parameters(chain, free, free, scale)
 
 
-def estimates(candidate: Candidate, coefficients: Array, covariance: Array) -> list[Estimate]:
-    """Parameters of the effect, from its coefficients (k,) and their covariance."""
-    c, std = [float(v) for v in coefficients], np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    effect = candidate.definition
-    if effect is JOINT_ZERO_OFFSET:
-        return [Estimate(effect.linear[0].name, -c[0], float(std[0]), effect.linear[0].unit)]
-    if candidate.names:
-        return [Estimate(name, v, float(s), effect[name].unit) for name, v, s in zip(candidate.names, c, std)]
-    if candidate.parameter.inverse:
-        return [Estimate(candidate.parameter.name, 1.0 / c[0], float(std[0] / c[0] ** 2), candidate.parameter.unit)]
-    if candidate.order:
-        # e (sin(n m) cos(phi) - cos(n m) sin(phi)) = e sin(n m - phi); the second column is the law at phi = 90 degrees
-        amplitude = float(np.hypot(c[0], c[1]))
-        along = np.array(c) / max(amplitude, 1e-12)
-        spread = float(np.sqrt(along @ covariance @ along))
-        turn = float(np.sqrt(np.array([-along[1], along[0]]) @ covariance @ np.array([-along[1], along[0]])))
-        return [
-            Estimate("amplitude", amplitude, spread, "rad"),
-            Estimate("order", float(candidate.order), 0.0, "1"),
-            Estimate("phase", float(np.arctan2(c[1], c[0])), turn / max(amplitude, 1e-12), "rad"),
-        ]
-    return [Estimate(candidate.parameter.name, c[0], float(std[0]), candidate.parameter.unit)]
-
-
-def possible(candidate: Candidate, coefficients: Array) -> bool:
-    """Whether it can be: nothing hangs upwards, no gap is negative, nor wider than gears are let get."""
-    if candidate.names or candidate.order:
+def is_physical(candidate: TrackedCandidate, coefficients: Array) -> bool:
+    """Whether a compliance or a gap is positive, and no gap wider than gears have."""
+    if candidate.names or candidate.shape:
         return True
     return candidate.definition.admits(candidate.parameter.name, float(coefficients[0])) and coefficients[0] != 0.0

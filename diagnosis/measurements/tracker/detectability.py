@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Instrument, observed_by
 from diagnosis.cause import EffectKey, Signal, Structure, Undetectable
-from diagnosis.measurements.tracker.columns import Candidate, State
+from diagnosis.measurements.tracker.columns import State, TrackedCandidate
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import Linear, columns_of, good, linear
 
@@ -41,13 +41,13 @@ def only_tracked() -> list[str]:
     return [effect.name for effect in observed_by(Instrument.TRACKER) if set(effect.observed_by) <= tracked]
 
 
-def sizes(every: Sequence[Candidate], nothing: State, sides: Sequence[Side]) -> dict[Candidate, float]:
+def sizes(every: Sequence[TrackedCandidate], nothing: State, sides: Sequence[Side]) -> dict[TrackedCandidate, float]:
     """m rms: by how much the largest typical size of every effect moves the held-out points, once frame and target have been fitted to them."""
     parts = [linear(nothing, side) for side in sides]
     return {c: float(np.sqrt(_typical_squares(c, nothing, sides, parts))) for c in every}
 
 
-def not_visible(moves: Mapping[Candidate, float], level: float, found: set[EffectKey]) -> list[Undetectable]:
+def not_visible(moves: Mapping[TrackedCandidate, float], level: float, found: set[EffectKey]) -> list[Undetectable]:
     """Effects that only a tracker shows and that move the held-out points by less than a third of what they can tell (``level``, m);
     ``moves``: see ``sizes``."""
     invisible, here = [], only_tracked()
@@ -67,12 +67,14 @@ def not_visible(moves: Mapping[Candidate, float], level: float, found: set[Effec
     return invisible
 
 
-def visible(moves: Mapping[Candidate, float], level: float) -> frozenset[EffectKey]:
+def visible(moves: Mapping[TrackedCandidate, float], level: float) -> frozenset[EffectKey]:
     """Effects that these points would show, whatever the currents do."""
     return frozenset(candidate.key for candidate, size in moves.items() if size >= level / 3.0)
 
 
-def _typical_squares(candidate: Candidate, nothing: State, sides: Sequence[Side], parts: Sequence[Linear]) -> float:
+def _typical_squares(
+    candidate: TrackedCandidate, nothing: State, sides: Sequence[Side], parts: Sequence[Linear]
+) -> float:
     """m^2 a coordinate: the largest of its parameters' effects on the held-out points that frame and target do not take."""
     columns = [columns_of(candidate, nothing, side, part) / candidate.scales for side, part in zip(sides, parts)]
     free = [part.free.reshape(-1, part.free.shape[2]) for part in parts]
@@ -86,7 +88,7 @@ def _typical_squares(candidate: Candidate, nothing: State, sides: Sequence[Side]
     return largest
 
 
-def _typical(candidate: Candidate) -> tuple[list[float], str]:
+def _typical(candidate: TrackedCandidate) -> tuple[list[float], str]:
     parameters = {p.name: p for p in CATALOGUE[candidate.effect].parameters}
     own = candidate.names and set(candidate.names) <= set(parameters)
     names = candidate.names if own else (next(iter(parameters)),)

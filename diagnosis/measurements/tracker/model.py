@@ -1,0 +1,240 @@
+"""Tracked points as a measurement model of the selection.
+
+Screening is linear: about the present fit, what a candidate's columns and all that is free explain of the fit set, judged by what it does to the
+held-out points. A candidate enters if that is larger than a share of what the points leave undetermined. Refits are not linear, so that a strong
+effect leaves nothing to be taken for another. Significance is judged when nothing enters any more, conditional on all others: before, two effects
+of one size hide each other's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.effects.tracking import LINK_GEOMETRY
+from diagnosis.measurements.tracker.columns import GEOMETRY, State, TrackedCandidate, candidates, fitted, is_physical
+from diagnosis.measurements.tracker.points import Side
+from diagnosis.measurements.tracker.regression import by_block, columns_of, energy, left, linear, squares
+from identification.selection.limits import Limits
+from identification.selection.significance import p_value
+from identification.selection.split import Split
+from identification.selection.stepwise import MeasurementModel, Score, eliminate, select
+
+LIMITS = Limits(
+    max_causes=8,
+    fdr=None,
+    final_fdr=0.05,
+    # of the energy of what the points leave undetermined (noise, encoder zeros)
+    min_gain=0.1,
+    kept_gain=0.1,
+    # of the same energy
+    tie=0.02,
+    # of a cause's linear gain, that makes another worth a refit in its place
+    ambiguity=0.7,
+    attempts=4,
+    # covariances are those of the fit
+    systematic=0.0,
+)
+
+
+@dataclass(frozen=True)
+class Named:
+    """A chosen candidate: everything that does as well in its place (itself first), its score conditional on all others, and ``before`` (N, 3) m:
+    the held-out residual without it, all others refitted."""
+
+    candidate: TrackedCandidate
+    equals: tuple[TrackedCandidate, ...]
+    score: Score[TrackedCandidate]
+    before: Array = field(repr=False)
+
+
+@dataclass(frozen=True)
+class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
+    """points: fit and held-out points; target (3,) m in the frame of the last link; frame_known: whether a rig file says how the tracker stands.
+
+    nominal  values of the chain at which fits start
+    level    m: std of a coordinate that the points leave undetermined
+    steps    (n,) rad of the encoders
+    """
+
+    arm: Arm
+    points: Split[Side]
+    target: Sequence[float]
+    frame_known: bool
+    nominal: Array
+    level: float
+    steps: Array
+    every: tuple[TrackedCandidate, ...]
+    limits: Limits = LIMITS
+
+    @property
+    def undetermined(self) -> float:
+        """m2: energy of what the held-out points leave undetermined."""
+        return 3 * len(self.points.held_out) * self.level**2
+
+    def start(self) -> State:
+        """Frame and target alone."""
+        return self.refit(())
+
+    def refit(self, chosen: Sequence[TrackedCandidate], near: State | None = None) -> State:
+        """Candidates fitted together with frame and target, from the values of another state on."""
+        start = self.nominal if near is None else near.values
+        return fitted(self.arm, chosen, self.points.fit, self.target, frame_known=self.frame_known, start=start)
+
+    def precise(self, state: State) -> State:
+        """The same candidates with the encoders' own zeros beside them, for values and std."""
+        return fitted(
+            self.arm,
+            state.chosen,
+            self.points.fit,
+            self.target,
+            frame_known=self.frame_known,
+            start=state.values,
+            steps=self.steps,
+        )
+
+    def chosen(self, state: State) -> Sequence[TrackedCandidate]:
+        """The candidates of a state."""
+        return state.chosen
+
+    def scores(self, state: State) -> list[Score[TrackedCandidate]]:
+        """Candidates that are not part of what is chosen, by what they do to first order."""
+        return self.linear_scores([c for c in self.every if _new(c, state.chosen)], state)
+
+    def admissible(self, score: Score[TrackedCandidate], state: State) -> bool:
+        """Whether a candidate matters."""
+        return score.gain > self.limits.min_gain * self.undetermined
+
+    def tolerance(self, score: Score[TrackedCandidate], best: Score[TrackedCandidate]) -> float:
+        """A share of what the points leave undetermined."""
+        return self.limits.tie * self.undetermined
+
+    def entered(
+        self, score: Score[TrackedCandidate], admissible: Sequence[Score[TrackedCandidate]], state: State
+    ) -> State | None:
+        """All refitted with the candidate; None where it then gains too little, or is not physically admissible."""
+        entering = _merged(score.candidate, state.chosen)
+        after = self.refit([c for c in state.chosen if not _within(c, entering)] + [entering], state)
+        held_out = self.points.held_out
+        gain = energy(left(state, held_out)) - energy(left(after, held_out))
+        enough = gain > self.limits.min_gain * self.undetermined
+        return after if enough and is_physical(entering, after.coefficients(entering)[0]) else None
+
+    def without(self, candidate: TrackedCandidate, state: State) -> State:
+        """All others refitted."""
+        return self.refit([c for c in state.chosen if c is not candidate], state)
+
+    def conditional(self, candidate: TrackedCandidate, without: State, state: State) -> Score[TrackedCandidate]:
+        """One candidate conditional on all others, refitted."""
+        held_out = self.points.held_out
+        blocks = by_block(squares(left(without, held_out)) - squares(left(state, held_out)), held_out)
+        return _score(candidate, blocks, np.zeros(candidate.size))
+
+    def needed(self, score: Score[TrackedCandidate], state: State) -> bool:
+        """Whether it still matters."""
+        return score.gain >= self.limits.kept_gain * self.undetermined
+
+    def linear_scores(self, every: Sequence[TrackedCandidate], state: State) -> list[Score[TrackedCandidate]]:
+        """Gains m2 to first order about a fit, everything that is free refitted."""
+        parts = self.points.map(lambda side: linear(state, side))
+        noise, scores = state.estimate.noise, []
+        for candidate in every:
+            own = columns_of(candidate, state, self.points.fit, parts.fit)
+            held = columns_of(candidate, state, self.points.held_out, parts.held_out)
+            keep = parts.fit.good
+            a = np.concatenate((parts.fit.free[keep], own[keep]), axis=2)
+            flat = a.reshape(-1, a.shape[2]) / noise
+            step = np.linalg.solve(
+                flat.T @ flat + np.eye(flat.shape[1]), flat.T @ (parts.fit.residual[keep].ravel() / noise)
+            )
+            before = parts.held_out.residual
+            after = before - np.concatenate((parts.held_out.free, held), axis=2) @ step
+            gains = np.where(parts.held_out.good, np.sum(before**2 - after**2, axis=1), 0.0)
+            scores.append(
+                _score(candidate, by_block(gains, self.points.held_out), np.asarray(step[-candidate.size :], float))
+            )
+        return scores
+
+    def named(self, state: State) -> list[Named]:
+        """The chosen candidates with their equals and gains, the largest gain first."""
+        held_out = self.points.held_out
+        enough = energy(left(state, held_out)) + self.limits.tie * self.undetermined
+        named = []
+        for candidate in state.chosen:
+            others = [c for c in state.chosen if c is not candidate]
+            without = self.refit(others, state)
+            (own,) = self.linear_scores([candidate], without)
+            alike = [
+                score.candidate
+                for score in self.linear_scores([c for c in self.every if _new(c, others)], without)
+                if score.gain > self.limits.ambiguity * own.gain
+            ]
+            equals = [candidate]
+            for other in alike + _of_the_same_errors(alike, candidate):
+                if other.key != candidate.key:
+                    swapped = self.refit([*others, other], without)
+                    fits = is_physical(other, swapped.coefficients(other)[0])
+                    if fits and energy(left(swapped, held_out)) < enough:
+                        equals.append(other)
+            named.append(Named(candidate, _distinct(equals), own, left(without, held_out)))
+        return sorted(named, key=lambda one: -one.score.gain)
+
+
+def selected(model: TrackedPoints, progress: Callable[[str], None]) -> State:
+    """The candidates that are there: those that matter, and of them those that are significant conditional on all others."""
+    state = select(model, lambda sentence: progress(f"{sentence} in the tracker's points"))
+    return eliminate(model, state, fdr=model.limits.final_fdr, tests=len(model.every))
+
+
+def tracked_points(
+    arm: Arm,
+    points: Split[Side],
+    target: Sequence[float],
+    *,
+    frame_known: bool,
+    nominal: Array,
+    level: float,
+    steps: Array,
+) -> TrackedPoints:
+    """The model of some points with every candidate of an arm."""
+    return TrackedPoints(arm, points, target, frame_known, nominal, level, steps, tuple(candidates(arm)))
+
+
+def _score(candidate: TrackedCandidate, blocks: Array, coefficients: Array) -> Score[TrackedCandidate]:
+    return Score(
+        candidate=candidate, gain=float(blocks.sum()), p=p_value(blocks), blocks=blocks, coefficients=coefficients
+    )
+
+
+def _new(candidate: TrackedCandidate, chosen: Sequence[TrackedCandidate]) -> bool:
+    """Not chosen yet, nor part of what is."""
+    return not any(_within(candidate, c) for c in chosen)
+
+
+def _merged(entering: TrackedCandidate, chosen: Sequence[TrackedCandidate]) -> TrackedCandidate:
+    """With the geometric errors of the same link that are chosen already."""
+    names = {name for c in chosen if c.key == entering.key for name in c.names}
+    return replace(entering, names=tuple(name for name in GEOMETRY if name in names | set(entering.names)))
+
+
+def _within(one: TrackedCandidate, other: TrackedCandidate) -> bool:
+    """Whether ``other`` can do everything that ``one`` can: the same, or all of its values and more."""
+    if one.names and other.names:
+        return set(one.values) <= set(other.values)
+    return one.key == other.key
+
+
+def _of_the_same_errors(alike: Sequence[TrackedCandidate], candidate: TrackedCandidate) -> list[TrackedCandidate]:
+    """Other links with just those geometric errors that the candidate has: with all five they would follow the encoders' zeros."""
+    if candidate.effect != LINK_GEOMETRY.name:
+        return []
+    return [replace(c, names=candidate.names) for c in alike if c.effect == LINK_GEOMETRY.name]
+
+
+def _distinct(equals: Sequence[TrackedCandidate]) -> tuple[TrackedCandidate, ...]:
+    """The first of each effect and joint."""
+    return tuple({c.key: c for c in reversed(equals)}[key] for key in dict.fromkeys(c.key for c in equals))
