@@ -2,6 +2,7 @@
 
 from arm_io.errors import DeviceFault, InputError
 from arm_io.files import read_file, read_text
+from arm_io.lazy import lazy
 from arm_io.plain_data import check_plain
 from arm_io.results import check_file, check_folder, make_folder, whole_file, write_text
 from arm_io.toml import check_table, read_toml, toml_of, write_toml
@@ -13,6 +14,7 @@ __all__ = [
     "check_folder",
     "check_plain",
     "check_table",
+    "lazy",
     "make_folder",
     "read_file",
     "read_text",

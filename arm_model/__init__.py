@@ -1,7 +1,20 @@
 """What an arm is: kinematics, dynamics, effects; and its simulation, fast."""
 
-from arm_model.description import Arm, Controller, EffectTerm, Joint
-from arm_model.model_file import read_model, write_model
+from arm_model.description import Arm, Controller, EffectTerm, Joint, Pose
+from arm_model.model_file import arm_of, read_model, write_model
+from arm_model.motion import Motion
 from arm_model.parameters import parameter, with_parameters
 
-__all__ = ["Arm", "Controller", "EffectTerm", "Joint", "parameter", "read_model", "with_parameters", "write_model"]
+__all__ = [
+    "Arm",
+    "Controller",
+    "EffectTerm",
+    "Joint",
+    "Motion",
+    "Pose",
+    "arm_of",
+    "parameter",
+    "read_model",
+    "with_parameters",
+    "write_model",
+]

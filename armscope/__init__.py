@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from armscope.api.simulation import Simulation, simulate
     from daq.recording import Recording
     from experiment import Experiment
-    from identification.result import Identification
+    from identification import Identification
 
     effects = CATALOGUE
 

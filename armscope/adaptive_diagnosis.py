@@ -12,15 +12,14 @@ import numpy as np
 
 from arm_io import DeviceFault, InputError
 from armscope.commands.record import record
-from daq.acquisition.states import check_motion
+from daq.acquisition import check_motion
 from daq.recording import Recording, open_recording
-from daq.rig.rig_file import Rig, read_rig
-from diagnosis.cause import in_words
-from diagnosis.diagnose import Diagnosis
-from diagnosis.experiments.discriminating import Separation, separations
-from diagnosis.report.wording import title
+from daq.rig import Rig, read_rig
+from diagnosis import Diagnosis, in_words
+from diagnosis.experiments import Separation, separations
+from diagnosis.report import title
 from experiment import write_experiment
-from identification.experiment_design.excitation import Limits
+from identification.experiment_design import Limits
 
 Say = Callable[[str], None]
 SIDES = ("fit", "held_out")

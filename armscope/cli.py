@@ -82,7 +82,7 @@ def _call(name: str, arguments: list[str]) -> int:
     import typer
     from typer.exceptions import TyperException
 
-    from daq.recording.losses import told_on
+    from daq.recording import told_on
 
     module = importlib.import_module(f"armscope.commands.{name.replace('-', '_')}{'_' * keyword.iskeyword(name)}")
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)

@@ -1,1 +1,18 @@
 """Recordings -> parameters: dynamics, friction, kinematics, experiment design."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from identification.identify import check_runs, identify_by, own_friction
+    from identification.result import Identification
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = [
+    "Identification",
+    "check_runs",
+    "identify_by",
+    "own_friction",
+]

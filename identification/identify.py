@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from arm_io.types import Progress
-from arm_model.description import Arm
+from arm_model import Arm
 from daq.recording import Recording
 from identification.methods import closed_loop, joint_by_joint, sequential
 from identification.methods.friction_tuning import simulated_error, tune_friction

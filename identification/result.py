@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
+from arm_model import Arm
+from arm_model.rigid_body import COEFFICIENTS
 from identification.preprocessing.readiness import RunReadiness
 from identification.preprocessing.spectrum import Band
 from identification.regression.effect_columns import definition, is_effect

@@ -1,1 +1,22 @@
 """Rigid links in space: kinematics, inertia, the Newton-Euler recursion, its regressor, and the water around them."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
+    from arm_model.rigid_body.kinematics import forward, jacobian, link_frames, placement
+    from arm_model.rigid_body.numeric import mass_matrix, rigid_torque
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = [
+    "COEFFICIENTS",
+    "forward",
+    "jacobian",
+    "link_frames",
+    "mass_matrix",
+    "placement",
+    "rigid_torque",
+]

@@ -1,1 +1,22 @@
 """Expressions as tapes of single operations, and tapes as text: equations, LaTeX, Python, C."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from arm_model.symbolic import latex, printing
+    from arm_model.symbolic.printing import shown
+    from arm_model.symbolic.tape import Expr, Tape, needed, operations
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = [
+    "Expr",
+    "Tape",
+    "latex",
+    "needed",
+    "operations",
+    "printing",
+    "shown",
+]

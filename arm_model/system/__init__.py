@@ -1,1 +1,14 @@
 """An arm with its drives, transmissions, effects and servos as one system of equations, and its inverse."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from arm_model.system.dynamics import inverse_dynamics
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = [
+    "inverse_dynamics",
+]

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from arm_io.types import Array
     from arm_model import Arm
-    from identification.kinematics.data.recordings import Tracked
-    from identification.kinematics.estimation.calibration import Calibration as Estimate
+    from identification.kinematics.data import Tracked
+    from identification.kinematics.estimation import Calibration as Estimate
 
 Point = tuple[float, float, float]
 UNKNOWN_TARGET_STD = 0.3
@@ -41,7 +41,7 @@ class Calibration:
     @cached_property
     def model(self) -> Arm:
         """The arm with its calibrated geometry, and the effects found that a model file can hold."""
-        from identification.kinematics.report.write import calibrated_model
+        from identification.kinematics.report import calibrated_model
 
         return calibrated_model(self.nominal, self.details)
 
@@ -59,14 +59,14 @@ class Calibration:
         )
 
     def __str__(self) -> str:
-        from identification.kinematics.report.write import summary
+        from identification.kinematics.report import summary
 
         table = self.to_json()
         return "\n".join([summary(table), *(f"note: {line}" for line in table["warnings"])])
 
     def to_json(self) -> dict[str, Any]:
         """The content of kinematics.json."""
-        from identification.kinematics.report.write import table_of
+        from identification.kinematics.report import table_of
 
         table = table_of(self.nominal, self.details)
         table["warnings"] += [
@@ -78,17 +78,16 @@ class Calibration:
 
     def plot(self) -> Figure:
         """Distance of every tracked point from the nominal and from the calibrated arm, run by run."""
-        from identification.kinematics.data.recordings import gravity_of
-        from identification.kinematics.report.html import error_figure
+        from identification.kinematics.data import gravity_of
+        from identification.kinematics.report import error_figure
 
         return error_figure(self.details, gravity_of(self.nominal))
 
     def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
         """Writes kinematics.json, report.html and model.toml into ``folder``; returns what kinematics.json says."""
         from arm_model import write_model
-        from identification.kinematics.data.recordings import gravity_of
-        from identification.kinematics.report.html import page
-        from identification.kinematics.report.write import write_json
+        from identification.kinematics.data import gravity_of
+        from identification.kinematics.report import page, write_json
 
         out, table, gravity = Path(folder), self.to_json(), gravity_of(self.nominal)
         make_folder(out)
@@ -100,9 +99,9 @@ class Calibration:
 
     def _cubes(self) -> list[Any]:
         """What the standstills of ISO cube runs show."""
-        from identification.kinematics.data.recordings import gravity_of
-        from identification.kinematics.estimation.calibration import predicted
-        from identification.kinematics.use.iso_cube import NAME, cube_report
+        from identification.kinematics.data import gravity_of
+        from identification.kinematics.estimation import predicted
+        from identification.kinematics.use import NAME, cube_report
 
         gravity, cubes = gravity_of(self.nominal), []
         for run in (one.run for one in self.runs if one.experiment.startswith(NAME)):
@@ -133,9 +132,9 @@ def calibrate(
     geometry_only  do not try sag, encoder errors and delays
     Raises InputError where points or poses do not suffice, or recordings do not belong together.
     """
-    from identification.kinematics.data.recordings import common_ground, gravity_of, tracked
-    from identification.kinematics.estimation.calibration import Settings, calibrate
-    from identification.kinematics.models.parameters import Trust
+    from identification.kinematics.data import common_ground, gravity_of, tracked
+    from identification.kinematics.estimation import Settings, calibrate
+    from identification.kinematics.models import Trust
 
     if not 0 < target_std < 10:
         raise InputError("target_std", f"must be a length in m above 0, is {target_std:g}")
@@ -170,7 +169,7 @@ def nominal_arm(model: File | Arm) -> tuple[Arm, Array]:
     """
     from arm_model.effects import CATALOGUE
     from arm_model.geometry import relinked
-    from identification.kinematics.models.denavit_hartenberg import in_denavit_hartenberg
+    from identification.kinematics.models import in_denavit_hartenberg
 
     arm = read_model(model)
     kept = tuple(term for term in arm.effects if not CATALOGUE[term.name].tracked_only)

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from arm_model import Arm
     from daq.recording import Recording
-    from diagnosis.cause import Cause
-    from diagnosis.diagnose import Diagnosis as Details
+    from diagnosis import Cause
+    from diagnosis import Diagnosis as Details
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -52,26 +52,26 @@ class Diagnosis:
         return f"<Diagnosis of {self.details.arm.name}: {self.verdict}{': ' * bool(causes)}{', '.join(causes)}>"
 
     def __str__(self) -> str:
-        from diagnosis.report.text import text
+        from diagnosis.report import diagnosis_text
 
-        return text(self.details, self.to_json())
+        return diagnosis_text(self.details, self.to_json())
 
     def to_json(self) -> dict[str, Any]:
         """The content of diagnosis.json, without the discriminating experiments: ``write`` looks for them."""
-        from diagnosis.report.write import table_of
+        from diagnosis.report import table_of
 
         return table_of(self.details, list(self.fit), list(self.held_out))
 
     def plot(self) -> Figure:
         """Held-out residual current of every joint over time, in units of the noise, before and after."""
-        from diagnosis.report.plots.overview import overview
+        from diagnosis.report import overview
 
         figure, _ = overview(self.details)
         return figure
 
     def write(self, folder: str | PathLike[str], *, progress: Callable[[str], None] = lambda _: None) -> dict[str, Any]:
         """Writes diagnosis.json, report.html, model.toml and the discriminating experiments; returns what diagnosis.json says."""
-        from diagnosis.report.write import write_diagnosis
+        from diagnosis.report import write_diagnosis
 
         return write_diagnosis(Path(folder), self.details, list(self.fit), list(self.held_out), progress=progress)
 
@@ -92,7 +92,7 @@ def diagnose(
     """
     arm = read_model(model)
     fit, held = fit_and_held_out(recordings, held_out)
-    from diagnosis.diagnose import diagnose
+    from diagnosis import diagnose
 
     return Diagnosis(diagnose(arm, fit, held, progress=progress), tuple(fit), tuple(held))
 
@@ -110,7 +110,7 @@ def fit_and_held_out(
             )
     if held:
         return fitted, held
-    from diagnosis.screening.time_split import split
+    from diagnosis.screening import split
 
     first, last = zip(*map(split, fitted))
     return list(first), list(last)

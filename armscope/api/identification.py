@@ -9,8 +9,8 @@ from armscope.api.reading import File, Source, for_analysis, read_model
 
 if TYPE_CHECKING:
     from arm_model import Arm
-    from identification.preprocessing.readiness import Readiness
-    from identification.result import Identification
+    from identification import Identification
+    from identification.preprocessing import Readiness
 
 Method = Literal["ols", "wls", "irls", "iv", "didim", "motor-link", "sequence", "friction"]
 Friction = Literal["symmetric", "asymmetric"]
@@ -41,7 +41,7 @@ def identify(
     arm = read_model(model)
     fitted, held = for_analysis(recordings, held_out)
     # Imported last: these libraries take a second, for which a wrong file need not wait.
-    from identification.identify import identify_by, own_friction
+    from identification import identify_by, own_friction
 
     return identify_by(method, fitted, arm, held_out=held, friction=friction or own_friction(arm), progress=progress)
 
@@ -58,7 +58,7 @@ def check(
     """How fit recordings are for ``identify``, before anything is fitted: rows, excitation, saturation, lag. Arguments as there."""
     arm = read_model(model)
     fitted, held = for_analysis(recordings, held_out)
-    from identification.identify import check_runs, own_friction
+    from identification import check_runs, own_friction
 
     friction = friction or own_friction(arm)
     sparse = method in ONE_JOINT_A_RUN

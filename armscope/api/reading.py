@@ -15,7 +15,7 @@ from armscope.shipped import found
 if TYPE_CHECKING:
     from arm_model import Arm
     from daq.recording import Recording
-    from daq.rig.rig_file import Rig
+    from daq.rig import Rig
     from experiment import Experiment
 
 File: TypeAlias = "str | PathLike[str]"
@@ -70,7 +70,7 @@ def read_model(model: File | Arm) -> Arm:
 
 def read_rig(rig: File | Rig) -> Rig:
     """A rig file, checked with the settings of its drivers; docs/rig-files.md. InputError names the entry and what would be right."""
-    from daq.rig.rig_file import Rig, read_rig
+    from daq.rig import Rig, read_rig
 
     return rig if isinstance(rig, Rig) else read_rig(found(rig))
 

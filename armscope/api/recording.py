@@ -55,7 +55,7 @@ class Recorded:
 
     def plot(self) -> Figure:
         """Position, deviation from the demand, and current, joint by joint."""
-        from daq.recording.plots import plot
+        from daq.recording import plot
 
         return plot([self.open()])
 
@@ -68,7 +68,7 @@ def record(rig: File, experiment: File | Experiment, out: File) -> Recorded:
     rig or ``out`` exists, DeviceFault where a device fails before the run; ``Recorded.fault`` tells of one that fails in it.
     """
     from armscope.commands.record import record as run
-    from daq.rig.rig_file import read_rig
+    from daq.rig import read_rig
     from experiment import Experiment, write_experiment
 
     rig_file, file = found(rig), Path(out)

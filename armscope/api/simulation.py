@@ -13,22 +13,18 @@ import numpy as np
 
 from arm_io import InputError, read_text
 from arm_io.types import Array
-from arm_model.description import Arm, EffectTerm
+from arm_model import Arm, EffectTerm, Motion, write_model
 from arm_model.effects.description_errors import PAYLOAD
-from arm_model.model_file import write_model
-from arm_model.motion import Motion
 from arm_model.sensing import Readings, recorded
-from arm_model.simulation.simulation import Demand, Sampled
-from arm_model.simulation.simulation import simulate as run
+from arm_model.simulation import Demand, Sampled
+from arm_model.simulation import simulate as run
 from arm_model.tracking import tracked
 from armscope.api.reading import File, Source, open_recording, read_experiment, read_model
 from armscope.shipped import found
-from daq.recording import Recording
-from daq.recording.parts import Attachments
+from daq.recording import Attachments, Recording, write_table
 from daq.recording.provenance import file_identity, provenance
-from daq.recording.table import write_table
 from experiment import Experiment, demand_of, write_experiment
-from identification.preprocessing.demands import tracked_as_recorded
+from identification.preprocessing import tracked_as_recorded
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

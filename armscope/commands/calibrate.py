@@ -15,7 +15,7 @@ from arm_io.plain_data import point_of
 if TYPE_CHECKING:
     from arm_model import Arm
     from armscope.api.calibration import Calibration
-    from identification.kinematics.estimation.calibration import Calibration as Estimate
+    from identification.kinematics.estimation import Calibration as Estimate
 
 
 MANY = ("--held-out", "--tracker")
@@ -98,7 +98,7 @@ def command(
         print(json.dumps(written, indent=1, default=float))
         return
     if calibration is not None:
-        from identification.kinematics.report.write import summary
+        from identification.kinematics.report import summary
 
         print(summary(written))
         for line in written["warnings"] + [str(shift) for shift in calibration.details.shifts]:
@@ -121,7 +121,7 @@ def _write_poses(
     out: Path, arm: Arm, target: tuple[float, float, float], count: int, memory: int | None, written: dict[str, Any]
 ) -> None:
     from experiment import demand_of, write_experiment
-    from identification.kinematics.use.poses import experiment_of, select_poses
+    from identification.kinematics.use import experiment_of, select_poses
 
     noise = float(written.get("noise", 1e-4))
     plan = select_poses(arm, target, count, noise=noise)
@@ -148,12 +148,11 @@ def _write_poses(
 
 
 def _write_cube(out: Path, arm: Arm, calibration: Estimate | None, written: dict[str, Any]) -> None:
-    from arm_model.rigid_body.kinematics import forward
+    from arm_model.rigid_body import forward
     from experiment import write_experiment
-    from identification.kinematics.data.recordings import gravity_of
-    from identification.kinematics.models.parameters import calibrated_arm
-    from identification.kinematics.use.correction import Corrected
-    from identification.kinematics.use.iso_cube import cube_experiment, cube_points, cube_targets, posture_of
+    from identification.kinematics.data import gravity_of
+    from identification.kinematics.models import calibrated_arm
+    from identification.kinematics.use import Corrected, cube_experiment, cube_points, cube_targets, posture_of
 
     posture = posture_of(arm)
     centre = forward(arm, posture)[:3, 3]

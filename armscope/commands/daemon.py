@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from arm_io import make_folder
-from daq.service.service import Service
+from daq.service import Service
 
 
 def command(

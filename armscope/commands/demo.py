@@ -17,9 +17,8 @@ import typer
 
 from arm_io import DeviceFault, InputError, check_folder, make_folder, read_toml, write_toml
 from armscope.shipped import shipped_folder
-from daq.rig.rig_file import Rig, read_rig
-from daq.service.subscriber import Subscriber
-from daq.service.zenoh_session import keys_of, open_session
+from daq.rig import Rig, read_rig
+from daq.service import Subscriber, keys_of, open_session
 
 FIT, HELD_OUT = "excitation", "iso_cube"
 

@@ -14,10 +14,10 @@ from arm_io import InputError
 if TYPE_CHECKING:
     from rich.status import Status
 
-    from arm_model.description import Arm
+    from arm_model import Arm
     from armscope.adaptive_diagnosis import Case
     from daq.recording import Recording
-    from diagnosis.diagnose import Diagnosis
+    from diagnosis import Diagnosis
 
 
 MANY = ("--fit", "--held-out")
@@ -75,17 +75,16 @@ def command(
     if as_json:
         print(json.dumps(table))
     else:
-        from diagnosis.report.text import text
+        from diagnosis.report import diagnosis_text
 
-        print(f"{text(case.result, table)}\n\n{out / 'report.html'}")
+        print(f"{diagnosis_text(case.result, table)}\n\n{out / 'report.html'}")
     return _SAMPLES_LOST if case.lost else _DONE
 
 
 def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Path, as_json: bool) -> int:
     """One parameter that varies, in place of causes."""
-    from diagnosis.distortion.distortion import distort, named_parameter
-    from diagnosis.distortion.report import write_distortion
-    from diagnosis.screening.cleaned import seen_through
+    from diagnosis.distortion import distort, named_parameter, write_distortion
+    from diagnosis.screening import seen_through
 
     named_parameter(arm, name)
     table = write_distortion(out, distort(arm, name, seen_through(arm, recordings).runs, recordings))
@@ -94,7 +93,7 @@ def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Path, as_j
 
 
 def _model(model: Path | None, rig: Path | None) -> Path:
-    from daq.rig.rig_file import read_rig
+    from daq.rig import read_rig
 
     path = model if model is not None or rig is None else read_rig(rig, drivers=False).model_path
     if path is None:
@@ -104,14 +103,14 @@ def _model(model: Path | None, rig: Path | None) -> Path:
 
 def _case(arm: Arm, fitted: list[Recording], held: list[Recording], status: Status) -> Case:
     from armscope.adaptive_diagnosis import Case
-    from diagnosis.diagnose import diagnose
+    from diagnosis import diagnose
 
     return Case(fitted, held, diagnose(arm, fitted, held, progress=status.update), {})
 
 
 def _kept(case: Case, out: Path, status: Status) -> dict[str, Any]:
-    from diagnosis.experiments.discriminating import separations
-    from diagnosis.report.write import write_diagnosis
+    from diagnosis.experiments import separations
+    from diagnosis.report import write_diagnosis
 
     case.separate = separations(case.result, progress=status.update)
     return write_diagnosis(out, case.result, case.fit, case.held_out, case.separate, progress=status.update)
@@ -120,8 +119,8 @@ def _kept(case: Case, out: Path, status: Status) -> dict[str, Any]:
 def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, status: Status) -> dict[str, Any]:
     """The case decided as far as the rig's experiments can; every stage is written whole before the next begins."""
     from armscope.adaptive_diagnosis import Bench, go_on, limits_of, rig_of
-    from diagnosis.diagnose import diagnose
-    from diagnosis.report.write import write_diagnosis
+    from diagnosis import diagnose
+    from diagnosis.report import write_diagnosis
 
     table: dict[str, Any] = {}
     checked = rig_of(rig, len(arm))

@@ -12,12 +12,11 @@ import numpy as np
 import typer
 
 from arm_io import DeviceFault
-from daq.acquisition.states import check_plan
-from daq.rig.bench import Bench
-from daq.rig.rig_file import DeviceTable, read_rig
-from daq.service.rig_lock import RigLock
+from daq.acquisition import check_plan
+from daq.rig import Bench, DeviceTable, read_rig
+from daq.service import RigLock
+from drivers import find_devices
 from drivers.protocols import Device, EdgeSource, Identity, Latched, Plan, Polled, Quality
-from drivers.registry import find_devices
 
 TRIAL = 0.3  # s of rows from every device that makes them without the start line
 MOST_DOUBTFUL = 0.1  # share of a column's values

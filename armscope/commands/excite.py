@@ -39,11 +39,11 @@ def command(
     from rich.progress import Progress
 
     from arm_io import InputError
-    from arm_model.model_file import read_model
-    from daq.rig.rig_file import read_rig
+    from arm_model import read_model
+    from daq.rig import read_rig
     from experiment import write_experiment
-    from identification.experiment_design.excitation import Limits, Series, design_excitation
-    from identification.preprocessing.aliased_ripple import rate_beside
+    from identification.experiment_design import Limits, Series, design_excitation
+    from identification.preprocessing import rate_beside
 
     checked = None if rig is None else read_rig(rig, drivers=False)
     path = model or (checked.model_path if checked else None)

@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from daq.recording import open_recording
-from daq.recording.csv_table import write_csv
+from daq.recording import open_recording, write_csv
 
 
 def command(

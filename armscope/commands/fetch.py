@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from arm_io import InputError
-from daq.rig.rig_file import read_rig
-from daq.service.client import call
+from daq.rig import read_rig
+from daq.service import Keys, call, keys_of, open_session
 from daq.service.transfer import fetch
-from daq.service.zenoh_session import Keys, keys_of, open_session
 
 if TYPE_CHECKING:
     import zenoh

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from identification.preprocessing.readiness import Readiness
+    from identification.preprocessing import Readiness
 
 
 MANY = ("--held-out",)

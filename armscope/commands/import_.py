@@ -9,12 +9,9 @@ from typing import Annotated
 import typer
 
 from arm_io import read_text
-from daq.recording.csv_table import Table, read_csv
-from daq.recording.csv_time import TimeUnit
-from daq.recording.parts import Attachments
+from daq.recording import Attachments, Table, TimeUnit, read_csv, write_table
 from daq.recording.provenance import file_identity, provenance
-from daq.recording.table import write_table
-from daq.rig.rig_file import read_rig
+from daq.rig import read_rig
 
 
 def command(

@@ -12,7 +12,7 @@ import typer
 
 from arm_io import InputError, check_folder, make_folder, write_text
 from armscope.shipped import shipped_folder
-from daq.rig.rig_file import LONGEST_RIG_NAME
+from daq.rig import LONGEST_RIG_NAME
 
 
 class Like(StrEnum):

@@ -13,9 +13,8 @@ import numpy as np
 import typer
 
 from arm_io import InputError
-from arm_model.description import Arm
-from arm_model.model_file import read_model, write_model
-from arm_model.symbolic.tape import Expr, Tape
+from arm_model import Arm, read_model, write_model
+from arm_model.symbolic import Expr, Tape
 
 
 class Form(StrEnum):
@@ -93,9 +92,9 @@ def _write(path: Path, arm: Arm) -> None:
 
 
 def _summary(arm: Arm) -> dict[str, Any]:
-    from arm_model.rigid_body.numeric import mass_matrix
-    from arm_model.simulation.simulation import system_of
-    from arm_model.symbolic.tape import operations
+    from arm_model.rigid_body import mass_matrix
+    from arm_model.simulation import system_of
+    from arm_model.symbolic import operations
 
     system = system_of(arm)
     diagonal = mass_matrix(arm, np.zeros(len(arm)))[0].diagonal()
@@ -187,7 +186,7 @@ def _catalogue(as_json: bool) -> None:
 def _compare(arm: Arm, as_json: bool) -> None:
     from rich.console import Console
 
-    from arm_model.formulations.comparison import SYMPY_JOINTS, compare
+    from arm_model.formulations import SYMPY_JOINTS, compare
 
     with Console(stderr=True).status("generating the equations, several ways"):
         rows = compare(arm)
@@ -208,8 +207,7 @@ def _compare(arm: Arm, as_json: bool) -> None:
 
 def _equations(arm: Arm, form: Form, by: Formulation | None) -> str:
     """The accelerations as they are compiled, or the torques of the rigid links by one formulation."""
-    from arm_model.symbolic import latex, printing
-    from arm_model.symbolic.tape import needed
+    from arm_model.symbolic import latex, needed, printing
 
     what, tape, outputs = _accelerations(arm) if by is None else _torques(arm, by)
     if form is Form.LATEX:
@@ -231,7 +229,7 @@ def _equations(arm: Arm, form: Form, by: Formulation | None) -> str:
 
 def _left(name: str) -> str:
     """What stands left of the equals sign: "d speed0/dt" -> "d speed1/dt", "tau0" -> "tau1"."""
-    from arm_model.symbolic.printing import shown
+    from arm_model.symbolic import shown
 
     if not name.startswith("d "):
         return shown(name)
@@ -239,15 +237,14 @@ def _left(name: str) -> str:
 
 
 def _accelerations(arm: Arm) -> tuple[str, Tape, dict[str, Expr]]:
-    from arm_model.simulation.simulation import system_of
+    from arm_model.simulation import system_of
 
     system = system_of(arm)
     return "rates", system.tape, {f"d {name}/dt": rate for name, rate in zip(system.states, system.rates)}
 
 
 def _torques(arm: Arm, by: Formulation) -> tuple[str, Tape, dict[str, Expr]]:
-    from arm_model.formulations.comparison import TORQUES
-    from arm_model.formulations.links import symbols_of
+    from arm_model.formulations import TORQUES, symbols_of
 
     symbols = symbols_of(arm)
     return "torques", symbols.tape, {f"tau{j}": tau for j, tau in enumerate(TORQUES[by.value](symbols))}

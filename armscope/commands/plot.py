@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from arm_io import InputError, check_file
-from daq.recording import open_recording
-from daq.recording.plots import plot
+from daq.recording import open_recording, plot
 
 
 def command(

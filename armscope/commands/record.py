@@ -15,8 +15,8 @@ import typer
 
 from arm_io import DeviceFault, InputError, read_file, read_text
 from armscope.commands.fetch import bring
-from daq.rig.rig_file import Rig, read_rig
-from daq.service.rig_server import RemoteServer, RigServer, server_of
+from daq.rig import Rig, read_rig
+from daq.service import RemoteServer, RigServer, server_of
 from experiment import read_experiment
 
 Table = dict[str, Any]

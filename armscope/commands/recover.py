@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from daq.acquisition.ledger import SENTENCES
-from daq.recording.parts import ledger_table
+from daq.acquisition import SENTENCES
+from daq.recording import ledger_table
 from daq.recording.recover import recover
 
 

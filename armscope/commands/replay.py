@@ -13,11 +13,9 @@ import typer
 
 from arm_io import InputError, check_table
 from daq.recording import open_recording
-from daq.rig.rig_file import Rig, read_rig
-from daq.service.commands.server import CommandServer
-from daq.service.publisher import Publisher
-from daq.service.replay import blocks_of, paced
-from daq.service.zenoh_session import keys_of, open_session
+from daq.rig import Rig, read_rig
+from daq.service import Publisher, blocks_of, keys_of, open_session, paced
+from daq.service.commands import CommandServer
 
 MAY_BE_INFINITE = ("--speed", "--wait")
 

@@ -15,14 +15,11 @@ import numpy as np
 import typer
 
 from arm_io import InputError
-from daq.rig.calibration import COUNTS_PER_LINE
-from daq.rig.rig_file import DeviceTable, Rig, make_world, read_rig
-from drivers.loopback import is_loopback
-from drivers.registry import check_config
+from daq.rig import COUNTS_PER_LINE, DeviceTable, Rig, make_world, read_rig
+from drivers import check_config, is_loopback
 
 if TYPE_CHECKING:
-    from sim_backend.protocol.puma import CurrentWire, EncoderWire
-    from sim_backend.protocol.serving import Simulator
+    from sim_backend.protocol import CurrentWire, EncoderWire, Simulator
 
 PREFIX, SIMULATORS = "drivers.", "sim_backend.protocol."
 
@@ -57,9 +54,8 @@ def simulated_devices(rig: Rig, where: str | Path) -> Iterator[list[Simulator]]:
 
 def make_simulators(rig: Rig, where: str | Path) -> list[Simulator]:
     """The simulators, closed, wired to one world as the rig file says."""
-    from sim_backend.protocol import puma
-    from sim_backend.protocol.wires import TriggerLine
-    from sim_backend.rig.world import world_of
+    from sim_backend.protocol import TriggerLine, puma
+    from sim_backend.rig import world_of
 
     modules = {device.name: _simulator_of(device, where) for device in rig.device}
     world = world_of(make_world(rig))
@@ -108,7 +104,7 @@ def _simulator_of(device: DeviceTable, where: str | Path) -> Any:
 
 
 def _encoders(rig: Rig, device: str, config: Any) -> dict[int, EncoderWire]:
-    from sim_backend.protocol.puma import EncoderWire
+    from sim_backend.protocol import EncoderWire
 
     wires = {}
     for j, joint in enumerate(rig.joint):
@@ -129,7 +125,7 @@ def _encoders(rig: Rig, device: str, config: Any) -> dict[int, EncoderWire]:
 
 
 def _currents(rig: Rig, device: str, *, amperes: bool) -> dict[int, CurrentWire]:
-    from sim_backend.protocol.puma import CurrentWire
+    from sim_backend.protocol import CurrentWire
 
     sensors = [(j, joint.current) for j, joint in enumerate(rig.joint)]
     return {s.channel: CurrentWire(j, amperes) for j, s in sensors if s is not None and s.device == device}

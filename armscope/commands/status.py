@@ -8,9 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from daq.rig.rig_file import read_rig
-from daq.service.client import call
-from daq.service.zenoh_session import keys_of, open_session
+from daq.rig import read_rig
+from daq.service import call, keys_of, open_session
 
 Table = dict[str, Any]
 

@@ -13,12 +13,8 @@ import typer
 from arm_io import InputError
 from armscope.shipped import shipped_folder
 from daq.recording import open_recording
-from daq.rig.rig_file import read_rig
-from daq.service.foxglove import LiveView
-from daq.service.replay import blocks_of, paced
-from daq.service.row_block import Columns
-from daq.service.subscriber import Subscriber
-from daq.service.zenoh_session import keys_of, open_session
+from daq.rig import read_rig
+from daq.service import Columns, LiveView, Subscriber, blocks_of, keys_of, open_session, paced
 
 MAY_BE_INFINITE = ("--speed",)
 

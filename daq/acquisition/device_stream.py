@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from daq.acquisition.trigger_index import Indexer
 from daq.rig.channels import Columns
-from drivers.counting import extend
+from drivers import extend
 from drivers.protocols import Block, Quality
 
 Table = dict[str, NDArray[Any]]

@@ -13,8 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from arm_io import DeviceFault
-from drivers.blocks import join
-from drivers.clock import SystemClock
+from drivers import SystemClock, join
 from drivers.protocols import Block, HostClock, Quality
 
 

@@ -12,7 +12,7 @@ from arm_io import DeviceFault, InputError
 from daq.acquisition.device_stream import Stream
 from daq.acquisition.polling import PolledDevice, Poller, sleep_until
 from daq.rig.bench import Bench
-from drivers.blocks import empty
+from drivers import empty
 from drivers.protocols import Block, EdgeSource, Latched, Plan, Polled, PositionTracker, TriggerInput
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from daq.acquisition.join import nearest
 from daq.acquisition.rows import Rows
 from drivers.protocols import Block, EdgeSource, Plan, Quality
-from drivers.tracker_stream.merge import align
+from drivers.tracker_stream import align
 
 
 def merge_points(held: list[Rows], memory: Block, plan: Plan, notes: list[str]) -> Iterator[Rows]:

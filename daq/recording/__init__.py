@@ -1,6 +1,32 @@
 """Recordings: rows to MCAP, MCAP to arrays; tables, recovery, accounting."""
 
-from daq.recording.reader import Recording, open_recording
-from daq.recording.several import open_recordings
+from typing import TYPE_CHECKING
 
-__all__ = ["Recording", "open_recording", "open_recordings"]
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from daq.recording.csv_table import Table, read_csv, write_csv
+    from daq.recording.csv_time import TimeUnit
+    from daq.recording.losses import told_on
+    from daq.recording.parts import Attachments, ledger_table
+    from daq.recording.plots import plot
+    from daq.recording.reader import Recording, open_recording
+    from daq.recording.several import open_recordings
+    from daq.recording.table import write_table
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = [
+    "Attachments",
+    "Recording",
+    "Table",
+    "TimeUnit",
+    "ledger_table",
+    "open_recording",
+    "open_recordings",
+    "plot",
+    "read_csv",
+    "told_on",
+    "write_csv",
+    "write_table",
+]

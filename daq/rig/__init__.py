@@ -1,1 +1,22 @@
 """The rig: its file, its channels and calibration, its open devices, and the guard in front of everything that moves."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from daq.rig.bench import Bench
+    from daq.rig.calibration import COUNTS_PER_LINE
+    from daq.rig.rig_file import LONGEST_RIG_NAME, DeviceTable, Rig, make_world, read_rig
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = [
+    "COUNTS_PER_LINE",
+    "LONGEST_RIG_NAME",
+    "Bench",
+    "DeviceTable",
+    "Rig",
+    "make_world",
+    "read_rig",
+]

@@ -13,7 +13,7 @@ from daq.rig.calibration import Calibration, calibration_of, counts_at
 from daq.rig.channels import Columns, columns_of
 from daq.rig.guard import Guard
 from daq.rig.rig_file import Rig, check_channels, make_devices, make_world
-from drivers.clock import SystemClock
+from drivers import SystemClock
 from drivers.protocols import Device, HostClock, Identity, QuadratureCounter
 
 

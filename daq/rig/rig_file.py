@@ -19,7 +19,7 @@ from pydantic import ConfigDict, Field, PrivateAttr, field_validator, model_vali
 
 from arm_io import InputError, check_table, read_toml
 from arm_io.table import Rate, Seconds, Table
-from drivers.loopback import is_loopback
+from drivers import World, check_config, is_loopback, make_device
 from drivers.protocols import (
     AnalogInput,
     AnalogOutput,
@@ -29,7 +29,6 @@ from drivers.protocols import (
     EdgeSource,
     QuadratureCounter,
 )
-from drivers.registry import World, check_config, make_device
 
 Positive = Annotated[float, Field(gt=0)]
 Channel = Annotated[int, Field(ge=0)]

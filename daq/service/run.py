@@ -21,7 +21,7 @@ from daq.recording.recorder import Recorder, rows_layout
 from daq.rig.bench import Bench
 from daq.service.publisher import Publisher
 from daq.service.row_block import columns_of
-from drivers.clock import SystemClock
+from drivers import SystemClock
 from experiment import Experiment, demand_of, experiment_of
 
 Table = dict[str, Any]

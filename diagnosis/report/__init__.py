@@ -1,1 +1,21 @@
 """Results of a diagnosis as files, words, tables and pages."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from diagnosis.report.plots.overview import overview
+    from diagnosis.report.text import diagnosis_text
+    from diagnosis.report.wording import title
+    from diagnosis.report.write import table_of, write_diagnosis
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = [
+    "diagnosis_text",
+    "overview",
+    "table_of",
+    "title",
+    "write_diagnosis",
+]

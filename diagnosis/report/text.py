@@ -9,7 +9,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.report.wording import estimate, gain, sentence, title
 
 
-def text(result: Diagnosis, table: dict[str, Any]) -> str:
+def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
     """Verdict, warnings, and every cause with its parameters and gain; ``table`` is what diagnosis.json holds."""
     said = [sentence(result), *(f"warning: {warning}" for warning in result.warnings)]
     for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):

@@ -1,1 +1,16 @@
 """Events in raw rows and checks for plausibility, before anything is fitted."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from diagnosis.screening.cleaned import seen_through
+    from diagnosis.screening.time_split import split
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = [
+    "seen_through",
+    "split",
+]

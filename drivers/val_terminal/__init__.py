@@ -1,5 +1,12 @@
 """Unimation Puma under VAL or VAL II, at its terminal: the driver (``device``), its wire (``protocol``)."""
 
+from drivers.val_terminal import protocol
 from drivers.val_terminal.device import Config, ValTerminal, find, make
 
-__all__ = ["Config", "ValTerminal", "find", "make"]
+__all__ = [
+    "Config",
+    "ValTerminal",
+    "find",
+    "make",
+    "protocol",
+]

@@ -19,8 +19,8 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.system.dynamics import inverse_dynamics
+from arm_model import Arm
+from arm_model.system import inverse_dynamics
 from experiment import Experiment, demand_of
 from experiment.segments import Fourier, Hold
 from identification.regression.base_parameters import BaseParameters

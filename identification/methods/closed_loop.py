@@ -18,8 +18,8 @@ from scipy import linalg
 
 from arm_io import InputError
 from arm_io.types import Array, Progress
-from arm_model.description import Arm
-from arm_model.simulation.simulation import simulate
+from arm_model import Arm
+from arm_model.simulation import simulate
 from daq.recording import Recording
 from identification.preprocessing.demands import demand_of_run
 from identification.preprocessing.signals import Motion, equation_rows, smooth_motion

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.rigid_body.numeric import rigid_torque
+from arm_model import Arm
+from arm_model.rigid_body import rigid_torque
 from identification.methods.motor_link import MotorLink, motor_link_of
 from identification.preprocessing.signals import Motion
 

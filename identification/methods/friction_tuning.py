@@ -15,9 +15,8 @@ from scipy import linalg
 
 from arm_io import InputError
 from arm_io.types import Array, Progress
-from arm_model.description import Arm
-from arm_model.parameters import parameter, with_parameters
-from arm_model.simulation.simulation import simulate_batch
+from arm_model import Arm, parameter, with_parameters
+from arm_model.simulation import simulate_batch
 from daq.recording import Recording
 from identification.preprocessing.aliased_ripple import drifting
 from identification.preprocessing.demands import demand_of_run

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm_io.types import Array, Progress
-from arm_model.description import Arm
+from arm_model import Arm
 from daq.recording import Recording
 from identification.regression.conclusion import conclude, physical_values, with_values
 from identification.regression.equations import Equations, Friction, model_values, shown_rows

@@ -9,9 +9,8 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array, Progress
-from arm_model.description import Arm
-from arm_model.parameters import with_parameters
-from arm_model.rigid_body.numeric import rigid_torque
+from arm_model import Arm, with_parameters
+from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording
 from identification.methods.motor_link import PASSING, MotorLink, Way, fitted, joined, motor_link_rows
 from identification.preprocessing import checks

@@ -14,7 +14,7 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array, Progress
-from arm_model.description import Arm
+from arm_model import Arm
 from daq.recording import Recording
 from identification.methods.joint_by_joint import own_run
 from identification.regression.conclusion import conclude

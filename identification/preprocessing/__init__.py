@@ -1,1 +1,19 @@
 """Recordings made ready: filtered signals, spectra, quality flags, input checks."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from identification.preprocessing.aliased_ripple import rate_beside
+    from identification.preprocessing.demands import demand_of_run, tracked_as_recorded
+    from identification.preprocessing.readiness import Readiness
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = [
+    "Readiness",
+    "demand_of_run",
+    "rate_beside",
+    "tracked_as_recorded",
+]

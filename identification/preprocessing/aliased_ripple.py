@@ -15,7 +15,7 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from identification.preprocessing.signals import Motion
 
 BEAT = 1.0  # Hz

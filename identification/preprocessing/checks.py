@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from arm_io import InputError, toml_of
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.model_file import arm_of
+from arm_model import Arm, arm_of
 from daq.recording import Recording
 from identification.preprocessing.quality import as_trusted
 from identification.preprocessing.signals import Motion

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.simulation.simulation import Demand, Sampled
+from arm_model import Arm
+from arm_model.simulation import Demand, Sampled
 from daq.recording import Recording
 
 BENT = 1e-9  # rad or m: what a straight line's second difference may be

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from daq.recording import Recording
 from identification.preprocessing.aliased_ripple import rate_beside, rows_a_setpoint
 from identification.preprocessing.quality import Trusted

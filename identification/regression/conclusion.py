@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.parameters import parameter, with_parameters
+from arm_model import Arm, parameter, with_parameters
 from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from identification.preprocessing import checks

@@ -18,10 +18,9 @@ from __future__ import annotations
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm, EffectTerm
+from arm_model import Arm, EffectTerm, parameter, with_parameters
 from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Signals, described, values_of
-from arm_model.parameters import parameter, with_parameters
-from arm_model.system.dynamics import inverse_dynamics
+from arm_model.system import inverse_dynamics
 
 STEP = 1e-3  # of a parameter's typical size: the laws are linear in it, the torque nearly so
 

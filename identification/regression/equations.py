@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.parameters import parameter
+from arm_model import Arm, parameter
 from arm_model.rigid_body.regressor import parameter_names, parameter_vector, regressor
 from identification.preprocessing.aliased_ripple import drifting
 from identification.preprocessing.signals import (

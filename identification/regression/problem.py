@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array, Progress
-from arm_model.description import Arm
+from arm_model import Arm
 from daq.recording import Recording
 from identification.preprocessing import checks
 from identification.preprocessing.aliased_ripple import folded_torque

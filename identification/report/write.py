@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from arm_io import make_folder, write_text
-from arm_model.model_file import write_model
+from arm_model import write_model
 from identification.report.html import report
 
 if TYPE_CHECKING:

@@ -14,11 +14,10 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm, Motion
 from arm_model.effects import CATALOGUE, Signals, values_of
-from arm_model.motion import Motion
 from arm_model.sensing import recorded
-from arm_model.simulation.simulation import Stepper, references, servo_period
+from arm_model.simulation import Stepper, references, servo_period
 from experiment import Experiment, demand_of
 from sim_backend.arm.signals import CHUNK_ROWS, Steps
 from sim_backend.arm.stopping import StoppedDemand

@@ -13,14 +13,12 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm, read_model
 from arm_model.effects import check_terms
-from arm_model.model_file import read_model
 from arm_model.rigid_body.inertia import about_com, barycentric
 from arm_model.servo import fixed_gains
 from arm_model.tracking import latency, target_at
-from experiment import Experiment, demand_of
-from experiment.file import Payload
+from experiment import Experiment, Payload, demand_of
 from sim_backend.arm.arm_motion import Instruments, Servoed, Standing
 from sim_backend.arm.signals import Mover
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from drivers.can_bus import CanBus, frame_bits
+from drivers.cia406 import Config
 from drivers.cia406 import protocol as cia
-from drivers.cia406.device import Config
 from sim_backend.protocol.serving import Loop
 from sim_backend.protocol.wires import Wires
 

@@ -8,8 +8,8 @@ import threading
 import numpy as np
 
 from drivers.can_bus import CanBus
+from drivers.isabellenhuette_ivts import Config
 from drivers.isabellenhuette_ivts import protocol as ivt
-from drivers.isabellenhuette_ivts.device import Config
 from sim_backend.protocol.serving import Loop
 from sim_backend.protocol.wires import Wires
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import modbus_tcp as modbus
+from drivers.labjack_t7 import Config
 from drivers.labjack_t7 import protocol as t7
-from drivers.labjack_t7.device import Config
 from sim_backend.protocol.serving import Listener, Loop
 from sim_backend.protocol.wires import Wires
 

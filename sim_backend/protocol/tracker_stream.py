@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.tracker_stream.device import METRES, Config
-from drivers.tracker_stream.protocol import HEADING, format_line
+from drivers.tracker_stream import HEADING, METRES, Config, format_line
 from sim_backend.protocol.serving import Loop, Terminal
 from sim_backend.protocol.wires import Wires
 

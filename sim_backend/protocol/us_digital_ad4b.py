@@ -6,8 +6,8 @@ import threading
 
 import numpy as np
 
+from drivers.us_digital_ad4b import Config
 from drivers.us_digital_ad4b import protocol as ad4b
-from drivers.us_digital_ad4b.device import Config
 from sim_backend.protocol.serving import Loop, Terminal
 from sim_backend.protocol.wires import Wires
 

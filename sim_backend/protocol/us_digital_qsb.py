@@ -8,8 +8,8 @@ import time
 
 import numpy as np
 
+from drivers.us_digital_qsb import Config
 from drivers.us_digital_qsb import protocol as qsb
-from drivers.us_digital_qsb.device import Config
 from sim_backend.protocol.serving import Loop, Terminal
 from sim_backend.protocol.wires import Wires
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from drivers.val_terminal import Config
 from drivers.val_terminal import protocol as val
-from drivers.val_terminal.device import Config
 from sim_backend.protocol.serving import Loop, Terminal
 from sim_backend.protocol.wires import Arm, Wires
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io import DeviceFault
-from drivers.blocks import join
+from drivers import join
 from drivers.protocols import Block, Plan
 from sim_backend.electronics import noise
 from sim_backend.rig.faults import Unplugged

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from arm_io import DeviceFault, InputError, check_table
 from arm_io.types import Array
-from drivers import registry
-from drivers.clock import SystemClock
+from drivers import SystemClock, registry
 from drivers.protocols import CounterMode, HostClock
 from experiment import Experiment
 from sim_backend.arm.signals import Mover, Run

@@ -1,1 +1,22 @@
 """Poses and tracker points taken from recordings."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from identification.kinematics.data.points import Points
+    from identification.kinematics.data.recordings import Tracked, common_ground, gravity_of, tracked
+    from identification.kinematics.data.runs import aligned, correlation_time
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = [
+    "Points",
+    "Tracked",
+    "aligned",
+    "common_ground",
+    "correlation_time",
+    "gravity_of",
+    "tracked",
+]

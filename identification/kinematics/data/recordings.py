@@ -10,8 +10,8 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.rigid_body.numeric import rigid_torque
+from arm_model import Arm
+from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording, open_recording
 from identification.kinematics.data.encoder_counts import between_counts, counts_of
 from identification.kinematics.data.runs import Run

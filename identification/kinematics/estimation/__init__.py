@@ -1,1 +1,22 @@
 """Calibration: estimation of kinematic parameters, with cross-validation."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from identification.kinematics.estimation.calibration import Calibration, Settings, calibrate, predicted
+    from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit, residuals
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = [
+    "REJECT",
+    "Calibration",
+    "Fit",
+    "Settings",
+    "calibrate",
+    "fit",
+    "predicted",
+    "residuals",
+]

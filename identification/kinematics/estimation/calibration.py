@@ -18,7 +18,7 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array, Progress
-from arm_model.description import Arm
+from arm_model import Arm
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.row_shifts import Shift, find_constant, find_step
 from identification.kinematics.data.runs import Run, correlation_time, points_of, shifted, thinned, velocity_of

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import Run, aligned
 from identification.kinematics.estimation.axes import circle_point_model

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.description import Arm, Pose
+from arm_model import Arm, Pose
 from identification.kinematics.models.chain import Chain, Index, Motion, Step, forward, placement, target_steps
 from identification.kinematics.models.conversion import PARALLEL
 

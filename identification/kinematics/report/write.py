@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from arm_io import write_text
-from arm_model.description import Arm, EffectTerm
+from arm_model import Arm, EffectTerm
 from identification.kinematics.estimation.calibration import Calibration
 from identification.kinematics.estimation.circle_point import Circle
 from identification.kinematics.estimation.cross_validation import PositionError

@@ -1,1 +1,31 @@
 """What a calibration is used for: poses to measure, corrected targets, the ISO cube."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from identification.kinematics.use.correction import Corrected
+    from identification.kinematics.use.iso_cube import (
+        NAME,
+        cube_experiment,
+        cube_points,
+        cube_report,
+        cube_targets,
+        posture_of,
+    )
+    from identification.kinematics.use.poses import experiment_of, select_poses
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = [
+    "NAME",
+    "Corrected",
+    "cube_experiment",
+    "cube_points",
+    "cube_report",
+    "cube_targets",
+    "experiment_of",
+    "posture_of",
+    "select_poses",
+]

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.rigid_body.kinematics import forward, jacobian
+from arm_model import Arm
+from arm_model.rigid_body import forward, jacobian
 from identification.kinematics.estimation.extensions import Extension, deflections
 from identification.kinematics.models.chain import Gravity
 

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.rigid_body.kinematics import forward
+from arm_model import Arm
+from arm_model.rigid_body import forward
 from experiment import Experiment
 from experiment.segments import Hold, Move, Segment
 from identification.kinematics.data.runs import Run

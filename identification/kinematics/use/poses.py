@@ -14,8 +14,8 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.rigid_body.kinematics import link_frames
+from arm_model import Arm
+from arm_model.rigid_body import link_frames
 from experiment import Experiment
 from experiment.segments import Hold, Move, Segment
 from identification.kinematics.estimation.observability import Observability, identifiable, indices, scaled_jacobian
