@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-# Blocks of 1 MiB among small things that live on; prints the MB that are still held when the blocks are gone.
+# Blocks of 1 MiB among smaller ones that live on; prints the MB that are still held when the blocks are gone.
 BLOCKS = """
 import numpy as np, psutil
 from daq.service.heap import return_large_blocks
@@ -21,7 +21,7 @@ before = psutil.Process().memory_info().rss
 blocks, small = [], []
 for _ in range(200):
     blocks.append(np.ones(1 << 17))
-    small.append(bytes(600))
+    small.append(bytes(20_000))
 del blocks
 print((psutil.Process().memory_info().rss - before) / 1e6)
 """
