@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from daq.recording import open_recording, write_csv
+from daq.recording import open_long, write_csv
 
 
 def command(
@@ -17,9 +17,9 @@ def command(
     out: Annotated[Path, typer.Option(help="the CSV to write (replaced if it is there)")],
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:
-    data = open_recording(recording)
+    data = open_long(recording)
     columns = write_csv(out, data)
-    if data.points is not None and data.xyz is None:
+    if data.layout.points == "tracker" and data.base_from_tracker is None:
         print("the tracker's points stay out: the rig does not say how it stands to the base", file=sys.stderr)
     if as_json:
         print(json.dumps({"file": str(out), "rows": len(data), "columns": columns, "lost": data.ledger.lost}))

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from daq.recording import open_recording
+from daq.recording import open_long
 from daq.recording.summary import summary, verification_table
 
 _LONGEST = 10
@@ -22,7 +22,7 @@ def command(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print everything as JSON")] = False,
 ) -> int:
-    table = summary(open_recording(recording, damaged=True))
+    table = summary(open_long(recording, damaged=True))
     if verify:
         table["verification"] = verification_table(recording)
     print(json.dumps(table, indent=1) if as_json else _text(table))

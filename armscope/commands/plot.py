@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from arm_io import InputError, check_file
-from daq.recording import open_recording, plot
+from daq.recording import open_long, plot
 
 
 def command(
@@ -19,13 +19,13 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:
     if out.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise InputError(out, "the name of a picture wants to end in .png, .svg or .pdf")
+        raise InputError(out, "the name of a picture must end in .png, .svg or .pdf")
     check_file(out)
-    data = [open_recording(path) for path in recordings]
+    data = [open_long(path) for path in recordings]
     joints = max(recording.joints for recording in data)
     for number in joint or []:
         if not 1 <= number <= joints:
-            raise InputError("--joint", f"there is no joint {number}; 1 to {joints} are wanted")
+            raise InputError("--joint", f"there is no joint {number}; it must be 1 to {joints}")
     figure = plot(data, joints=joint or [])
     try:
         figure.savefig(out, dpi=110)

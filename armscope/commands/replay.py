@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from arm_io import InputError, check_table
-from daq.recording import open_recording
+from daq.recording import open_long
 from daq.rig import Rig, read_rig
 from daq.service import Publisher, blocks_of, keys_of, open_session, paced
 from daq.service.commands import CommandServer
@@ -32,7 +32,7 @@ def command(
 ) -> None:
     if not speed > 0:
         raise InputError("--speed", f"wants a number above 0, or inf; has {speed:g}")
-    run = open_recording(recording, damaged=True)
+    run = open_long(recording, damaged=True)
     table = _rig(run.rig.get("name") or "replay", run.layout.joints, endpoint) if rig is None else read_rig(rig)
     with open_session(table, listen=True) as session:
         keys = keys_of(run.rig.get("name") or table.name)

@@ -12,7 +12,7 @@ import typer
 
 from arm_io import InputError
 from armscope.shipped import shipped_folder
-from daq.recording import open_recording
+from daq.recording import open_long
 from daq.rig import read_rig
 from daq.service import Columns, LiveView, Subscriber, blocks_of, keys_of, open_session, paced
 
@@ -35,7 +35,7 @@ def command(
         with open_session(rig, listen=False) as session, Subscriber(session, keys_of(rig.name), latest=20) as rows:
             _show(rig.name, joints, port, _live(rows))
     else:
-        recording = open_recording(source, damaged=True)
+        recording = open_long(source, damaged=True)
         blocks = (block for _, block in paced(blocks_of(recording), speed))
         _show(str(source), recording.layout.joints, port, blocks)
 

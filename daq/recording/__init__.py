@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
+    from daq.recording.blocks import LongRecording, open_long
     from daq.recording.csv_table import Table, read_csv, write_csv
     from daq.recording.csv_time import TimeUnit
     from daq.recording.losses import told_on
@@ -18,10 +19,12 @@ else:
 
 __all__ = [
     "Attachments",
+    "LongRecording",
     "Recording",
     "Table",
     "TimeUnit",
     "ledger_table",
+    "open_long",
     "open_recording",
     "open_recordings",
     "plot",

@@ -1,10 +1,12 @@
-"""The contents of a recording's file as a walk through it finds them: rows by column, attachments, and what is broken."""
+"""The contents of a recording's file as a walk through it finds them: rows, attachments, and what is broken."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Protocol, TypeVar
 
 import numpy as np
 from mcap.records import Channel, Metadata
@@ -19,33 +21,58 @@ from daq.recording.mcap_file.checksums import NAME as CHECKSUMS
 from daq.recording.mcap_file.pages import mapped
 from daq.recording.mcap_file.writer import PROGRESS, Progress
 from daq.recording.messages.row_format import Layout, RowFormat, format_of
-from daq.recording.missing_rows import Found, account
-from daq.recording.thinned import Thinned
+from daq.recording.missing_rows import Found, Numbers, account
+
+Columns = dict[str, NDArray]
+"""Column -> (n, ...) of some rows."""
+
+
+class Keeper(Protocol):
+    """What is done with the rows: ``append`` gets those of one chunk after the other, as views that it must copy to keep."""
+
+    def append(self, columns: Columns) -> None: ...
+
+
+K = TypeVar("K", bound=Keeper)
+
+
+class Whole:
+    """Keeps all rows of all columns."""
+
+    factor = 1
+
+    def __init__(self) -> None:
+        self._pieces: dict[str, list[NDArray]] = {}
+
+    def append(self, columns: Columns) -> None:
+        """The rows that follow."""
+        for name, values in columns.items():
+            self._pieces.setdefault(name, []).append(values.copy())
+
+    def arrays(self) -> Columns:
+        """Column -> (n, ...) array; to be asked once, for the pieces go column by column as the arrays are made."""
+        return {name: np.concatenate(self._pieces.pop(name)) for name in list(self._pieces)}
 
 
 @dataclass
 class Contents:
     """What was found.
 
+    data         the file
     form         of the rows; None only while nothing has been found
-    columns      column -> its piece of each chunk
-    torn         of each chunk: something unreadable stands before it
+    numbers      of the triggers of its rows
     attachments  intact ones, by file name
     progress     of the recorder when it wrote last; None where that cannot be read
-    most_numbers rows times joints to be kept of each signal; None: all
-    thinned      where there are ``most_numbers``: the rows, averaged; ``columns`` then has their numbers alone
     damages      what cannot be read, without the record that a crash cut in two
     cut          that record
     finished     the file has its end
     """
 
+    data: memoryview
     form: RowFormat | None = None
-    columns: dict[str, list[NDArray]] = field(default_factory=dict)
-    torn: list[bool] = field(default_factory=list)
+    numbers: Numbers = field(default_factory=Numbers)
     attachments: dict[str, bytes] = field(default_factory=dict)
     progress: Progress | None = None
-    most_numbers: int | None = None
-    thinned: Thinned | None = None
     damages: list[mcap_walk.Damage] = field(default_factory=list)
     cut: mcap_walk.Damage | None = None
     finished: bool = False
@@ -55,40 +82,20 @@ class Contents:
         assert self.form is not None
         return self.form.layout
 
-    def add_rows(self, part: mcap_walk.Rows, *, torn: bool) -> bool:
-        """Takes the rows of a chunk, if they have the columns of those before them."""
-        if not self.columns:
-            self.form = part.form  # what a chunk's checksum confirms is surer than the head
-            self.columns = {name: [] for name in _columns(part.form, part.rows)}
-        if part.form.layout != self.layout:
-            self.damages.append(mcap_walk.Damage(0, 0, "a chunk has other columns than those before it"))
-            return False
-        columns = _columns(part.form, part.rows)
-        if self.most_numbers is not None:
-            self.thinned = self.thinned or Thinned(self.most_numbers // max(len(self.layout.joints), 1))
-            self.thinned.append(columns)
-            columns = {"number": columns["number"]}
-        for name, column in columns.items():
-            self.columns[name].append(column.copy())
-        self.torn.append(torn)
-        return True
+    def pieces(self) -> Iterator[Columns]:
+        """The rows once more, chunk by chunk."""
+        for part in mcap_walk.walk(self.data):
+            if isinstance(part, mcap_walk.Rows) and part.form.layout == self.layout:
+                yield _columns(part.form, part.rows)
 
-    def arrays(self) -> dict[str, NDArray]:
-        """Column -> (n, ...) array."""
+    def nothing(self) -> Columns:
+        """No rows, with all columns."""
         assert self.form is not None
-        if self.thinned is not None:
-            return self.thinned.arrays()
-        nothing = _columns(self.form, np.empty(0, self.form.dtype))
-        pieces = self.columns or {name: [column] for name, column in nothing.items()}
-        return {name: np.concatenate(column) for name, column in pieces.items()}
+        return _columns(self.form, np.empty(0, self.form.dtype))
 
     def ledger(self) -> tuple[LedgerSummary, bool]:
         """The ledger, and whether it is sure that nothing more is missing."""
-        lengths = [len(piece) for piece in self.columns.get("number", [])]
-        torn = np.zeros(sum(lengths), bool)
-        torn[np.cumsum([0, *lengths[:-1]])[: len(self.torn)]] = self.torn
-        numbers = np.concatenate([np.empty(0, np.int64), *self.columns.get("number", [])])
-        return account(Found(numbers, torn, self.finished), self._written_ledger(), self.progress)
+        return account(Found(self.numbers.runs(), self.finished), self._written_ledger(), self.progress)
 
     def notes(self, sure: bool) -> tuple[str, ...]:
         """Sentences about what is wrong with the file."""
@@ -115,18 +122,22 @@ class Contents:
         return LedgerSummary(table["triggers"], table["latched"], table["recorded"], tuple(losses))
 
 
-def read_contents(path: Path, *, most_numbers: int | None = None) -> Contents:
-    """Walks the file. InputError where it is absent, or no row and no layout of ours can be found in it.
-
-    most_numbers  rows times joints to be kept of each signal (``daq.recording.thinned``); None: all
-    """
-    data = mapped(path)
-    contents, torn = Contents(most_numbers=most_numbers), False
-    for part in mcap_walk.walk(data):
+def read_contents(path: Path, keeper: Callable[[Layout], K]) -> tuple[Contents, K]:
+    """Walks the file, and hands its rows to what ``keeper`` makes. InputError where the file is absent, or no row and no layout of ours
+    can be found in it."""
+    contents, kept, torn = Contents(mapped(path)), None, False
+    for part in mcap_walk.walk(contents.data):
         match part:
+            case mcap_walk.Rows() if kept is not None and part.form.layout != contents.layout:
+                contents.damages.append(mcap_walk.Damage(0, 0, "a chunk has other columns than those before it"))
             case mcap_walk.Rows():
-                if contents.add_rows(part, torn=torn):
-                    torn = False
+                if kept is None:
+                    contents.form = part.form  # what a chunk's checksum confirms is surer than the head
+                    kept = keeper(contents.layout)
+                columns = _columns(part.form, part.rows)
+                contents.numbers.append(columns["number"], torn=torn)
+                kept.append(columns)
+                torn = False
             case mcap_walk.File() if part.name != CHECKSUMS:
                 contents.attachments[part.name] = part.data
             case Metadata() if part.name == PROGRESS:
@@ -139,15 +150,18 @@ def read_contents(path: Path, *, most_numbers: int | None = None) -> Contents:
             case mcap_walk.End():
                 contents.finished = True
     if contents.form is None:
-        magic = data[: len(MAGIC)] == MAGIC
+        magic = contents.data[: len(MAGIC)] == MAGIC
         kind = "is no recording of armscope, or broken beyond repair" if magic else "is not an MCAP file"
         raise InputError(path, f"{kind}; 'armscope import' takes tables")
-    if not contents.finished and contents.damages and contents.damages[-1].end == len(data):
+    if kept is None:
+        kept = keeper(contents.layout)
+        kept.append(contents.nothing())
+    if not contents.finished and contents.damages and contents.damages[-1].end == len(contents.data):
         contents.cut = contents.damages.pop()
-    return contents
+    return contents, kept
 
 
-def _columns(form: RowFormat, rows: NDArray[np.void]) -> dict[str, NDArray]:
+def _columns(form: RowFormat, rows: NDArray[np.void]) -> Columns:
     """The columns of some rows, as views."""
     columns = {name: rows[name] for name in form.columns}
     return columns | {"wall_ns": rows["times1"][:, 0].astype(np.int64)}

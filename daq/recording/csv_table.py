@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 from arm_io import InputError, whole_file
 from arm_io.files import open_regular
 from arm_io.types import Array
+from daq.recording.blocks import LongRecording
 from daq.recording.csv_header import JOINT_COLUMN, joints_of, read_header
 from daq.recording.csv_time import TimeUnit, times_of
 from daq.recording.messages.row_format import JOINT_TOPICS
@@ -87,32 +88,46 @@ def read_csv(
     return Table(t, ordered, xyz, columns, epoch=times.epoch, start_ns=times.start_ns)
 
 
-def write_csv(path: str | Path, recording: Recording) -> list[str]:
+def write_csv(path: str | Path, recording: Recording | LongRecording) -> list[str]:
     """Writes a recording as a table, whole or not at all; returns the names of the columns.
 
     Each number is the shortest text that reads back as the same float64; a missing sample is an empty cell. Tracker points
     that nobody can place in the base frame stay out.
     """
-    columns: dict[str, Array] = {"t": recording.t if recording.time is None else recording.time}
+    names: list[str] = []
     epoch = recording.provenance.get("epoch")
-    for signal, having in recording.layout.signals.items():
-        values = getattr(recording, signal)
-        columns |= {f"{signal}{joint}": values[:, joint - 1] for joint in having}
-    if recording.xyz is not None:
-        columns |= dict(zip("xyz", recording.xyz.T))
-    columns |= recording.extra
     with whole_file(path) as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*(_texts(values, epoch if name == "t" else None) for name, values in columns.items())))
-    return list(columns)
+        for block in recording.blocks():
+            columns = _columns(block)
+            if not names:
+                names = list(columns)
+                writer.writerow(names)
+            writer.writerows(zip(*(_texts(values, epoch if name == "t" else None) for name, values in columns.items())))
+    return names
 
 
-def _texts(values: Array, since: str | None) -> Iterator[str]:
-    """Each number as the shortest text that reads back as the same float64; ``since``: what is added to it, exactly."""
+def _columns(block: Recording) -> dict[str, Array]:
+    """Column of the table -> (n,)."""
+    columns: dict[str, Array] = {"t": block.t if block.time is None else block.time}
+    for signal, having in block.layout.signals.items():
+        values = getattr(block, signal)
+        columns |= {f"{signal}{joint}": values[:, joint - 1] for joint in having}
+    if block.xyz is not None:
+        columns |= dict(zip("xyz", block.xyz.T))
+    return columns | block.extra
+
+
+def _texts(values: Array, since: str | None) -> Iterable[float | str]:
+    """Numbers, of which ``csv`` writes the shortest text that reads back as the same float64; an empty text for NaN.
+
+    since  what is added to each, exactly
+    """
     if since is not None:
-        return (str(Decimal(since) + Decimal(repr(value))) for value in values.tolist())
-    return ("" if value != value else repr(value) for value in values.tolist())
+        return [str(Decimal(since) + Decimal(repr(value))) for value in values.tolist()]
+    if not np.isnan(values).any():
+        return values.tolist()
+    return ("" if value != value else value for value in values.tolist())
 
 
 def _cells(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,14 +16,41 @@ from daq.recording.mcap_file.writer import Progress
 class Found:
     """What could be read of a file.
 
-    numbers   (n,) trigger numbers of its rows, increasing
-    torn      (n,) bool: something unreadable stood between this row and the one before
+    runs      (k, 3) trigger numbers without a hole between them: first, last, and whether something unreadable stood before the first
     finished  the file has its end
     """
 
-    numbers: NDArray[np.int64]
-    torn: NDArray[np.bool_]
+    runs: NDArray[np.int64]
     finished: bool
+
+    @property
+    def rows(self) -> int:
+        return int((self.runs[:, 1] - self.runs[:, 0] + 1).sum())
+
+
+class Numbers:
+    """Trigger numbers as they are read, kept as runs: of a recording of any length a few."""
+
+    def __init__(self) -> None:
+        self._runs: list[NDArray[np.int64]] = []
+
+    def append(self, numbers: NDArray[np.int64], *, torn: bool) -> None:
+        """Those that follow, increasing; ``torn``: something unreadable stands before them."""
+        if not len(numbers):
+            return
+        breaks = np.flatnonzero(np.diff(numbers) != 1)
+        first, last = numbers[np.append(0, breaks + 1)], numbers[np.append(breaks, len(numbers) - 1)]
+        runs = np.column_stack([first, last, np.zeros_like(first)])
+        runs[0, 2] = torn
+        if self._runs and self._runs[-1][-1, 1] + 1 == first[0]:
+            self._runs[-1][-1, 1] = last[0]
+            runs = runs[1:]
+        if len(runs):
+            self._runs.append(runs)
+
+    def runs(self) -> NDArray[np.int64]:
+        """As ``Found`` has them."""
+        return np.concatenate([np.empty((0, 3), np.int64), *self._runs])
 
 
 def account(found: Found, ledger: LedgerSummary | None, progress: Progress | None) -> tuple[LedgerSummary, bool]:
@@ -31,7 +59,7 @@ def account(found: Found, ledger: LedgerSummary | None, progress: Progress | Non
     ledger    as it stands in the file; None where the recording ended before it was written, or where it is damaged
     progress  of the recorder when it ended; None where that is damaged
     """
-    recorded = len(found.numbers)
+    recorded = found.rows
     if ledger is not None and ledger.recorded == recorded:
         return ledger, True
     known = ledger.losses if ledger is not None else ()
@@ -39,7 +67,7 @@ def account(found: Found, ledger: LedgerSummary | None, progress: Progress | Non
     accounted = recorded + sum(loss.rows for loss in losses)
     triggers = max(accounted, ledger.triggers) if ledger is not None else accounted
     if triggers > accounted:
-        last = int(found.numbers[-1]) if recorded else -1
+        last = int(found.runs[-1, 1]) if recorded else -1
         losses.append(Loss(last + 1, triggers - accounted, LossReason.DAMAGED, "where they stood cannot be told"))
     latched = ledger.latched if ledger is not None else progress.rows if progress is not None else accounted
     summary = LedgerSummary(triggers, latched, recorded, tuple(sorted(losses, key=lambda loss: loss.first)))
@@ -48,33 +76,36 @@ def account(found: Found, ledger: LedgerSummary | None, progress: Progress | Non
 
 def _missing(found: Found, known: tuple[Loss, ...], progress: Progress | None) -> list[Loss]:
     """Numbers between the first and the last that are neither found nor known to be lost."""
-    numbers = found.numbers
+    runs = found.runs
     if progress is not None and progress.rows:
         first, last = progress.first, progress.last
-    elif len(numbers):
-        first, last = int(numbers[0]), int(numbers[-1])
+    elif len(runs):
+        first, last = int(runs[0, 0]), int(runs[-1, 1])
     else:
         return []
-    before = np.concatenate([[first - 1], numbers])
-    after = np.concatenate([numbers, [last + 1]])
+    before = np.concatenate([[first - 1], runs[:, 1]])
+    after = np.concatenate([runs[:, 0], [last + 1]])
+    ends = [loss.first + loss.rows for loss in known]
     tail = LossReason.DAMAGED if found.finished else LossReason.UNFINISHED
     losses = []
     for place in np.flatnonzero(after - before > 1):
-        if place == len(numbers):
+        if place == len(runs):
             reason = tail
         else:
-            reason = LossReason.DAMAGED if found.torn[place] else LossReason.UNKNOWN
+            reason = LossReason.DAMAGED if runs[place, 2] else LossReason.UNKNOWN
         gap = (int(before[place]) + 1, int(after[place]))
-        losses += [Loss(start, stop - start, reason) for start, stop in _without(gap, known)]
+        losses += [
+            Loss(start, stop - start, reason) for start, stop in _without(gap, known, bisect_right(ends, gap[0]))
+        ]
     return losses
 
 
-def _without(gap: tuple[int, int], known: tuple[Loss, ...]) -> list[tuple[int, int]]:
-    """The half-open interval ``gap`` without those of known losses (sorted by number)."""
+def _without(gap: tuple[int, int], known: tuple[Loss, ...], nearest: int) -> list[tuple[int, int]]:
+    """The half-open interval ``gap`` without those of known losses (sorted by number; those before ``nearest`` end before it)."""
     rest, (start, stop) = [], gap
-    for loss in known:
-        if loss.first + loss.rows <= start or loss.first >= stop:
-            continue
+    for loss in known[nearest:]:
+        if loss.first >= stop:
+            break
         if loss.first > start:
             rest.append((start, loss.first))
         start = loss.first + loss.rows

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_io import InputError, toml_of
+from arm_io import InputError
 from arm_io.types import Array
-from daq.acquisition.ledger import LedgerSummary
-from daq.recording.contents import Contents, read_contents
+from daq.recording.contents import Columns, Contents, Whole, read_contents
+from daq.recording.head import RecordingHead
 from daq.recording.losses import Account, opened
 from daq.recording.messages.row_format import JOINT_TOPICS, Layout
+from daq.recording.thinned import Thinned
 from drivers.protocols import Quality
 
 PAUSE = 10.0
@@ -32,11 +33,10 @@ class Gap:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Recording:
+class Recording(RecordingHead):
     """n rows of J joints. Missing samples are NaN; what a recording does not have at all is None.
 
-    path        the file
-    layout      its columns; ``layout.raw`` tells a recording of devices from an imported or simulated one
+    path, layout, attachments, ledger, finished, notes, rig, experiment, model, calibration, provenance  as ``RecordingHead`` has them
     t           (n,) s since the first row, acquisition time
     wall_ns     (n,) wall time of the rows; number: (n,) of their triggers
     q, i        (n, J) rad (m), motor encoder over gear ratio; (n, J) A, positive drives the joint positive
@@ -46,18 +46,10 @@ class Recording:
     host_ns     (n,) host's monotonic clock; tick: (n,) of the clock device
     time        (n,) s as in the table that was imported (or simulated)
     extra       further columns of a table by name, (n,)
-    rig, experiment  tables of the TOML files; model: its TOML text
-    calibration, provenance  as recorded
-    attachments every attachment by file name
-    ledger      triggers = rows here + rows lost, each loss with its reason
     gaps        where triggers are missing between rows, or more than ``PAUSE`` median periods pass (also in a table)
-    finished    False: the recording was cut off
-    notes       sentences about what is wrong with the file; empty for a whole one
     averaged    rows of the file that each row here is the mean of (``open_recording`` with ``most_numbers``)
     """
 
-    path: Path
-    layout: Layout
     t: Array
     wall_ns: NDArray[np.int64]
     number: NDArray[np.int64]
@@ -76,11 +68,7 @@ class Recording:
     tick: NDArray[np.int64] | None
     time: Array | None
     extra: dict[str, Array]
-    attachments: dict[str, bytes]
-    ledger: LedgerSummary
     gaps: list[Gap]
-    finished: bool
-    notes: tuple[str, ...]
     averaged: int = 1
 
     def __len__(self) -> int:
@@ -91,10 +79,9 @@ class Recording:
         lost = f", {self.ledger.lost} rows lost" if self.ledger.lost else ""
         return f"<Recording {self.path.name}: {len(self)} rows of {self.joints} joints, {seconds:.3f} s{lost}>"
 
-    @property
-    def joints(self) -> int:
-        """J."""
-        return len(self.layout.joints)
+    def blocks(self) -> Iterator[Recording]:
+        """All rows at once, as ``LongRecording`` has them block by block."""
+        yield self
 
     @property
     def dt(self) -> float:
@@ -102,32 +89,9 @@ class Recording:
         return float(np.median(np.diff(self.t))) if len(self.t) > 1 else float("nan")
 
     @property
-    def rig(self) -> dict[str, Any]:
-        return self._toml("rig.toml") or {}
-
-    @property
-    def model(self) -> str | None:
-        data = self.attachments.get("model.toml")
-        return None if data is None else data.decode()
-
-    @property
-    def experiment(self) -> dict[str, Any] | None:
-        return self._toml("experiment.toml")
-
-    @property
-    def calibration(self) -> dict[str, Any] | None:
-        data = self.attachments.get("calibration.json")
-        return None if data is None else json.loads(data)
-
-    @property
-    def provenance(self) -> dict[str, Any]:
-        return json.loads(self.attachments.get("provenance.json", b"{}"))
-
-    @property
-    def run(self) -> dict[str, Any] | None:
-        """How the run ended, its notes and clocks, of a measured recording."""
-        data = self.attachments.get("run.json")
-        return None if data is None else json.loads(data)
+    def duration(self) -> float:
+        """s, from the first row to the last; 0 without rows."""
+        return float(self.t[-1]) if len(self.t) else 0.0
 
     def doubted(self, signal: Literal["q", "i", "points"]) -> dict[str, NDArray[np.bool_]]:
         """What the instruments themselves doubted: name of a ``drivers.protocols.Quality`` in small letters -> rows (n, J), points (n, 1).
@@ -148,10 +112,6 @@ class Recording:
                 bits[:, place] = self.quality[:, column]
         return {str(doubt.name).lower(): rows for doubt in Quality if (rows := (bits & doubt) != 0).any()}
 
-    def _toml(self, name: str) -> dict[str, Any] | None:
-        data = self.attachments.get(name)
-        return None if data is None else toml_of(data.decode(), f"{self.path}: {name}")
-
 
 def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int | None = None) -> Recording:
     """Reads a recording, finished or cut off (``RUN.mcap.active``); of the latter the ledger tells what is missing.
@@ -163,48 +123,60 @@ def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int
     Raises InputError where the file is absent, no recording of armscope, or damaged.
     """
     path = Path(path)
-    contents = read_contents(path, most_numbers=most_numbers)
+    contents, kept = read_contents(path, lambda layout: _keeper(layout, most_numbers))
+    head = head_of(path, contents, damaged=damaged)
+    columns = kept.arrays()
+    t = time_of(head.layout, columns, origin_of(head.layout, columns))
+    recording = rows_of(head, columns, t, gaps=_gaps(columns["number"], t, kept.factor), averaged=kept.factor)
+    return in_base_frame(recording, head.base_from_tracker)
+
+
+def head_of(path: Path, contents: Contents, *, damaged: bool) -> RecordingHead:
+    """The head of what was found, told to whoever listens (``daq.recording.losses``). InputError where it is damaged, and must not be."""
     if contents.damages and not damaged:
         raise InputError(path, f"is damaged: {contents.damages[0].sentence}; 'armscope recover' keeps what can be read")
-    recording = recording_of(path, contents)
-    opened(Account(path, recording.ledger, recording.notes))
-    return recording
-
-
-def recording_of(path: Path, contents: Contents) -> Recording:
-    """The recording that the contents of a file make."""
-    columns: dict[str, Any] = contents.arrays()
-    layout, wall_ns, number = contents.layout, columns["wall_ns"], columns["number"]
     ledger, sure = contents.ledger()
-    averaged = 1 if contents.thinned is None else contents.thinned.factor
-    t = (wall_ns - wall_ns[:1]) * 1e-9 if layout.raw else columns["time"] - columns["time"][:1]
+    notes = contents.notes(sure)
+    opened(Account(path, ledger, notes))
+    return RecordingHead(path, contents.layout, contents.attachments, ledger, contents.finished, notes)
+
+
+def _keeper(layout: Layout, most_numbers: int | None) -> Whole | Thinned:
+    return Whole() if most_numbers is None else Thinned(most_numbers // max(len(layout.joints), 1))
+
+
+def origin_of(layout: Layout, columns: Columns) -> NDArray:
+    """(1,) the time of the first row, or (0,) where there is none: ns of wall time, or s as in the table."""
+    return columns["wall_ns" if layout.raw else "time"][:1].copy()
+
+
+def time_of(layout: Layout, columns: Columns, origin: NDArray) -> Array:
+    """(n,) s since ``origin``."""
+    return (columns["wall_ns"] - origin) * 1e-9 if layout.raw else columns["time"] - origin
+
+
+def rows_of(head: RecordingHead, columns: Columns, t: Array, *, gaps: list[Gap], averaged: int = 1) -> Recording:
+    """The rows of some columns of a file at times ``t`` as a recording; tracker points stay in the frame of the file."""
+    layout = head.layout
     signals: dict[str, Any] = {name: _by_joint(columns.get(name), layout, name) for name in JOINT_TOPICS}
     for name in ("q", "i"):
         signals[name] = np.full((len(t), len(layout.joints)), np.nan) if signals[name] is None else signals[name]
-    recording = Recording(
-        path=path,
-        layout=layout,
-        t=t,
-        wall_ns=wall_ns,
-        number=number,
+    others: dict[str, Any] = {
+        name: columns.get(name) for name in ("counts", "volts", "quality", "host_ns", "tick", "time")
+    }
+    return Recording(
+        **{item.name: getattr(head, item.name) for item in fields(RecordingHead)},
         **signals,
+        **others,
+        t=t,
+        wall_ns=columns["wall_ns"],
+        number=columns["number"],
         xyz=columns.get("xyz") if layout.points == "base" else None,
         points=columns.get("xyz") if layout.points == "tracker" else None,
-        counts=columns.get("counts"),
-        volts=columns.get("volts"),
-        quality=columns.get("quality"),
-        host_ns=columns.get("host_ns"),
-        tick=columns.get("tick"),
-        time=columns.get("time"),
         extra=dict(zip(layout.extra, columns["extra"].T)) if "extra" in columns else {},
-        attachments=contents.attachments,
-        ledger=ledger,
-        gaps=_gaps(number, t, averaged),
-        finished=contents.finished,
-        notes=contents.notes(sure),
+        gaps=gaps,
         averaged=averaged,
     )
-    return _in_base_frame(recording)
 
 
 def _by_joint(values: Array | None, layout: Layout, signal: str) -> Array | None:
@@ -224,10 +196,8 @@ def _gaps(number: NDArray[np.int64], t: Array, averaged: int) -> list[Gap]:
     return [Gap(int(row), int(steps[row]) - averaged, float(pauses[row])) for row in places]
 
 
-def _in_base_frame(recording: Recording) -> Recording:
-    """With ``xyz`` where the rig knows how the tracker stands to the base."""
-    pose = recording.rig.get("tracker", {}).get("base_from_tracker")
-    if recording.points is None or pose is None:
+def in_base_frame(recording: Recording, base_from_tracker: Array | None) -> Recording:
+    """With ``xyz`` where the tracker's pose is known."""
+    if recording.points is None or base_from_tracker is None:
         return recording
-    base_from_tracker = np.array(pose, float)
     return replace(recording, xyz=recording.points @ base_from_tracker[:3, :3].T + base_from_tracker[:3, 3])

@@ -12,12 +12,12 @@ from mcap.opcode import Opcode
 
 from arm_io import DeviceFault, InputError, check_file
 from daq.acquisition.ledger import LedgerSummary
-from daq.recording.contents import read_contents
+from daq.recording.contents import Columns, read_contents
 from daq.recording.losses import Account, opened
 from daq.recording.mcap_file import walk as mcap_walk
 from daq.recording.mcap_file.checksums import NAME as CHECKSUMS
 from daq.recording.mcap_file.checksums import verify
-from daq.recording.mcap_file.pages import ACTIVE, mapped
+from daq.recording.mcap_file.pages import ACTIVE
 from daq.recording.mcap_file.writer import as_json, being_written
 from daq.recording.messages.row_format import format_of
 from daq.recording.parts import finish_file, open_file, write_content
@@ -61,16 +61,15 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     out = Path(out)
     if out.exists() and os.path.exists(path) and out.samefile(path):
         raise InputError(out, "is the damaged file itself; another name is wanted")
-    contents = read_contents(path)
+    contents, _ = read_contents(path, lambda layout: _Nothing())
     if being_written(path):
         raise InputError(path, "is being recorded right now; wait until it is finished")
     ledger, sure = contents.ledger()
-    data = mapped(path)
-    damages = verify(data).damages
+    damages = verify(contents.data).damages
     notes = (*contents.notes(sure), *(damage.sentence for damage in damages))
     file = open_file(out, format_of(contents.layout.to_json()), {}, replace=replace)
     try:
-        for part in mcap_walk.walk(data):
+        for part in mcap_walk.walk(contents.data):
             match part:
                 case mcap_walk.File() if part.name not in ("ledger.json", "recovery.json", CHECKSUMS):
                     file.attach(part.name, part.media_type, part.data)
@@ -90,3 +89,9 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     opened(Account(path, ledger, notes))
     lost = sum(damage.opcode == Opcode.ATTACHMENT and CHECKSUMS not in damage.name for damage in damages)
     return Recovery(out, ledger, sure, notes, lost)
+
+
+class _Nothing:
+    """The first time that the file is read, no row is kept."""
+
+    def append(self, columns: Columns) -> None: ...

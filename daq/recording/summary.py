@@ -4,26 +4,32 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections import defaultdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from daq.recording.blocks import LongRecording
+from daq.recording.head import RecordingHead
 from daq.recording.mcap_file.checksums import SENTENCES, verify
 from daq.recording.mcap_file.pages import mapped
 from daq.recording.messages.row_format import JOINT_TOPICS, format_of
 from daq.recording.parts import ledger_table
-from daq.recording.reader import Recording
+from daq.recording.reader import PAUSE, Gap, Recording
 from drivers.protocols import Quality
 
 _UNITS = {"v": "V", "temp": "degC"}
 
 
-def summary(recording: Recording) -> dict[str, Any]:
+def summary(recording: Recording | LongRecording) -> dict[str, Any]:
     """The table; numbers that do not exist are None. ``intervals`` and ``duration`` in s, ``rate`` in Hz (median)."""
-    layout, t = recording.layout, recording.t
-    steps = np.diff(t) if len(t) > 1 else np.full(1, np.nan)
+    layout = recording.layout
+    found = _Rows(recording.dt)
+    for block in recording.blocks():
+        found.add(block)
     return {
         "schema": "armscope.info/1",
         "file": str(recording.path),
@@ -35,21 +41,23 @@ def summary(recording: Recording) -> dict[str, Any]:
         "experiment": (recording.experiment or {}).get("name"),
         "run": recording.run,
         "rows": len(recording),
-        "start": _wall(recording) if layout.raw else None,
-        "duration": float(t[-1]) if len(t) else 0.0,
-        "rate": _number(1 / np.median(steps)),
+        "start": found.start if layout.raw else None,
+        "duration": recording.duration,
+        "rate": _number(1 / recording.dt),
         "intervals": {
-            name: _number(get(steps)) for name, get in (("min", np.min), ("median", np.median), ("max", np.max))
+            "min": _number(found.steps.low),
+            "median": _number(recording.dt),
+            "max": _number(found.steps.high),
         },
         "joints": list(layout.joints),
-        "signals": _signals(recording),
+        "signals": _signals(recording, found),
         "counters": list(layout.counters),
         "inputs": list(layout.inputs),
         "extra": list(layout.extra),
-        "doubts": _doubts(recording),
+        "doubts": found.doubts,
         "topics": [{"topic": topic.name, "type": topic.type} for topic in format_of(layout.to_json()).topics],
         "ledger": ledger_table(recording.ledger),
-        "gaps": [{"row": gap.row, "triggers": gap.triggers, "seconds": gap.seconds} for gap in recording.gaps],
+        "gaps": [{"row": gap.row, "triggers": gap.triggers, "seconds": gap.seconds} for gap in found.gaps],
         "calibration": recording.calibration,
         "provenance": recording.provenance,
         "attachments": [
@@ -70,12 +78,83 @@ def verification_table(path: Path) -> dict[str, Any]:
     }
 
 
-def current_unit(recording: Recording) -> str:
+def current_unit(recording: RecordingHead) -> str:
     """Of ``i``: A, but an imported table may have it in the drive's own command unit, and does not say."""
     return "drive" if recording.provenance.get("kind") == "imported" else "A"
 
 
-def _signals(recording: Recording) -> list[dict[str, Any]]:
+class _Statistics:
+    """Of one column, or of several side by side: missing samples, and lowest, highest, root mean square of the others."""
+
+    def __init__(self) -> None:
+        self.missing: Any = 0
+        self.low: Any = math.inf
+        self.high: Any = -math.inf
+        self._squares: Any = 0.0
+        self._count: Any = 0
+
+    def add(self, values: NDArray[np.float64]) -> None:
+        """Rows (n, ...) that follow."""
+        there = ~np.isnan(values)
+        self.missing = self.missing + (~there).sum(axis=0)
+        self.low = np.minimum(self.low, np.where(there, values, np.inf).min(axis=0, initial=np.inf))
+        self.high = np.maximum(self.high, np.where(there, values, -np.inf).max(axis=0, initial=-np.inf))
+        self._squares = self._squares + (np.where(there, values, 0.0) ** 2).sum(axis=0)
+        self._count = self._count + there.sum(axis=0)
+
+    def column(self, k: int) -> dict[str, Any]:
+        """As the table has them."""
+        count = self._count[k]
+        rms = math.sqrt(self._squares[k] / count) if count else math.nan
+        numbers = {"min": self.low[k], "max": self.high[k], "rms": rms}
+        return {"missing": int(self.missing[k])} | {name: _number(value) for name, value in numbers.items()}
+
+
+class _Rows:
+    """What the rows of a recording are like; ``period`` is the median time between them, s."""
+
+    def __init__(self, period: float) -> None:
+        self._pause = PAUSE * period
+        self._row = 0
+        self._number = np.empty(0, np.int64)
+        self._t = np.empty(0)
+        self.start: str | None = None
+        self.steps = _Statistics()
+        self.gaps: list[Gap] = []
+        self.doubts: dict[str, int] | None = None
+        self.signals: dict[str, _Statistics] = defaultdict(_Statistics)
+
+    def add(self, block: Recording) -> None:
+        """The rows that follow."""
+        if self.start is None and len(block):
+            self.start = datetime.fromtimestamp(block.wall_ns[0] * 1e-9, UTC).isoformat(timespec="milliseconds")
+        for name in (*JOINT_TOPICS, "points", "xyz"):
+            values = getattr(block, name)
+            if values is not None:
+                self.signals[name].add(values)
+        if block.quality is not None:
+            self._doubt(block.quality)
+        number, t = np.concatenate([self._number, block.number]), np.concatenate([self._t, block.t])
+        steps, pauses = np.diff(number), np.diff(t)
+        if len(pauses):
+            self.steps.add(pauses)
+        first = self._row - len(self._number)
+        for place in np.flatnonzero((steps != 1) | (pauses > self._pause)):
+            self.gaps.append(Gap(first + int(place), int(steps[place]) - 1, float(pauses[place])))
+        self._row += len(block)
+        self._number, self._t = number[-1:].copy(), t[-1:].copy()
+
+    def _doubt(self, quality: NDArray[np.uint8]) -> None:
+        """How many values carry which quality bit."""
+        counts = self.doubts or {}
+        for bit in Quality:
+            if bit and bit.name:
+                name = bit.name.lower()
+                counts[name] = counts.get(name, 0) + int(np.count_nonzero(quality & bit))
+        self.doubts = counts
+
+
+def _signals(recording: RecordingHead, found: _Rows) -> list[dict[str, Any]]:
     """Each measured column: which samples are missing, and what the others are like."""
     kinds = [joint.get("type", "revolute") for joint in recording.rig.get("joint", [])]
     table = []
@@ -85,34 +164,12 @@ def _signals(recording: Recording) -> list[dict[str, Any]]:
                 unit = current_unit(recording)
             else:
                 unit = _UNITS.get(signal, "m" if kinds[joint - 1 : joint] == ["prismatic"] else "rad")
-            values = getattr(recording, signal)[:, joint - 1]
-            table.append({"signal": signal, "joint": joint, "unit": unit} | _statistics(values))
-    points = recording.points if recording.points is not None else recording.xyz
-    if points is not None:
+            table.append({"signal": signal, "joint": joint, "unit": unit} | found.signals[signal].column(joint - 1))
+    if recording.layout.points:
+        points = found.signals["points" if recording.layout.points == "tracker" else "xyz"]
         frame = {"frame": recording.layout.points, "unit": "m"}
-        table += [{"signal": axis, "joint": None} | frame | _statistics(points[:, k]) for k, axis in enumerate("xyz")]
+        table += [{"signal": axis, "joint": None} | frame | points.column(k) for k, axis in enumerate("xyz")]
     return table
-
-
-def _statistics(values: np.ndarray) -> dict[str, Any]:
-    there = values[~np.isnan(values)]
-    numbers = (there.min(), there.max(), np.sqrt(np.mean(there**2))) if len(there) else (math.nan,) * 3
-    return {"missing": len(values) - len(there)} | {
-        name: _number(number) for name, number in zip(("min", "max", "rms"), numbers)
-    }
-
-
-def _doubts(recording: Recording) -> dict[str, int] | None:
-    """How many values carry which quality bit; None where nobody judged them."""
-    if recording.quality is None:
-        return None
-    return {bit.name.lower(): int(np.count_nonzero(recording.quality & bit)) for bit in Quality if bit and bit.name}
-
-
-def _wall(recording: Recording) -> str | None:
-    if not len(recording):
-        return None
-    return datetime.fromtimestamp(recording.wall_ns[0] * 1e-9, UTC).isoformat(timespec="milliseconds")
 
 
 def _number(value: float) -> float | None:

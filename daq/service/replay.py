@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.recording import Recording
+from daq.recording import LongRecording, Recording
 
 COLUMNS = (
     "number", "wall_ns", "host_ns", "tick", "time", "counts", "volts", "quality",
@@ -23,13 +23,33 @@ def columns_of(recording: Recording) -> dict[str, NDArray]:
     return {"t": recording.t} | {name: values for name, values in columns.items() if values is not None}
 
 
-def blocks_of(recording: Recording, seconds: float = 0.01) -> Iterator[tuple[float, dict[str, NDArray]]]:
-    """Blocks of at most ``seconds`` of acquisition time, each with the time of its last row (s since the first)."""
-    columns, t = columns_of(recording), recording.t
-    starts = np.searchsorted(t, np.arange(t[0], t[-1] + seconds, seconds)) if len(t) else np.empty(0, np.int64)
-    edges = np.unique(np.append(starts, len(t)))
-    for start, end in zip(edges[:-1].tolist(), edges[1:].tolist()):
-        yield float(t[end - 1] - t[0]), {name: values[start:end] for name, values in columns.items()}
+def blocks_of(
+    recording: Recording | LongRecording, seconds: float = 0.01
+) -> Iterator[tuple[float, dict[str, NDArray]]]:
+    """Blocks of at most ``seconds`` of acquisition time, each with the time of its last row (s since the first).
+
+    Of a long recording, only the chunk that they come from is in memory.
+    """
+    rest: dict[str, NDArray] = {}
+    for part in recording.blocks():
+        columns = columns_of(part)
+        if rest:
+            columns = {name: np.concatenate([rest[name], values]) for name, values in columns.items()}
+        *edges, last = _edges(columns["t"], seconds)
+        for start, end in zip(edges, [*edges[1:], last]):
+            yield _block(columns, start, end)
+        rest = {name: values[last:] for name, values in columns.items()}
+    if rest and len(rest["t"]):
+        yield _block(rest, 0, len(rest["t"]))
+
+
+def _edges(t: NDArray[np.float64], seconds: float) -> list[int]:
+    """The rows at which a new block begins; the last of them may go on."""
+    return [0, *(np.flatnonzero(np.diff(np.floor(t / seconds))) + 1).tolist()]
+
+
+def _block(columns: dict[str, NDArray], start: int, end: int) -> tuple[float, dict[str, NDArray]]:
+    return float(columns["t"][end - 1]), {name: values[start:end] for name, values in columns.items()}
 
 
 def paced(

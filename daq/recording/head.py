@@ -1,0 +1,80 @@
+"""A recording apart from its rows: its file, its layout, what it was recorded with, and what is missing in it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_io import toml_of
+from arm_io.types import Array
+from daq.acquisition.ledger import LedgerSummary
+from daq.recording.messages.row_format import Layout
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RecordingHead:
+    """What ``Recording`` (all rows in memory) and ``LongRecording`` (block by block) have in common.
+
+    path        the file
+    layout      its columns; ``layout.raw`` tells a recording of devices from an imported or simulated one
+    attachments every attachment by file name
+    ledger      triggers = rows here + rows lost, each loss with its reason
+    finished    False: the recording was cut off
+    notes       sentences about what is wrong with the file; empty for a whole one
+    rig, experiment  tables of the TOML files; model: its TOML text
+    calibration, provenance  as recorded
+    """
+
+    path: Path
+    layout: Layout
+    attachments: dict[str, bytes]
+    ledger: LedgerSummary
+    finished: bool
+    notes: tuple[str, ...]
+
+    @property
+    def joints(self) -> int:
+        """J."""
+        return len(self.layout.joints)
+
+    @property
+    def rig(self) -> dict[str, Any]:
+        return self._toml("rig.toml") or {}
+
+    @property
+    def base_from_tracker(self) -> Array | None:
+        """(4, 4) pose of the frame of the tracker's points in the base frame, where the rig says it."""
+        pose = self.rig.get("tracker", {}).get("base_from_tracker") if self.layout.points == "tracker" else None
+        return None if pose is None else np.array(pose, float)
+
+    @property
+    def model(self) -> str | None:
+        data = self.attachments.get("model.toml")
+        return None if data is None else data.decode()
+
+    @property
+    def experiment(self) -> dict[str, Any] | None:
+        return self._toml("experiment.toml")
+
+    @property
+    def calibration(self) -> dict[str, Any] | None:
+        data = self.attachments.get("calibration.json")
+        return None if data is None else json.loads(data)
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        return json.loads(self.attachments.get("provenance.json", b"{}"))
+
+    @property
+    def run(self) -> dict[str, Any] | None:
+        """How the run ended, its notes and clocks, of a measured recording."""
+        data = self.attachments.get("run.json")
+        return None if data is None else json.loads(data)
+
+    def _toml(self, name: str) -> dict[str, Any] | None:
+        data = self.attachments.get(name)
+        return None if data is None else toml_of(data.decode(), f"{self.path}: {name}")
