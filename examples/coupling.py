@@ -24,7 +24,7 @@ from arm_model.parameters import parameter
 from armscope.commands.simulate import command as simulate
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from experiment import Experiment, write_experiment
 from identification.methods.coupling import Coupling, coupling_at
 from identification.methods.inverse_dynamics import identify

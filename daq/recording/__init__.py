@@ -6,14 +6,14 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from daq.recording.blocks import LongRecording, open_long
-    from daq.recording.csv_table import Table, read_csv, write_csv
-    from daq.recording.csv_time import TimeUnit
     from daq.recording.losses import told_on
     from daq.recording.parts import Attachments, ledger_table
     from daq.recording.plots import plot
     from daq.recording.reader import Recording, open_recording
     from daq.recording.several import open_recordings
-    from daq.recording.table import write_table
+    from daq.recording.tables.csv_table import Table, read_csv, write_csv
+    from daq.recording.tables.csv_time import TimeUnit
+    from daq.recording.tables.table import write_table
 else:
     __getattr__ = lazy(__name__)
 

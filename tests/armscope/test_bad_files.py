@@ -14,7 +14,7 @@ from arm_io import DeviceFault, InputError, check_file, check_folder, read_toml,
 from arm_io.files import read_file
 from armscope.cli import run
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 
 pytestmark = pytest.mark.timeout(60)
 LONG = "x" * 300

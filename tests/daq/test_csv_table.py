@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 from arm_io import InputError
 from armscope.cli import run
 from daq.recording import open_recording
-from daq.recording.csv_table import read_csv, write_csv
-from daq.recording.csv_time import TimeUnit
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.csv_table import read_csv, write_csv
+from daq.recording.tables.csv_time import TimeUnit
+from daq.recording.tables.table import write_table
 
 GOOD = "t,q1,i1,q2,i2\n0,0.1,1,0.2,2\n0.01,0.3,3,0.4,4\n0.02,0.5,5,0.6,6\n"
 

@@ -14,7 +14,7 @@ import pytest
 from daq.acquisition.rows import Rows
 from daq.recording.parts import Attachments
 from daq.recording.recorder import Recorder
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from tests.daq.recorded import LAYOUT, make_rows
 
 N = 300

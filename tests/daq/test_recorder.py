@@ -17,7 +17,7 @@ from daq.recording import open_recording
 from daq.recording.mcap_file.writer import McapFile, create
 from daq.recording.parts import Attachments
 from daq.recording.recorder import Recorder, rows_layout
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from tests.daq.recorded import COLUMNS, LAYOUT, join, make_rows
 
 

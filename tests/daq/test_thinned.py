@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from daq.recording import open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from daq.recording.thinned import Thinned
 
 

@@ -11,7 +11,7 @@ import pytest
 from arm_model.description import Arm, Joint
 from armscope.cli import run
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from diagnosis.measurements.single_axis.causes import AxisCause, axis_side
 
 MASS, FORCE = 90.0, 35.0  # kg; N per unit of command

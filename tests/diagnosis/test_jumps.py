@@ -10,7 +10,7 @@ import pytest
 from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
 
 ARM = read_model(Path(__file__).resolve().parents[2] / "config" / "models" / "puma560.toml")

@@ -17,7 +17,7 @@ from arm_model.description import Arm
 from arm_model.model_file import read_model
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from diagnosis.cause import Cause
 from diagnosis.diagnose import diagnose
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side

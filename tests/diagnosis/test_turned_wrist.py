@@ -9,7 +9,7 @@ import pytest
 
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from diagnosis.measurements.demands.wrist_coupling import turned_wrist
 
 STEP = 2 * np.pi / 1000 / 76.0

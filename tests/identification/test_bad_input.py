@@ -14,7 +14,7 @@ from arm_model.model_file import read_model
 from arm_model.system.dynamics import inverse_dynamics
 from armscope.cli import run
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 
 
 @pytest.fixture(scope="module")

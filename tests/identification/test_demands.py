@@ -12,7 +12,7 @@ from arm_model.model_file import read_model
 from arm_model.simulation.simulation import Sampled, simulate
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from experiment import demand_of
 from identification.experiment_design.excitation import Series, design_excitation
 from identification.identify import identify_by

@@ -17,7 +17,7 @@ from arm_model.model_file import read_model, write_model
 from arm_model.rigid_body.numeric import rigid_torque
 from armscope.cli import run
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from identification.regression.effect_columns import repeated
 from tests.arm_model.pumas import three_links
 

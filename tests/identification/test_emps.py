@@ -10,7 +10,7 @@ import pytest
 
 from armscope.cli import run
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 
 
 @pytest.fixture(scope="module")

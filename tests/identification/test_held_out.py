@@ -14,7 +14,7 @@ from arm_model.parameters import with_parameters
 from arm_model.simulation.simulation import simulate
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from experiment import Experiment, demand_of
 from identification.experiment_design.excitation import Series, design_excitation
 from identification.methods.inverse_dynamics import identify

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from identification.preprocessing.readiness import lag_of_torque
 from identification.preprocessing.signals import MOST_ROWS, parallel_window, smooth_motion, spared
 

@@ -15,7 +15,7 @@ from arm_model.simulation.simulation import Sampled, simulate
 from arm_model.system.dynamics import inverse_dynamics
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from identification.identify import identify_by
 
 TRUTH = {"link1.mass": 103.0, "joint1.viscous": 180.0, "joint1.coulomb": 25.0, "joint1.offset": 2.0}

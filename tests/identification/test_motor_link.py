@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from arm_model.description import Arm, Joint
 from daq.recording import open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from identification.methods.joint_by_joint import identify_joints
 from identification.methods.motor_link import motor_link
 

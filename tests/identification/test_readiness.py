@@ -14,7 +14,7 @@ from arm_model.model_file import read_model
 from armscope.cli import run
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from drivers.protocols import Quality
 from identification.identify import check_runs
 from tests.arm_model.pumas import three_links

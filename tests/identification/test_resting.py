@@ -13,7 +13,7 @@ from arm_model.model_file import read_model
 from arm_model.simulation.simulation import simulate
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from identification.identify import identify_by
 from identification.preprocessing.signals import smooth_motion
 from identification.regression.problem import resting

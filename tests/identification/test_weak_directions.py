@@ -13,7 +13,7 @@ from arm_model.model_file import read_model
 from arm_model.system.dynamics import inverse_dynamics
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from identification.identify import identify_by
 from tests.arm_model.pumas import three_links
 from tests.identification.test_effects import RATE, motor_motion

@@ -16,7 +16,7 @@ from arm_model.rigid_body.kinematics import forward
 from arm_model.urdf import read_urdf, write_urdf
 from armscope.cli import run
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from experiment import read_experiment
 
 sys.path.insert(0, str(Path(__file__).parent))

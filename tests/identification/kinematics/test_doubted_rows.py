@@ -11,7 +11,7 @@ import pytest
 
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
-from daq.recording.table import write_table
+from daq.recording.tables.table import write_table
 from drivers.protocols import Quality
 from identification.kinematics.data.recordings import tracked
 

@@ -15,10 +15,10 @@ from arm_io import InputError, whole_file
 from arm_io.files import open_regular
 from arm_io.types import Array
 from daq.recording.blocks import LongRecording
-from daq.recording.csv_header import JOINT_COLUMN, joints_of, read_header
-from daq.recording.csv_time import TimeUnit, times_of
 from daq.recording.messages.row_format import JOINT_TOPICS
 from daq.recording.reader import Recording
+from daq.recording.tables.csv_header import JOINT_COLUMN, joints_of, read_header
+from daq.recording.tables.csv_time import TimeUnit, times_of
 
 _LARGEST = 1e15
 """In rad, m, A, V or degC: nothing measures more, and squares of it are still numbers."""

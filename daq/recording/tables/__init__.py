@@ -1,0 +1,1 @@
+"""Recordings without devices behind them: tables as CSV, in and out."""
