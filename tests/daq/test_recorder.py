@@ -181,7 +181,7 @@ def test_no_recording_is_overwritten(tmp_path: Path) -> None:
     (tmp_path / "other.mcap.active").write_text("precious too")
     with pytest.raises(InputError, match="unfinished recording"):
         Recorder(tmp_path / "other.mcap", LAYOUT, Attachments())
-    with pytest.raises(InputError, match="No such file"):
+    with pytest.raises(InputError, match="there is no folder"):
         Recorder(tmp_path / "nowhere" / "other.mcap", LAYOUT, Attachments())
 
 

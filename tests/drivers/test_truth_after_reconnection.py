@@ -19,16 +19,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from armscope.commands.sim_devices import simulated_devices
 from daq.acquisition.acquisition import Acquisition
 from daq.acquisition.rows import Rows
 from daq.acquisition.states import End
 from daq.rig.bench import open_bench
-from daq.rig.rig_file import Rig
+from daq.rig.rig_file import Rig, read_rig
 from drivers.protocols import Quality
 from drivers.registry import find_driver
 from sim_backend.protocol.wires import TriggerLine
 from tests.daq.benches import joined
 from tests.drivers.swing import AMPLITUDE, counts, points, swing_wires, volts
+from tests.drivers.test_whole_rigs import motion, rig_for_test
 from tests.ports import free_port
 
 CUT, AWAY, RESTART, SECONDS = 0.4, 0.12, 1.1, 2.1
@@ -294,3 +296,36 @@ def test_a_tracker_that_restarts_ends_the_run_with_the_rows_so_far(tmp_path: Pat
     assert rows.points is not None
     there = np.isfinite(rows.points).all(axis=1)
     assert there.mean() > 0.8 and np.abs(rows.points - points(edges))[there].max() < 1e-8
+
+
+def test_the_t7_lost_and_found_while_val_drives_the_arm(root: Path, tmp_path: Path) -> None:
+    """The laboratory's rig in a motion: counts of three joints and points are those of the tracker's edges before and after."""
+    changes = {port: str(free_port()) for port in ("50502", "50702", "50703")} | {"/tmp/armscope": str(tmp_path)}
+    path = rig_for_test(root, "puma560_lab", tmp_path, changes)
+    rig = read_rig(path)
+    with simulated_devices(rig, path) as simulators, open_bench(rig) as bench:
+        box: Any = simulators[0]
+        tracker: Any = simulators[1]
+
+        def cable() -> None:
+            box.pull_cable()
+            time.sleep(AWAY)
+            box.plug_cable()
+
+        acquisition = Acquisition(bench, motion(root))
+        acquisition.arm()
+        acquisition.start()
+        timer = threading.Timer(CUT, cable)
+        timer.start()
+        rows = joined(list(acquisition.rows()))
+        timer.join()
+        edges = np.array(tracker.edges)[rows.number]
+        truth = np.stack([box.wires.counts(channel, edges) for channel in range(3)], axis=1)
+        place = tracker.wires.points(edges)
+    assert acquisition.ending is not None and acquisition.ending.reason is End.MOTION_DONE
+    assert acquisition.ledger.imbalance() is None and acquisition.ledger.summary().lost > 20
+    assert np.ptp(truth[:, 1]) > 1000, "the arm moves"
+    assert np.ptp(rows.counts - truth, axis=0).max() <= 1
+    assert rows.points is not None
+    there = np.isfinite(rows.points).all(axis=1)
+    assert there.mean() > 0.9 and np.abs(rows.points - place)[there].max() < 1e-8
