@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from arm_io import DeviceFault, InputError
-from armscope.commands.record import record
+from armscope.api.recording import record
+from armscope.commands.record import run_shown
 from daq.acquisition import check_motion
 from daq.recording import Recording, open_recording
 from daq.rig import Rig, read_rig
@@ -142,7 +143,8 @@ def _recorded(bench: Bench, found: Separation, case: Case) -> list[Path]:
     write_experiment(file, found.experiment, heading=found.words)
     paths = [bench.out / f"experiment_{number}_{side}.mcap" for side in SIDES]
     for path in paths:
-        result = record(bench.file, bench.rig, file, path)
+        with run_shown() as progress:
+            result = record(bench.file, file, path, progress=progress).to_json()
         ending = result["ending"]
         if ending["fault"]:
             raise DeviceFault(bench.rig.name, f"{ending['sentence']}; {path} holds what came before")

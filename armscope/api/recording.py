@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+from arm_io import DeviceFault, InputError, read_file, read_text
 from armscope.api.reading import File, open_recording
 from armscope.shipped import found
 
@@ -14,7 +20,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from daq.recording import Recording
+    from daq.service import RigServer
     from experiment import Experiment
+
+Table = dict[str, Any]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -22,7 +31,7 @@ class Recorded:
     """What ``record`` returns: the file, and what came of the run (``details``, as ``armscope record --json`` prints it)."""
 
     file: Path
-    details: dict[str, Any]
+    details: Table
 
     @property
     def rows(self) -> int:
@@ -43,9 +52,9 @@ class Recorded:
         return f"<Recorded {self}>"
 
     def __str__(self) -> str:
-        return text(self.details)
+        return text_of(self.details)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> Table:
         """Rows, ledger, ending and notes."""
         return self.details
 
@@ -60,29 +69,139 @@ class Recorded:
         return plot([self.open()])
 
 
-def record(rig: File, experiment: File | Experiment, out: File) -> Recorded:
+def record(
+    rig: File,
+    experiment: File | Experiment,
+    out: File,
+    *,
+    fetch: bool = False,
+    progress: Callable[[Table], None] = lambda run: None,
+    transfer: Callable[[int, int], None] = lambda done, size: None,
+) -> Recorded:
     """Runs an experiment on a rig, through the rig's daemon where one is running, and writes the recording ``out`` (.mcap).
 
-    rig  the path of a rig file: whoever records reads the file itself, and compares its content
-    A real arm moves. Ctrl-C ends the run with the rows so far. Raises InputError where the motion is outside the limits of the
-    rig or ``out`` exists, DeviceFault where a device fails before the run; ``Recorded.fault`` tells of one that fails in it.
+    A real arm moves. ``experiment.setup.instruction`` is what a person has to do before.
+
+    rig       the path of a rig file: whoever records reads the file itself, and compares its content
+    fetch     bring the recording here, to ``out``, if the daemon records to a folder of its own
+    progress  is called with the state of the run: progress 0 to 1, rows, lost; transfer: with bytes fetched, and of how many
+    Ctrl-C ends the run with the rows so far. Raises InputError where the motion is outside the limits of the rig or ``out`` exists,
+    DeviceFault where a device fails before the run; ``Recorded.fault`` tells of one that fails in it.
     """
-    from armscope.commands.record import record as run
-    from daq.rig import read_rig
     from experiment import Experiment, write_experiment
 
-    rig_file, file = found(rig), Path(out)
-    checked = read_rig(rig_file, drivers=False)
     if not isinstance(experiment, Experiment):
-        return Recorded(file, run(rig_file, checked, found(experiment), file))
+        return _through_server(found(rig), found(experiment), Path(out), fetch, progress, transfer)
     with TemporaryDirectory() as folder:
-        path = Path(folder, f"{experiment.name}.toml")
+        path = Path(folder, "experiment.toml")
         write_experiment(path, experiment)
-        return Recorded(file, run(rig_file, checked, path, file))
+        return _through_server(found(rig), path, Path(out), fetch, progress, transfer)
 
 
-def text(result: dict[str, Any]) -> str:
-    """What came of a run, for a person."""
+def _through_server(
+    rig: Path,
+    experiment: Path,
+    out: Path,
+    fetch: bool,
+    progress: Callable[[Table], None],
+    transfer: Callable[[int, int], None],
+) -> Recorded:
+    from daq.rig import read_rig
+    from daq.service import RemoteServer, server_of
+    from daq.service.transfer import fetch as transfers
+
+    checked = read_rig(rig, drivers=False)
+    server = server_of(rig, checked)
+    try:
+        folder = server.ask("status").get("recordings")
+        place = _place(out, folder, fetch)
+        if folder is not None and fetch and out.exists():
+            raise InputError(out, "exists already, and no recording is overwritten; give another name")
+        result = _run(server, rig, experiment, place, remote=folder is not None, progress=progress)
+        if folder is not None:
+            result |= {"endpoint": checked.zenoh.endpoint, "fetched": None}
+            if fetch and isinstance(server, RemoteServer):
+                fetched = transfers.fetch(server.session, server.keys, place.name, out, transfer)
+                result["fetched"] = fetched["file"]
+        return Recorded(out, result)
+    finally:
+        server.close()
+
+
+def _place(out: Path, folder: str | None, fetch: bool) -> Path:
+    """Where the recording is made, as the server sees it."""
+    if folder is None:
+        return out.absolute()
+    if not fetch and out.name != str(out):
+        raise InputError(
+            out,
+            f"this daemon records to its own folder, {folder}: give a plain name, or --fetch to bring the file here",
+        )
+    return Path(folder) / out.name
+
+
+def _run(
+    server: RigServer,
+    rig: Path,
+    experiment: Path,
+    place: Path,
+    *,
+    remote: bool,
+    progress: Callable[[Table], None],
+) -> Table:
+    """The result of the run, whose file is at ``place``, or there on a ``remote`` machine."""
+    server.ask(
+        "arm",
+        {
+            "experiment": read_text(experiment),
+            "experiment_file": str(experiment),
+            "out": place.name if remote else str(place),
+            "rig_sha256": hashlib.sha256(read_file(rig)).hexdigest(),
+        },
+    )
+    try:
+        with _stop_signals() as stop:
+            server.ask("start")
+            while (status := server.ask("status"))["state"] != "idle":
+                if stop:
+                    server.ask("stop")
+                progress(status["run"])
+                server.wait()
+    except DeviceFault as fault:
+        if fault.device == "daemon":
+            raise DeviceFault("daemon", f"{fault.what}{_left(place, remote)}") from None
+        raise
+    result: Table = status["last"]
+    return result
+
+
+@contextmanager
+def _stop_signals() -> Iterator[list[int]]:
+    """Collects SIGINT and SIGTERM in place of their handlers; in another thread than the main one there are none to collect."""
+    stop: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    before = {number: signal.signal(number, lambda n, _: stop.append(n)) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _left(place: Path, remote: bool) -> str:
+    """What a daemon that went away has left, as far as it can be seen from here."""
+    active = place.with_name(place.name + ".active")
+    if remote:
+        return f"; what it recorded is on its machine, {place} or {active}"
+    if active.exists():
+        return f"; what it recorded is in {active}: 'armscope recover'"
+    return f"; it finished {place} before it ended: 'armscope info'" if place.exists() else ""
+
+
+def text_of(result: Table) -> str:
+    """The result of a run for a person."""
     ledger, ending = result["ledger"], result["ending"]
     lost = f"{ledger['lost']} of {ledger['triggers']} rows were LOST" if ledger["lost"] else "nothing was lost"
     lines = [f"{result['file']}: {result['rows']} rows of '{result['experiment']}'; {lost}"]
@@ -90,4 +209,8 @@ def text(result: dict[str, Any]) -> str:
         detail = f" ({loss['detail']})" if loss["detail"] else ""
         lines.append(f"  lost: {loss['rows']} from trigger {loss['first']} on: {loss['sentence']}{detail}")
     lines.append(f"  ended because {ending['sentence']}")
+    if result.get("fetched"):
+        lines.append(f"  brought to {result['fetched']}")
+    elif "fetched" in result:
+        lines.append(f"  it lies at the daemon on {result['endpoint']}: 'armscope fetch' brings it")
     return "\n".join(lines + [f"  note: {note}" for note in result["notes"]])

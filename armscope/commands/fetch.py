@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from arm_io import InputError
 from daq.rig import read_rig
-from daq.service import Keys, call, keys_of, open_session
+from daq.service import call, keys_of, open_session
 from daq.service.transfer import fetch
-
-if TYPE_CHECKING:
-    import zenoh
 
 Table = dict[str, Any]
 
@@ -40,22 +39,33 @@ def command(
             told = call(session, keys, "recordings")
             print(json.dumps(told) if as_json else _listed(told))
             return
-        result = bring(session, keys, name, Path(Path(name).name) if out is None else out)
+        with transfer_shown() as transfer:
+            result = fetch.fetch(session, keys, name, Path(Path(name).name) if out is None else out, transfer)
     resumed = f", {result['resumed']} of them from an earlier attempt" if result["resumed"] else ""
     print(json.dumps(result) if as_json else f"{result['file']}: {result['bytes']} bytes{resumed}; checksum verified")
 
 
-def bring(session: zenoh.Session, keys: Keys, name: str, out: Path) -> Table:
-    """As ``daq.service.transfer.fetch.fetch``, with a progress bar on a terminal."""
+@contextmanager
+def transfer_shown() -> Iterator[Callable[[int, int], None]]:
+    """Shows how much is fetched, on standard error where that is a terminal."""
     if not sys.stderr.isatty():
-        return fetch.fetch(session, keys, name, out)
+        yield lambda done, size: None
+        return
     from rich.console import Console
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 
     columns = (TextColumn("fetching"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=None)
-        return fetch.fetch(session, keys, name, out, lambda done, size: bar.update(task, completed=done, total=size))
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    task = bar.add_task("", total=None)
+
+    def show(done: int, size: int) -> None:
+        bar.start()
+        bar.update(task, completed=done, total=size)
+
+    try:
+        yield show
+    finally:
+        bar.stop()
 
 
 def _listed(told: Table) -> str:

@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from armscope.commands.record import status_of, text_of
+from armscope.api.recording import text_of
+from armscope.commands.record import status_of
 from armscope.commands.status import ask
 
 _END_SECONDS = 60.0
