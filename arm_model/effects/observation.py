@@ -53,7 +53,7 @@ class Excitation(StrEnum):
     """Transmit torque."""
     GRAVITY = "gravity"
     """Hold different torques against gravity."""
-    LOAD_REVERSAL = "turn of the load"
+    LOAD_REVERSAL = "load reversal"
     """Transmit torque that changes its sign."""
     CURRENT = "current"
     """Draw current."""
@@ -110,4 +110,4 @@ class Scale(StrEnum):
     """What the search of a parameter scales with on an axis of any size and unit."""
 
     SPEED = "largest speed"
-    YIELD = "Coulomb friction over travel"
+    YIELD = "Coulomb friction over a share of the travel"

@@ -164,12 +164,27 @@ def _catalogue(as_json: bool) -> None:
                         "place": effect.place.value,
                         "per_joint": effect.per_joint,
                         "equation": effect.equation,
-                        "parameters": [asdict(parameter) for parameter in effect.parameters],
+                        "parameters": [
+                            {
+                                "name": p.name,
+                                "unit": p.unit,
+                                "typical": p.typical,
+                                "linear": p.linear,
+                                "meaning": p.meaning,
+                                "signed": p.signed,
+                                "whole": p.whole,
+                                "search": p.search,
+                            }
+                            for p in effect.parameters
+                        ],
                         "shows": effect.shows,
                         "confused_with": effect.confused_with,
+                        "observed_by": list(effect.observed_by),
+                        "excited_by": effect.excited_by,
                     }
                     for effect in CATALOGUE.values()
-                ]
+                ],
+                allow_nan=False,
             )
         )
         return
@@ -180,6 +195,7 @@ def _catalogue(as_json: bool) -> None:
             low, high = p.typical
             typical = f"{low:g} to {high:g}" + (" of either sign" if p.signed else "")
             print(f"    {p.name:<20} {p.unit:<12} {typical:<28} {p.meaning}".rstrip())
+        print(f"    observed by {', '.join(effect.observed_by)}; excited by {effect.excited_by}")
         print()
 
 

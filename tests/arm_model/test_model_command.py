@@ -42,12 +42,14 @@ def test_equations(root: Path, form: str, capsys: pytest.CaptureFixture[str]) ->
 
 def test_every_effect_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["model", "--effects", "--json"]) == 0
-    listed = json.loads(capsys.readouterr().out)
+    listed = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)  # NaN and Infinity are not JSON
     assert [effect["effect"] for effect in listed] == list(CATALOGUE)
+    assert all(effect["observed_by"] and effect["excited_by"] for effect in listed)
     assert all(parameter["unit"] for effect in listed for parameter in effect["parameters"])
     assert run(["model", "--effects"]) == 0
     printed = capsys.readouterr().out
     assert "backlash (transmission, of a joint)" in printed and "half_gap             rad" in printed
+    assert "observed by current, link encoder, tracker, closed loop; excited by load reversal" in printed
     assert run(["model"]) == 2
     assert capsys.readouterr().err == "error: model: needs a model file, as config/models/puma560.toml\n"
 
