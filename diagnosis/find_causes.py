@@ -75,7 +75,7 @@ def named_causes(
         return named
     arm = extend(model, [*known, swung])  # the others are then judged by the arm that swings
     sight = with_edges(seen_through(arm, everything, progress), named.found.state.terms)
-    banned |= {(effect, swung.joint) for effect in resonance.FIRST}
+    banned |= {(effect, swung.joint) for effect in resonance.transmissions()}
     return replace(_searched(arm, sight, held_out, parts, banned, progress), swung=swung)
 
 
@@ -135,7 +135,7 @@ def _searched(
 
 def _swung(named: Named, fit: Sequence[Recording], held_out: Sequence[Recording]) -> Cause | None:
     """A spring or play that closed loops show, in the place of one that the search named or beside all that it named."""
-    springs: list[Cause | None] = [one for one in named.causes if one.effect in resonance.FIRST]
+    springs: list[Cause | None] = [one for one in named.causes if one.effect in resonance.transmissions()]
     for spring in springs or [None]:
         arm = with_widths(extend(named.base, [one for one in named.causes if one is not spring]), fit)
         joints = [spring.joint] if spring and spring.joint else range(1, len(arm) + 1)

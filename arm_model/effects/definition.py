@@ -72,7 +72,7 @@ class Parameter:
     derived        follows from the joint where it is not given (``arm_model.system.step_size``); searched in closed loop only
     inverse        the effect is largest where this is least
     most           largest magnitude that is physically admissible
-    scale, shares  on an axis of any size, the search is at these shares of that scale (of its inverse for ``inverse``)
+    scale, shares  on an axis of any size and unit, the search is at these shares of that scale instead
     chain          value of the kinematic chain that it changes: theta, alpha, a, d or beta of its joint
     tracker_prior  prior standard deviation where only tracked points show it, in ``unit`` (``inverse``: of its reciprocal)
     """

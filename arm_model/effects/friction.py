@@ -130,8 +130,6 @@ PRESLIDING_FRICTION = Effect(
             "damping s1 of the bristles",
             search=(10.0,),
             fixed=True,
-            scale=Scale.YIELD,
-            shares=(0.0,),
         ),
     ),
     equation="tau = s0 z + s1 z' - F sign(q'),  z' = q' - s0 |q'| z / F   (Canudas de Wit et al., IEEE TAC 40(3), 1995)",

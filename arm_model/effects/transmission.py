@@ -39,7 +39,7 @@ BACKLASH = Effect(
             (1e-4, 5e-3),
             True,
             "half of the free play between motor and link",
-            search=geometric(2e-4, 1e-2, 12),
+            search=geometric(5e-5, 7.5e-3, 15),
             # a gear this worn is not run
             most=7.5e-3,
             tracker_prior=0.02,
@@ -98,11 +98,11 @@ JOINT_COMPLIANCE = Effect(
             False,
             "stiffness of the transmission",
             # a resonance is as narrow as its damping: in the band of comparison the grid has to be fine
-            search=geometric(1e3, 1e5, 18),
+            search=geometric(1e3, 1e6, 25),
             inverse=True,
             tracker_prior=1e-3,
         ),
-        Parameter("damping", "N m s/rad", (0.0, 500.0), False, "damping of the transmission", search=(20.0,)),
+        Parameter("damping", "N m s/rad", (0.0, 500.0), False, "damping of the transmission", search=(40.0,)),
     ),
     equation="q_motor - q = tau_load / k",
     shows="deflection follows the load; a resonance",

@@ -9,6 +9,7 @@ lane a value, and accepted only if they explain nearly all that the loop was mis
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,7 +18,7 @@ from scipy import signal
 
 from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm
-from arm_model.effects import CATALOGUE, Instrument
+from arm_model.effects import CATALOGUE, Effect, Instrument, observed_by
 from arm_model.effects.definition import SYSTEMATIC
 from arm_model.rigid_body.numeric import mass_matrix
 from arm_model.sensing import recorded
@@ -52,15 +53,8 @@ SEARCHED_IN = 2
 """Recordings of the fitted side in which values are searched: those that the loop follows worst."""
 END_SECONDS = 0.2
 """Left out at both ends of a recording: those of the filters."""
-FIRST: Mapping[str, Mapping[str, Sequence[float]]] = {
-    "joint_compliance": {"stiffness": np.geomspace(1e3, 1e6, 19).tolist(), "damping": [20.0, 80.0]},
-    "backlash": {
-        "half_gap": [1e-4, 3e-4, 1e-3, 3e-3],
-        "contact_stiffness": [5e4, 1e5, 2e5, 4e5],
-        "contact_damping": [80.0],
-    },
-}
-"""First values of the parameters of each effect, a lane each combination."""
+LANES = 25
+"""First values that are simulated at most, a lane each combination; they are refined from there on."""
 STEPS = np.array([0.7, 0.85, 0.95, 1.05, 1.18, 1.4])
 """Factors by which each parameter is then varied about the best, the others as they are; dampings by their cubes."""
 ROUNDS = 4
@@ -107,7 +101,7 @@ def swinging(
         one
         for joint in loudest
         if arm.joints[joint - 1].rotor_inertia > 0.0  # all the mass behind the spring: no motor to swing against it
-        for effect in FIRST
+        for effect in transmissions()
         if (one := _searched(arm, effect, int(joint), few, noise, near)) is not None
     ]
     most = max((share for share, _ in found), default=0.0)
@@ -122,7 +116,7 @@ def _searched(
     arm: Arm, effect: str, joint: int, recordings: Sequence[Recording], noise: Array, near: Cause | None
 ) -> tuple[float, Trial] | None:
     """(share explained at the joint, values) of an effect where its loops follow the recordings best; None where none is promising."""
-    grid = dict(FIRST[effect])
+    grid: dict[str, Sequence[float]] = _first(CATALOGUE[effect])
     if near is not None and near.effect == effect:
         grid |= {p.name: [*grid[p.name], p.value] for p in near.parameters}
     j = joint - 1
@@ -146,6 +140,20 @@ def _searched(
             for by in (steps**3 if "damping" in name else steps)
         ]
     return share, best
+
+
+def transmissions() -> tuple[str, ...]:
+    """Effects that closed loops show."""
+    return tuple(effect.name for effect in observed_by(Instrument.CLOSED_LOOP))
+
+
+def _first(effect: Effect) -> dict[str, Sequence[float]]:
+    """First values of every parameter: those of its search; of the longest so many only that LANES combinations are left."""
+    grid: dict[str, Sequence[float]] = {p.name: p.search for p in effect.parameters if p.search}
+    longest = max(grid, key=lambda name: len(grid[name]))
+    others = math.prod(len(values) for name, values in grid.items() if name != longest)
+    every = -(-len(grid[longest]) * others // LANES)
+    return grid | {longest: grid[longest][::every]}
 
 
 def _shares(arm: Arm, trials: Sequence[Trial], recordings: Sequence[Recording], noise: Array) -> Array:

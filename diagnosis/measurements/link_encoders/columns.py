@@ -33,8 +33,6 @@ MOST_ROWS = 8000
 """Of one side: a difference needs no filter, so that rows may simply be left out."""
 ENDS = 0.1
 """s at either end of a recording that filters spoil."""
-GAPS = tuple(float(gap) for gap in np.geomspace(5e-5, 1e-2, 12))
-"""Half gaps that are tried, rad (m)."""
 DRAGS = (0.0, 0.1, 0.2, 0.3, 0.4)
 """Friction between motor and gear that is tried, as a share of the largest measured torque; where the load is not known from masses."""
 HIGHEST_ORDER = 60
@@ -129,7 +127,7 @@ def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[C
     """Candidates of one effect at one joint; an effect that changes the description is a constant, which is always free."""
     load = rows.load[:, column]
     if effect.gap is not None:
-        yield from (Candidate(effect.name, joint, (("half_gap", gap),)) for gap in GAPS)
+        yield from (Candidate(effect.name, joint, (("half_gap", gap),)) for gap in effect.gap.search)
         if min(load.max(), -load.min()) > 0.05 * float(np.max(np.abs(load))):
             yield Candidate(effect.name, joint, (("by_load", 1.0),))  # the load changes sides
     elif effect.spring is not None:

@@ -164,10 +164,10 @@ def _parameters(candidate: Candidate, chosen: Chosen, model: SingleAxis) -> list
     at = sum(model.columns(one, rows).shape[1] for one in chosen[: chosen.index(candidate)])
     column = model.columns(candidate, rows)
     own = c[at : at + column.shape[1]]
+    curved = [(name, value) for name, value in candidate.shape if not candidate.definition[name].fixed]
     slopes = [
         (columns(candidate.at(name, (1.0 + SMALL) * value), rows) - column) @ own / (SMALL * value)
-        for name, value in candidate.shape
-        if value > 0.0
+        for name, value in curved
     ]
     covariance = cluster_covariance(np.column_stack([x, *slopes]), [rows.residual - x @ c], rows.cells)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -193,7 +193,6 @@ def _parameters(candidate: Candidate, chosen: Chosen, model: SingleAxis) -> list
         Estimate(name, float(value), float(np.hypot(s, SYSTEMATIC * value)), unit_of[name])
         for name, value, s in zip(names, own, std[at:])
     ]
-    curved = [(name, value) for name, value in candidate.shape if value > 0.0]
     return found + [
         Estimate(name, value, float(np.hypot(s, SYSTEMATIC * value)), unit_of[name])
         for (name, value), s in zip(curved, std[x.shape[1] :])

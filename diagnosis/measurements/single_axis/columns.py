@@ -131,10 +131,8 @@ def _tried(parameter: Parameter, rows: Rows) -> tuple[float, ...]:
             return tuple(share * largest for share in parameter.shares)
         case Scale.YIELD:
             friction = rows.arm.joints[0].ratio * max(rows.arm.joints[0].coulomb)
-            stiffness = [
-                friction / float(np.ptp(rows.q)) * (1.0 / x if parameter.inverse else x) for x in parameter.shares
-            ]
-            return tuple(stiffness) if friction > 0.0 else ()
+            travel = float(np.ptp(rows.q))
+            return tuple(friction / (share * travel) for share in parameter.shares) if friction > 0.0 else ()
 
 
 def waves(rest: Array, rows: Rows, count: int = 3) -> list[Candidate]:

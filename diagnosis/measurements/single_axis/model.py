@@ -182,7 +182,7 @@ class SingleAxis(MeasurementModel[Candidate, Chosen]):
             return float(np.sum((rows.residual - x @ scaled_lstsq(x, rows.residual)) ** 2))
 
         for name, value in candidate.shape:
-            if value <= 0.0:
+            if candidate.definition[name].fixed:
                 continue
 
             def worse(log_value: float, name: str = name, now: Candidate = candidate) -> float:
