@@ -126,7 +126,7 @@ def _twist(
     if spring is not None:
         return wound_up(load, mass_matrix(arm, q, rotors=False)[:, j, j], *spring, 1.0 / rate)
     twist = low_pass(
-        through_gap(load, mass_matrix(arm, q, rotors=False)[:, j, j], float(values.half_gap), 1.0 / rate),
+        through_gap(load, mass_matrix(arm, q, rotors=False)[:, j, j], gap_of(effect, values), 1.0 / rate),
         MOTION_BAND,
         rate,
     )
@@ -177,9 +177,15 @@ def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step
 
 def spring_of(effect: Effect, values: Values) -> tuple[float, float] | None:
     """Stiffness and damping of a transmission that is a spring; None for one with play, or a stiff one."""
-    if effect.spring is None or "half_gap" in values:
+    if effect.spring is None or effect.gap is not None:
         return None
     return float(effect.spring(values, Signals(twist=1.0))), float(effect.spring(values, Signals(twist_rate=1.0)))
+
+
+def gap_of(effect: Effect, values: Values) -> float:
+    """rad (m): half of the play of a transmission that has some."""
+    assert effect.gap is not None
+    return float(values[effect.gap.name])
 
 
 def integrated(effect: Effect, p: Values, s: Signals, step: float) -> Array:

@@ -18,7 +18,15 @@ from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, Effect, Instrument, Signals, Values
 from arm_model.effects.definition import Law
 from arm_model.system.dynamics import inverse_dynamics
-from diagnosis.residual.expected_current import COMPARE_BAND, integrated, low_pass, spring_of, through_gap, wound_up
+from diagnosis.residual.expected_current import (
+    COMPARE_BAND,
+    gap_of,
+    integrated,
+    low_pass,
+    spring_of,
+    through_gap,
+    wound_up,
+)
 from diagnosis.residual.run import ROWS_PER_SECOND, Run, passed, signals_of
 from diagnosis.selection.candidate import Candidate
 
@@ -99,7 +107,7 @@ def _wound_up(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array
     if spring is not None:
         each = [wound_up(load[part], inertia[part], *spring, step) for part in run.parts]
         return tuple(np.concatenate(rates) for rates in zip(*each))  # type: ignore[return-value]
-    gaps = [through_gap(load[part], inertia[part], p.half_gap, step) for part in run.parts]
+    gaps = [through_gap(load[part], inertia[part], gap_of(effect, p), step) for part in run.parts]
     twist = np.concatenate([low_pass(gap, COMPARE_BAND, ROWS_PER_SECOND) for gap in gaps])
     speed = run.rate(twist)
     return twist, speed, run.rate(speed)
