@@ -31,7 +31,7 @@ DETECTORS = {
     "diagnosis/measurements/demands/wrist_coupling.py": "motor angles that depart from the setpoints of their own axes",
     "diagnosis/measurements/link_encoders/causes.py": "the constant between two encoders, which is always free",
     "diagnosis/measurements/tracker/columns.py": "values of the kinematic chain, which are fitted and not added",
-    "diagnosis/measurements/tracker/regression.py": "geometric errors of a link, which merge and come apart",
+    "diagnosis/measurements/tracker/model.py": "geometric errors of a link, which merge and come apart",
     "diagnosis/measurements/tracker/causes.py": "geometric errors that shrink to a zero; points off by far, which are counted",
     "diagnosis/residual/run_setup.py": "a known mass at the flange, put there by a person",
 }
