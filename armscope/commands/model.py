@@ -61,7 +61,7 @@ def command(
     if out is not None:
         _write(out, arm)
     if by is not None and equations is None:
-        raise InputError("--by", "says whose equations to print; expected --equations text, latex, python or c with it")
+        raise InputError("--by", "says whose equations to print; give --equations text, latex, python or c with it")
     if equations is not None:
         print(_equations(arm, equations, by), end="")
         return
@@ -88,7 +88,7 @@ def _write(path: Path, arm: Arm) -> None:
     elif path.suffix == ".toml":
         write_model(path, arm)
     else:
-        raise InputError(path, "ends in neither .toml nor .urdf; expected that says which of the two")
+        raise InputError(path, "must end in .toml or .urdf")
 
 
 def _summary(arm: Arm) -> dict[str, Any]:
