@@ -73,7 +73,7 @@ def test_through_urdf(root: Path, tmp_path: Path) -> None:
 
 def test_refuses_other_files(root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["model", str(root / MODEL), "--out", str(tmp_path / "arm.xml")]) == 2
-    assert "neither .toml nor .urdf" in capsys.readouterr().err
+    assert "must end in .toml or .urdf" in capsys.readouterr().err
     with pytest.raises(InputError, match="no such file"):
         read_model(tmp_path / "absent.toml")
 
