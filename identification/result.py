@@ -21,13 +21,14 @@ from identification.regression.effect_columns import definition, is_effect
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SURPRISE = 3.0  # times what noise and doubt account for: at constant speed an encoder's steps make tones, and no noise
+# Times the expected rms: at constant speed the steps of an encoder make tones, which are no noise.
+EXCESSIVE = 3.0
 
 
 @dataclass(frozen=True)
 class Value:
-    """One parameter. ``std`` from leaving out blocks of time, with what else is doubted; ``std_bootstrap`` from drawing blocks anew,
-    ``std_formula`` as if residuals were white; None where this data cannot tell."""
+    """One parameter. ``std`` from leaving out blocks of time, with other sources of uncertainty; ``std_bootstrap`` from drawing blocks anew,
+    ``std_formula`` as if residuals were white; None where these data do not determine it."""
 
     name: str
     value: float
@@ -43,8 +44,8 @@ class Value:
 class Prediction:
     """Measured and predicted torque of one run: t (k,), joint (k,) from 0, measured, predicted (k,) N m or N.
 
-    sure (k,): rows with no reversal or standstill near, where Coulomb's law is no law; None: all. Of held-out runs, None where not known:
-    doubt (k,): standard deviation of the predicted torque from that of the parameters; noise (k,): rms error of the joint on sure rows of
+    sliding (k,): rows with no reversal or standstill near, where Coulomb's law is no law; None: all. Of held-out runs, None where not known:
+    prediction_std (k,): of the predicted torque, from that of the parameters; noise (k,): rms error of the joint on sliding rows of
     the fitted runs through the filter of this one.
     """
 
@@ -54,18 +55,18 @@ class Prediction:
     joint: NDArray[np.intp]
     measured: Array
     predicted: Array
-    sure: NDArray[np.bool_] | None = None
-    doubt: Array | None = None
+    sliding: NDArray[np.bool_] | None = None
+    prediction_std: Array | None = None
     noise: Array | None = None
 
     @property
     def residual(self) -> Array:
         return self.measured - self.predicted
 
-    def of(self, joint: int, sure: bool = False) -> NDArray[np.bool_]:
-        """(k,) the rows of a joint (from 0), or its sure ones."""
+    def of(self, joint: int, sliding: bool = False) -> NDArray[np.bool_]:
+        """(k,) the rows of a joint (from 0), or its sliding ones."""
         mine = self.joint == joint
-        return mine & self.sure if sure and self.sure is not None else mine
+        return mine & self.sliding if sliding and self.sliding is not None else mine
 
 
 @dataclass(frozen=True, repr=False)
@@ -135,29 +136,29 @@ class Identification:
             measured += float(np.sum(p.measured[mine] ** 2))
         return math.sqrt(residual / measured) if measured > 0 else math.nan
 
-    def rms(self, held_out: bool, joint: int, *, sure: bool = False) -> float:
-        """Root mean square residual of one joint (from 0); ``sure``: of its sure rows."""
-        return _rms([p.residual[p.of(joint, sure)] for p in self.rows(held_out)])
+    def rms(self, held_out: bool, joint: int, *, sliding: bool = False) -> float:
+        """Root mean square residual of one joint (from 0); ``sliding``: of its sliding rows."""
+        return _rms([p.residual[p.of(joint, sliding)] for p in self.rows(held_out)])
 
     def torque_unit(self, joint: int) -> str:
         """Of what joint (from 0) drives with."""
         return "N m" if self.arm.joints[joint].revolute else "N"
 
-    def allowed(self, joint: int) -> float:
-        """Rms error of a joint (from 0) on sure held-out rows that its noise in the fitted runs and the parameters' own doubt account for."""
-        known = [p for p in self.rows(True) if p.doubt is not None and p.noise is not None]
+    def expected_rms(self, joint: int) -> float:
+        """Rms error of a joint (from 0) on sliding held-out rows that is expected from its noise in the fitted runs and the standard deviations of the parameters."""
+        known = [p for p in self.rows(True) if p.prediction_std is not None and p.noise is not None]
         if not known:
-            return self.rms(False, joint, sure=True)
+            return self.rms(False, joint, sliding=True)
         return math.hypot(
             *(
                 _rms([each[p.of(joint, True)] for p in known for each in [getattr(p, kind)]])
-                for kind in ("doubt", "noise")
+                for kind in ("prediction_std", "noise")
             )
         )
 
-    def surprises(self) -> list[int]:
-        """Joints (from 0) further off on held-out runs than these allow for, by more than SURPRISE."""
-        return [j for j in range(len(self.arm)) if self.rms(True, j, sure=True) > SURPRISE * self.allowed(j)]
+    def joints_above_expected(self) -> list[int]:
+        """Joints (from 0) whose rms error on held-out runs exceeds the expected one by more than EXCESSIVE."""
+        return [j for j in range(len(self.arm)) if self.rms(True, j, sliding=True) > EXCESSIVE * self.expected_rms(j)]
 
     def to_json(self) -> dict[str, Any]:
         """The contract's identification.json; NaN becomes null."""
@@ -168,10 +169,10 @@ class Identification:
                     "joint": j + 1,
                     "unit": self.torque_unit(j),
                     "rms": {"fit": _number(self.rms(False, j)), "held_out": _number(self.rms(True, j))},
-                    "sure": {
-                        "fit": _number(self.rms(False, j, sure=True)),
-                        "held_out": _number(self.rms(True, j, sure=True)),
-                        "held_out_allowed": _number(self.allowed(j)),
+                    "sliding": {
+                        "fit": _number(self.rms(False, j, sliding=True)),
+                        "held_out": _number(self.rms(True, j, sliding=True)),
+                        "held_out_expected": _number(self.expected_rms(j)),
                     },
                     "relative_error": {
                         "fit": _number(self.relative_error(False, j)),

@@ -58,11 +58,11 @@ def _text(table: dict[str, Any]) -> str:
         lines.append(
             f"  {row['signal']}{row['joint'] or '':<{8 - len(row['signal'])}}{row['unit']:<6}{row['missing']:>9}{numbers}"
         )
-    doubts = {name: count for name, count in (table["doubts"] or {}).items() if count}
-    if doubts:
+    flags = {name: count for name, count in (table["quality_flags"] or {}).items() if count}
+    if flags:
         lines += [
             "",
-            "  doubtful values: " + ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in doubts.items()),
+            "  flagged values: " + ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in flags.items()),
         ]
     lines += ["", "  topics"] + [f"    {topic['topic']:<22}{topic['type']}" for topic in table["topics"]]
     lines += ["", "  attachments"] + [

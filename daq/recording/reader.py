@@ -93,10 +93,10 @@ class Recording(RecordingHead):
         """s, from the first row to the last; 0 without rows."""
         return float(self.t[-1]) if len(self.t) else 0.0
 
-    def doubted(self, signal: Literal["q", "i", "points"]) -> dict[str, NDArray[np.bool_]]:
-        """What the instruments themselves doubted: name of a ``drivers.protocols.Quality`` in small letters -> rows (n, J), points (n, 1).
+    def flagged(self, signal: Literal["q", "i", "points"]) -> dict[str, NDArray[np.bool_]]:
+        """Rows that the instruments flagged: name of a ``drivers.protocols.Quality`` in small letters -> rows (n, J), points (n, 1).
 
-        Only doubts that occur; none in a recording without devices.
+        Only flags that occur; none in a recording without devices.
         """
         if self.quality is None:
             return {}
@@ -110,7 +110,7 @@ class Recording(RecordingHead):
         for place, column in enumerate(columns):
             if column >= 0:
                 bits[:, place] = self.quality[:, column]
-        return {str(doubt.name).lower(): rows for doubt in Quality if (rows := (bits & doubt) != 0).any()}
+        return {str(flag.name).lower(): rows for flag in Quality if (rows := (bits & flag) != 0).any()}
 
 
 def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int | None = None) -> Recording:

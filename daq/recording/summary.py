@@ -54,7 +54,7 @@ def summary(recording: Recording | LongRecording) -> dict[str, Any]:
         "counters": list(layout.counters),
         "inputs": list(layout.inputs),
         "extra": list(layout.extra),
-        "doubts": found.doubts,
+        "quality_flags": found.flags,
         "topics": [{"topic": topic.name, "type": topic.type} for topic in format_of(layout.to_json()).topics],
         "ledger": ledger_table(recording.ledger),
         "gaps": [{"row": gap.row, "triggers": gap.triggers, "seconds": gap.seconds} for gap in found.gaps],
@@ -121,7 +121,7 @@ class _Rows:
         self.start: str | None = None
         self.steps = _Statistics()
         self.gaps: list[Gap] = []
-        self.doubts: dict[str, int] | None = None
+        self.flags: dict[str, int] | None = None
         self.signals: dict[str, _Statistics] = defaultdict(_Statistics)
 
     def add(self, block: Recording) -> None:
@@ -146,12 +146,12 @@ class _Rows:
 
     def _doubt(self, quality: NDArray[np.uint8]) -> None:
         """How many values carry which quality bit."""
-        counts = self.doubts or {}
+        counts = self.flags or {}
         for bit in Quality:
             if bit and bit.name:
                 name = bit.name.lower()
                 counts[name] = counts.get(name, 0) + int(np.count_nonzero(quality & bit))
-        self.doubts = counts
+        self.flags = counts
 
 
 def _signals(recording: RecordingHead, found: _Rows) -> list[dict[str, Any]]:

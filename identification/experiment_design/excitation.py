@@ -5,7 +5,7 @@ search proposes is scaled into the limits of position, speed, acceleration and t
 
 Effects of the model count with the parameters in which they are linear.
 
-d            determinant of the information matrix of the base parameters, rows weighted by each joint's torque limit: smallest volume of doubt
+d            determinant of the information matrix of the base parameters, rows weighted by each joint's torque limit: smallest volume of the confidence ellipsoid
 condition    condition number of the weighted regressor, columns scaled by the parameters' expected size: no direction neglected
 """
 

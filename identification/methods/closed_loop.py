@@ -115,7 +115,7 @@ def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:
 
 
 def simulated_rows(problem: Problem, arm: Arm) -> Equations:
-    """The measured torques beside the regressor on the simulated motions, for the rows that the measured ones keep."""
+    """The measured torques with the regressor on the simulated motions, for the rows that the measured ones keep."""
     moved, parts = [], []
     for recording, motion in zip(problem.fit, problem.motions):
         moved.append(simulated_motion(arm, recording, motion))

@@ -91,7 +91,7 @@ def _steps(problem: Problem, progress: Progress) -> tuple[Array, Array, list[str
         sentences.append(f"joint {j + 1}: {count} combinations from {names}, condition {fit.condition:.3g}")
     if open_.shape[1] == len(base):
         raise InputError(
-            ", ".join(str(r.path) for r in problem.fit), "no joint moves in any run; one run a joint is wanted"
+            ", ".join(str(r.path) for r in problem.fit), "no joint moves in any run; record one run per joint"
         )
     # What no step has shown is as uncertain as the model's own number is large.
     covariance += open_ @ open_.T

@@ -1,7 +1,7 @@
 """Servo ripple that sampling folds onto the motion, where no residual shows it: how far it may put a joint's inertia wrong.
 
-The host sends a setpoint every T s, servos follow a broken line, and every corner kicks the currents in proportion to the acceleration. Seen at
-times, these kicks are lines at whole multiples of 1/T, modulated by the acceleration. Sampled n times a setpoint, the line at n/T falls onto 0 Hz:
+The host sends a setpoint every T s, servos follow a broken line, and every corner causes a transient in the currents in proportion to the acceleration. Seen at
+times, these transients are spectral lines at whole multiples of 1/T, modulated by the acceleration. Sampled n times per setpoint, the line at n/T falls onto 0 Hz:
 what is recorded is torque + c q'', where c depends on the phase of the two clocks. The columns of a joint's own inertia say the same, so that the
 fit is wrong by c and its residual is as small as ever (measured on the simulated Puma: ``docs/identification.md``).
 
@@ -40,7 +40,7 @@ def drifting(folded: Array, t: Array) -> Array:
 
 
 def rate_beside(arm: Arm, rate: float) -> float:
-    """``rate`` Hz, or the next lower one at which the ripple is folded far from the motion: 0.4 of the setpoints' own rate beside a multiple."""
+    """``rate`` Hz, or the next lower one at which the ripple is aliased far from the motion: 0.4 of the setpoints' own rate beside a multiple."""
     period = 0.0 if arm.controller is None else arm.controller.setpoint_period
     rows = round(rate * period)
     return rate if rows < 2 or abs(rate * period - rows) > BESIDE / 2 else round((rows - BESIDE) / period, 2)
@@ -55,20 +55,20 @@ def folded_torque(arm: Arm, motion: Motion, t: Array, torque: Array) -> Array | 
     lines = np.arange(max(1, -(-rows // 4)), (rows + 1) // 2)
     if arm.controller is None or rows == 0 or not len(lines):
         return None
-    # The acceleration that is demanded, without what the kicks themselves do.
+    # The acceleration that is demanded, without the transients themselves.
     cut = min(motion.band.parallel, 0.5 / arm.controller.setpoint_period)
     low_pass = signal.butter(4, min(2 * cut * motion.dt, 0.98), output="sos")
     acceleration = signal.sosfiltfilt(low_pass, motion.qdd, axis=0)
     angle = 2 * np.pi * t[:, None] * lines / arm.controller.setpoint_period
-    kicks = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+    transients = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
     deviation = np.zeros(len(arm))
     for j in np.flatnonzero(motion.usable.any(axis=0)):
-        pushed = np.interp(t, motion.t, acceleration[:, j])[:, None] * kicks
+        pushed = np.interp(t, motion.t, acceleration[:, j])[:, None] * transients
         ripple = torque[:, j] - np.interp(t, motion.t, motion.torque[:, j])
         power = []
         for stretch in np.array_split(np.arange(len(t)), max(1, int(t[-1] / STRETCH))):
             here = stretch[np.isfinite(ripple[stretch])]
-            if len(here) > 10 * kicks.shape[1]:
+            if len(here) > 10 * transients.shape[1]:
                 cosine, sine = np.linalg.lstsq(pushed[here], ripple[here], rcond=None)[0].reshape(2, -1)
                 power.append(np.mean((cosine**2 + sine**2) * (lines / rows) ** 2))
         deviation[j] = np.sqrt(np.mean(power)) / 2 if power else 0.0

@@ -28,28 +28,28 @@ def check_recording(recording: Recording, arm: Arm) -> None:
     if recording.q.shape[1] != joints:
         raise InputError(
             where,
-            f"has {recording.q.shape[1]} joints, the model '{arm.name}' has {joints}; a recording of that arm is wanted",
+            f"has {recording.q.shape[1]} joints, the model '{arm.name}' has {joints}; use a recording of that arm",
         )
     if len(recording.t) < 50:
-        raise InputError(where, f"has {len(recording.t)} rows; an identification wants some seconds of motion")
+        raise InputError(where, f"has {len(recording.t)} rows; identification needs several seconds of motion")
     for name, channel, unit in (("q", recording.q, "position"), ("i", recording.i, "current")):
         missing = np.mean(~np.isfinite(channel), axis=0)
         if missing.max() > MISSING:
             j = int(missing.argmax())
             raise InputError(
-                where, f"{name}{j + 1}: {missing[j]:.0%} of its samples are missing; most of the {unit} is wanted"
+                where, f"{name}{j + 1}: {missing[j]:.0%} of its samples are missing; expected most of the {unit}"
             )
     _check_channels(recording)
     _check_rig(recording, arm)
 
 
 def _check_channels(recording: Recording) -> None:
-    """A channel that stands while others tell of motion is broken, not at rest."""
+    """A channel that is constant while others show motion is broken, not at rest."""
     where = recording.path
     span_q = np.nanmax(recording.q, axis=0) - np.nanmin(recording.q, axis=0)
     span_i = np.nanmax(recording.i, axis=0) - np.nanmin(recording.i, axis=0)
     if not (span_q > 0).any():
-        raise InputError(where, "no joint moves; an identification wants motion")
+        raise InputError(where, "no joint moves; identification needs motion")
     for j in np.flatnonzero(span_i == 0):
         if span_q[j] > 0:
             raise InputError(
@@ -104,12 +104,12 @@ def check_motion(where: object, motion: Motion) -> None:
     """InputError where nothing moves beyond the noise."""
     moved = np.ptp(motion.q, axis=0) / np.maximum(motion.band.noise_rms, 1e-12)
     if moved.max() < MOVED:
-        raise InputError(str(where), "no joint moves by more than its encoder's noise; an identification wants motion")
+        raise InputError(str(where), "no joint moves by more than its encoder's noise; identification needs motion")
 
 
-def check_signs(where: Sequence[object], dissipated: Array, doubt: Array) -> None:
+def check_signs(where: Sequence[object], dissipated: Array, std: Array) -> None:
     """InputError where the friction fitted to a joint would drive it: mean friction power (J,) W with its standard deviation (J,)."""
-    for j in np.flatnonzero(dissipated < -5 * np.maximum(doubt, 1e-12)):
+    for j in np.flatnonzero(dissipated < -5 * np.maximum(std, 1e-12)):
         raise InputError(
             ", ".join(map(str, where)),
             f"i{j + 1}: the friction of joint {j + 1} would drive it; the sign of its current is reversed (positive must drive"
@@ -130,7 +130,7 @@ def unexplained_channels(where: object, residual: Array, torque: Array, joint: N
             raise InputError(
                 str(where),
                 f"i{j + 1}: knows nothing of the motion of joint {j + 1} ({max(explained, 0.0):.0%} of it explained): the channel is dead, or"
-                " of something else; a current that follows the drive is wanted",
+                " of something else; expected a current that follows the drive",
             )
         if explained < EXPLAINED:
             found.append(
@@ -143,5 +143,5 @@ def too_short(where: Sequence[object], rows: int, parameters: int) -> InputError
     """The error for recordings with fewer independent rows than two a parameter."""
     return InputError(
         ", ".join(map(str, where)),
-        f"leave {rows} usable rows for {parameters} parameters; longer or livelier motion is wanted",
+        f"leave {rows} usable rows for {parameters} parameters; record a longer or faster motion",
     )

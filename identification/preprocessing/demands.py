@@ -15,7 +15,7 @@ from arm_model.simulation import Demand, Sampled
 from daq.recording import Recording
 
 BENT = 1e-9  # rad or m: what a straight line's second difference may be
-FEW = 3  # rows a setpoint: with fewer, nobody can tell lines from a plan
+FEW = 3  # rows per setpoint: with fewer, lines and a plan cannot be distinguished
 MOSTLY = 0.5
 
 

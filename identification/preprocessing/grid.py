@@ -1,6 +1,6 @@
 """Samples with stamps of their own put onto a uniform grid, and how far each instant of the grid is from a sample.
 
-Column by column, and holes only where there are any: a recording of an hour is a hundred times longer than what is held beside it.
+Column by column, and holes only where there are any: a recording of an hour is a hundred times longer than the arrays kept in addition.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Rows that the instruments themselves doubted: what of them an identification may use, and what it has to say about the rest.
+"""Rows that the instruments flagged: which of them an identification may use, and what it reports about the others.
 
 A value repeated from an earlier trigger, latched late, at the end of a counter's range or not there at all is no value of its row. A current at
 the end of its converter's range is only known to be large: its rows go, with those that the filters mix it into. After counts may have slipped
-(both lines of a quadrature encoder changed at once) or jumped (the device restarted), every later angle of the joint is in doubt.
+(both lines of a quadrature encoder changed at once) or jumped (the device restarted), every later angle of the joint is uncertain.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ SLIPPED = {"quadrature_error": "counts may have slipped", "device_reset": "its c
 class Trusted:
     """q (n, J), i (n, J) with NaN where the instrument had no value; saturated (n, J): currents at the end of their range.
 
-    doubts   sentences, one a channel and doubt
-    counted  channel ('q2', 'i1') -> doubt -> rows
+    sentences  one per channel and flag
+    counted    channel ('q2', 'i1') -> flag -> rows
     """
 
     q: Array
     i: Array
     saturated: Mask
-    doubts: list[str]
+    sentences: list[str]
     counted: dict[str, dict[str, int]]
 
 
@@ -43,25 +43,25 @@ def trusted(recording: Recording) -> Trusted:
     sentences: list[str] = []
     counted: dict[str, dict[str, int]] = {}
     for name, channel in (("q", q), ("i", i)):
-        for doubt, rows in recording.doubted("q" if name == "q" else "i").items():
-            if doubt in NO_VALUE or (doubt == "saturated" and name == "q"):
+        for flag, rows in recording.flagged("q" if name == "q" else "i").items():
+            if flag in NO_VALUE or (flag == "saturated" and name == "q"):
                 channel[rows] = np.nan
-            elif doubt == "saturated":
+            elif flag == "saturated":
                 saturated |= rows
             for j in np.flatnonzero(rows.any(axis=0)):
                 count = int(rows[:, j].sum())
-                counted.setdefault(f"{name}{j + 1}", {})[doubt] = count
-                sentences.append(_sentence(recording, f"{name}{j + 1}", doubt, rows[:, j], count))
+                counted.setdefault(f"{name}{j + 1}", {})[flag] = count
+                sentences.append(_sentence(recording, f"{name}{j + 1}", flag, rows[:, j], count))
     return Trusted(q, i, saturated, sentences, counted)
 
 
-def _sentence(recording: Recording, channel: str, doubt: str, rows: Mask, count: int) -> str:
+def _sentence(recording: Recording, channel: str, flag: str, rows: Mask, count: int) -> str:
     where = f"{recording.path.name}: {channel}: "
-    if doubt in SLIPPED:
+    if flag in SLIPPED:
         return where + (
-            f"{SLIPPED[doubt]} at t = {recording.t[int(np.argmax(rows))]:.3f} s: later angles of the joint may be off by a constant"
+            f"{SLIPPED[flag]} at t = {recording.t[int(np.argmax(rows))]:.3f} s: later angles of the joint may be off by a constant"
         )
-    return where + f"{count} of {len(rows)} rows marked {doubt.upper()} by the instrument; left out"
+    return where + f"{count} of {len(rows)} rows marked {flag.upper()} by the instrument; left out"
 
 
 def as_trusted(recording: Recording) -> Recording:

@@ -1,7 +1,7 @@
 """Is a recording fit to be identified? Travel, speed, rows that count and why others do not, lag of the current, limits that were reached.
 
 What makes a recording unusable is refused (``identification.preprocessing.checks``); what weakens it is said here, run by run and joint by joint, before any
-parameter is believed; how well the runs together excite the arm's parameters is told beside it (``Excitation``).
+parameter is believed; how well the runs together excite the arm's parameters is reported with it (``Excitation``).
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from identification.preprocessing.signals import Motion
 HOLES = 0.05  # share of excluded rows worth a warning;
 STANDING = 0.3  # where a joint stands: a motion begins and ends so
 LAG = 0.5  # s within which current and acceleration are compared
-FURTHEST = 0.1  # s: the largest lag that is looked for
-TOLD = 0.9  # of the torque's square: a motion that explains less of it tells no lag
+FURTHEST = 0.1  # s: the largest lag that is searched for
+EXPLAINED = 0.9  # of the torque's square: below it, the motion does not determine the lag
 ILL_CONDITIONED = 1e4  # of the regressor with its columns scaled alike
 TELLING = 1.5  # times the unexplained at no lag over that at the best: less is chance
 LIMIT = 0.98  # of the torque limit counts as reached
@@ -33,7 +33,7 @@ BLOCK = 1 << 17  # rows of a correlation at a time
 @dataclass(frozen=True)
 class JointReadiness:
     """One joint in one run: joint from 1; travel rad (m), top_speed rad/s (m/s), noise rad (m) rms of its angle;
-    used rows of all; left_out: reason -> rows; lag s of the torque behind the motion, None where the motion does not tell;
+    used rows of all; left_out: reason -> rows; lag s of the torque behind the motion, None where the motion does not determine it;
     torque: largest over the drive's limit, None without one."""
 
     joint: int
@@ -48,12 +48,12 @@ class JointReadiness:
 
 @dataclass(frozen=True)
 class RunReadiness:
-    """One recording: rows on the even grid of ``period`` s, doubts of its instruments (channel -> doubt -> rows), and its joints."""
+    """One recording: rows on the even grid of ``period`` s, rows flagged by its instruments (channel -> flag -> rows), and its joints."""
 
     run: str
     rows: int
     period: float
-    doubts: dict[str, dict[str, int]]
+    flags: dict[str, dict[str, int]]
     joints: list[JointReadiness]
     warnings: list[str]
 
@@ -83,11 +83,11 @@ class Readiness:
 
     @property
     def sentence(self) -> str:
-        """What a person wants to know first."""
+        """The most important result in one sentence."""
         e = self.excitation
         what = f"These runs excite {e.excited} of {e.base} base parameters, condition number {e.condition:.3g}"
         if e.condition > ILL_CONDITIONED:
-            return f"{what}: too alike to be told apart; a livelier motion is wanted (armscope excite)."
+            return f"{what}: not identifiable separately; record a more exciting motion (armscope excite)."
         if e.silent:
             return (
                 f"{what}; the others will be taken from the model. 'armscope excite' designs a motion that shows more."
@@ -131,7 +131,7 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
         warnings.append(
             f"{name}: {recording.ledger.lost} of {recording.ledger.triggers} rows were lost as it was recorded"
         )
-    warnings += [*found.doubts, *_left_out(name, motion), *_folded(name, motion, arm)]
+    warnings += [*found.sentences, *_left_out(name, motion), *_folded(name, motion, arm)]
     for entry, joint in zip(joints, arm.joints):
         warnings += _weaknesses(name, entry, motion, joint.torque_limit)
     return RunReadiness(name, len(motion.t), motion.dt, found.counted, joints, warnings)
@@ -150,7 +150,7 @@ def _left_out(name: str, motion: Motion) -> list[str]:
 
 
 def _folded(name: str, motion: Motion, arm: Arm) -> list[str]:
-    """Where setpoints kick the currents in step with the samples (``setpoint_ripple``)."""
+    """Where transients at setpoints are aliased by the sampling (``aliased_ripple``)."""
     rows = rows_a_setpoint(arm, motion)
     if rows == 0 or arm.controller is None:
         return []
@@ -199,7 +199,7 @@ def lag_of_torque(motion: Motion, j: int) -> float | None:
     energy = np.concatenate([[0.0], np.cumsum(torque**2)])
     explained = shared / np.maximum(energy[len(basis) :] - energy[: -len(basis)], 1e-300)
     best = int(np.argmax(explained))
-    if explained[best] < TOLD or best in (0, len(shifts) - 1):
+    if explained[best] < EXPLAINED or best in (0, len(shifts) - 1):
         return None
     if abs(best - reach) > 1 and 1 - explained[reach] < TELLING * (1 - explained[best]):
         return None

@@ -60,7 +60,7 @@ class Motion:
     sparing: int = 1
 
     def moves(self, j: int) -> bool:
-        """Whether joint j (from 0) moves by itself, and is not just shaken by the others."""
+        """Whether joint j (from 0) is driven, and not only shaken by the others."""
         travel = np.ptp(self.q, axis=0)
         return bool(self.usable[:, j].any() and travel[j] > SHAKEN * travel.max())
 
@@ -86,7 +86,7 @@ def smooth_motion(
         column[:] = _both_ways(low_pass, column)
     qd, qdd = _derivatives(q_smooth, dt)
 
-    # A hole narrower than an eighth of the shortest period that passes is as good as sampled.
+    # A hole narrower than an eighth of the shortest period that passes counts as sampled.
     bridge = max(1.5 * dt, 1 / (8 * band.motion))
     memory = int(np.ceil(1 / (band.motion * dt)))
     reach = memory + SPLINE_END
@@ -166,7 +166,7 @@ def equation_rows(motion: Motion) -> tuple[Array, Mask]:
     return t, trusted if motion.for_judging else parallel_filter(motion, equation_weight(motion)) > 0.5
 
 
-def sure_rows(motion: Motion) -> Mask:
+def sliding_rows(motion: Motion) -> Mask:
     """(k, J) of the rows of ``parallel_filter``, those that rest on certain samples alone: no reversal, and no standstill, is near."""
     return parallel_rows(replace(motion, usable=motion.certain))[1]
 

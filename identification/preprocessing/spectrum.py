@@ -3,7 +3,7 @@
 The spectrum of the acceleration, from positions differenced twice, falls where the motion of the arm ends and rises as f^4 where
 encoder noise takes over. The cut-off for differentiation stands at twice the far side of the valley between them, whatever the
 instrument. The second, parallel filter passes what the equations of motion speak about: twice the band that holds 95 % of the
-power of the acceleration, and of the sign of the velocity, whose harmonics alone tell Coulomb from viscous friction (Janot,
+power of the acceleration, and of the sign of the velocity, whose harmonics alone distinguish Coulomb from viscous friction (Janot,
 Vandanjon, Gautier, IEEE T-CST 22 (2014) 132: at least twice the bandwidth of the dynamics).
 """
 

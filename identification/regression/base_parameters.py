@@ -20,7 +20,7 @@ from arm_io.types import Array
 from identification.regression.effect_columns import is_effect
 from identification.regression.qr import pivoted_triangle, triangle_of
 
-NEGLIGIBLE = 1e-8  # of a column's own size: what is left of it counts as rounding
+NEGLIGIBLE = 1e-8  # of the size of a column: a smaller remainder counts as rounding
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class BaseParameters:
 def base_parameters(
     columns: Array, names: Sequence[str], *, order: Sequence[int] | None = None, negligible: float = NEGLIGIBLE
 ) -> BaseParameters:
-    """The base parameters that ``columns`` (rows, p), rows >> p, can tell apart.
+    """The base parameters that ``columns`` (rows, p), rows >> p, can identify.
 
     ``order``: indices of columns, those that had better stand for a group first; the default is ``reading_order(names)``.
     ``negligible``: share of a column that, left over by the earlier ones, counts as nothing; for measured columns the noise's.

@@ -12,7 +12,7 @@ from arm_model import Arm, parameter, with_parameters
 from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from identification.preprocessing import checks
-from identification.preprocessing.signals import parallel_filter, sure_rows, with_reversals
+from identification.preprocessing.signals import parallel_filter, sliding_rows, with_reversals
 from identification.preprocessing.spectrum import Band
 from identification.regression.effect_columns import is_effect, shown_torque
 from identification.regression.equations import Equations, model_values
@@ -69,8 +69,8 @@ def conclude(
     identified = with_values(problem, physical)
     predictions, held_names = _predictions(problem, best, solve, warnings)
     for recording, run in zip(problem.fit, predictions):
-        told = checks.unexplained_channels(recording.path, run.residual, run.measured, run.joint)
-        warnings += [f"{run.run}: {sentence}" for sentence in told]
+        sentences = checks.unexplained_channels(recording.path, run.residual, run.measured, run.joint)
+        warnings += [f"{run.run}: {sentence}" for sentence in sentences]
     predictions = _accounted_for(problem, predictions, identified, spread)
     reduced = problem.base.grouping[problem.excited] @ physical
     compared = {"physically consistent model": _errors(problem, reduced)}
@@ -111,7 +111,7 @@ def conclude(
 def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:
     """Friction that drives its joint is a current of the wrong sign."""
     joints = len(problem.arm)
-    power, doubt = np.zeros(joints), np.ones(joints)
+    power, std = np.zeros(joints), np.ones(joints)
     for j in range(joints):
         speed = np.concatenate([motion.qd[motion.usable[:, j], j] for motion in problem.motions])
         if not len(speed):
@@ -123,8 +123,8 @@ def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:
             if head == f"joint{j + 1}" and not is_effect(problem.base.names[column]):
                 weight[k] = mean.get(rest.partition("_")[0], 0.0) * (0.5 if rest.endswith("tive") else 1.0)
         power[j] = weight @ best.values
-        doubt[j] = float(weight @ spread.covariance @ weight) ** 0.5
-    checks.check_signs([recording.path for recording in problem.fit], power, doubt)
+        std[j] = float(weight @ spread.covariance @ weight) ** 0.5
+    checks.check_signs([recording.path for recording in problem.fit], power, std)
 
 
 def _predictions(
@@ -157,35 +157,37 @@ def _predicted(
     for run, recording in enumerate(recordings):
         here = rows.run == run
         seen = (rows.t[here], rows.joint[here], rows.torque[here], predicted[here])
-        found.append(Prediction(recording.path.name, held_out, *seen, None if rows.sure is None else rows.sure[here]))
+        found.append(
+            Prediction(recording.path.name, held_out, *seen, None if rows.sliding is None else rows.sliding[here])
+        )
     return found
 
 
 def _accounted_for(problem: Problem, predictions: list[Prediction], arm: Arm, spread: Uncertainty) -> list[Prediction]:
-    """The predictions, those of held-out runs with what noise and the parameters' doubt account for in them."""
+    """The predictions, those of held-out runs with the errors expected from noise and from the parameters."""
     if problem.held is None:
         return predictions
     columns = problem.held.columns[:, problem.columns]
-    doubt = np.sqrt(np.sum(columns @ spread.covariance * columns, axis=1))
+    std = np.sqrt(np.sum(columns @ spread.covariance * columns, axis=1))
     fitted, held = predictions[: len(problem.fit)], predictions[len(problem.fit) :]
     return fitted + [
-        replace(each, doubt=doubt[problem.held.run == run], noise=_noise(problem, arm, motion.band)[each.joint])
+        replace(each, prediction_std=std[problem.held.run == run], noise=_noise(problem, arm, motion.band)[each.joint])
         for run, (each, motion) in enumerate(zip(held, problem.held_motions))
     ]
 
 
 def _noise(problem: Problem, arm: Arm, band: Band) -> Array:
-    """(J,) rms error of an arm's torque on the sure rows of the fitted runs through another run's filter; NaN for a joint without any.
+    """(J,) rms error of an arm's torque on the sliding rows of the fitted runs through another run's filter; NaN for a joint without any.
 
-    A held-out motion that is quicker wants a wider filter, which lets in more of the noise of encoders and of the servos' ripple.
+    A held-out motion that is quicker needs a wider filter, which lets in more of the noise of encoders and of the servos' ripple.
     """
     off: list[list[Array]] = [[] for _ in arm.joints]
     for motion in problem.motions:
         view = with_reversals(replace(motion, band=replace(motion.band, parallel=band.parallel)))
         shown = shown_torque(arm, problem.arm, motion.q, motion.qd, motion.qdd, motion.t)
-        error, sure = parallel_filter(view, motion.torque - shown), sure_rows(view)
+        error, sliding = parallel_filter(view, motion.torque - shown), sliding_rows(view)
         for j, column in enumerate(error.T):
-            off[j].append(column[sure[:, j]])
+            off[j].append(column[sliding[:, j]])
     return np.array([np.sqrt(np.mean(np.concatenate(parts) ** 2)) if any(map(len, parts)) else np.nan for parts in off])
 
 

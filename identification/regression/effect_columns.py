@@ -6,11 +6,11 @@ What a recording shows is the inverse dynamics of the arm with all its effects, 
 
 K the drive constants that the model names (N m/A), K_real those with a wrong torque constant put right. A column is the derivative of this by
 one linear parameter of one effect, at the values of the arm. Where the torque is not linear in all parameters together (friction that follows
-a load which follows the masses), the columns are those of a Gauss-Newton step, and what is left over is ``rest`` in the equations.
+a load which follows the masses), the columns are those of a Gauss-Newton step, and the remainder is ``rest`` in the equations.
 
 Nonlinear parameters (orders, phases, rest angles, Stribeck velocities, delays) stay as the model has them; delays and errors of angles are
 taken out of the data before anything is differentiated (``true_readings``). Elastic transmissions and play count as rigid here, bristles as
-sliding: what those store cannot be told from one row.
+sliding: their stored state cannot be determined from one row.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def true_readings(arm: Arm, t: Array, q: Array, current: Array) -> tuple[Array, 
 
 
 def _at(t: Array, values: Array, wanted: Array) -> Array:
-    """``values`` (m, n) at other times (m,), cubic between samples; NaN beside missing ones and beyond the ends."""
+    """``values`` (m, n) at other times (m,), cubic between samples; NaN next to missing ones and beyond the ends."""
     from scipy.interpolate import CubicSpline
 
     out = np.full_like(values, np.nan)

@@ -23,7 +23,7 @@ from identification.preprocessing.signals import (
     equation_weight,
     parallel_filter,
     parallel_window,
-    sure_rows,
+    sliding_rows,
 )
 from identification.regression.base_parameters import BaseParameters, base_parameters
 from identification.regression.effect_columns import effect_columns, effect_parameters, shown_torque
@@ -31,7 +31,7 @@ from identification.regression.effect_columns import effect_columns, effect_para
 Friction = Literal["symmetric", "asymmetric"]
 
 
-PER_ROW = ("columns", "torque", "joint", "run", "t", "rest", "systematic", "sure")
+PER_ROW = ("columns", "torque", "joint", "run", "t", "rest", "systematic", "sliding")
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Equations:
     joint (rows,) from 0, run (rows,) from 0, t (rows,) s within the run. Rows of one run and joint follow in time.
     rest (rows,): the part of the torque that no column carries; None: nothing.
     systematic (rows, s): errors that the torques may have and no residual shows, each one standard deviation of its own cause.
-    sure (rows,): those that rest on samples alone in which the direction of motion is known; None: all."""
+    sliding (rows,): those that rest on samples alone in which the direction of motion is known; None: all."""
 
     columns: Array
     torque: Array
@@ -50,7 +50,7 @@ class Equations:
     names: tuple[str, ...]
     rest: Array | None = None
     systematic: Array | None = None
-    sure: NDArray[np.bool_] | None = None
+    sliding: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         return len(self.torque)
@@ -65,7 +65,7 @@ def column_names(arm: Arm, friction: Friction) -> list[str]:
     """Names of ``model_columns``: the regressor's, friction as asked for, rotors only where the model has one; then the effects'.
 
     symmetric   viscous, coulomb, offset: with a constant offset, Coulomb friction may differ by direction
-    asymmetric  viscous_positive, viscous_negative, coulomb_positive, coulomb_negative; an offset could not be told from these
+    asymmetric  viscous_positive, viscous_negative, coulomb_positive, coulomb_negative; an offset could not be identified separately from these
     """
     described = [name for name in parameter_names(arm, friction=friction) if not _left_out(arm, name, friction)]
     return described + effect_parameters(arm)
@@ -100,7 +100,7 @@ def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Frict
 def model_values(arm: Arm, friction: Friction = "symmetric") -> Array:
     """(p,) the arm's own values of the parameters ``column_names(arm, friction)``.
 
-    While a joint moves, no one can tell a constant torque from a difference of the two Coulomb magnitudes: with symmetric friction the
+    While a joint moves, a constant torque cannot be distinguished from a difference of the two Coulomb magnitudes: with symmetric friction the
     offset carries half of that difference, with asymmetric friction the magnitudes carry the offset.
     """
     values = []
@@ -156,8 +156,8 @@ def equations_of(
     for motions, own in zip(views, zip(*parts)):
         columns, torque, joint, run, t = (np.concatenate(part) for part in zip(*own))
         rows = Equations(columns, torque, joint, run, t, tuple(column_names(arm, friction)))
-        sure = np.concatenate([sure_rows(motion).T[equation_rows(motion)[1].T] for motion in motions])
-        rows = replace(rows, systematic=_systematic(rows, motions), sure=sure)
+        sliding = np.concatenate([sliding_rows(motion).T[equation_rows(motion)[1].T] for motion in motions])
+        rows = replace(rows, systematic=_systematic(rows, motions), sliding=sliding)
         found.append(with_effects(rows, arm, arm, motions, friction, base))
     return found
 

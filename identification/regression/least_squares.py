@@ -97,7 +97,7 @@ def joint_triangles(columns: Array, y: Array, joint: Joints) -> Triangles:
         here = slice(index[0], index[-1] + 1) if index[-1] - index[0] < len(index) else index
         mine = columns[here]
         felt = np.flatnonzero(mine.any(axis=0))
-        both = np.empty((len(mine), len(felt) + 1), order="F")  # as LAPACK wants it
+        both = np.empty((len(mine), len(felt) + 1), order="F")  # as LAPACK needs it
         both[:, :-1], both[:, -1] = mine[:, felt], y[here]
         if len(both) > len(felt):
             both = triangle_of(both, overwrite=True)

@@ -80,7 +80,7 @@ class Problem:
 
 def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
     """The smooth motion of a recording, and how fit it is. Torques are its currents times the arm's drive constants; errors of angle and time
-    that the arm has as effects are put right, what the instruments doubt is left out."""
+    that the arm has as effects are corrected, rows that the instruments flagged are left out."""
     found = trusted(recording)
     q, current = true_readings(arm, recording.t, found.q, found.i)
     torque = current * arm.joint_array("drive_constant")

@@ -1,7 +1,7 @@
 """Standard deviations of a least-squares fit whose residual is coloured.
 
 The textbook formula sigma^2 (W^T W)^-1 counts every row as news. Filters, quantisation and whatever the model lacks make neighbouring
-rows say the same, and the formula too sure by a factor of two to ten. Here whole blocks of time are resampled (moving them
+rows say the same, and the formula too confident by a factor of two to ten. Here whole blocks of time are resampled (moving them
 together over all joints): the spread of the refits is what another recording of the same motion would give (Kuensch, Annals of Statistics
 17 (1989) 1217). Each block enters by its normal equations, so that a refit costs one small solve.
 """
@@ -31,7 +31,7 @@ class Uncertainty:
     """covariance (b, b) from blocks of ``block`` s (``blocks`` of them); std (b,) its root, never below std_formula (b,), which
     takes residuals for white.
 
-    information (b, b): inverse of the formula's covariance, divided by how much too sure the formula is on the whole. Unlike the blocks'
+    information (b, b): inverse of the formula's covariance, divided by how much too confident the formula is on the whole. Unlike the blocks'
     own covariance, whose rank is at most their number, it can be inverted and is what a further fit may lean on.
 
     normal: W^T W (blocks, b, b) and W^T e (blocks, b) of each block.

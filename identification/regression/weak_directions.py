@@ -1,7 +1,7 @@
 """Combinations of base parameters that these runs hardly show, and where they do not refute the model, its values are kept.
 
 Least squares gives such a direction a value all the same: the noise's. On the runs that were fitted it does no harm, and on another motion, where
-the two nearly equal columns part (a spring beside gravity, of a joint that hardly moved), it ruins the prediction.
+the two nearly equal columns differ (a spring and gravity, of a joint that hardly moved), it ruins the prediction.
 
 In units of what the model's own numbers amount to, the eigenvectors of the information are directions that the data knows independently of each
 other. One is held if its deviation is above WEAK of that size and the model's value lies within SURE deviations; all others keep the least-squares

@@ -26,12 +26,12 @@ METHODS = {
 ERRORS = (
     "What the model's torque misses of the measured one (current times drive constant), as root mean square and as a share of the measured torque,"
     " both through the same filter. <i>While it moves</i>: held-out rows without a reversal or standstill near, where friction obeys Coulomb's law."
-    " <i>Accounted for</i>: what the noise of the fitted runs and the parameters' doubt make of these rows; three times as much is called a surprise."
+    " <i>Accounted for</i>: rms error expected from the noise of the fitted runs and the standard deviations of the parameters; three times as much is marked."
 )
 GAPS = "Gaps are rows left out: a joint stands, samples are missing or clipped, or the run begins or ends."
 DEVIATIONS = (
     "± is two standard deviations, from leaving out one block of time after the other, so that residuals may be coloured; so are those from drawing"
-    " blocks anew (bootstrap). The textbook formula takes every row for news and is too sure. Only these sums move the joints:"
+    " blocks anew (bootstrap). The textbook formula counts every row as independent and is too optimistic. Only these sums move the joints:"
     " <i>link2.mx</i> is mass times the x of the centre of mass, <i>link2.ixx</i> the inertia about the link frame's origin, <i>offset</i> a constant"
     " torque or half the difference of Coulomb friction between the directions. Grey: not identifiable from these runs."
 )
@@ -79,7 +79,7 @@ def _what(result: Identification) -> str:
 
 
 def _refuted(result: Identification) -> bool:
-    return result.held_out != "split" and bool(result.surprises())
+    return result.held_out != "split" and bool(result.joints_above_expected())
 
 
 def verdict(result: Identification) -> str:
@@ -93,28 +93,28 @@ def verdict(result: Identification) -> str:
             " Not validated: no other recording was held out."
         )
     sentence = f"Relative error {fit:.2%} on what was fitted, {held:.2%} on held-out recordings."
-    if far := result.surprises():
-        off = ((j, _size(result.rms(True, j, sure=True), result.torque_unit(j))) for j in far)
+    if far := result.joints_above_expected():
+        off = ((j, _size(result.rms(True, j, sliding=True), result.torque_unit(j))) for j in far)
         joints = ", ".join(
-            f"joint {j + 1} ({size} off, {_size(result.allowed(j), '')}accounted for)" for j, size in off
+            f"joint {j + 1} ({size} off, {_size(result.expected_rms(j), '')}expected)" for j, size in off
         )
         return f"{sentence} The model does not carry over at {joints}: something in the held-out runs is not in it."
     return (
         sentence + " The model carries over to motions it was not fitted to: while joints move, noise and the"
-        " parameters' doubt account for what is left."
+        " standard deviations of the parameters account for the residual."
     )
 
 
 def _errors(result: Identification) -> str:
     rows = []
-    explained = any(p.doubt is not None for p in result.predictions)
+    explained = any(p.prediction_std is not None for p in result.predictions)
     for j in range(len(result.arm)):
         unit = result.torque_unit(j)
         row = [str(j + 1)]
         for held in (False, True):
             row += [_size(result.rms(held, j), unit), _percent(result.relative_error(held, j))]
         if explained:
-            row += [_size(result.rms(True, j, sure=True), unit), _size(result.allowed(j), unit)]
+            row += [_size(result.rms(True, j, sliding=True), unit), _size(result.expected_rms(j), unit)]
         rows.append(row)
     total = {"all": (result.relative_error(False), result.relative_error(True))}
     empty = [""] * (2 * explained)

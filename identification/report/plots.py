@@ -19,25 +19,25 @@ if TYPE_CHECKING:
 
 
 def predictions(result: Identification) -> Iterator[tuple[Figure, str]]:
-    """Per run: measured and predicted torque of each joint, and beside them their difference at its own scale."""
+    """Per run: measured and predicted torque of each joint, and their difference at a scale of its own."""
     from matplotlib.figure import Figure
 
     for run in _worth_showing(result):
         joints = np.unique(run.joint)
         figure = Figure(figsize=(10.5, 0.6 + 1.75 * len(joints)), layout="constrained")
         axes = figure.subplots(len(joints), 2, sharex=True, squeeze=False, width_ratios=(2, 1))
-        for (axis, beside), j in zip(axes, joints):
+        for (axis, difference), j in zip(axes, joints):
             mine = run.joint == j
             t, measured, predicted, residual = _with_breaks(
                 run.t[mine], run.measured[mine], run.predicted[mine], run.residual[mine]
             )
             axis.plot(t, measured, color=MEASURED, lw=1.8, label="measured")
             axis.plot(t, predicted, color=AFTER, lw=0.7, label="predicted")
-            beside.plot(t, residual, color=BEFORE, lw=0.7)
+            difference.plot(t, residual, color=BEFORE, lw=0.7)
             rms = float(np.sqrt(np.mean(run.residual[mine] ** 2)))
-            beside.set_title(f"rms {rms:.3g}", loc="right", fontsize="small", color=BEFORE, pad=2)
+            difference.set_title(f"rms {rms:.3g}", loc="right", fontsize="small", color=BEFORE, pad=2)
             axis.set_ylabel(f"joint {j + 1}, {'N m' if result.arm.joints[j].revolute else 'N'}")
-            for each in (axis, beside):
+            for each in (axis, difference):
                 each.axhline(0.0, color=AXIS, lw=0.6)
                 each.grid(color=GRID)
         kind = "held out" if run.held_out else "fitted"

@@ -42,6 +42,6 @@ def _table(values: Sequence[Value], what: str) -> list[str]:
 
 def _row(value: Value) -> tuple[str, ...]:
     name = value.name if len(value.name) <= WIDEST else f"{value.name[: WIDEST - 3]}..."
-    doubts = (value.std, value.std_bootstrap, value.std_formula)
-    spreads = ("" if std is None else f"{2 * std:.2g}" for std in doubts)
+    stds = (value.std, value.std_bootstrap, value.std_formula)
+    spreads = ("" if std is None else f"{2 * std:.2g}" for std in stds)
     return name, f"{value.value:.5g}", *spreads, value.unit, "" if value.identifiable else "not identifiable here"

@@ -87,7 +87,7 @@ def test_info_accounts_for_every_sample(recorded: Path, capsys: pytest.CaptureFi
     recording = open_recording(recorded)
     one = next(row for row in info["signals"] if (row["signal"], row["joint"]) == ("i", 2))
     assert one["missing"] == np.isnan(recording.i[:, 1]).sum() and one["max"] == np.nanmax(recording.i[:, 1])
-    assert info["doubts"]["saturated"] == np.count_nonzero(recording.quality & 2)
+    assert info["quality_flags"]["saturated"] == np.count_nonzero(recording.quality & 2)
     assert run(["info", str(recorded)]) == 4
     text = capsys.readouterr().out
     assert "105 triggers = 100 recorded + 5 lost" in text and "an edge of the trigger line was not seen" in text

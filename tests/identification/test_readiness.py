@@ -1,4 +1,4 @@
-"""What is said of recordings before they are fitted: doubts of the instruments, files cut off, lag, limits, excitation."""
+"""What is said of recordings before they are fitted: quality flags of the instruments, files cut off, lag, limits, excitation."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def of_devices(recording: Recording, quality: np.ndarray) -> Recording:
     return replace(recording, layout=layout, quality=quality, attachments=attachments, **own)
 
 
-def test_doubted_rows_are_left_out_counted_and_named(path: Path, arm: Arm) -> None:
+def test_flagged_rows_are_left_out_counted_and_named(path: Path, arm: Arm) -> None:
     recording = open_recording(path)
     quality = np.zeros((len(recording), 6), np.uint8)
     quality[1000:1100, 5] = Quality.SATURATED  # input 2: the current of joint 1
@@ -61,7 +61,7 @@ def test_doubted_rows_are_left_out_counted_and_named(path: Path, arm: Arm) -> No
     assert "i1: 100 of 5000 rows marked SATURATED" in said
     assert "q2: 400 of 5000 rows marked STALE" in said
     assert "q3: counts may have slipped at t = 12.000 s" in said
-    assert ready.runs[0].doubts["i1"] == {"saturated": 100}
+    assert ready.runs[0].flags["i1"] == {"saturated": 100}
     first, second, _ = ready.runs[0].joints
     assert first.left_out["saturated"] >= 100
     assert second.left_out["gap"] >= 350
@@ -118,6 +118,6 @@ def test_recording_cut_off_says_so(path: Path, arm: Arm, tmp_path: Path, capsys:
     cut.write_bytes(data[: int(0.8 * len(data))])
     said = " ".join(check_runs([open_recording(cut)], arm).warnings)
     assert "run.mcap.active: the file is not finished" in said
-    assert run(["plot", str(cut), "--out", str(tmp_path / "plot.png")]) == 0
+    assert run(["plot", str(cut), "--out", str(tmp_path / "plot.png")]) == 4
     assert "warning: " in (err := capsys.readouterr().err)
     assert "not finished" in err

@@ -72,11 +72,11 @@ def tracked(recording: Recording, tracker: Path | None = None) -> Tracked:
 
 
 def _points(recording: Recording) -> tuple[Array, bool]:
-    """(n, 3) m, NaN where the tracker doubts, and whether they are in the base frame."""
-    doubted = [rows[:, 0] for doubt, rows in recording.doubted("points").items() if doubt in (*NO_VALUE, "saturated")]
+    """(n, 3) m, NaN where the tracker flagged the point, and whether they are in the base frame."""
+    flagged = [rows[:, 0] for flag, rows in recording.flagged("points").items() if flag in (*NO_VALUE, "saturated")]
     for points, known in ((recording.xyz, True), (recording.points, False)):
         if points is not None:
-            return np.where(np.any(doubted, axis=0)[:, None] if doubted else False, np.nan, points), known
+            return np.where(np.any(flagged, axis=0)[:, None] if flagged else False, np.nan, points), known
     raise InputError(
         recording.path,
         "has no tracker points; columns x, y, z are wanted, or the tracker's own file with --tracker FILE.csv",
@@ -91,7 +91,8 @@ def common_ground(
     for other in tracked[1:]:
         if other.frame_known != first.frame_known:
             raise InputError(
-                other.run.name, f"has its points in another frame than {first.run.name}; one kind of rig is wanted"
+                other.run.name,
+                f"has its points in another frame than {first.run.name}; all recordings must be of one kind of rig",
             )
         if target is None and other.target != first.target:
             raise InputError(

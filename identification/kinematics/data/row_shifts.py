@@ -36,7 +36,7 @@ class Shift:
         sense = "late" if self.rows > 0 else "early"
         return (
             f"{self.run}: {place} are {abs(self.rows)} row(s) {sense} against the joints "
-            f"({self.delay:+.2f} +- {self.std:.2f} rows); put right"
+            f"({self.delay:+.2f} +- {self.std:.2f} rows); realigned"
         )
 
 
@@ -52,7 +52,7 @@ class Delays:
 def delays(run: Run, chain: Chain, noise: float) -> Delays:
     """Delays over a run for a chain that is about right, with tracker noise of ``noise`` m a coordinate.
 
-    ``run.q`` are the joint angles that the chain wants, with what else turns the joints (sag ...) already in them.
+    ``run.q`` are the joint angles of the chain, with everything else that turns the joints (sag ...) included.
     """
     good = run.usable.copy()
     at, derivative = position_jacobian(chain, np.nan_to_num(run.q))
@@ -63,13 +63,13 @@ def delays(run: Run, chain: Chain, noise: float) -> Delays:
     first, delay, std = [], [], []
     for start in range(0, len(run.t), size):
         rows = np.flatnonzero(good[start : start + size]) + start
-        # A wrong point is far from its neighbours; late ones are all off together, and are what is looked for.
+        # A wrong point is far from its neighbours; late ones are all displaced together, and are what is searched for.
         rows = rows[length[rows] < 4.0 * float(np.median(length[rows])) + 3.0 * noise] if len(rows) else rows
         if len(rows) < 3:
             continue
         v, r = velocity[rows], residual[rows]
         power = float(np.sum(v * v))
-        if np.sqrt(power) < 10.0 * noise:  # ten times better than a row, or the window tells nothing
+        if np.sqrt(power) < 10.0 * noise:  # ten times better than a row, or the window does not determine the delay
             continue
         first.append(start)
         delay.append(-float(np.sum(v * r)) / power)

@@ -37,7 +37,7 @@ class Run:
         return float(np.median(np.diff(self.t))) if len(self.t) > 1 else 0.0
 
     def velocity(self) -> Array:
-        """dq/dt (N, joints), central differences smoothed over 9 rows; zero where it cannot be told."""
+        """dq/dt (N, joints), central differences smoothed over 9 rows; zero where it cannot be determined."""
         if len(self.t) < 3:
             return np.zeros_like(self.q)
         slope = np.gradient(self.q, self.t, axis=0)

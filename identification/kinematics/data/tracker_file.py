@@ -1,4 +1,4 @@
-"""A tracker's own file, recorded beside the run, put to the run's triggers.
+"""A tracker's own file, recorded during the run, assigned to the run's triggers.
 
 The tracker makes one edge a sample; the run has one row an edge. Both lists are the same events, with members missing on either
 side (a lost edge; samples that the tracker did not keep) and on two clocks. Equal counts alone prove nothing, so the intervals are
@@ -68,7 +68,7 @@ def read_tracker(path: str | Path) -> TrackerFile:
     head = [cell.strip() for cell in rows[0]] if rows else []
     missing = [name for name in ("t", "x", "y", "z") if name not in head]
     if missing:
-        raise InputError(path, f"has no column {missing[0]!r}; a first row with t, x, y, z is wanted")
+        raise InputError(path, f"has no column {missing[0]!r}; the first row must name t, x, y, z")
     columns = [head.index(name) for name in ("t", "x", "y", "z")]
     table = np.full((len(rows) - 1, 4), np.nan)
     for number, row in enumerate(rows[1:], 2):
@@ -84,7 +84,7 @@ def read_tracker(path: str | Path) -> TrackerFile:
     t = table[:, 0]
     if len(t) < 2 or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
         bad = 2 if len(t) < 2 else int(np.flatnonzero(~(np.diff(t) > 0))[0]) + 3 if not (np.diff(t) > 0).all() else 2
-        raise InputError(path, f"line {bad}: column t wants strictly increasing times, one a sample")
+        raise InputError(path, f"line {bad}: column t must hold strictly increasing times, one per sample")
     return TrackerFile(Path(path).name, t, table[:, 1:])
 
 
@@ -166,7 +166,7 @@ def _follow(a: Array, b: Array, start: float, period: float, most: int) -> _Cloc
         n = min(4 * n, len(a), most)
     mean = float(np.sqrt(np.mean(off**2)))
     left = 1.0 - float(np.sum(_pair(a, b, offset, drift, period) >= 0)) / min(len(a), len(b))
-    # what is left over decides only between equals: a start that pairs fewer events with the same agreement
+    # the residual decides only between equals: a start that pairs fewer events with the same agreement
     return _Clocks(offset, drift, 1.4826 * float(np.median(off)), mean + 1e-3 * period * left)
 
 

@@ -1,7 +1,7 @@
 """From circles to a kinematic model: the axis lines, brought into one configuration, give D-H (thesis 6.3).
 
 Features are taken from the last joint inward, as they are measured. Putting them together goes outward, because an axis that was
-seen while earlier joints stood elsewhere has first to be turned back about those.
+seen while earlier joints were elsewhere must first be rotated back about those.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def circle_point_model(circles: Sequence[Circle], nominal: Chain) -> Array:
     """Values (values,) of the chain from circle-point analysis alone; ``nominal`` in standard D-H order, roughly in place.
 
     Joints that were not swept keep their nominal place relative to the one before. The zero of the last swept joint, and its place
-    along its own axis, follow from the target, and so are only as good as the target's place on the arm is known.
+    along its own axis, follow from the target, and are only as accurate as the known place of the target on the arm.
     """
     hub = axes_at_zero(circles, nominal)
     near = Table(_rows(nominal), base_pose(nominal), np.eye(4), hub.prismatic)
@@ -85,7 +85,7 @@ def _turned(screws: Sequence[Array], at: Array) -> Array:
 
 
 def _with_outer(screws: Sequence[Array], joint: int, at: Array, home: Array) -> Array:
-    """Where the target is (3,) with joints up to ``joint`` at zero and the outer ones where they stood."""
+    """Where the target is (3,) with joints up to ``joint`` at zero and the outer ones where they were."""
     pose = np.eye(4)
     for k in range(joint + 1, len(screws)):
         pose = pose @ exponential(screws[k], float(at[k]))

@@ -2,7 +2,7 @@
 
 Mooring, Roth and Driels, "Fundamentals of Manipulator Calibration", 1991, ch. 5; thesis 6.3. The plane comes from the smallest
 singular vector of the points, the circle in it from Kasa's linear fit (IEEE Trans. IM 25, 1976) refined on true distances, both
-without wrong points. What is left over is told apart in three directions, over the joint's angle:
+without wrong points. The residual is resolved in three directions, over the joint's angle:
 
     across      along the axis: a second axis moving, a wobbling bearing
     radial      along the radius: an encoder cannot cause it
@@ -34,7 +34,7 @@ class Circle:
     axis        (3,) unit vector along the joint axis, in the sense of positive joint angle
     centre      (3,) m; radius m
     arc         rad, swept
-    q           (N,) rad, the joint's angle; at (joints,) rad, where the others stood (the joint's own entry: where it began)
+    q           (N,) rad, the joint's angle; at (joints,) rad, where the others were (the joint's own entry: where it began)
     zero        (3,) unit vector from the centre to where the target is at joint angle 0
     across, radial, tangential  (N,) m, residuals; inlier (N,) bool
     std_angle   rad and std_centre m: standard deviations of the axis's direction and of the centre
@@ -91,13 +91,13 @@ def fit_circle(q: Array, xyz: Array, joint: int) -> Circle:
     good = np.isfinite(xyz).all(axis=1) & np.isfinite(q).all(axis=1)
     q, xyz = q[good], xyz[good]
     if len(q) < LEAST_POINTS:
-        raise DegenerateSweep(f"joint {joint}: {len(q)} points; at least {LEAST_POINTS} are wanted")
+        raise DegenerateSweep(f"joint {joint}: {len(q)} points; expected at least {LEAST_POINTS}")
     travel = np.ptp(q, axis=0)
     if travel.argmax() != joint - 1 and travel.max() > LEAST_ARC:
         raise DegenerateSweep(f"joint {joint}: joint {travel.argmax() + 1} moved instead")
     if travel[joint - 1] < LEAST_ARC:
         arc = np.degrees(travel[joint - 1])
-        raise DegenerateSweep(f"joint {joint}: the sweep covers {arc:.3g} degrees; at least 30 are wanted")
+        raise DegenerateSweep(f"joint {joint}: the sweep covers {arc:.3g} degrees; expected at least 30")
     others = np.delete(travel, joint - 1)
     if len(others) and others.max() > np.radians(1.0):
         which = int(np.argmax(np.where(np.arange(len(travel)) == joint - 1, 0.0, travel))) + 1

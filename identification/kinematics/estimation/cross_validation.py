@@ -32,7 +32,7 @@ class PositionError:
 
 
 def position_error(residual: Array, *, reject: bool = True) -> PositionError:
-    """The error of residuals (N, 3) m; beam breaks and wrong points, told by their own robust scale, are left out and counted."""
+    """The error of residuals (N, 3) m; beam breaks and wrong points, detected by their robust scale, are left out and counted."""
     length = np.linalg.norm(residual, axis=1)
     keep = np.ones(len(length), bool)
     if reject and len(length):

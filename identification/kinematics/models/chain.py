@@ -163,7 +163,7 @@ def _cross(a: Array, b: Array) -> Array:
 def _rows(chain: Chain, q: ArrayLike) -> Array:
     q = np.atleast_2d(np.asarray(q, float))
     if q.ndim != 2 or q.shape[1] < chain.joints:
-        raise ValueError(f"q wants shape (N, {chain.joints}), has {q.shape}")
+        raise ValueError(f"q needs shape (N, {chain.joints}), has {q.shape}")
     return q
 
 

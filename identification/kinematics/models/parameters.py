@@ -4,7 +4,7 @@ World here is the frame in which the tracker's points are given. The chain is
 
     nominal base (fixed) . base (a small correction, in link frame 0) . joints . target
 
-Several parameters do the same thing, and data cannot tell them apart (Everett and Hsu, IEEE T-RA 1988; Mooring, Roth and
+Several parameters do the same thing, and data cannot separate them (Everett and Hsu, IEEE T-RA 1988; Mooring, Roth and
 Driels, "Fundamentals of Manipulator Calibration", 1991): turning the base about joint 1 and joint 1's theta; the last link and
 the target. What is known decides. A tracker whose frame was surveyed leaves such an error in the joint; an unknown frame
 takes it. A target whose place the rig file gives stays there, and the last link takes the error.

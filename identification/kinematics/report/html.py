@@ -106,7 +106,7 @@ def _parameter_table(table: dict[str, Any]) -> str:
     text += (
         f"<p>Base at ({', '.join(f'{1e3 * v:.3f}' for v in base[:3, 3])}) mm; "
         f"target at ({', '.join(f'{1e3 * v:.3f}' for v in tool[:3, 3])}) mm in the frame of the last link.</p>"
-        "<small>A value without a deviation was not free: other parameters do the same thing. What data cannot tell apart (the last "
+        "<small>A value without a deviation was not free: other parameters do the same thing. What the data cannot separate (the last "
         "link and the target's place; turning the base and joint 1's zero) is decided by what is known beforehand.</small>"
     )
     return _table(["", "theta", "alpha", "beta", "a", "d"], rows) + text
@@ -147,7 +147,7 @@ def _circles_text(table: dict[str, Any]) -> str:
                      _mm(r["across"]), _mm(r["radial"]), _mm(r["tangential"]), turn])  # fmt: skip
     return _table(["", "radius", "arc", "axis ±", "across", "radial", "tangential", "once a turn"], rows) + (
         "<small>Tangential: the encoder's angle against the angle on the circle. Once a turn there: encoder eccentricity, or gravity "
-        "sag of a joint about a horizontal axis; the least-squares fit tells them apart. Across and radial no encoder can cause.</small>"
+        "sag of a joint about a horizontal axis; the least-squares fit separates them. An encoder cannot cause across and radial residuals.</small>"
     )
 
 

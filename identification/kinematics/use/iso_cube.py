@@ -70,7 +70,7 @@ def cube_targets(arm: Arm, centre: ArrayLike, side: float, posture: ArrayLike, m
                 f"ISO cube P{k}", f"({', '.join(f'{v:.3f}' for v in point)}) m is out of reach with this posture"
             ) from None
         if not within_limits(arm, at[None])[0]:
-            raise InputError(f"ISO cube P{k}", "is outside the joint limits; another posture or centre is wanted")
+            raise InputError(f"ISO cube P{k}", "is outside the joint limits; use another posture or centre")
         out.append(at)
     return np.array(out)
 

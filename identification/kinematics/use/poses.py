@@ -23,7 +23,7 @@ from identification.kinematics.models.parameters import Trust, parameters_of
 from identification.kinematics.use.correction import limits_of
 
 ENOUGH = np.sqrt(1.1**2 - 1.0)
-"""A model error of 0.458 of the tracker's noise adds a tenth to the rms of a measured point: that is as good as reached."""
+"""A model error of 0.458 of the tracker's noise adds a tenth to the rms of a measured point: that counts as reached."""
 
 
 @dataclass(frozen=True)
@@ -61,14 +61,12 @@ def select_poses(
     arm's own column. A person still looks whether the cell has room.
     """
     if count < 2:
-        raise InputError("--poses", f"{count} poses determine nothing; at least 2, better 30, are wanted")
+        raise InputError("--poses", f"{count} poses determine nothing; use at least 2, better 30")
     parameters = parameters_of(arm, target, frame_known=True, trust=Trust())
     generator = np.random.default_rng(seed)
     pool = allowed_poses(arm, target, candidates, generator, floor)
     if len(pool) < count:
-        raise InputError(
-            "--poses", f"only {len(pool)} of {candidates} random poses are allowed; fewer poses are wanted"
-        )
+        raise InputError("--poses", f"only {len(pool)} of {candidates} random poses are allowed; ask for fewer")
     information = scaled_jacobian(parameters, pool) / noise
     chosen = _exchange(information, _greedy(information, count))
     check = scaled_jacobian(parameters, allowed_poses(arm, target, 600, generator, floor))

@@ -74,8 +74,8 @@ def test_wrong_points_do_not_bend_it() -> None:
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
-        (lambda q, p: (q[:8], p[:8]), "8 points; at least 10"),
-        (lambda q, p: (q[:40], p[:40]), "covers 2[0-9.]* degrees; at least 30"),
+        (lambda q, p: (q[:8], p[:8]), "8 points; expected at least 10"),
+        (lambda q, p: (q[:40], p[:40]), "covers 2[0-9.]* degrees; expected at least 30"),
         (lambda q, p: (q, np.outer(q[:, 0], [1.0, 2, 3])), "on a line"),
         (lambda q, p: (np.column_stack((q[:, 0] * 0, q[:, 0])), p), "joint 2 moved instead"),
         (lambda q, p: (np.column_stack((q[:, 0], q[:, 0] / 20)), p), "joint 2 moved too"),

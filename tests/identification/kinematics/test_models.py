@@ -150,6 +150,6 @@ def test_wrong_shapes_are_refused() -> None:
     with pytest.raises(ValueError, match=r"\(3, 4\)"):
         parameterisations.denavit_hartenberg(np.zeros((3, 5)), base=np.eye(4), tool=np.eye(4), prismatic=[False] * 3)
     chain = parameterisations.hayati(np.zeros((3, 5)), base=np.eye(4), tool=np.eye(4), prismatic=[False] * 3)
-    with pytest.raises(ValueError, match="q wants shape"):
+    with pytest.raises(ValueError, match="q needs shape"):
         forward(chain, np.zeros((4, 2)))
     assert isinstance(exponentials_of(chain), Exponentials)
