@@ -1,13 +1,15 @@
-"""From recordings and a model to causes: show, ask, name, extend, measure.
+"""From recordings and a model to causes: screen, measure, select, verify, extend.
 
-1. events in raw rows (``events``); 2. every recording seen through the model (``evidence``); 3. all candidates as columns (``library``); 4. forward
-selection on held-out gain with joint refit, shapes sharpened, then backward deletion (``selection``); 5. parameters (``parameters``); 6. what is left
-(``remainder``); 7. the extended model in closed loop (``closed_loop``).
+screen   events in raw rows are found and removed (``screening``)
+measure  what tracker, link encoders and setpoints show without the currents (``measurements``)
+select   what the currents show conditional on it (``find_causes``): residuals, columns of every effect, stepwise selection, unexplained structure
+verify   the extended model in closed loop and along the measured motion (``closed_loop``)
+extend   all causes together, the extended model, and what these recordings could not show
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,7 +19,7 @@ from arm_model.description import Arm
 from daq.recording import Recording
 from diagnosis.cause import Cause, Signal, Structure, Undetectable, extend, merge
 from diagnosis.closed_loop.comparison import Compared, along_motion, compare, faithful, with_widths
-from diagnosis.find_causes import has_dynamics, named_causes
+from diagnosis.find_causes import Named, has_dynamics, named_causes
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.detectability import not_judged, not_visible
 from diagnosis.measurements.currents.unexplained import LOUD, loudness
@@ -27,22 +29,33 @@ from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.run import Run
-from diagnosis.screening.cleaned import check
-from diagnosis.screening.encoder_jumps import jumps, without_jumps
+from diagnosis.screening.cleaned import Screened, screened
+from diagnosis.screening.event import Event
 from diagnosis.screening.plausibility import check_motion, mixed_up
 from diagnosis.selection.design import Dataset
 from diagnosis.units import unit_at
+from identification.selection.split import Split
+
+Recordings = Split[Sequence[Recording]]
+Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Diagnosis:
-    """Everything that the report and diagnosis.json say."""
+    """Everything that the report and diagnosis.json say.
+
+    arm, extended  the model, and the model with every cause as an effect
+    fit, held_out  residuals of the recordings; left: (N,) whitened, with all causes
+    compared       of "fit" and "held_out", each recording's closed loop by the model and by the extended one
+    along          ... and (n,) A rms of its residual under both along the measured motion
+    judged         whether the currents were, by a model that expects some
+    """
 
     arm: Arm
     extended: Arm
     fit: tuple[Run, ...]
     held_out: tuple[Run, ...]
-    left: tuple[Array, Array]
+    left: Split[Array]
     causes: list[Cause]
     not_visible: list[Undetectable]
     unexplained: list[Structure]
@@ -52,7 +65,7 @@ class Diagnosis:
     link: LinkSide | None = None
     tracked: Tracked | None = None
     axis: AxisSide | None = None
-    judged: bool = True  # the currents, by a model that expects some
+    judged: bool = True
     warnings: tuple[str, ...] = ()
 
     @property
@@ -68,63 +81,154 @@ class Diagnosis:
         return "explained" if self.causes else "consistent"
 
 
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """What instruments other than the current transducers show.
+
+    events   in setpoints; judged: whether the model expects any current, by which the currents can be judged
+    """
+
+    tracked: Tracked
+    link: LinkSide | None
+    events: list[Event]
+    judged: bool
+
+    @property
+    def known(self) -> list[Cause]:
+        """Causes that the currents are judged with: where the links are, and what stands between motors and links."""
+        return [*self.tracked.geometry, *(cause for cause in self.of_links if cause.of_arm and self.judged)]
+
+    @property
+    def of_links(self) -> list[Cause]:
+        """Causes that the link encoders show."""
+        return self.link.causes if self.link else []
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verified:
+    """The causes with their errors in closed loop, and both models held against the recordings; see ``Diagnosis``."""
+
+    causes: list[Cause]
+    compared: dict[str, list[tuple[Compared, Compared]]]
+    along: dict[str, list[tuple[Array, Array]]]
+
+
 def diagnose(
     arm: Arm,
     fit: Sequence[Recording],
     held_out: Sequence[Recording],
-    progress: Callable[[str], None] = lambda sentence: None,
+    progress: Progress = lambda sentence: None,
 ) -> Diagnosis:
     """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm."""
-    everything = [*fit, *held_out]
-    check(arm, everything)
-    check_motion(arm, fit, "fitted")
-    check_motion(arm, held_out, "held-out")
-    jumped = jumps(everything, arm)
-    angles = [without_jumps(recording, index, jumped) for index, recording in enumerate(everything)]
-    tracked = tracked_causes(arm, fit, held_out, angles=angles, progress=progress)
+    recordings: Recordings = Split(fit, held_out, bool({r.path for r in fit} & {r.path for r in held_out}))
+    cleaned = screen(arm, recordings, progress)
+    measured = measure(arm, recordings, cleaned, progress)
+    named = named_causes(arm, measured.known, recordings, cleaned, progress)
+    causes, extended = extend_by(arm, measured, named, recordings)
+    verified = verify(arm, extended, causes, recordings, named, judged=measured.judged)
+    state, structures = named.found.state, _structures(measured, named)
+    return Diagnosis(
+        arm=arm,
+        extended=extended,
+        fit=state.data.fit.runs,
+        held_out=state.data.held_out.runs,
+        left=Split(state.fitted.fit, state.fitted.held_out),
+        causes=verified.causes,
+        not_visible=_undetectable(measured, named),
+        unexplained=[*structures, *(measured.link.unexplained if measured.link else []), *measured.tracked.unexplained],
+        compared=verified.compared,
+        along=verified.along,
+        encoder_noise=np.array([encoder_step(column) / np.sqrt(12) for column in fit[0].q.T]),
+        link=measured.link,
+        tracked=measured.tracked,
+        axis=named.axis,
+        judged=measured.judged,
+        warnings=tuple(_warnings(arm, measured, named, structures)),
+    )
+
+
+def screen(arm: Arm, recordings: Recordings, progress: Progress) -> Screened:
+    """Recordings that belong to the arm and show a motion, their events found and removed."""
+    cleaned = screened(arm, [*recordings.fit, *recordings.held_out], progress)
+    check_motion(arm, recordings.fit, "fitted")
+    check_motion(arm, recordings.held_out, "held-out")
+    return cleaned
+
+
+def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progress) -> Measured:
+    """What tracker, link encoders and setpoints show."""
+    angles = [q for _, q, _ in cleaned.samples]
+    tracked = tracked_causes(arm, *recordings, angles=angles, progress=progress)
     progress("comparing motor and link encoders")
-    link = link_side(arm, fit, held_out)
-    of_links = link.causes if link else []
-    judged = has_dynamics(arm)
-    known = [*tracked.geometry, *(one for one in of_links if one.of_arm and judged)]
-    named = named_causes(arm, known, fit, held_out, progress)
-    known_arm, found, axis = named.arm, named.found, named.axis
-    swung = [named.swung] if named.swung else []
-    known += swung
-    data, fitted = found.state.data, found.state.fitted
-    runs = [*data.fit.runs, *data.held_out.runs]
-    causes = [from_event(event, known_arm, data) for event in [*named.sight.found, *turned_wrist(fit, held_out)]]
-    causes += named.causes
-    beside = merge(causes if judged else [*causes, *of_links], [one for one in tracked.causes if one not in known])
-    extended = extend(named.base, beside) if beside else known_arm
-    causes = merge([*swung, *causes, *of_links], tracked.causes)
-    extended = with_widths(extended, fit) if extended is not arm else extended
-    halves = {"fit": (fit, runs[: len(fit)]), "held_out": (held_out, runs[len(fit) :])}
+    return Measured(
+        tracked=tracked,
+        link=link_side(arm, *recordings),
+        events=turned_wrist(*recordings),
+        judged=has_dynamics(arm),
+    )
+
+
+def extend_by(arm: Arm, measured: Measured, named: Named, recordings: Recordings) -> tuple[list[Cause], Arm]:
+    """All causes, each named once, and the model extended by them."""
+    data, known = named.found.state.data, [*measured.known, *([named.resonance] if named.resonance else [])]
+    events = [from_event(event, named.arm, data) for event in [*named.sight.found, *measured.events]]
+    causes = [*events, *named.causes]
+    unknown = [cause for cause in measured.tracked.causes if cause not in known]
+    beside = merge(causes if measured.judged else [*causes, *measured.of_links], unknown)
+    extended = extend(named.base, beside) if beside else named.arm
+    if extended is not arm:
+        extended = with_widths(extended, recordings.fit)
+    resonant = [named.resonance] if named.resonance else []
+    return merge([*resonant, *causes, *measured.of_links], measured.tracked.causes), extended
+
+
+def verify(
+    arm: Arm, extended: Arm, causes: Sequence[Cause], recordings: Recordings, named: Named, *, judged: bool
+) -> Verified:
+    """The model and the extended one in closed loop on the recorded setpoints, and along the measured motion."""
+    runs = named.found.state.data.map(lambda part: part.runs)
+    halves = {"fit": (recordings.fit, runs.fit), "held_out": (recordings.held_out, runs.held_out)}
     compared = {
         half: [pair for r, run in zip(*both) if (pair := _before_and_after(r, run, arm, extended)) is not None]
         for half, both in halves.items()
     }
     simulated = [after for _, after in compared["held_out"]]
-    causes = [_shown_in_loop(one, extended, simulated, held_out, runs[len(fit) :]) for one in causes]
-    along = {half: [along_motion(run, arm, extended) for run in seen if judged] for half, (_, seen) in halves.items()}
-    left = (fitted.fit, fitted.held_out)
-    structures = found.remainder.structures if judged else []
-    unjudged = [] if judged else not_judged(known_arm, link.seen.joints.tolist() if link else [])
-    if axis and axis.wave:
-        structures = [Structure(Signal.CURRENT, 1, "position", axis.wave.share)]
-    told = {(one.effect, one.joint) for one in [*named.causes, *known]} | tracked.shown
-    return Diagnosis(
-        arm, extended, tuple(runs[: len(fit)]), tuple(runs[len(fit) :]), left, causes,
-        not_visible(named.library, named.ripples, data.held_out, told, known_arm) + unjudged + tracked.not_visible,
-        structures + (link.unexplained if link else []) + tracked.unexplained, compared, along,
-        np.array([encoder_step(everything[0].q[:, j]) / np.sqrt(12) for j in range(len(arm))]), link, tracked, axis, judged,
-        (() if judged else (f"{arm.name} has neither masses nor friction: its currents were not judged",))
-        + (mixed_up(runs) if judged else ())
-        + (not_held_out(fitted.fit, data.fit, structures, arm) if judged else ())
-        + (_of_width(known_arm, named.base))
-        + (_beside_causes(axis, arm) if axis else ())
-        + (link.remarks if link else ()),
-    )  # fmt: skip
+    return Verified(
+        causes=[_shown_in_loop(cause, extended, simulated, *halves["held_out"]) for cause in causes],
+        compared=compared,
+        along={
+            half: [along_motion(run, arm, extended) for run in seen if judged] for half, (_, seen) in halves.items()
+        },
+    )
+
+
+def _structures(measured: Measured, named: Named) -> list[Structure]:
+    """Unexplained structure of the currents."""
+    if named.axis and named.axis.wave:
+        return [Structure(Signal.CURRENT, 1, "position", named.axis.wave.share)]
+    return named.found.remainder.structures if measured.judged else []
+
+
+def _undetectable(measured: Measured, named: Named) -> list[Undetectable]:
+    """Effects that these recordings could not show."""
+    resonant = [named.resonance] if named.resonance else []
+    shown = {cause.key for cause in [*named.causes, *measured.known, *resonant]} | measured.tracked.shown
+    of_currents = not_visible(named.library, named.ripples, named.found.state.data.held_out, shown, named.arm)
+    link = measured.link.seen.joints.tolist() if measured.link else []
+    unjudged = [] if measured.judged else not_judged(named.arm, link)
+    return of_currents + unjudged + measured.tracked.not_visible
+
+
+def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[Structure]) -> Iterator[str]:
+    state = named.found.state
+    if measured.judged:
+        yield from mixed_up([*state.data.fit.runs, *state.data.held_out.runs])
+        yield from not_held_out(state.fitted.fit, state.data.fit, structures, arm)
+    else:
+        yield f"{arm.name} has neither masses nor friction: its currents were not judged"
+    yield from _of_width(named.arm, named.base)
+    yield from _beside_causes(named.axis, arm) if named.axis else ()
+    yield from measured.link.remarks if measured.link else ()
 
 
 def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure], arm: Arm) -> tuple[str, ...]:

@@ -26,20 +26,21 @@ from diagnosis.measurements.currents.ripple_orders import order_of
 from diagnosis.measurements.currents.search import Found, search, without
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, sharply
 from diagnosis.residual.run import Run
-from diagnosis.screening.cleaned import Sight, seen_through, with_edges
+from diagnosis.screening.cleaned import Screened, Sight, seen_through, with_edges
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.design import Pair
+from diagnosis.selection.design import Dataset, Pair
 from identification.selection.split import Split
 
 
 @dataclass(frozen=True, kw_only=True)
 class Named:
-    """What the currents of recordings name beside what is known of the arm.
+    """What the currents of recordings name, conditional on what is known of the arm.
 
-    arm, sight    the model with all that is known of it, and the recordings as it sees them
-    base          the arm that the causes extend
-    library       every candidate's columns; found: what the search chose of them; axis: of one axis seen finely
-    causes        of the search or of the axis; terms: those of the search as effects; swung: a spring or play, which the arm has
+    arm, sight  the model with all that is known of it, and the residuals of the recordings under it
+    base        the arm that the causes extend
+    library     every candidate's columns; ripples: candidates that have columns only where they stand out of the residual
+    found       what the search chose; axis: what a single axis with a fine encoder shows
+    causes      of the search or of the axis; resonance: a spring or a gap found in closed loop, which ``arm`` has
     """
 
     arm: Arm
@@ -50,49 +51,41 @@ class Named:
     found: Found
     axis: AxisSide | None
     causes: list[Cause]
-    swung: Cause | None = None
+    resonance: Cause | None = None
+
+
+Recordings = Split[Sequence[Recording]]
+Progress = Callable[[str], None]
 
 
 def named_causes(
-    model: Arm,
-    known: Sequence[Cause],
-    fit: Sequence[Recording],
-    held_out: Sequence[Recording],
-    progress: Callable[[str], None],
+    model: Arm, known: Sequence[Cause], recordings: Recordings, screened: Screened, progress: Progress
 ) -> Named:
-    """Names what the currents show beside the ``known`` causes of encoders and tracker: by the search, and by what swings in closed loop."""
-    everything = [*fit, *held_out]
-    parts = bool({r.path for r in fit} & {r.path for r in held_out})
-    banned = {(one.effect, one.joint) for one in known if not one.by_tracker}
+    """Names what the currents show conditional on the ``known`` causes of encoders and tracker: by the search, and by resonances in closed loop."""
+    excluded = {cause.key for cause in known if not cause.by_tracker}
     arm = extend(model, known) if known else model
-    sight = seen_through(arm, everything, progress)
-    named = _searched(arm, sight, held_out, parts, banned, progress)
+    sight = seen_through(arm, screened, progress)
+    named = _searched(arm, sight, recordings, excluded, progress)
     if (behind := with_edges(sight, named.found.state.terms)) is not sight:
-        named = _searched(arm, behind, held_out, parts, banned, progress)
-    progress("looking for what swings")
-    swung = _swung(named, fit, held_out) if has_dynamics(model) else None
-    if swung is None:
+        named = _searched(arm, behind, recordings, excluded, progress)
+    progress("searching for transmission resonances in closed loop")
+    found = _resonance(named, recordings) if has_dynamics(model) else None
+    if found is None:
         return named
-    arm = extend(model, [*known, swung])  # the others are then judged by the arm that swings
-    sight = with_edges(seen_through(arm, everything, progress), named.found.state.terms)
-    banned |= {(effect, swung.joint) for effect in resonance.transmissions()}
-    return replace(_searched(arm, sight, held_out, parts, banned, progress), swung=swung)
+    # the others are then judged by the arm that resonates
+    arm = extend(model, [*known, found])
+    sight = with_edges(seen_through(arm, screened, progress), named.found.state.terms)
+    excluded |= {(effect, found.joint) for effect in resonance.transmissions()}
+    return replace(_searched(arm, sight, recordings, excluded, progress), resonance=found)
 
 
-def _searched(
-    arm: Arm,
-    sight: Sight,
-    held_out: Sequence[Recording],
-    parts: bool,
-    banned: Set[EffectKey],
-    progress: Callable[[str], None],
-) -> Named:
-    """Names causes in recordings as they are seen, those held out last; none of ``banned``. parts: both sides are parts of the same recordings."""
-    first = len(sight.runs) - len(held_out)
-    runs, data = sight.runs, Split(dataset_of(sight.runs[:first]), dataset_of(sight.runs[first:]), parts)
-    progress("computing what each effect would look like")
-    every = tuple(c for c in candidates(arm) if c.key not in banned) if has_dynamics(arm) else ()
+def _searched(arm: Arm, sight: Sight, recordings: Recordings, excluded: Set[EffectKey], progress: Progress) -> Named:
+    """Names causes in the residuals of recordings, those held out last; none of ``excluded``."""
+    first, parts = len(recordings.fit), recordings.two_fold
+    progress("computing the columns of every effect")
+    every = tuple(c for c in candidates(arm) if c.key not in excluded) if has_dynamics(arm) else ()
     ripples = tuple(c for c in every if order_of(c) is not None)
+    runs, data = sight.runs, _datasets(sight.runs, first, parts)
     library = {c: data.map(partial(columns_of, c)) for c in every if order_of(c) is None}
     axis = axis_side(arm, sight.samples[:first], sight.samples[first:], parts=parts)
     of_axis, base = [from_axis(one, arm) for one in axis.causes] if axis else [], arm
@@ -101,45 +94,56 @@ def _searched(
         base = sharply(arm, sight.samples)
         runs = [replace(run, arm=base) for run in runs]
         terms = extend(base, of_axis).effects[len(arm.effects) :]
-        data = Split(dataset_of(runs[:first]), dataset_of(runs[first:]), parts)
-        data = data.map(lambda part: replace(part, y=dataset_with(part, terms)))
+        data = _datasets(runs, first, parts).map(lambda part: replace(part, y=dataset_with(part, terms)))
     free = [Split(*pair) for pair in zip(free_columns(data.fit, arm), free_columns(data.held_out, arm))]
-    searched, waves = (library, ripples) if axis is None else ({}, ())
-    model = Currents(arm, data, searched, free, waves, banned)
-    refused: list[EffectKey] = []
-    found = search(model, progress)
-    while True:
-        progress("estimating parameters")
-        causes = _of_search(found)
-        progress("judging in closed loop")
-        if (removed := _untenable(arm, causes, held_out, runs[first:])) is None:
-            break
-        candidate = found.state.chosen[removed]
-        refused.append(candidate.key)
-        if len(refused) <= LIMITS.searched_again:
-            # what it stood for may have a better name
-            found = search(replace(model, excluded=banned | set(refused)), progress)
-        else:
-            found = without(found, candidate)
+    searched, ripples = (library, ripples) if axis is None else ({}, ())
+    model = Currents(arm, data, searched, free, ripples, excluded)
+    found, causes = _tenable(model, recordings.held_out, runs[first:], progress)
     return Named(
         arm=arm,
         sight=sight,
         base=base,
         library=library,
-        ripples=waves,
+        ripples=ripples,
         found=found,
         axis=axis,
         causes=causes + of_axis,
     )
 
 
-def _swung(named: Named, fit: Sequence[Recording], held_out: Sequence[Recording]) -> Cause | None:
-    """A spring or play that closed loops show, in the place of one that the search named or beside all that it named."""
+def _datasets(runs: Sequence[Run], first: int, two_fold: bool) -> Split[Dataset]:
+    return Split(dataset_of(runs[:first]), dataset_of(runs[first:]), two_fold)
+
+
+def _tenable(
+    model: Currents, recordings: Sequence[Recording], runs: Sequence[Run], progress: Progress
+) -> tuple[Found, list[Cause]]:
+    """What the search finds and closed loops on held-out ``recordings`` do not refute; in the place of what they refute, it searches again."""
+    refused: list[EffectKey] = []
+    found = search(model, progress)
+    while True:
+        progress("estimating parameters")
+        causes = _of_search(found)
+        progress("judging in closed loop")
+        removed = _untenable(model.arm, causes, recordings, runs)
+        if removed is None:
+            return found, causes
+        candidate = found.state.chosen[removed]
+        refused.append(candidate.key)
+        if len(refused) <= LIMITS.searched_again:
+            # what it stood for may have a better name
+            found = search(replace(model, excluded=model.excluded | set(refused)), progress)
+        else:
+            found = without(found, candidate)
+
+
+def _resonance(named: Named, recordings: Recordings) -> Cause | None:
+    """A spring or a gap that closed loops show, in the place of one that the search named or beside all that it named."""
     springs: list[Cause | None] = [one for one in named.causes if one.effect in resonance.transmissions()]
     for spring in springs or [None]:
-        arm = with_widths(extend(named.base, [one for one in named.causes if one is not spring]), fit)
+        arm = with_widths(extend(named.base, [one for one in named.causes if one is not spring]), recordings.fit)
         joints = [spring.joint] if spring and spring.joint else range(1, len(arm) + 1)
-        if (cause := resonance.swinging(arm, fit, held_out, joints, spring)) is not None:
+        if (cause := resonance.swinging(arm, recordings.fit, recordings.held_out, joints, spring)) is not None:
             return cause
     return None
 
@@ -156,9 +160,9 @@ def _of_search(found: Found) -> list[Cause]:
 
 
 def _indistinct(causes: Sequence[Cause]) -> int | None:
-    """The first cause none of whose sizes is told from nothing: it follows something, but is not there.
+    """The first cause without a linear parameter that differs significantly from zero: it follows something, but is not there.
 
-    A link's many parameters need not be told from nothing one by one: together they are.
+    A link's many parameters need not differ from zero one by one: together they do.
     """
     for index, cause in enumerate(causes):
         sizes = {p.name for p in CATALOGUE[cause.effect].linear}
@@ -169,7 +173,7 @@ def _indistinct(causes: Sequence[Cause]) -> int | None:
 
 
 def _untenable(arm: Arm, causes: list[Cause], recordings: Sequence[Recording], runs: Sequence[Run]) -> int | None:
-    """The first cause that is not told from nothing, or that the closed loop refutes."""
+    """The first cause without a parameter that differs significantly from zero, or that the closed loop refutes."""
     indistinct = _indistinct(causes)
     if indistinct is not None or not causes:
         return indistinct

@@ -67,7 +67,10 @@ def rough(result: Diagnosis, table: dict[str, Any]) -> str:
     """Residual of every joint in every recording, in units of the noise, without and with the causes; and what of it is structure."""
     joints = range(1, len(result.arm) + 1)
     rows = []
-    for runs, left, words in ((result.fit, result.left[0], "fitted"), (result.held_out, result.left[1], "held out")):
+    for runs, left, words in (
+        (result.fit, result.left.fit, "fitted"),
+        (result.held_out, result.left.held_out, "held out"),
+    ):
         side = dataset_of(runs)
         edges = np.cumsum([0, *(len(run.t) for run in runs)])
         for run, rows_here in zip(runs, map(slice, edges, edges[1:])):

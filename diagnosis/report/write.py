@@ -16,14 +16,26 @@ from diagnosis.cause import Cause, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation, separations
 from diagnosis.experiments.revealing import Showing, shown_by
+from diagnosis.measurements.currents import limits as currents
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure_share import predictable
+from diagnosis.measurements.link_encoders import model as link_encoders
+from diagnosis.measurements.single_axis import model as single_axis
+from diagnosis.measurements.tracker import model as tracker
 from diagnosis.report.html import report
 from diagnosis.units import unit_at
 from experiment import Experiment, write_experiment
 from identification.experiment_design.excitation import Limits
+from identification.selection.split import Split
 
 SCHEMA = "armscope.diagnosis/1"
+LIMITS = {
+    "currents": currents.LIMITS.to_json(),
+    "single_axis": single_axis.LIMITS.to_json(),
+    "link_encoders": link_encoders.LIMITS.to_json(),
+    "tracker": tracker.LIMITS.to_json(),
+}
+"""Thresholds of every measurement model."""
 
 
 def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording]) -> dict[str, Any]:
@@ -44,6 +56,7 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
             for one in result.unexplained
         ],
         "warnings": list(result.warnings),
+        "limits": LIMITS,
     }
 
 
@@ -52,8 +65,8 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
     rows, in_loop = [], result.in_closed_loop
     fit, held_out = dataset_of(result.fit), dataset_of(result.held_out)
     shares = [
-        predictable(fit, held_out, *residuals, result.arm).round(4)
-        for residuals in ((fit.y, held_out.y), result.left)
+        predictable(fit, held_out, residual.fit, residual.held_out, result.arm).round(4)
+        for residual in (Split(fit.y, held_out.y), result.left)
         if result.judged
     ]
     noise = np.mean([run.noise for run in result.held_out], axis=0)

@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from diagnosis.screening.cleaned import seen_through
+    from diagnosis.screening.cleaned import screened, seen_through
     from diagnosis.screening.time_split import split
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
+    "screened",
     "seen_through",
     "split",
 ]

@@ -41,28 +41,50 @@ class Sight:
     still: Array
 
 
-def seen_through(
+@dataclass(frozen=True, kw_only=True)
+class Screened:
+    """Recordings whose events were found and removed, whatever the effects of the model.
+
+    events   in raw rows; samples: t (k,) s, q (k, n) rad, i (k, n) A of every recording without them
+    still    (n,) A: std of the currents at standstill
+    """
+
+    recordings: tuple[Recording, ...]
+    events: list[Event]
+    samples: list[Samples]
+    still: Array
+
+
+def screened(
     arm: Arm, recordings: Sequence[Recording], progress: Callable[[str], None] = lambda sentence: None
-) -> Sight:
-    """Recordings seen through an arm. InputError where one does not belong to it."""
+) -> Screened:
+    """Removes the events of recordings. InputError where one does not belong to the arm."""
     recordings = list(recordings)
     check(arm, recordings)
-    progress("looking for events")
-    found = [
+    progress("searching for events in raw rows")
+    events = [
         *mains_hum(recordings),
         *jumps(recordings, arm),
-        *(one for one in current_limits(recordings) if not _its_own(arm, one)),
+        *(event for event in current_limits(recordings) if not _its_own(arm, event)),
     ]
-    runs, samples = [], []
-    still = still_noise([r for r in recordings if not setup_of(r).drives_off])
-    for index, recording in enumerate(recordings):
-        progress(f"seeing {recording.path.name} through the model")
-        q = without_jumps(recording, index, found)
-        setup, i = setup_of(recording), without_hum(recording, found)
+    return Screened(
+        recordings=tuple(recordings),
+        events=events,
+        samples=[(r.t, without_jumps(r, index, events), without_hum(r, events)) for index, r in enumerate(recordings)],
+        still=still_noise([r for r in recordings if not setup_of(r).drives_off]),
+    )
+
+
+def seen_through(arm: Arm, screened: Screened, progress: Callable[[str], None] = lambda sentence: None) -> Sight:
+    """The residuals of recordings under an arm."""
+    runs = []
+    for recording, samples in zip(screened.recordings, screened.samples):
+        progress(f"computing the residual of {recording.path.name}")
+        setup = setup_of(recording)
         of_run = loaded(arm, setup.payload)
-        runs.append(see(recording.path.name, of_run, recording.t, q, i, powered=not setup.drives_off, still=still))
-        samples.append((recording.t, q, i))
-    return with_edges(Sight(found, runs, samples, [r.dt for r in recordings], still), [])
+        runs.append(see(recording.path.name, of_run, *samples, powered=not setup.drives_off, still=screened.still))
+    periods = [r.dt for r in screened.recordings]
+    return with_edges(Sight(screened.events, runs, screened.samples, periods, screened.still), [])
 
 
 def with_edges(sight: Sight, terms: Sequence[EffectTerm]) -> Sight:

@@ -14,7 +14,7 @@ class Limits:
     fdr           false-discovery rate at which a candidate may enter, over all candidates of its round (Benjamini & Hochberg)
     final_fdr     ... at which it may stay, conditional on all others, once nothing more enters
     min_gain      least gain that matters, as a share of the model's reference energy (see the model)
-    kept_gain     the same for a cause that is chosen already: below it, it is eliminated
+    kept_gain     the same for a cause that is chosen already: below it, it is eliminated; None: no backward elimination
     tie           candidates whose gains differ by less than this share are equal: the one with the fewest coefficients enters
     ambiguity     share of the gain of a chosen cause from which on another candidate may be in its ambiguity group
     attempts      candidates that are tried in one round, if those before them turn out not to be admissible once refitted
@@ -27,7 +27,7 @@ class Limits:
     fdr: float | None = 0.05
     final_fdr: float | None = None
     min_gain: float
-    kept_gain: float
+    kept_gain: float | None
     tie: float = 0.0
     ambiguity: float = 1.0
     attempts: int = 1

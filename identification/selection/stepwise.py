@@ -106,7 +106,8 @@ def select(model: MeasurementModel[C, S], progress: Progress = lambda sentence: 
         entered = forward(model, state)
         if entered is None and state is eliminated:
             break
-        eliminated = eliminate(model, state if entered is None else entered)
+        proposed = state if entered is None else entered
+        eliminated = proposed if model.limits.kept_gain is None else eliminate(model, proposed)
         if set(model.chosen(eliminated)) == set(model.chosen(state)):
             break
         state = model.after_round(eliminated)

@@ -99,7 +99,7 @@ class LinkEncoders(MeasurementModel[Candidate, Chosen]):
 
     def needed(self, score: Score[Candidate], state: Chosen) -> bool:
         """Whether it still matters."""
-        return score.share > self.limits.kept_gain
+        return score.share > (self.limits.kept_gain or 0.0)
 
     def score(self, candidate: Candidate, chosen: Sequence[Candidate]) -> Score[Candidate]:
         """Gain in units of the joints' scales, and its share of what was left where the candidate is felt."""

@@ -88,7 +88,7 @@ class SingleAxis(MeasurementModel[Candidate, Chosen]):
 
     def needed(self, score: Score[Candidate], state: Chosen) -> bool:
         """Whether it still matters."""
-        return score.share > self.limits.kept_gain
+        return score.share > (self.limits.kept_gain or 0.0)
 
     def best(self, chosen: Sequence[Candidate]) -> list[Candidate]:
         """For every effect that is not chosen, the nonlinear parameters that leave least of the fit rows."""

@@ -136,7 +136,7 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
 
     def needed(self, score: Score[TrackedCandidate], state: State) -> bool:
         """Whether it still matters."""
-        return score.gain >= self.limits.kept_gain * self.undetermined
+        return score.gain >= (self.limits.kept_gain or 0.0) * self.undetermined
 
     def linear_scores(self, every: Sequence[TrackedCandidate], state: State) -> list[Score[TrackedCandidate]]:
         """Gains m2 to first order about a fit, everything that is free refitted."""

@@ -38,8 +38,8 @@ def overview(result: Diagnosis) -> tuple[Figure, str]:
         noise = np.concatenate([run.noise[j - 1] / run.deviation[:, j - 1] for run in result.held_out])
         shown = noise > 1 / 3  # elsewhere, near standstill, the current is not determined
         axis.axhspan(-2.0, 2.0, color=NOISE, lw=0.0, label="noise")
-        lines = [(side.y, BEFORE, "before"), (result.left[1], AFTER, "after")]
-        for values, colour, label in lines if result.causes else [(result.left[1], AFTER, "residual")]:
+        lines = [(side.y, BEFORE, "before"), (result.left.held_out, AFTER, "after")]
+        for values, colour, label in lines if result.causes else [(result.left.held_out, AFTER, "residual")]:
             axis.plot(t, np.where(shown, values[side.of(j)] / noise, np.nan), color=colour, lw=0.7, label=label)
         top = max(4.0, float(np.quantile(np.abs(side.y[side.of(j)][shown]), 0.99)) * 1.2) if shown.any() else 4.0
         axis.set_ylim(-top, top)
@@ -88,7 +88,7 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
     deviation = np.concatenate([run.deviation[:, joint - 1] for run in result.held_out])
     noise = float(np.mean([run.noise[joint - 1] for run in result.held_out]))
     certain = deviation < SURE * np.concatenate([np.full(len(r.t), r.noise[joint - 1]) for r in result.held_out])
-    residuals = [(y[side.of(joint)] * deviation)[certain] for y in (side.y, result.left[1])]
+    residuals = [(y[side.of(joint)] * deviation)[certain] for y in (side.y, result.left.held_out)]
     largest = max((float(np.abs(values).max()) for values in residuals if len(values)), default=1.0)
     factor, unit = small(result.arm.joints[joint - 1].current_unit, [largest])
     figure = Figure(figsize=(10.5, 3.2))

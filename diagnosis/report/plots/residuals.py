@@ -41,7 +41,7 @@ def in_noise(result: Diagnosis, joint: int) -> tuple[Array, Array, NDArray[np.bo
     side = dataset_of(result.held_out)
     ratio = np.concatenate([run.deviation[:, joint - 1] / run.noise[joint - 1] for run in result.held_out])
     where = side.of(joint)
-    return side.y[where] * ratio, result.left[1][where] * ratio, ratio < SURE
+    return side.y[where] * ratio, result.left.held_out[where] * ratio, ratio < SURE
 
 
 def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) -> tuple[Figure, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from identification.kinematics.estimation.extensions import Extension, prior_sca
 from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit
 from identification.kinematics.models.chain import Index, position_jacobian
 from identification.kinematics.models.parameters import Parameters
+from identification.selection.limits import Limits
+from identification.selection.stepwise import MeasurementModel, Score, select
 
 
 @dataclass(frozen=True)
@@ -45,14 +47,27 @@ def position_error(residual: Array, *, reject: bool = True) -> PositionError:
     )
 
 
+LIMITS = Limits(
+    max_causes=30,
+    # judged by ``SIGNIFICANT`` standard errors of the gain, which left-out blocks have enough for
+    fdr=None,
+    # of the rms: less is not worth a parameter
+    min_gain=0.02,
+    kept_gain=None,
+)
+SIGNIFICANT = 3.0
+"""Standard errors between blocks that the gain of an extension must exceed."""
+
+
 @dataclass(frozen=True)
 class Trial:
-    """One extension tried on top of those accepted so far: mean square error on unseen points before and after."""
+    """One extension conditional on those accepted so far: rms m per coordinate of left-out points ``before`` and ``after``; z: its gain over the
+    standard error between blocks."""
 
     extension: Extension
-    before: float  # m, rms
+    before: float
     after: float
-    z: float  # gain over its standard error between blocks
+    z: float
     accepted: bool
 
 
@@ -67,44 +82,109 @@ def choose(
     folds: int = 5,
     report: Callable[[str], None] | None = None,
 ) -> tuple[list[Extension], list[Trial]]:
-    """Extensions accepted one after the other, the best first.
+    """Extensions accepted one after the other, the best first, and the trials of every round's best.
 
     Points are cut into blocks (N,) of neighbours; whole blocks are left out in turn, so that no point is predicted from its own
-    neighbours. A candidate is accepted if its gain on left-out blocks exceeds three standard errors (between blocks) and 2 % of the
-    rms: less is not worth a parameter. All of it on the linearised problem, which after the fit is exact to a micrometre.
+    neighbours. A candidate is accepted if its gain on left-out blocks exceeds ``SIGNIFICANT`` standard errors (between blocks) and a share of
+    the rms. All of it on the linearised problem, which after the fit is exact to a micrometre.
 
     deflect gives the deflections (N, joints, parameters) of extensions at ``points``.
     """
     thin = np.flatnonzero(start.inlier)
     thin = thin[:: max(1, len(thin) // 6000)]
-    part, blocks = points.where(thin), blocks[thin]
-    fold = _folds(blocks, folds)
-    chosen: list[Extension] = []
-    trials: list[Trial] = []
-    remaining = list(candidates)
-    while remaining:
-        bend = deflect(chosen)[thin] if chosen else None
-        now = fit(parameters, Points(part.q, part.xyz, bend), start=start.values, extension_scale=prior_scales(chosen))
-        linear = _linear(parameters, part, bend, now)
-        normals = _normals(linear, fold)
+    model = LeftOutPoints(
+        parameters=parameters,
+        points=points.where(thin),
+        blocks=np.unique(blocks[thin], return_inverse=True)[1],
+        fold=_folds(blocks[thin], folds),
+        candidates=tuple(candidates),
+        deflect=lambda extensions: deflect(extensions)[thin],
+        nominal=start.values,
+        report=report or (lambda sentence: None),
+    )
+    chosen: Chosen = select(model)
+    return list(chosen), model.trials
+
+
+Chosen = tuple[Extension, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOutPoints(MeasurementModel[Extension, Chosen]):
+    """Tracked points as a measurement model of the selection, each predicted without its fold.
+
+    blocks, fold  (N,) number of every point's block and fold, from 0
+    deflect       (N, joints, parameters) of extensions at the points
+    nominal       values of the chain at which fits start
+    """
+
+    parameters: Parameters
+    points: Points
+    blocks: Index
+    fold: Index
+    candidates: Chosen
+    deflect: Callable[[Sequence[Extension]], Array]
+    nominal: Array
+    report: Callable[[str], None]
+    limits: Limits = LIMITS
+    trials: list[Trial] = field(default_factory=list)
+
+    def start(self) -> Chosen:
+        """No extension."""
+        return ()
+
+    def chosen(self, state: Chosen) -> Chosen:
+        """The extensions of a state."""
+        return state
+
+    def scores(self, state: Chosen) -> list[Score[Extension]]:
+        """The candidate that leaves least alone: where it is not significant, none enters."""
+        scores = self._scores([c for c in self.candidates if c not in state], state)
+        if not scores:
+            return []
+        best, trial = min(scores, key=lambda one: one[1].after)
+        self.trials.append(trial)
+        self.report(f"{trial.extension}: {1e3 * trial.before:.4f} -> {1e3 * trial.after:.4f} mm on unseen points")
+        return [best]
+
+    def admissible(self, score: Score[Extension], state: Chosen) -> bool:
+        """Whether the trial of this round was accepted."""
+        return self.trials[-1].accepted
+
+    def entered(self, score: Score[Extension], admissible: Sequence[Score[Extension]], state: Chosen) -> Chosen:
+        """With the extension."""
+        return (*state, score.candidate)
+
+    def without(self, candidate: Extension, state: Chosen) -> Chosen:
+        """Without the extension."""
+        return tuple(c for c in state if c is not candidate)
+
+    def conditional(self, candidate: Extension, without: Chosen, state: Chosen) -> Score[Extension]:
+        """One extension conditional on all others."""
+        return self._scores([candidate], without)[0][0]
+
+    def needed(self, score: Score[Extension], state: Chosen) -> bool:
+        """Whether an extension still reduces the error."""
+        return score.gain > 0.0
+
+    def _scores(self, candidates: Sequence[Extension], state: Chosen) -> list[tuple[Score[Extension], Trial]]:
+        part = self.points
+        bend = self.deflect(state) if state else None
+        now = fit(
+            self.parameters,
+            Points(part.q, part.xyz, bend),
+            start=self.nominal,
+            extension_scale=prior_scales(state),
+        )
+        linear = _linear(self.parameters, part, bend, now)
+        normals = _normals(linear, self.fold)
         before = _left_out(linear, normals, np.zeros((len(part), 3, 0)), np.zeros(0))
-        best: tuple[Trial, Extension] | None = None
-        for extension in remaining:
-            columns = linear.joint @ deflect([extension])[thin]
+        scores = []
+        for extension in candidates:
+            columns = linear.joint @ self.deflect([extension])
             after = _left_out(linear, normals, columns, np.array(extension.scales))
-            trial = _judge(extension, before, after, blocks)
-            if best is None or trial.after < best[0].after:
-                best = (trial, extension)
-        if best is None:
-            break
-        trials.append(best[0])
-        if report is not None:
-            report(f"{best[1]}: {1e3 * best[0].before:.4f} -> {1e3 * best[0].after:.4f} mm on unseen points")
-        if not best[0].accepted:
-            break
-        chosen.append(best[1])
-        remaining.remove(best[1])
-    return chosen, trials
+            scores.append(_judged(extension, before, after, self.blocks, self.limits))
+        return scores
 
 
 @dataclass(frozen=True)
@@ -181,10 +261,21 @@ def _folds(blocks: Index, folds: int) -> Index:
     return (order % min(folds, max(2, len(names))))[index]
 
 
-def _judge(extension: Extension, before: Array, after: Array, blocks: Index) -> Trial:
-    _, index = np.unique(blocks, return_inverse=True)
-    gain = np.bincount(index, before - after)
-    error = float(np.sqrt(np.sum((gain - gain.mean()) ** 2) * len(gain) / max(len(gain) - 1, 1)))
-    z = float(gain.sum() / max(error, 1e-300))
+def _judged(
+    extension: Extension, before: Array, after: Array, blocks: Index, limits: Limits
+) -> tuple[Score[Extension], Trial]:
+    gains = np.bincount(blocks, before - after).astype(float)
+    gain = float(gains.sum())
+    error = float(np.sqrt(np.sum((gains - gains.mean()) ** 2) * len(gains) / max(len(gains) - 1, 1)))
+    z = gain / max(error, 1e-300)
     rms_before, rms_after = (float(np.sqrt(np.mean(s) / 3.0)) for s in (before, after))
-    return Trial(extension, rms_before, rms_after, z, bool(z > 3.0 and rms_after < 0.98 * rms_before))
+    accepted = bool(z > SIGNIFICANT and rms_after < (1.0 - limits.min_gain) * rms_before)
+    score = Score(
+        candidate=extension,
+        gain=gain,
+        # significance is that of z, by the error between blocks
+        p=0.0,
+        blocks=gains,
+        coefficients=np.zeros(len(extension.scales)),
+    )
+    return score, Trial(extension, rms_before, rms_after, z, accepted)
