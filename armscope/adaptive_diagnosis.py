@@ -13,9 +13,8 @@ import numpy as np
 from arm_io import DeviceFault, InputError
 from armscope.api.recording import record
 from armscope.commands.record import run_shown
-from daq.acquisition import check_motion
 from daq.recording import Recording, open_recording
-from daq.rig import Rig, read_rig
+from daq.rig import Rig, check_motion, read_rig
 from diagnosis import Diagnosis, in_words
 from diagnosis.experiments import Separation, separations
 from diagnosis.report import title

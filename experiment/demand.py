@@ -1,35 +1,46 @@
 """Segments -> demanded joint positions over time.
 
-The demand is a continuous function of time, evaluated on whole arrays. Trapezoidal moves: with distance D, speed v and
-acceleration a, ramps of v / a each where D >= v^2 / a, else a triangle of peak speed sqrt(a D).
+The demand is a continuous function of time, evaluated on whole arrays. Nothing is expanded: what is repeated a million times takes no more
+memory than what is repeated twice.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arm_io import InputError
 from arm_io.types import Array
-from experiment.file import Experiment
+from experiment.bounds import FELT, Bounds, joined, resting
+from experiment.pieces import Piece, Polyline, Series, Standing, Sweep, Trapezoid
 from experiment.segments import Chirp, Drive, Fourier, Hold, Move, Repeat, Segment, Setpoints
 
-Piece = Callable[[Array], Array]
+if TYPE_CHECKING:
+    from experiment.file import Experiment
+
 NOTHING = 1e-12  # rad (m): a distance that no encoder shows, and whose reciprocal is still a number
+LONGEST = 31 * 86400.0
+"""s: a month. Whoever writes more has mistyped a number."""
+SHOWN = 3
+"""Of passes that repeat one another: how many show all there is to see, together with the last."""
 
 
 @dataclass(frozen=True)
 class Demand:
     """Demanded joint positions of one experiment: ``demand(t)`` for t (n,) s gives (n, joints) rad or m.
 
-    Before 0 it stands at the start, after ``duration`` at the end.
+    Before 0 it stands at the start, after ``duration`` at ``end`` (joints,). It is a ``Piece`` of pieces that follow one another,
+    from ``starts`` (pieces,) s on.
     """
 
     duration: float
-    starts: Array  # (pieces,) s
+    starts: Array
     pieces: tuple[Piece, ...]
-    end: Array  # (joints,)
+    end: Array
 
     def __call__(self, times: Array) -> Array:
         times = np.atleast_1d(np.asarray(times, float))
@@ -41,38 +52,121 @@ class Demand:
         q[times >= self.duration] = self.end
         return q
 
+    def bounds(self, start: float, stop: float) -> Bounds:
+        """What it asks for between two times at most; beyond its ends it rests."""
+        first = max(int(np.searchsorted(self.starts, start, side="left")) - 1, 0)
+        last = max(int(np.searchsorted(self.starts, stop, side="right")) - 1, first)
+        ends = [self.pieces[k].bounds(start - self.starts[k], stop - self.starts[k]) for k in {first, last}]
+        return joined([*ends, *self._whole[first + 1 : last]], self._shortest)
+
+    def spans(self) -> list[tuple[float, float]]:
+        """Stretches of time that show all there is to see, s; what is left out repeats them."""
+        found: list[tuple[float, float]] = []
+        for start, piece in zip(self.starts.tolist(), self.pieces):
+            inner = piece.spans() if isinstance(piece, Demand | Repeated) else [(0.0, piece.duration)]
+            for begin, end in ((start + begin, start + end) for begin, end in inner):
+                if found and begin <= found[-1][1] + FELT:
+                    found[-1] = (min(begin, found[-1][0]), max(end, found[-1][1]))
+                else:
+                    found.append((begin, end))
+        return found
+
+    @cached_property
+    def _whole(self) -> list[Bounds]:
+        return [piece.bounds(-FELT, piece.duration + FELT) for piece in self.pieces]
+
+    @cached_property
+    def _shortest(self) -> float:
+        return min(piece.duration for piece in self.pieces)
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """A motion ``times`` times over: the ``first`` pass, then ``steady`` ones, each from where the one before has ended.
+
+    A joint that some segment sends to a position is there again after every pass; one that is only driven by distances goes on by
+    the same way each time.
+    """
+
+    first: Demand
+    steady: Demand
+    times: int
+
+    @property
+    def duration(self) -> float:
+        return self.first.duration + (self.times - 1) * self.steady.duration
+
+    @property
+    def way(self) -> Array:
+        """(n,) rad or m of one steady pass."""
+        return self.steady.end - self.first.end
+
+    @property
+    def end(self) -> Array:
+        return self.first.end + (self.times - 1) * self.way
+
+    def __call__(self, t: Array) -> Array:
+        later = np.maximum(t - self.first.duration, 0.0)
+        passes = np.clip(np.floor(later / self.steady.duration), 0, max(self.times - 2, 0))
+        q = self.steady(later - passes * self.steady.duration) + np.outer(passes, self.way)
+        beginning = t < self.first.duration
+        q[beginning] = self.first(t[beginning])
+        return q
+
+    def bounds(self, start: float, stop: float) -> Bounds:
+        parts = [self.first.bounds(start, stop)] if start <= self.first.duration else []
+        begin, end = start - self.first.duration, stop - self.first.duration
+        period, last = self.steady.duration, self.times - 2
+        if end >= 0.0 and last >= 0:
+            low, high = (int(np.clip(time // period, 0, last)) for time in (begin, end))
+            if low == high:
+                parts.append(self.steady.bounds(begin - low * period, end - low * period).shifted(low * self.way))
+            else:
+                whole = self.steady.bounds(-FELT, period + FELT)
+                parts += [whole.shifted(low * self.way), whole.shifted(high * self.way)]
+        return joined(parts or [resting(self.end)], min(self.first.duration, period))
+
+    def spans(self) -> list[tuple[float, float]]:
+        inner, period = self.steady.spans(), self.steady.duration
+        found = self.first.spans()
+        for number in sorted({*range(min(SHOWN, self.times - 1)), self.times - 2} - {-1}):
+            begin = self.first.duration + number * period
+            found += [(begin + start - 2 * FELT, begin + end) for start, end in inner]
+        return found
+
 
 def demand_of(experiment: Experiment) -> Demand:
-    """The demand of an experiment."""
-    at = np.array(experiment.start, float)
+    """The demand of an experiment. InputError where it lasts longer than ``LONGEST``."""
+    demand = _sequence(experiment.segment, np.array(experiment.start, float), experiment)
+    if not demand.duration <= LONGEST:
+        days = demand.duration / 86400
+        raise InputError(
+            f"experiment {experiment.name!r}", f"lasts {days:.4g} days; at most {LONGEST / 86400:g} can be run"
+        )
+    return demand
+
+
+def _sequence(segments: Sequence[Segment], at: Array, experiment: Experiment) -> Demand:
+    """The demand of segments that begin at (n,) rad or m."""
     starts, pieces, clock = [], [], 0.0
-    for segment in _flat(experiment.segment):
-        duration, piece, end = _piece(segment, at, experiment)
-        at = end
-        if duration <= 0.0:
+    for segment in segments:
+        piece = _piece(segment, at, experiment)
+        at = piece.end
+        if piece.duration <= 0.0:
             continue
         starts.append(clock)
         pieces.append(piece)
-        clock += duration
+        clock += piece.duration
     if not pieces:
-        starts, pieces = [0.0], [_standing(at)]
+        starts, pieces = [0.0], [Standing(0.0, at)]
     return Demand(clock, np.array(starts), tuple(pieces), at)
 
 
-def _flat(segments: list[Segment]) -> Iterator[Segment]:
-    for segment in segments:
-        if isinstance(segment, Repeat):
-            for _ in range(segment.times):
-                yield from _flat(segment.segment)
-        else:
-            yield segment
-
-
-def _piece(segment: Segment, at: Array, experiment: Experiment) -> tuple[float, Piece, Array]:
-    """Duration, position at a time within the segment, and end position."""
+def _piece(segment: Segment, at: Array, experiment: Experiment) -> Piece:
+    """What a segment asks of an arm that stands at (n,)."""
     match segment:
         case Hold():
-            return segment.duration, _standing(at), at
+            return Standing(segment.duration, at)
         case Drive():
             target = at.copy()
             if segment.to is not None:
@@ -83,76 +177,33 @@ def _piece(segment: Segment, at: Array, experiment: Experiment) -> tuple[float, 
         case Move():
             return _trapezoid(at, np.array(segment.to, float), segment.speed, experiment)
         case Fourier():
-            return segment.duration, _fourier(segment, at), at
+            return Series(segment, at)
         case Chirp():
-            return segment.duration, _chirp(segment, at), at
+            return Sweep(segment, at)
         case Setpoints():
-            return _table(segment)
+            return Polyline.of(segment, at)
+        case Repeat():
+            return _repeated(segment, at, experiment)
     raise TypeError(f"no demand for a segment of type {segment.type!r}")
 
 
-def _standing(at: Array) -> Piece:
-    return lambda t: np.broadcast_to(at, (len(t), len(at)))
-
-
-def _trapezoid(at: Array, target: Array, fraction: float, experiment: Experiment) -> tuple[float, Piece, Array]:
-    """All joints share the slowest joint's profile s(t) from 0 to 1: q = at + (target - at) s."""
+def _trapezoid(at: Array, target: Array, fraction: float, experiment: Experiment) -> Piece:
+    """All joints keep the slowest joint's profile."""
     distance = np.abs(target - at)
     moving = distance > NOTHING
     if not moving.any():
-        return 0.0, _standing(target), target
+        return Standing(0.0, target)
     # In units of the path parameter s: the tightest joint's speed and acceleration.
     speed = float(np.min(fraction * np.array(experiment.full_speed)[moving] / distance[moving]))
     acceleration = float(np.min(np.array(experiment.full_acceleration)[moving] / distance[moving]))
-    speed = min(speed, np.sqrt(acceleration))
-    ramp = speed / acceleration
-    duration = 1.0 / speed + ramp
-
-    def position(t: Array) -> Array:
-        t = np.clip(t, 0.0, duration)
-        up = np.minimum(t, ramp)
-        flat = np.clip(t - ramp, 0.0, duration - 2 * ramp)
-        down = np.clip(t - (duration - ramp), 0.0, ramp)
-        s = acceleration * up**2 / 2 + speed * flat + speed * down - acceleration * down**2 / 2
-        return at + np.outer(s, target - at)
-
-    return duration, position, target
+    return Trapezoid(at, target, min(speed, float(np.sqrt(acceleration))), acceleration)
 
 
-def _fade(t: Array, duration: float, fade: float) -> Array:
-    """Quintic step up over the first and down over the last ``fade`` seconds."""
-    x = np.clip(np.minimum(t, duration - t) / fade, 0.0, 1.0)
-    return x**3 * (10 - 15 * x + 6 * x**2)
-
-
-def _fourier(segment: Fourier, at: Array) -> Piece:
-    sine, cosine = np.array(segment.sine, float), np.array(segment.cosine, float)
-    pulsations = 2 * np.pi * segment.fundamental * np.arange(1, sine.shape[1] + 1)
-
-    def position(t: Array) -> Array:
-        phase = np.outer(t, pulsations)
-        series = np.sin(phase) @ sine.T + (np.cos(phase) - 1.0) @ cosine.T
-        return at + _fade(t, segment.duration, segment.fade)[:, None] * series
-
-    return position
-
-
-def _chirp(segment: Chirp, at: Array) -> Piece:
-    sweep = (segment.to_frequency - segment.frequency) / segment.duration
-
-    def position(t: Array) -> Array:
-        q = np.tile(at, (len(t), 1))
-        phase = 2 * np.pi * (segment.frequency * t + sweep * t**2 / 2)
-        q[:, segment.joint - 1] += segment.amplitude * _fade(t, segment.duration, segment.fade) * np.sin(phase)
-        return q
-
-    return position
-
-
-def _table(segment: Setpoints) -> tuple[float, Piece, Array]:
-    times, positions = np.array(segment.times), np.array(segment.positions, float)
-
-    def position(t: Array) -> Array:
-        return np.column_stack([np.interp(t, times, column) for column in positions.T])
-
-    return float(times[-1]), position, positions[-1]
+def _repeated(segment: Repeat, at: Array, experiment: Experiment) -> Piece:
+    first = _sequence(segment.segment, at, experiment)
+    if segment.times == 1:
+        return first
+    steady = first if np.array_equal(first.end, at) else _sequence(segment.segment, first.end, experiment)
+    if steady.duration <= 0.0:
+        return first
+    return Repeated(first, steady, segment.times)

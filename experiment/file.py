@@ -8,9 +8,13 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from arm_io import check_table, read_toml, write_toml
+from arm_io import InputError, check_table, read_toml, write_toml
 from arm_io.table import Rate, Table
+from experiment.demand import demand_of
 from experiment.segments import Chirp, Drive, Fourier, Move, Repeat, Segment, Setpoints
+
+DEEPEST_REPEAT = 5
+"""Of repeats in one another. Every one may double what is kept of the motion inside (``experiment.demand.Repeated``)."""
 
 
 class Payload(Table):
@@ -40,8 +44,8 @@ class Experiment(Table):
     name: str
     description: str = ""
     start: list[float] = Field(min_length=1)
-    full_speed: list[Annotated[float, Field(gt=0)]]
-    full_acceleration: list[Annotated[float, Field(gt=0)]]
+    full_speed: list[Annotated[float, Field(ge=1e-9)]]
+    full_acceleration: list[Annotated[float, Field(ge=1e-9)]]
     rate: Rate | None = None
     setup: Setup = Setup()
     segment: list[Segment] = Field(min_length=1)
@@ -57,6 +61,8 @@ class Experiment(Table):
 
 
 def _check_joints(segments: list[Segment], joints: int, place: str) -> None:
+    if place.count(".segment") > DEEPEST_REPEAT:
+        raise ValueError(f"{place}: repeats stand in one another, more than {DEEPEST_REPEAT} deep")
     for number, segment in enumerate(segments, 1):
         here = f"{place}[{number}]"
         if isinstance(segment, Drive | Chirp) and segment.joint > joints:
@@ -78,7 +84,12 @@ def read_experiment(path: str | Path) -> Experiment:
 
 def experiment_of(table: Mapping[str, Any], where: str | Path) -> Experiment:
     """The experiment in a table as a file has it; ``where`` names it in errors."""
-    return check_table(where, table, Experiment)
+    experiment = check_table(where, table, Experiment)
+    try:
+        demand_of(experiment)
+    except InputError as error:
+        raise InputError(where, error.what) from None
+    return experiment
 
 
 def write_experiment(path: str | Path, experiment: Experiment, *, heading: str = "") -> None:

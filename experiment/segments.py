@@ -8,15 +8,16 @@ from pydantic import Field, model_validator
 
 from arm_io.table import Table
 
-Positive = Annotated[float, Field(gt=0)]
-Fraction = Annotated[float, Field(gt=0, le=1)]
+Duration = Annotated[float, Field(ge=1e-6)]  # s
+Frequency = Annotated[float, Field(ge=1e-9, le=1e6)]  # Hz
+Fraction = Annotated[float, Field(ge=1e-6, le=1)]
 
 
 class Hold(Table):
     """Stand still for ``duration``."""
 
     type: Literal["hold"]
-    duration: Positive
+    duration: Duration
 
 
 class Drive(Table):
@@ -51,15 +52,15 @@ class Fourier(Table):
     """
 
     type: Literal["fourier"]
-    duration: Positive
-    fundamental: Positive  # Hz
+    duration: Duration
+    fundamental: Frequency  # Hz
     sine: list[list[float]]  # [joint][harmonic]
     cosine: list[list[float]]
-    fade: Positive = 0.5
+    fade: Duration = 0.5
 
     @model_validator(mode="after")
     def _same_shape(self) -> Self:
-        if [len(row) for row in self.sine] != [len(row) for row in self.cosine]:
+        if len(self.sine) != len(self.cosine) or len({len(row) for row in self.sine + self.cosine}) > 1:
             raise ValueError("'sine' and 'cosine' need one row per joint, with equally many harmonics")
         if 2 * self.fade > self.duration:
             raise ValueError("the two fades are longer than the segment; 'fade' must be at most half of 'duration'")
@@ -72,10 +73,10 @@ class Chirp(Table):
     type: Literal["chirp"]
     joint: Annotated[int, Field(ge=1)]
     amplitude: float
-    frequency: Positive  # Hz
-    to_frequency: Positive
-    duration: Positive
-    fade: Positive = 0.5
+    frequency: Frequency  # Hz
+    to_frequency: Frequency
+    duration: Duration
+    fade: Duration = 0.5
 
     @model_validator(mode="after")
     def _fades_fit(self) -> Self:

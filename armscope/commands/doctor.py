@@ -12,8 +12,7 @@ import numpy as np
 import typer
 
 from arm_io import DeviceFault
-from daq.acquisition import check_plan
-from daq.rig import Bench, DeviceTable, read_rig
+from daq.rig import Bench, DeviceTable, check_plan, read_rig
 from daq.service import RigLock
 from drivers import find_devices
 from drivers.protocols import Device, EdgeSource, Identity, Latched, Plan, Polled, Quality

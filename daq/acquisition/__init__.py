@@ -6,12 +6,9 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from daq.acquisition.ledger import SENTENCES
-    from daq.acquisition.states import check_motion, check_plan
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
     "SENTENCES",
-    "check_motion",
-    "check_plan",
 ]

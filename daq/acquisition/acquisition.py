@@ -26,10 +26,11 @@ from daq.acquisition.join import Join, Joined
 from daq.acquisition.ledger import Ledger
 from daq.acquisition.readers import Intake
 from daq.acquisition.rows import Rows
-from daq.acquisition.states import NEXT, End, Ending, State, check_plan
+from daq.acquisition.states import NEXT, End, Ending, State
 from daq.acquisition.tracker_memory import merge_points
 from daq.rig.bench import Bench
 from daq.rig.calibration import currents, of_another_time, positions, without_position
+from daq.rig.preflight import check_plan
 from drivers.protocols import ClockReadings, EdgeSource, Plan, PositionTracker, Reconnecting
 from experiment import Experiment, demand_of
 

@@ -7,6 +7,7 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from daq.rig.bench import Bench
     from daq.rig.calibration import COUNTS_PER_LINE
+    from daq.rig.preflight import check_motion, check_plan
     from daq.rig.rig_file import LONGEST_RIG_NAME, DeviceTable, Rig, make_world, read_rig
 else:
     __getattr__ = lazy(__name__)
@@ -17,6 +18,8 @@ __all__ = [
     "Bench",
     "DeviceTable",
     "Rig",
+    "check_motion",
+    "check_plan",
     "make_world",
     "read_rig",
 ]

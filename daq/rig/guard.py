@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io import DeviceFault, InputError
-from daq.acquisition.states import check_motion
+from daq.rig.preflight import check_motion
 from daq.rig.rig_file import Output, Rig
 from daq.rig.speed_check import SpeedCheck
 from drivers.protocols import AnalogOutput, ArmController, Device, DigitalOutput, HostClock, OwnWatchdog

@@ -33,6 +33,7 @@ PERCENT_TOLERANCE = 1e-6
 SAME_SPEED = 0.02  # relative
 QUIET = 0.05  # s without a letter: 50 letters' time at 9600 baud
 MOST_DRAINED = 200
+MOST_SEGMENTS = 100_000
 
 
 class Config(Table):
@@ -220,6 +221,8 @@ class ValTerminal:
     # -- experiment -> commands ---------------------------------------------------------------------------------------
 
     def _compile(self, experiment: Experiment) -> list[Step]:
+        if (count := _count(experiment.segment)) > MOST_SEGMENTS:
+            raise self._fault(f"the experiment is {count} segments; at most {MOST_SEGMENTS} are typed, one by one")
         at = self._degrees(experiment.start)
         steps: list[Step] = []
         for segment in _flat(experiment.segment):
@@ -306,6 +309,11 @@ class ValTerminal:
 
     def _fault(self, what: str) -> DeviceFault:
         return DeviceFault(self.name, what)
+
+
+def _count(segments: list[Segment]) -> int:
+    """Segments with all repetitions, without writing them out."""
+    return sum(_count(s.segment) * s.times if isinstance(s, Repeat) else 1 for s in segments)
 
 
 def _flat(segments: list[Segment]) -> list[Segment]:

@@ -18,9 +18,12 @@ from arm_model.effects import check_terms
 from arm_model.rigid_body.inertia import about_com, barycentric
 from arm_model.servo import fixed_gains
 from arm_model.tracking import latency, target_at
-from experiment import Experiment, Payload, demand_of
+from experiment import Experiment, Payload, demand_of, excesses
 from sim_backend.arm.arm_motion import Instruments, Servoed, Standing
 from sim_backend.arm.signals import Mover
+
+FREE, ROUNDING = 1e15, 1e-9
+"""rad (m): no stop, and by how much a position may be beyond one."""
 
 
 class SimulatedArm:
@@ -38,14 +41,11 @@ class SimulatedArm:
     def loadable(self, experiment: Experiment) -> str:
         if len(experiment.start) != len(self.arm):
             return f"is for {len(experiment.start)} joints, the arm has {len(self.arm)}"
-        demand = demand_of(experiment)
-        asked = demand(np.arange(0.0, demand.duration + 1e-3, 1e-3))
-        for number, (joint, low, high) in enumerate(zip(self.arm.joints, asked.min(axis=0), asked.max(axis=0)), 1):
-            if joint.limits is not None and not (joint.limits[0] - 1e-9 <= low and high <= joint.limits[1] + 1e-9):
-                return (
-                    f"joint {number} is asked to go from {low:.4g} to {high:.4g}; "
-                    f"its stops are at {joint.limits[0]:g} and {joint.limits[1]:g}"
-                )
+        stops = [joint.limits or (-FREE, FREE) for joint in self.arm.joints]
+        low, high = np.array(stops).T
+        for beyond in excesses(demand_of(experiment), low=low - ROUNDING, high=high + ROUNDING):
+            first, last = stops[beyond.joint - 1]
+            return f"joint {beyond.joint} is asked to go to {beyond.value:.4g}; its stops are at {first:g} and {last:g}"
         return ""
 
     def moving(self, experiment: Experiment) -> Mover:

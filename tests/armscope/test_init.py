@@ -12,7 +12,7 @@ import pytest
 from arm_model import read_model
 from armscope.cli import run
 from armscope.commands.init import Like
-from daq.acquisition.states import check_motion
+from daq.rig.preflight import check_motion
 from daq.rig.rig_file import read_rig
 from experiment import read_experiment
 from tests.drivers.test_whole_rigs import devices

@@ -13,7 +13,7 @@ from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.rigid_body.kinematics import forward
 from arm_model.rigid_body.regressor import regressor
-from daq.acquisition.states import check_motion
+from daq.rig.preflight import check_motion
 from daq.rig.rig_file import read_rig
 from experiment import demand_of, read_experiment
 
@@ -40,7 +40,7 @@ def test_every_file_keeps_the_arms_limits_and_the_rigs(root: Path, arm: Arm, gen
         experiment = read_experiment(file)
         assert experiment.name == file.stem
         assert generator.keeps_limits(arm, experiment, 1.0), file.stem
-        assert check_motion(rig, experiment, 0.005) == [], file.stem
+        assert check_motion(rig, experiment) == [], file.stem
 
 
 def test_the_files_are_what_the_generator_says(root: Path, arm: Arm, generator: ModuleType) -> None:

@@ -12,7 +12,7 @@ from arm_model.description import EffectTerm
 from arm_model.model_file import read_model
 from arm_model.system.dynamics import inverse_dynamics
 from armscope.cli import run
-from daq.acquisition.states import check_motion
+from daq.rig.preflight import check_motion
 from daq.rig.rig_file import read_rig
 from experiment import demand_of, read_experiment
 from identification.experiment_design.excitation import Limits, design_excitation, excitation_scores

@@ -1,0 +1,98 @@
+"""What is checked before anything moves: the plan against the devices, the motion against the rig's limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from arm_io.types import Array
+from daq.rig.rig_file import Rig
+from drivers.protocols import Device, Identity, Latched, Plan, PositionTracker
+from experiment import STEP, Excess, Experiment, Kind, demand_of, excesses
+
+ROUNDING, RELATIVE = 1e-9, 1e-6
+"""rad (m) of a position, and parts of a speed or acceleration, by which a limit may be passed."""
+
+
+def check_plan(rig: Rig, devices: Mapping[str, Device], identities: Mapping[str, Identity], plan: Plan) -> list[str]:
+    """What the rig's devices cannot do of a plan: one sentence each, with what would be right; empty when all is well."""
+    problems = []
+    for name, identity in identities.items():
+        on_its_own_clock = isinstance(devices[name], PositionTracker) and plan.source != "tracker"
+        if not isinstance(devices[name], Latched) or on_its_own_clock:
+            continue
+        if identity.max_rate is not None and plan.rate > identity.max_rate:
+            problems.append(f"{name} latches at most {identity.max_rate:g} rows/s, not {plan.rate:g}; lower the rate")
+        recalled = isinstance(devices[name], PositionTracker)
+        if identity.memory is not None and not recalled:
+            problems += _check_memory(name, identity.memory, plan)
+    for name, device in devices.items():
+        if isinstance(device, PositionTracker):
+            limit = identities[name].max_rate
+            if not isinstance(device, Latched):
+                problems += _check_memory(name, device.memory, plan)
+                if limit is not None and plan.rate > limit and rig.trigger and rig.trigger.source == "tracker":
+                    problems.append(
+                        f"{name} samples at most {limit:g} times a second, not {plan.rate:g}; lower the rate"
+                    )
+    return problems
+
+
+def _check_memory(name: str, memory: int, plan: Plan) -> list[str]:
+    if plan.rows is not None and plan.rows <= memory:
+        return []
+    seconds = memory / plan.rate
+    if plan.rows is None:
+        return [f"{name} holds {memory} samples, {seconds:g} s at {plan.rate:g} rows/s: say how long the run is"]
+    rate = memory / (plan.rows / plan.rate)
+    return [
+        f"{name} holds {memory} samples, the run makes {plan.rows}: "
+        f"lower the rate to {np.floor(rate):g} rows/s, or shorten the run to {seconds:g} s"
+    ]
+
+
+def check_motion(rig: Rig, experiment: Experiment) -> list[str]:
+    """Where an experiment asks for more than the rig's limits allow, one sentence each; its demand is looked at every ``STEP`` s."""
+    if len(experiment.start) != rig.joints:
+        return [f"the experiment is for {len(experiment.start)} joints, the rig has {rig.joints}"]
+    demand, limits = demand_of(experiment), rig.limits
+    low, high = (None, None) if limits.position is None else np.array(limits.position).T
+    speed, acceleration = (None if some is None else np.array(some) for some in (limits.speed, limits.acceleration))
+    found = excesses(
+        demand,
+        low=None if low is None else low - ROUNDING,
+        high=None if high is None else high + ROUNDING,
+        speed=None if speed is None else speed * (1 + RELATIVE),
+        acceleration=None if acceleration is None else acceleration * (1 + RELATIVE),
+    )
+    return _away_from_start(experiment, demand(np.zeros(1))[0], speed) + [_sentence(rig, one) for one in found]
+
+
+def _away_from_start(experiment: Experiment, first: Array, speed: Array | None) -> list[str]:
+    """Joints that are asked to be elsewhere at once: a table of positions need not begin where the arm stands."""
+    if speed is None:
+        return []
+    jump = np.abs(first - np.array(experiment.start))
+    most = speed * (1 + RELATIVE) * STEP
+    return [
+        f"joint {joint + 1} is asked to be {jump[joint]:.4g} from the start pose at once; begin the motion at 'start'"
+        for joint in np.flatnonzero(~(jump <= most)).tolist()
+    ]
+
+
+def _sentence(rig: Rig, excess: Excess) -> str:
+    joint, limits, value = excess.joint, rig.limits, excess.value
+    if excess.kind in (Kind.LOW, Kind.HIGH):
+        within = (
+            ""
+            if limits.position is None
+            else "; its limits in the rig file are {:g} to {:g}".format(*limits.position[joint - 1])
+        )
+        return f"joint {joint} goes to {value:.4g}{within}"
+    if excess.kind is Kind.SPEED:
+        return f"joint {joint} moves at up to {value:.4g}/s" + (
+            "" if limits.speed is None else f"; its limit is {limits.speed[joint - 1]:g}/s"
+        )
+    limit = "" if limits.acceleration is None else f"; its limit is {limits.acceleration[joint - 1]:g}/s2"
+    return f"joint {joint} accelerates at up to {value:.4g}/s2{limit}"
