@@ -22,26 +22,23 @@ from daq.rig.bench import Bench
 from daq.rig.rig_file import Rig, read_rig
 from daq.service.commands.arguments import (
     ArmArguments,
-    NameArguments,
     NoArguments,
-    ReadArguments,
     StopArguments,
     ZeroArguments,
     checked,
 )
-from daq.service.commands.live_clients import LiveClients
 from daq.service.commands.queue import CommandQueue
-from daq.service.commands.server import Command, CommandServer
+from daq.service.commands.server import Command
 from daq.service.device_jobs import Armed, DeviceJobs
+from daq.service.endpoint import Endpoint
 from daq.service.heap import return_large_blocks
 from daq.service.publisher import Publisher
 from daq.service.rig_lock import RigLock
-from daq.service.ros2_keys import RosPublisher
 from daq.service.run import Run
 from daq.service.systemd import Watchdog
-from daq.service.transfer.folder import RecordingsFolder
+from daq.service.transfer.served import ServedFolder
 from daq.service.worker import Worker
-from daq.service.zenoh_session import keys_of, open_session
+from daq.service.zenoh_session import keys_of
 
 Table = dict[str, Any]
 Outcome = Future[Any]
@@ -75,13 +72,10 @@ class Service:
         self.last: Table | None = None
         self.bug: BaseException | None = None
         self._role, self._publish = role, publish
-        self._folder = None if folder is None else RecordingsFolder(folder)
+        self._served = ServedFolder(folder)
         self._watchdog = Watchdog()
         self._inbox = CommandQueue()
-        self._publisher: Publisher | None = None
-        self._commands: CommandServer | None = None
-        self._clients: LiveClients | None = None
-        self._session: Any = None
+        self._endpoint: Endpoint | None = None
         self._job: Outcome | None = None  # of the devices: what the state waits for
         self._armed: Armed | None = None
         self._why_disarmed: str | None = None
@@ -101,10 +95,11 @@ class Service:
         """Takes the rig, opens its devices and the Zenoh session; all or nothing."""
         return_large_blocks()
         self._lock = RigLock(self.rig.name, self._role)
-        self._devices, self._files = Worker("devices", self.wake), Worker("files", self.wake)
+        self._devices = Worker("devices", self.wake)
+        self._served.open(self.wake)
         try:
             self._jobs = DeviceJobs(self.rig, self.rig_text)
-            self._open_session()
+            self._open_endpoint()
             self.bench.open()
         except BaseException:
             self.close()
@@ -116,19 +111,15 @@ class Service:
         self._watchdog.stopping()
         self.end(End.TERMINATED)
         self._devices.close()
-        self._files.close()
+        self._served.close()
         self._settle()
-        if self._clients is not None:
-            self._clients.close()
-            self._clients = None
-        if self._commands is not None:
-            self._commands.close()
-            self._commands = None
+        if self._endpoint is not None:
+            self._endpoint.close_commands()
         if hasattr(self, "_jobs"):
             self.bench.close()
-        if self._session is not None:
-            self._session.close()
-            self._session = None
+        if self._endpoint is not None:
+            self._endpoint.close()
+            self._endpoint = None
         self._lock.release()
 
     def step(self, timeout: float) -> None:
@@ -154,7 +145,8 @@ class Service:
         """Begins to obey one command of ``daq.service.client.COMMANDS``; ``step`` completes what takes longer."""
         outcome: Outcome = Future()
         try:
-            result = getattr(self, f"_{verb}")(arguments or {})
+            owner = self._served if verb in ("recordings", "checksum", "read") else self
+            result = getattr(owner, verb if owner is self._served else f"_{verb}")(arguments or {})
         except Exception as error:
             outcome.set_exception(error)
         else:
@@ -196,7 +188,7 @@ class Service:
             "role": self._role,
             "pid": os.getpid(),
             "endpoint": self.rig.zenoh.endpoint,
-            "recordings": None if self._folder is None else str(self._folder.path),
+            "recordings": None if self._served.folder is None else str(self._served.folder.path),
             "tripped": self.bench.guard.tripped,
             "run": self.run.progress() if self.run is not None else None,
             "expires": None if self._armed is None else max(self._armed.until - time.monotonic(), 0.0),
@@ -217,7 +209,7 @@ class Service:
             raise InputError(
                 "daemon", f"runs rig '{self.rig.name}' from a file of other content; restart it, or use that file"
             )
-        job = partial(self._jobs.arm, wanted, self._folder, self._publisher, time.monotonic())
+        job = partial(self._jobs.arm, wanted, self._served.folder, self._publisher, time.monotonic())
         self._job = self._devices.submit(job)
         self._why_disarmed = self._cancel = None
         self._go("arming")
@@ -261,20 +253,6 @@ class Service:
         checked("reset", arguments, NoArguments)
         self.bench.guard.reset()
         return {"tripped": None}
-
-    def _recordings(self, arguments: Table) -> Outcome:
-        checked("recordings", arguments, NoArguments)
-        folder = self._shared_folder()
-        return self._later(self._files.submit(lambda: {"folder": str(folder.path), "recordings": folder.list()}))
-
-    def _checksum(self, arguments: Table) -> Outcome:
-        wanted = checked("checksum", arguments, NameArguments)
-        return self._later(self._files.submit(partial(self._shared_folder().checksum, wanted.name)))
-
-    def _read(self, arguments: Table) -> Outcome:
-        wanted = checked("read", arguments, ReadArguments)
-        job = partial(self._shared_folder().read, wanted.name, wanted.offset, wanted.length)
-        return self._later(self._files.submit(job))
 
     # States
 
@@ -357,7 +335,7 @@ class Service:
         self._leave()
 
     def _lives(self, client: str) -> bool:
-        return self._clients is not None and client in self._clients
+        return self._endpoint is not None and client in self._endpoint.clients
 
     # Inside
 
@@ -397,28 +375,17 @@ class Service:
         self._waiting_for_end.append(answer)
         return answer
 
-    def _shared_folder(self) -> RecordingsFolder:
-        if self._folder is None:
-            raise InputError(
-                "daemon", "has no folder for recordings (--recordings); it writes where 'record --out' says"
-            )
-        return self._folder
-
-    def _open_session(self) -> None:
+    def _open_endpoint(self) -> None:
         try:
-            self._session = open_session(self.rig, listen=True)
+            self._endpoint = Endpoint(self.rig, self._inbox, self.wake)
         except DeviceFault as fault:
             if self._publish == "wanted":
                 raise
             self.notes.append(f"not published: {fault.what}")
-            return
-        ros = None
-        if self.rig.zenoh.ros2_attachment:
-            ros = RosPublisher(self._session, self.rig.zenoh.domain, self.keys.name.replace("-", "_"))
-        joints = [joint.name or f"joint{number}" for number, joint in enumerate(self.rig.joint, 1)]
-        self._publisher = Publisher(self._session, self.keys, joints, ros=ros)
-        self._clients = LiveClients(self._session, self.keys, self.wake)
-        self._commands = CommandServer(self._session, self.keys, self._inbox)
+
+    @property
+    def _publisher(self) -> Publisher | None:
+        return None if self._endpoint is None else self._endpoint.publisher
 
     def _stuck(self) -> bool:
         """Whether the devices should have been done long ago: a driver hangs. Then only the service manager can help."""

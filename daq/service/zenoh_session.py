@@ -72,8 +72,11 @@ def keys_of(name: str) -> Keys:
     return Keys(re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "rig")
 
 
-def open_session(rig: Rig, *, listen: bool) -> zenoh.Session:
+def open_session(rig: Rig, *, listen: bool, send_seconds: float = 5.0) -> zenoh.Session:
     """The rig's session, as its server (``listen``) or as a client.
+
+    send_seconds  how long something that must not be dropped (an answer, rows of a replay) waits for a receiver that has stopped
+                  reading; its connection is closed then
 
     DeviceFault('zenoh'): the endpoint is taken, or (client) nobody answers there within 2 s. InputError: unusable
     password or certificate files.
@@ -81,7 +84,9 @@ def open_session(rig: Rig, *, listen: bool) -> zenoh.Session:
     import zenoh
 
     try:
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(rig, listen=listen))))
+        return zenoh.open(
+            zenoh.Config.from_json5(json.dumps(session_config(rig, listen=listen, send_seconds=send_seconds)))
+        )
     except zenoh.ZError as error:
         endpoint = rig.zenoh.endpoint
         if listen:
@@ -89,7 +94,7 @@ def open_session(rig: Rig, *, listen: bool) -> zenoh.Session:
         raise DeviceFault("zenoh", f"nobody answers on {endpoint}; is 'armscope daemon' running there?") from None
 
 
-def session_config(rig: Rig, *, listen: bool) -> dict[str, Any]:
+def session_config(rig: Rig, *, listen: bool, send_seconds: float = 5.0) -> dict[str, Any]:
     """Zenoh's own configuration, as a table."""
     table = rig.zenoh
     here, there = ([table.endpoint], []) if listen else ([], [table.endpoint])
@@ -100,7 +105,10 @@ def session_config(rig: Rig, *, listen: bool) -> dict[str, Any]:
                 "queue": {
                     "size": {"data": QUEUE_BATCHES},
                     # us that the sampler's thread waits for a queue that has just filled up; while it stays full, not at all.
-                    "congestion_control": {"drop": {"wait_before_drop": 1000, "max_wait_before_drop_fragments": 5000}},
+                    "congestion_control": {
+                        "drop": {"wait_before_drop": 1000, "max_wait_before_drop_fragments": 5000},
+                        "block": {"wait_before_close": round(send_seconds * 1e6)},
+                    },
                 }
             }
         },

@@ -82,8 +82,8 @@ class Lab:
     def environment(self, **more: str) -> dict[str, str]:
         return os.environ | {"PYTHONPATH": str(self.root)} | more
 
-    def daemon(self, **environment: str) -> subprocess.Popen[str]:
-        process = self.start("daemon", "--rig", "rig.toml", **environment)
+    def daemon(self, *options: str, **environment: str) -> subprocess.Popen[str]:
+        process = self.start("daemon", "--rig", "rig.toml", *options, **environment)
         assert process.stderr is not None
         line = process.stderr.readline()
         assert "is open on" in line, line + process.stderr.read()

@@ -1,11 +1,16 @@
-"""The server's side of the commands: they come on Zenoh's threads and wait for the one thread that obeys them."""
+"""The server's side of the commands: they come on Zenoh's threads and wait for the one thread that obeys them.
+
+Answers leave on a thread of their own: where a client has stopped reading, Zenoh waits for it (``send_seconds`` of
+``daq.service.zenoh_session.open_session``, then its connection is closed), and no command may wait with it.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import traceback
-from concurrent.futures import Future
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from arm_io import DeviceFault, InputError
@@ -25,8 +30,8 @@ MOST_BYTES_OTHERWISE = 1 << 16
 class Command:
     """One command that somebody waits for; exactly one of ``answer`` and ``refuse`` ends it."""
 
-    def __init__(self, query: zenoh.Query) -> None:
-        self._query = query
+    def __init__(self, query: zenoh.Query, answers: Executor) -> None:
+        self._query, self._answers = query, answers
         self.verb = str(query.key_expr).rpartition("/")[2]
 
     def check(self) -> None:
@@ -45,14 +50,18 @@ class Command:
         return strict_json.parse(b"" if payload is None else payload.to_bytes(), f"daemon: {self.verb}")
 
     def answer(self, result: dict[str, Any] | bytes) -> None:
-        """Sends the result: a table as JSON, or a piece of a file as it is."""
-        kind = "application/octet-stream" if isinstance(result, bytes) else "application/json"
-        payload = result if isinstance(result, bytes) else json.dumps(result)
-        self._reply(lambda: self._query.reply(self._query.key_expr, payload, encoding=kind))
+        """Sends the result: a table as JSON; a piece of a file as it is, and at once, on the thread that has read it."""
+        key = self._query.key_expr
+        if isinstance(result, bytes):
+            self._send(lambda: self._query.reply(key, result, encoding="application/octet-stream"))
+        else:
+            text = json.dumps(result)
+            self._later(lambda: self._query.reply(key, text, encoding="application/json"))
 
     def refuse(self, error: InputError | DeviceFault) -> None:
         """Sends the error, typed."""
-        self._reply(lambda: self._query.reply_err(json.dumps(table_of(error)), encoding="application/json"))
+        text = json.dumps(table_of(error))
+        self._later(lambda: self._query.reply_err(text, encoding="application/json"))
 
     def settle(self, outcome: Future[dict[str, Any]] | Future[bytes]) -> None:
         """Sends what has become of it. An exception that is neither InputError nor DeviceFault is a bug, and told as such."""
@@ -65,7 +74,10 @@ class Command:
             traceback.print_exception(error)
             self.refuse(DeviceFault("daemon", f"{self.verb}: a bug: {type(error).__name__}: {error}"))
 
-    def _reply(self, send: Any) -> None:
+    def _later(self, send: Callable[[], None]) -> None:
+        self._answers.submit(self._send, send)
+
+    def _send(self, send: Callable[[], None]) -> None:
         import zenoh
 
         with contextlib.suppress(zenoh.ZError):  # who asked is gone
@@ -78,6 +90,7 @@ class CommandServer:
 
     def __init__(self, session: zenoh.Session, keys: Keys, waiting: CommandQueue | None = None) -> None:
         self._waiting = CommandQueue() if waiting is None else waiting
+        self._answers = ThreadPoolExecutor(1, thread_name_prefix="answers")
         self._queryable = session.declare_queryable(keys.command("*"), self._take, complete=True)
         self._token = session.liveliness().declare_token(keys.alive)
 
@@ -90,10 +103,11 @@ class CommandServer:
         self._token.undeclare()
         self._queryable.undeclare()
         self._waiting.close()
+        self._answers.shutdown()
 
     def _take(self, query: zenoh.Query) -> None:
         """On one of Zenoh's threads: what is too long is refused here, so that it does not wait with its payload."""
-        command = Command(query)
+        command = Command(query, self._answers)
         try:
             command.check()
         except InputError as error:
