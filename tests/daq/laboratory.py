@@ -47,6 +47,10 @@ class Lab:
         text = text.replace('"models/', f'"{self.root}/config/models/')
         self.rig_file.write_text(f'{text}\n{more}\n[zenoh]\nendpoint = "{self.endpoint}"\n')
 
+    def patient(self) -> None:
+        """A busy machine may leave the sampler standing for longer than half a second; that is not what is tested."""
+        self.rig_file.write_text(self.rig_file.read_text().replace("[trigger]", "watchdog = 10.0\n[trigger]", 1))
+
     def slow_arming(self, seconds: float, *, refusal: str = "") -> None:
         """The arm's controller takes so long to arm, or refuses to start (``tests.daq.slow_controller``)."""
         driver = f'driver = "tests.daq.slow_controller"\narming = {seconds}\nrefusal = "{refusal}"'

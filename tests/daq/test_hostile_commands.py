@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from arm_io import DeviceFault, InputError
@@ -25,6 +25,7 @@ HEARD = 2.0
 @pytest.fixture(scope="module")
 def lab(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
     lab = Lab(root, tmp_path_factory.mktemp("hostile"))
+    lab.patient()
     lab.experiment(1000)
     lab.daemon()
     yield lab
@@ -241,7 +242,10 @@ class Noise:
 
 
 @settings(
-    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+    max_examples=100,
+    deadline=None,
+    phases=[Phase.explicit, Phase.generate],  # the daemon keeps its state from example to example: nothing to shrink
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(commands=st.lists(COMMAND, min_size=10, max_size=40))
 def test_thousands_of_hostile_commands_during_a_run(

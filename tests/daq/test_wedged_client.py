@@ -45,6 +45,7 @@ def test_a_client_that_does_not_read_its_answers(lab: Lab) -> None:
     there = lab.folder / "there"
     there.mkdir()
     (there / "big.mcap").write_bytes(os.urandom(1 << 20))
+    lab.patient()
     lab.experiment(60)
     lab.daemon("--recordings", "there")
     flood = subprocess.Popen(
