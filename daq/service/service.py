@@ -1,7 +1,7 @@
 """The service: one rig, its devices open, waiting for commands; one run at a time.
 
 Three threads. The one that calls ``step`` decides: it takes the commands and owns the state, and does nothing that takes long, so that
-``status`` and ``stop`` are always heard. Another talks to the devices: it arms, starts and takes the rows (``daq.service.worker``). A
+``status`` and ``stop`` are always heard. Another talks to the devices: it arms, starts and takes the rows (``daq.service.process.worker``). A
 third reads files for clients. docs/daemon.md has the table of commands; refusals are ``InputError`` and ``DeviceFault``.
 """
 
@@ -14,7 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from arm_io import DeviceFault, InputError, read_text
 from daq.acquisition.states import End
@@ -31,13 +31,13 @@ from daq.service.commands.queue import CommandQueue
 from daq.service.commands.server import Command
 from daq.service.device_jobs import Armed, DeviceJobs
 from daq.service.endpoint import Endpoint
-from daq.service.heap import return_large_blocks
+from daq.service.process.heap import return_large_blocks
+from daq.service.process.systemd import Watchdog
+from daq.service.process.worker import Worker
 from daq.service.publisher import Publisher
 from daq.service.rig_lock import RigLock
 from daq.service.run import Run
-from daq.service.systemd import Watchdog
 from daq.service.transfer.served import ServedFolder
-from daq.service.worker import Worker
 from daq.service.zenoh_session import keys_of
 
 Table = dict[str, Any]
@@ -145,14 +145,15 @@ class Service:
         """Begins to obey one command of ``daq.service.client.COMMANDS``; ``step`` completes what takes longer."""
         outcome: Outcome = Future()
         try:
-            owner = self._served if verb in ("recordings", "checksum", "read") else self
-            result = getattr(owner, verb if owner is self._served else f"_{verb}")(arguments or {})
-        except Exception as error:
-            outcome.set_exception(error)
-        else:
+            served = verb in ("recordings", "checksum", "read")
+            result = (
+                getattr(self._served, verb)(arguments or {}) if served else getattr(self, f"_{verb}")(arguments or {})
+            )
             if isinstance(result, Future):
                 return result
             outcome.set_result(result)
+        except Exception as error:
+            outcome.set_exception(error)
         return outcome
 
     def ask(self, verb: str, arguments: Table | None = None) -> Table:
@@ -160,8 +161,7 @@ class Service:
         outcome = self.obey(verb, arguments)
         while not outcome.done():
             self.step(0.05)
-        result: Table = outcome.result()
-        return result
+        return cast(Table, outcome.result())
 
     @property
     def bench(self) -> Bench:
@@ -323,19 +323,16 @@ class Service:
 
     def _expire(self) -> None:
         """An armed rig waits for its client, not for ever."""
-        armed, now = self._armed, time.monotonic()
+        armed, here, now = self._armed, self._endpoint, time.monotonic()
         if armed is None:
             return
         if now >= armed.until:
             self._why_disarmed = f"nobody started it within {armed.expires:g} s"
-        elif armed.client is not None and not self._lives(armed.client) and now > armed.asked + CLAIM_SECONDS:
+        elif armed.client and now > armed.asked + CLAIM_SECONDS and not (here and armed.client in here.clients):
             self._why_disarmed = "the client that armed it is gone"
         else:
             return
         self._leave()
-
-    def _lives(self, client: str) -> bool:
-        return self._endpoint is not None and client in self._endpoint.clients
 
     # Inside
 

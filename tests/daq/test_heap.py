@@ -12,7 +12,7 @@ import pytest
 # Blocks of 1 MiB among smaller ones that live on; prints the MB that are still held when the blocks are gone.
 BLOCKS = """
 import numpy as np, psutil
-from daq.service.heap import return_large_blocks
+from daq.service.process.heap import return_large_blocks
 if {fixed}:
     return_large_blocks()
 for megabytes in range(1, 31):

@@ -10,8 +10,8 @@ from typing import Any
 
 from arm_io import InputError
 from daq.service.commands.arguments import NameArguments, NoArguments, ReadArguments, checked
+from daq.service.process.worker import Worker
 from daq.service.transfer.folder import RecordingsFolder
-from daq.service.worker import Worker
 
 Table = dict[str, Any]
 
