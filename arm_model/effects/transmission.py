@@ -102,7 +102,7 @@ JOINT_COMPLIANCE = Effect(
             inverse=True,
             tracker_prior=1e-3,
         ),
-        Parameter("damping", "N m s/rad", (0.0, 500.0), False, "damping of the transmission", search=(40.0,)),
+        Parameter("damping", "N m s/rad", (0.0, 500.0), False, "damping of the transmission", search=(20.0, 80.0)),
     ),
     equation="q_motor - q = tau_load / k",
     shows="deflection follows the load; a resonance",

@@ -53,7 +53,7 @@ SEARCHED_IN = 2
 """Recordings of the fitted side in which values are searched: those that the loop follows worst."""
 END_SECONDS = 0.2
 """Left out at both ends of a recording: those of the filters."""
-LANES = 25
+LANES = 40
 """First values that are simulated at most, a lane each combination; they are refined from there on."""
 STEPS = np.array([0.7, 0.85, 0.95, 1.05, 1.18, 1.4])
 """Factors by which each parameter is then varied about the best, the others as they are; dampings by their cubes."""

@@ -48,7 +48,7 @@ def test_says_by_which_instrument_it_is_observed_what_excites_it_and_where_its_p
             assert _found(parameter), f"{effect.name}.{parameter.name}: neither a coefficient nor spanned nor searched"
         assert all(np.isfinite(parameter.search)) and list(parameter.search) == sorted(parameter.search)
         assert all(abs(value) <= parameter.most for value in parameter.search)
-        if len(parameter.search) > 1 and not parameter.derived:
+        if len(parameter.search) > 1 and parameter.typical[0] > 0 and not parameter.derived:
             low, high = parameter.typical
             assert parameter.search[0] <= low * (1 + 1e-9) and parameter.search[-1] >= high * (1 - 1e-9)
         assert parameter.scale is None or parameter.shares
