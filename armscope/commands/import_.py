@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from arm_io import read_text
-from daq.recording import Attachments, Table, TimeUnit, read_csv, write_table
+from daq.recording import Attachments, Table, TimeUnit, read_csv_blocks, write_blocks
 from daq.recording.provenance import file_identity, provenance
 from daq.rig import read_rig
 
@@ -25,24 +26,39 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:
     checked = None if rig is None else read_rig(rig, drivers=False)
-    data = read_csv(table, joints=None if checked is None else checked.joints, keep_extra=keep_extra, unit=time_unit)
+    joints = None if checked is None else checked.joints
+    blocks = _Blocks(read_csv_blocks(table, joints=joints, keep_extra=keep_extra, unit=time_unit))
+    first = next(blocks)
     model = None if checked is None else checked.model_path
     attachments = Attachments(
         rig=None if rig is None else read_text(rig),
         model=None if model is None else read_text(model),
-        provenance=provenance("imported", source=file_identity(table), **_epoch(data)),
+        provenance=provenance("imported", source=file_identity(table), **_epoch(first)),
     )
     names = [] if checked is None else [joint.name or f"joint{number}" for number, joint in enumerate(checked.joint, 1)]
-    write_table(
-        out, data.t, data.signals, attachments, joints=names, xyz=data.xyz, extra=data.extra, start_ns=data.start_ns
-    )
-    missing = data.rows_with_missing_samples
-    rows, seconds = len(data.t), float(data.t[-1] - data.t[0])
+    write_blocks(out, first, blocks, attachments, joints=names)
+    rows, seconds = blocks.rows, blocks.last - float(first.t[0])
     if as_json:
-        print(json.dumps({"file": str(out), "rows": rows, "joints": data.joints, "duration": seconds, "lost": 0}))
+        print(json.dumps({"file": str(out), "rows": rows, "joints": first.joints, "duration": seconds, "lost": 0}))
     else:
-        gaps = f", {missing} rows with missing samples" if missing else ""
-        print(f"{out}: {rows} rows of {data.joints} joint{'s' * (data.joints > 1)}, {seconds:.2f} s{gaps}")
+        gaps = f", {blocks.missing} rows with missing samples" if blocks.missing else ""
+        print(f"{out}: {rows} rows of {first.joints} joint{'s' * (first.joints > 1)}, {seconds:.2f} s{gaps}")
+
+
+class _Blocks(Iterator[Table]):
+    """The blocks of a table, counted as they go by: rows, those with missing samples, and the last time, s."""
+
+    def __init__(self, blocks: Iterator[Table]) -> None:
+        self._blocks = blocks
+        self.rows = self.missing = 0
+        self.last = 0.0
+
+    def __next__(self) -> Table:
+        block = next(self._blocks)
+        self.rows += len(block)
+        self.missing += block.rows_with_missing_samples
+        self.last = float(block.t[-1])
+        return block
 
 
 def _epoch(data: Table) -> dict[str, str]:

@@ -11,9 +11,10 @@ if TYPE_CHECKING:
     from daq.recording.plots import plot
     from daq.recording.reader import Recording, open_recording
     from daq.recording.several import open_recordings
-    from daq.recording.tables.csv_table import Table, read_csv, write_csv
+    from daq.recording.tables.csv_reader import Table, read_csv, read_csv_blocks
     from daq.recording.tables.csv_time import TimeUnit
-    from daq.recording.tables.table import write_table
+    from daq.recording.tables.csv_writer import write_csv
+    from daq.recording.tables.table import write_blocks, write_table
 else:
     __getattr__ = lazy(__name__)
 
@@ -29,7 +30,9 @@ __all__ = [
     "open_recordings",
     "plot",
     "read_csv",
+    "read_csv_blocks",
     "told_on",
+    "write_blocks",
     "write_csv",
     "write_table",
 ]

@@ -24,7 +24,7 @@ from arm_model.description import EffectTerm, Joint
 from arm_model.model_file import arm_of, read_model
 from arm_model.urdf import read_urdf, write_urdf
 from armscope.cli import COMMANDS, run
-from daq.recording.tables.csv_table import read_csv
+from daq.recording.tables.csv_reader import read_csv
 from daq.rig.rig_file import Rig, read_rig
 from drivers.registry import check_config
 from drivers.val_terminal import protocol as val

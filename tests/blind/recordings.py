@@ -11,7 +11,7 @@ from daq.acquisition.rows import Rows
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.recorder import Recorder, rows_layout
-from daq.recording.tables.csv_table import read_csv
+from daq.recording.tables.csv_reader import read_csv
 from daq.recording.tables.table import write_table
 from tests.blind.instruments import RIG, instruments
 from tests.blind.laboratory import Laboratory

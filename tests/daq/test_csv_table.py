@@ -19,8 +19,9 @@ from arm_io import InputError
 from armscope.cli import run
 from daq.recording import open_recording
 from daq.recording.parts import Attachments
-from daq.recording.tables.csv_table import read_csv, write_csv
+from daq.recording.tables.csv_reader import read_csv
 from daq.recording.tables.csv_time import TimeUnit
+from daq.recording.tables.csv_writer import write_csv
 from daq.recording.tables.table import write_table
 
 GOOD = "t,q1,i1,q2,i2\n0,0.1,1,0.2,2\n0.01,0.3,3,0.4,4\n0.02,0.5,5,0.6,6\n"
@@ -53,7 +54,7 @@ def test_windows_and_spaces_are_welcome(tmp_path: Path) -> None:
     ("text", "complaint"),
     [
         ("", r"line 1: column t is missing \(and 2 more\)|has 0 lines"),
-        ("t,q1,i1\n", "has 0 lines of numbers; at least 2 are wanted"),
+        ("t,q1,i1\n", "has 0 lines of numbers; there must be at least 2"),
         ("t,q1\n0,1\n1,2\n", "line 1: column i1 is missing"),
         ("t,i1,q_1\n0,1,2\n1,2,3\n", "line 1: column q1 is missing; is it 'q_1'?"),
         ("time,q1,i1\n0,1,2\n1,2,3\n", "line 1: column t is missing"),

@@ -15,7 +15,7 @@ from daq.acquisition.ledger import Loss, LossReason
 from daq.recording import open_recording
 from daq.recording.parts import Attachments
 from daq.recording.recorder import Recorder
-from daq.recording.tables.csv_table import read_csv
+from daq.recording.tables.csv_reader import read_csv
 from tests.daq.recorded import LAYOUT, make_rows
 
 RIG = 'name = "bench"\n[[joint]]\nname = "carriage"\ntype = "prismatic"\n'

@@ -7,7 +7,6 @@ table in ms that is taken for one in s is a thousand times too slow in everythin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from decimal import Decimal
 from enum import StrEnum
 from pathlib import Path
@@ -37,45 +36,71 @@ ENOUGH = 20
 ROS_SECONDS = 1 << 31
 
 
-@dataclass(frozen=True)
-class Times:
-    """Times of the rows: t (n,) s, as the table has them, or since the first row where the table's are of the epoch.
+class TimeColumn:
+    """The column t, some rows after the others; the first rows tell whether its times are of the epoch.
 
-    epoch  s since 1970 of the first row, exactly; None where the table's times are not of the epoch
+    unit    of the column; None: s, and InputError where it looks like another
+    last    text of the file's last cell of it, "" where that cannot be told
+    epoch   once there are rows: s since 1970 of the first, exactly; None where the times are not of the epoch
+    start_ns  wall time of t = 0 in ns, where that is known and a ROS stamp can hold all of the rows
     """
 
-    t: Array
-    epoch: Decimal | None = None
+    def __init__(self, path: str | Path, unit: TimeUnit | None, last: str = "") -> None:
+        self._path, self._unit, self._last = path, unit, last
+        self._digits = _DIGITS[unit or TimeUnit.S]
+        self._first = Decimal(0)
+        self._before: tuple[str, float] | None = None
+        self._begin = 0.0
+        self.epoch: Decimal | None = None
+        self.start_ns: int | None = None
 
-    @property
-    def start_ns(self) -> int | None:
-        """Wall time of t = 0, where that is known and a ROS stamp can hold all of the rows."""
-        if self.epoch is None or self.epoch + Decimal(float(self.t[-1])) >= ROS_SECONDS:
-            return None
-        return round(self.epoch * 10**9)
+    def seconds(self, lines: Sequence[int], cells: Sequence[str], t: Array) -> Array:
+        """The times of the rows that follow, (n,) s: as the table has them, or since its first row where they are of the epoch.
 
+        ``cells`` hold them, on the ``lines`` of the file; t (n,): the numbers that they read as. InputError where a time is missing, or
+        they do not increase strictly.
+        """
+        if np.isnan(t).any():
+            line = lines[int(np.argmax(np.isnan(t)))]
+            raise InputError(self._path, f"line {line}, column t: is missing; every line must have its time")
+        if self._before is None:
+            self._begin_with(cells[0], t)
+        if self._digits or self.epoch is not None:
+            t = np.array([float((Decimal(cell) - self._first).scaleb(-self._digits)) for cell in cells])
+        self._check_increase(lines, cells, t)
+        return t
 
-def times_of(path: str | Path, lines: Sequence[int], cells: Sequence[str], t: Array, unit: TimeUnit | None) -> Times:
-    """The times in ``cells``, which read as the numbers ``t`` (n,). ``lines``: where they stand.
+    def _begin_with(self, cell: str, t: Array) -> None:
+        if self._unit is None:
+            _ask(self._path, t)
+        if YEAR_2000 <= t[0] * 10.0**-self._digits < YEAR_2100:
+            self._first = Decimal(cell)
+            self.epoch = self._first.scaleb(-self._digits)
+            if self._last_time() < ROS_SECONDS:
+                self.start_ns = round(self.epoch * 10**9)
 
-    unit  None: s, and InputError where they look like another unit
-    Raises InputError where a time is missing, or they do not increase strictly.
-    """
-    if np.isnan(t).any():
-        line = lines[int(np.argmax(np.isnan(t)))]
-        raise InputError(path, f"line {line}, column t: is missing; every line wants its time")
-    if unit is None:
-        _ask(path, t)
-    digits = _DIGITS[unit or TimeUnit.S]
-    of_epoch = YEAR_2000 <= t[0] * 10.0**-digits < YEAR_2100
-    times = Times(t)
-    if digits or of_epoch:
-        exact = [Decimal(cell) for cell in cells]
-        first = exact[0] if of_epoch else Decimal(0)
-        since = np.array([float((value - first).scaleb(-digits)) for value in exact])
-        times = Times(since, first.scaleb(-digits) if of_epoch else None)
-    _check_increase(path, lines, cells, times.t)
-    return times
+    def _last_time(self) -> Decimal:
+        """s since 1970."""
+        try:
+            return Decimal(self._last).scaleb(-self._digits)
+        except (ArithmeticError, ValueError):
+            return Decimal(0)
+
+    def _check_increase(self, lines: Sequence[int], cells: Sequence[str], t: Array) -> None:
+        text, before = self._before or ("", -np.inf)
+        back = np.flatnonzero(np.diff(t, prepend=before) <= 0)
+        if len(back):
+            row = int(back[0])
+            text = cells[row - 1] if row else text
+            raise InputError(
+                self._path, f"line {lines[row]}: t goes from {text} to {cells[row]}; it must increase strictly"
+            )
+        if self._before is None:
+            self._begin = float(t[0])
+        if t[-1] - self._begin >= ROS_SECONDS:
+            spans = f"t spans {t[-1] - self._begin:.3g} s"
+            raise InputError(self._path, f"{spans}; is it in s? Give --time-unit s, ms, us or ns")
+        self._before = cells[-1], float(t[-1])
 
 
 def _ask(path: str | Path, t: Array) -> None:
@@ -88,14 +113,3 @@ def _ask(path: str | Path, t: Array) -> None:
     step = float(np.median(np.diff(t)))
     if step >= SLOW and len(t) >= ENOUGH:
         raise InputError(path, f"t goes by {step:g} from row to row; is it in s? Give --time-unit s, ms, us or ns")
-
-
-def _check_increase(path: str | Path, lines: Sequence[int], cells: Sequence[str], t: Array) -> None:
-    back = np.flatnonzero(np.diff(t) <= 0)
-    if len(back):
-        row = int(back[0]) + 1
-        raise InputError(
-            path, f"line {lines[row]}: t goes from {cells[row - 1]} to {cells[row]}; it must increase strictly"
-        )
-    if t[-1] - t[0] >= ROS_SECONDS:
-        raise InputError(path, f"t spans {t[-1] - t[0]:.3g} s; is it in s? Give --time-unit s, ms, us or ns")

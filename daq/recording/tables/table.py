@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,11 @@ from numpy.typing import NDArray
 
 from arm_io import DeviceFault
 from daq.acquisition.ledger import LedgerSummary
-from daq.recording.mcap_file.writer import Progress
-from daq.recording.messages.row_format import JOINT_TOPICS, Layout, format_of
+from daq.recording.contents import Columns
+from daq.recording.mcap_file.writer import McapFile, Progress
+from daq.recording.messages.row_format import JOINT_TOPICS, Layout, RowFormat, format_of
 from daq.recording.parts import Attachments, Derivatives, finish_file, open_file, write_chunk
+from daq.recording.tables.csv_reader import Table
 
 CHUNK_BYTES = 1 << 20
 
@@ -27,48 +30,71 @@ def write_table(
     xyz: NDArray[np.float64] | None = None,
     extra: dict[str, NDArray[np.float64]] | None = None,
     effort: Sequence[float] = (),
-    start_ns: int | None = None,
 ) -> LedgerSummary:
     """Writes a recording that has no devices behind it: an imported table, or a simulation. An existing ``path`` is replaced.
 
-    t        (n,) s, strictly increasing; kept to the last bit, as are all other numbers
+    t        (n,) s, strictly increasing; kept to the last bit, as are all other numbers; stamps count from the first row where it is no ROS time
     signals  'q' and 'i' and any other key of ``daq.recording.messages.row_format.JOINT_TOPICS`` -> (n, J) rad (m), A, V, degC; NaN: missing sample;
              a joint whose column (of other than q and i) is NaN throughout does not have that signal
     xyz      (n, 3) m, tracker's target in the base frame
     joints   (J,) names; default joint1 ...
     extra    further columns by name -> (n,)
-    start_ns wall time of t = 0 for the stamps; None: t itself, or from the first row on where that is no ROS time
+    effort   (J,) joint torque per motor ampere, N m/A (N/A)
     """
     t = np.asarray(t, float)
-    names = tuple(joints) or tuple(f"joint{joint}" for joint in range(1, signals["q"].shape[1] + 1))
-    columns: dict[str, NDArray] = {"number": np.arange(len(t)), "time": t, "wall_ns": _stamps(t, start_ns)}
     having = {}
     for name in JOINT_TOPICS:
         if name in signals:
             there = ~np.isnan(signals[name]).all(axis=0) | (name in ("q", "i"))
             having[name] = tuple(int(joint) + 1 for joint in np.flatnonzero(there))
-            columns[name] = signals[name][:, there]
-    if xyz is not None:
-        columns["xyz"] = xyz
-    if extra:
-        columns["extra"] = np.column_stack(list(extra.values()))
-    layout = Layout(
-        names,
-        {name: joints for name, joints in having.items() if joints},
-        False,
-        points="base" if xyz is not None else "",
-        effort=tuple(effort) if "i" in signals else (),
-        extra=tuple(extra or ()),
+    table = Table(t, signals, having, xyz, extra or {})
+    layout = _layout(table, joints, effort)
+    origin = -float(t[0]) if len(t) and (t[0] < 0 or t[-1] >= 2**31) else 0.0
+    return _write(path, layout, attachments, (_columns(layout, one, origin, 0) for one in [table]))
+
+
+def write_blocks(
+    path: str | Path, first: Table, others: Iterable[Table], attachments: Attachments, *, joints: Sequence[str] = ()
+) -> LedgerSummary:
+    """``write_table`` of a table that comes block by block; only one of them is in memory."""
+    layout = _layout(first, joints, ())
+    origin = -float(first.t[0]) if first.t[0] < 0 else 0.0
+    start_ns = first.start_ns or 0
+    return _write(
+        path, layout, attachments, (_columns(layout, table, origin, start_ns) for table in chain([first], others))
     )
-    form, derive = format_of(layout.to_json()), Derivatives(layout)
-    size = max(1, CHUNK_BYTES // len(form.template))
+
+
+def _layout(table: Table, joints: Sequence[str], effort: Sequence[float]) -> Layout:
+    return Layout(
+        tuple(joints) or tuple(f"joint{joint}" for joint in range(1, table.joints + 1)),
+        {name: having for name, having in table.having.items() if having},
+        False,
+        points="base" if table.xyz is not None else "",
+        effort=tuple(effort) if "i" in table.signals else (),
+        extra=tuple(table.extra),
+    )
+
+
+def _columns(layout: Layout, table: Table, origin: float, start_ns: int) -> Columns:
+    """The table's columns as the file has them, without their numbers; stamps are ``origin`` s + ``start_ns`` later than t."""
+    columns: Columns = {"time": table.t, "wall_ns": np.rint((table.t + origin) * 1e9).astype(np.int64) + start_ns}
+    for name, having in layout.signals.items():
+        columns[name] = table.signals[name][:, np.array(having) - 1]
+    if table.xyz is not None:
+        columns["xyz"] = table.xyz
+    if table.extra:
+        columns["extra"] = np.column_stack(list(table.extra.values()))
+    return columns
+
+
+def _write(path: str | Path, layout: Layout, attachments: Attachments, blocks: Iterable[Columns]) -> LedgerSummary:
+    """Writes the file, whole or not at all."""
+    form = format_of(layout.to_json())
     file = open_file(path, form, attachments.files(), replace=True)
     try:
-        for start in range(0, len(t), size):
-            piece = {name: values[start : start + size] for name, values in columns.items()}
-            write_chunk(file, form, piece | derive(piece))
-        file.progress(Progress(len(t), 0, len(t) - 1, int(columns["wall_ns"][-1]) if len(t) else 0))
-        ledger = LedgerSummary(len(t), len(t), len(t))
+        rows = _write_rows(file, form, blocks)
+        ledger = LedgerSummary(rows, rows, rows)
         finish_file(file, ledger)
     except OSError as error:
         file.abandon()
@@ -79,7 +105,17 @@ def write_table(
     return ledger
 
 
-def _stamps(t: NDArray[np.float64], start_ns: int | None) -> NDArray[np.int64]:
-    if start_ns is None and len(t) and (t[0] < 0 or t[-1] >= 2**31):
-        t = t - t[0]
-    return np.rint(t * 1e9).astype(np.int64) + (start_ns or 0)
+def _write_rows(file: McapFile, form: RowFormat, blocks: Iterable[Columns]) -> int:
+    """The rows, numbered from 0; how many there are."""
+    size, rows, last_ns = max(1, CHUNK_BYTES // len(form.template)), 0, 0
+    derive = Derivatives(form.layout)
+    for columns in blocks:
+        count = len(columns["time"])
+        columns["number"] = np.arange(rows, rows + count)
+        for start in range(0, count, size):
+            piece = {name: values[start : start + size] for name, values in columns.items()}
+            write_chunk(file, form, piece | derive(piece))
+        rows += count
+        last_ns = int(columns["wall_ns"][-1]) if count else last_ns
+    file.progress(Progress(rows, 0, rows - 1, last_ns))
+    return rows
