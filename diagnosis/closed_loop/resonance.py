@@ -261,9 +261,7 @@ def _estimates(arm: Arm, trial: Trial, fit: Sequence[Recording], noise: Array) -
         residual.append(errors[0])
         block.append(first + np.arange(len(errors[0])) // round(BLOCK_SECONDS / r.dt))
         first = int(block[-1][-1]) + 1
-    covariance = cluster_covariance(
-        np.concatenate(sensitivity), [np.concatenate(residual)], np.concatenate(block), few=False
-    )
+    covariance = cluster_covariance(np.concatenate(sensitivity), [np.concatenate(residual)], np.concatenate(block))
     relative = np.sqrt(np.diag(covariance) + SYSTEMATIC**2)
     own = {p.name: p.unit for p in CATALOGUE[trial.effect].parameters}
     return [

@@ -19,20 +19,24 @@ def estimates(
     covariance: Array,
     joint: Joint | None,
     systematic: float | None = None,
+    nonlinear: Sequence[str] | None = None,
 ) -> list[Estimate]:
-    """The parameters of a candidate with coefficients (k,), in the units of a joint (None: SI).
+    """The parameters of a candidate, in the order of the catalogue, with coefficients (k,), in the units of a joint (None: SI).
 
-    covariance (k + s, k + s): of the coefficients, then of the nonlinear parameters ``candidate.searched()``, where these were estimated.
+    covariance (k + s, k + s): of the coefficients, then of the ``nonlinear`` parameters (default: ``candidate.searched()``), where these were
+    estimated.
     systematic: relative std of the measurement model, beside that of the data; default: the model error of the effect.
     """
     c, effect = np.asarray(coefficients, float), candidate.definition
     by_coefficient = [_derivative(candidate, c, k) for k in range(len(c))]
-    by_parameter = [{name: 1.0} for name in candidate.searched()][: len(covariance) - len(c)]
+    names = candidate.searched() if nonlinear is None else nonlinear
+    by_parameter = [{name: 1.0} for name in names][: len(covariance) - len(c)]
     share = effect.model_error if systematic is None else systematic
     rows = []
-    for name, value in candidate.parameters(c.tolist()).items():
-        parameter = effect[name]
-        if parameter.fixed:
+    values = candidate.parameters(c.tolist())
+    for parameter in effect.parameters:
+        name, value = parameter.name, values.get(parameter.name)
+        if value is None or parameter.fixed:
             continue
         slope = np.array([moved.get(name, 0.0) for moved in (*by_coefficient, *by_parameter)])
         std = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))

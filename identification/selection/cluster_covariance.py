@@ -25,7 +25,6 @@ def cluster_covariance(
     *,
     independent: float = 1e-5,
     unknown: Array | None = None,
-    few: bool = True,
 ) -> Array:
     """(k, k) covariance of the coefficients of ``columns`` (m, k).
 
@@ -33,7 +32,6 @@ def cluster_covariance(
     cluster      (m,) number of every row's cluster, from 0
     independent  singular value of the scaled columns below which the data says nothing of a direction
     unknown      (k,) std of the coefficients in directions that the data says nothing of; default: 0
-    few          whether to correct for few clusters
     """
     x, size = scaled(columns)
     values, vectors = np.linalg.eigh(x.T @ x)
@@ -44,9 +42,7 @@ def cluster_covariance(
     for residual in residuals:
         scores = np.stack([np.bincount(cluster, column * residual, clusters) for column in x.T], axis=1)
         meat += scores.T @ scores
-    if few:
-        meat *= clusters / max(clusters - x.shape[1], 1)
-    covariance = bread @ meat @ bread
+    covariance = bread @ meat @ bread * clusters / max(clusters - x.shape[1], 1)
     if unknown is not None:
         unseen = vectors[:, ~seen] @ vectors[:, ~seen].T
         covariance = covariance + unseen * (unknown * size) ** 2 @ unseen

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
+from arm_model.effects.definition import SYSTEMATIC
 from arm_model.effects.wrist import WRIST_COUPLING
 from daq.recording import Recording
 from diagnosis.cause import Estimate
@@ -33,8 +34,6 @@ SIGNIFICANT = 0.05
 """Probability below which the gain over blocks of held-out rows is no chance."""
 STEPS = 20.0
 """Times the noise of the angle that the motor must turn."""
-SYSTEMATIC = 0.01
-"""Relative std from what is no coupling: the servo's own error."""
 OWN = 4
 """Columns of the servo's own error."""
 
@@ -149,5 +148,5 @@ def _solved(x: Array, y: Array) -> Array:
 
 def _std(rows: _Rows, values: Array) -> Array:
     """Standard deviations of ``values``, for residuals that are correlated within a block."""
-    covariance = cluster_covariance(rows.columns, [rows.difference - rows.columns @ values], rows.block, few=False)
+    covariance = cluster_covariance(rows.columns, [rows.difference - rows.columns @ values], rows.block)
     return np.hypot(np.sqrt(np.diag(covariance)), SYSTEMATIC * np.abs(values))

@@ -12,13 +12,12 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.effects.definition import SYSTEMATIC
 from diagnosis.cause import Estimate
 from diagnosis.measurements.single_axis.columns import Rows, columns, fine, rows_of, waves
 from diagnosis.measurements.single_axis.model import LIMITS, Chosen, SingleAxis
 from diagnosis.residual.expected_current import low_pass
 from diagnosis.selection.candidate import Candidate
-from diagnosis.units import unit_at
+from diagnosis.selection.estimates import estimates
 from identification.selection.cluster_covariance import cluster_covariance
 from identification.selection.split import Split
 from identification.selection.stepwise import Score, select
@@ -164,36 +163,19 @@ def _parameters(candidate: Candidate, chosen: Chosen, model: SingleAxis) -> list
     at = sum(model.columns(one, rows).shape[1] for one in chosen[: chosen.index(candidate)])
     column = model.columns(candidate, rows)
     own = c[at : at + column.shape[1]]
-    curved = [(name, value) for name, value in candidate.shape if not candidate.definition[name].fixed]
+    refined = [name for name, _ in candidate.shape if not candidate.definition[name].fixed]
+    values = dict(candidate.shape)
     slopes = [
-        (columns(candidate.at(name, (1.0 + SMALL) * value), rows) - column) @ own / (SMALL * value)
-        for name, value in curved
+        (columns(candidate.at(name, (1.0 + SMALL) * values[name]), rows) - column) @ own / (SMALL * values[name])
+        for name in refined
     ]
     covariance = cluster_covariance(np.column_stack([x, *slopes]), [rows.residual - x @ c], rows.cells)
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    effect = candidate.definition
-    unit_of = {p.name: unit_at(rows.arm.joints[0], p.unit, p.name) for p in effect.parameters}
-    if effect.delay is not None:
-        return [Estimate("delay", float(own[0]), float(std[at]), "s")]
-    if effect.span is not None and effect.span.span is not None:
-        name, spanned = effect.linear[0].name, effect.span.name
-        size, value = effect.span.span.solve(float(own[0]), float(own[1]))
-        if not effect.wave:
-            return [
-                Estimate(name, size, float(np.hypot(std[at], std[at + 1])), unit_of[name]),
-                Estimate(spanned, value, float(std[at + 1]) / abs(size), unit_of[spanned]),
-            ]
-        return [
-            Estimate(name, size, float(np.max(std[at : at + 2])), unit_of[name]),
-            Estimate(*candidate.shape[0], float(std[-1]), "1"),
-            Estimate(spanned, value, float(np.max(std[at : at + 2])) / max(size, 1e-12), unit_of[spanned]),
-        ]
-    names = [p.name for p in effect.linear]
-    found = [
-        Estimate(name, float(value), float(np.hypot(s, SYSTEMATIC * value)), unit_of[name])
-        for name, value, s in zip(names, own, std[at:])
-    ]
-    return found + [
-        Estimate(name, value, float(np.hypot(s, SYSTEMATIC * value)), unit_of[name])
-        for (name, value), s in zip(curved, std[x.shape[1] :])
-    ]
+    own_rows = [*range(at, at + column.shape[1]), *range(x.shape[1], x.shape[1] + len(refined))]
+    return estimates(
+        candidate,
+        own.tolist(),
+        covariance[np.ix_(own_rows, own_rows)],
+        rows.arm.joints[0],
+        LIMITS.systematic,
+        refined,
+    )
