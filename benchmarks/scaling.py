@@ -63,6 +63,8 @@ COMMANDS: dict[str, Callable[[Case], list[str | Path]]] = {
     "import": lambda case: ["import", case.table, "--out", case.out / "run.mcap"],
     "plot": lambda case: ["plot", case.recording, "--out", case.out / "picture.png"],
     "replay": lambda case: ["replay", case.recording, "--speed", "inf", "--wait", "0", "--endpoint", free_endpoint()],
+    "identify": lambda case: ["identify", case.recording, "--model", MODEL, "--out", case.out / "identified"],
+    "diagnose": lambda case: ["diagnose", "--fit", case.recording, "--model", MODEL, "--out", case.out / "diagnosed"],
     "recover": lambda case: ["recover", case.recording, "--out", case.out / "run.mcap"],
 }
 """Command -> its arguments."""

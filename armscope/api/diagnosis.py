@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from daq.recording import Recording
     from diagnosis import Cause
     from diagnosis import Diagnosis as Details
+
+MOST_NUMBERS = 21_600_000
+"""Rows times joints that are read of each signal: an hour of six joints at 1 kHz. Of more, or faster ones, rows are averaged."""
+RATE = 1000.0
+"""rows/s that a diagnosis can use."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -91,29 +96,38 @@ def diagnose(
     Raises InputError where a recording does not belong to the arm, or is both fitted and held out.
     """
     arm = read_model(model)
-    fit, held = fit_and_held_out(recordings, held_out)
+    fit, held, remarks = fit_and_held_out(recordings, held_out)
     from diagnosis import diagnose
 
-    return Diagnosis(diagnose(arm, fit, held, progress=progress), tuple(fit), tuple(held))
+    details = diagnose(arm, fit, held, progress=progress)
+    return Diagnosis(replace(details, warnings=(*remarks, *details.warnings)), tuple(fit), tuple(held))
 
 
 def fit_and_held_out(
     fit: Source | Sequence[Source], held_out: Source | Sequence[Source]
-) -> tuple[list[Recording], list[Recording]]:
-    """Both sides read; without held-out recordings each one split by time. InputError where a recording is on both sides."""
-    fitted, held = for_analysis(fit, held_out)
+) -> tuple[list[Recording], list[Recording], tuple[str, ...]]:
+    """Both sides read; without held-out recordings each one split by time; of very long ones, stretches, and what to say of them.
+
+    InputError where a recording is on both sides.
+    """
+    fitted, held = for_analysis(fit, held_out, most_numbers=MOST_NUMBERS, rate=RATE)
     for one in held:
         if any(_same(one, other) for other in fitted):
             raise InputError(
                 one.path,
                 "is both fitted and held out: nothing would be judged; without held-out recordings each is split by time",
             )
-    if held:
-        return fitted, held
-    from diagnosis.screening import split
+    from diagnosis.screening import examined, split
 
-    first, last = zip(*map(split, fitted))
-    return list(first), list(last)
+    if not held:
+        fitted, held = (list(parts) for parts in zip(*map(split, fitted)))
+    fitted, held, remark = examined(fitted, held)
+    averaged = [
+        f"{one.path.name}: each row used is the mean of {one.averaged} recorded ones"
+        for one in {one.path: one for one in [*fitted, *held]}.values()
+        if one.averaged > 1
+    ]
+    return fitted, held, (*averaged, *([] if remark is None else [remark]))
 
 
 def _same(one: Recording, other: Recording) -> bool:

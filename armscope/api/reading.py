@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from armscope.shipped import found
 
@@ -42,13 +42,16 @@ def recordings_of(sources: Source | Sequence[Source]) -> list[Recording]:
     return [open_recording(source) for source in sources]
 
 
-def for_analysis(*groups: Source | Sequence[Source]) -> list[list[Recording]]:
-    """``recordings_of`` each group, all of them within one bound on memory: rows of long recordings are averaged (``daq.recording.several``)."""
+def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list[Recording]]:
+    """``recordings_of`` each group, all of them within one bound on memory: rows of long recordings are averaged.
+
+    ``bounds`` as ``daq.recording.open_recordings`` has them.
+    """
     from daq.recording import Recording, open_recordings
 
     listed = [[group] if isinstance(group, Recording | str | PathLike) else list(group) for group in groups]
     paths = [[Path(one) for one in group if not isinstance(one, Recording)] for group in listed]
-    read = [iter(group) for group in open_recordings(*paths)]
+    read = [iter(group) for group in open_recordings(*paths, **bounds)]
     return [
         [one if isinstance(one, Recording) else next(opened) for one in group] for group, opened in zip(listed, read)
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -62,9 +63,9 @@ def command(
     arm = read_model(_model(model, rig))
     if distort is not None:
         return _distorted(arm, distort, recordings_of(fit), out, as_json)
-    fitted, held = fit_and_held_out(fit, held_out or [])
+    fitted, held, remarks = fit_and_held_out(fit, held_out or [])
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
-        case = _case(arm, fitted, held, status)
+        case = _case(arm, fitted, held, remarks, status)
         if rig is not None:
             make_folder(out)
             table = _gone_on(arm, case, rig, out, yes, max_experiments, status)
@@ -101,11 +102,12 @@ def _model(model: Path | None, rig: Path | None) -> Path:
     return path
 
 
-def _case(arm: Arm, fitted: list[Recording], held: list[Recording], status: Status) -> Case:
+def _case(arm: Arm, fitted: list[Recording], held: list[Recording], remarks: tuple[str, ...], status: Status) -> Case:
     from armscope.adaptive_diagnosis import Case
     from diagnosis import diagnose
 
-    return Case(fitted, held, diagnose(arm, fitted, held, progress=status.update), {})
+    result = diagnose(arm, fitted, held, progress=status.update)
+    return Case(fitted, held, replace(result, warnings=(*remarks, *result.warnings)), {})
 
 
 def _kept(case: Case, out: Path, status: Status) -> dict[str, Any]:

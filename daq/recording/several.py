@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from mcap.reader import make_reader
@@ -18,24 +20,47 @@ BYTES = 40
 """Of a file, at least, per row and joint; a simulation that repeats itself may take less."""
 
 
-def open_recordings(*groups: Sequence[Path], most_numbers: int = MOST_NUMBERS) -> list[list[Recording]]:
+@dataclass(frozen=True)
+class Extent:
+    """How much a file holds, before it is read: rows, joints, and s from the first row to the last."""
+
+    rows: int
+    joints: int
+    seconds: float
+
+    @property
+    def numbers(self) -> int:
+        """Rows times joints."""
+        return self.rows * self.joints
+
+
+def open_recordings(
+    *groups: Sequence[Path], most_numbers: int = MOST_NUMBERS, rate: float | None = None
+) -> list[list[Recording]]:
     """Reads recordings for an analysis, in groups as given (fitted, held out).
 
     Every row is read as long as all recordings together have at most ``most_numbers`` rows times joints. Else each is reduced to its share of
     that number by averaging rows (``daq.recording.thinned``). Raises InputError as ``open_recording`` does.
+
+    rate  rows/s that suffice: those of faster recordings are averaged, down to no fewer than so many; None: no bound on the rate
     """
-    numbers = {path: numbers_of(path) for group in groups for path in group}
-    total = sum(numbers.values())
+    extents = {path: extent_of(path) for group in groups for path in group}
+    total = sum(extent.numbers for extent in extents.values())
 
     def opened(path: Path) -> Recording:
-        share = most_numbers if total <= most_numbers else most_numbers * numbers[path] // total
-        return open_recording(path, most_numbers=share)
+        extent, most = extents[path], most_numbers
+        if total > most_numbers:
+            most = most_numbers * extent.numbers // total
+        if rate is not None and extent.rows > 2 * rate * extent.seconds > 0.0:
+            halvings = int(math.log2(extent.rows / (rate * extent.seconds)))
+            most = min(most, -(-extent.rows // 2**halvings) * extent.joints)
+        return open_recording(path, most_numbers=most)
 
     return [[opened(path) for path in group] for group in groups]
 
 
-def numbers_of(path: Path) -> int:
-    """Rows times joints of a recording: from the summary of a finished one, else at most, by its size; 0 where there is no such file."""
+def extent_of(path: Path) -> Extent:
+    """Of a recording, from its summary; of one without, unfinished or damaged, as many rows as its size allows for. Nothing of no file."""
     try:
         with os.fdopen(open_regular(path), "rb") as file:
             size = file.seek(0, 2)
@@ -45,9 +70,10 @@ def numbers_of(path: Path) -> int:
             except Exception:  # the library raises anything over a damaged file; its size still tells
                 summary = None
     except (InputError, OSError):  # told when it is read
-        return 0
+        return Extent(0, 1, 0.0)
     layouts = [c.metadata["layout"] for c in summary.channels.values() if "layout" in c.metadata] if summary else []
     if summary is None or summary.statistics is None or not layouts:
-        return size // BYTES
-    rows = summary.statistics.message_count // max(summary.statistics.channel_count, 1)
-    return rows * len(format_of(layouts[0]).layout.joints)
+        return Extent(size // BYTES, 1, 0.0)
+    seen = summary.statistics
+    rows, joints = seen.message_count // max(seen.channel_count, 1), len(format_of(layouts[0]).layout.joints)
+    return Extent(rows, joints, (seen.message_end_time - seen.message_start_time) * 1e-9)

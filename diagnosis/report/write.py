@@ -43,8 +43,8 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
     return {
         "schema": SCHEMA,
         "verdict": result.verdict,
-        "fit": [str(r.path) for r in fit],
-        "held_out": [str(r.path) for r in held_out],
+        "fit": list(dict.fromkeys(str(r.path) for r in fit)),  # each once, however many stretches of it were examined
+        "held_out": list(dict.fromkeys(str(r.path) for r in held_out)),
         "signals": _signals(result),
         "causes": [_cause(cause) for cause in result.causes],
         "not_visible": [

@@ -6,11 +6,13 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from diagnosis.screening.cleaned import screened, seen_through
+    from diagnosis.screening.stretches import examined
     from diagnosis.screening.time_split import split
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
+    "examined",
     "screened",
     "seen_through",
     "split",

@@ -15,13 +15,14 @@ FITTED = 0.6
 
 def split(recording: Recording) -> tuple[Recording, Recording]:
     """The first and the last part of a recording, each with its own time from 0. A weaker test than another run: say so."""
-    rows = _slowest(recording, round(FITTED * len(recording)))
-    return _part(recording, slice(0, rows)), _part(recording, slice(rows, None))
+    row = round(FITTED * len(recording))
+    rows = stillest(recording, round(0.8 * row), round(1.2 * row), row)
+    return part(recording, slice(0, rows)), part(recording, slice(rows, None))
 
 
-def _slowest(recording: Recording, row: int) -> int:
-    """The row near ``row`` at which the arm moves least: a part starts at standstill, as recordings do, where there is one."""
-    near = np.arange(round(0.8 * row), min(round(1.2 * row), len(recording) - 2))
+def stillest(recording: Recording, low: int, high: int, row: int) -> int:
+    """The row from ``low`` to ``high``, near ``row``, at which the arm moves least: a part starts at standstill, as recordings do, where it can."""
+    near = np.arange(low, min(high, len(recording) - 2))
     if len(near) == 0:
         return row
     reach = max(1, round(0.01 / recording.dt))
@@ -32,10 +33,11 @@ def _slowest(recording: Recording, row: int) -> int:
     return int(still[np.argmin(np.abs(still - row))])
 
 
-def _part(recording: Recording, rows: slice) -> Recording:
+def part(recording: Recording, rows: slice, *, copied: bool = False) -> Recording:
+    """Some rows of a recording, with its own time from 0; views of its arrays unless ``copied``."""
     n = len(recording)
     cut: dict[str, Any] = {
-        field.name: value[rows]
+        field.name: value[rows].copy() if copied else value[rows]
         for field in fields(recording)
         if isinstance(value := getattr(recording, field.name), np.ndarray) and len(value) == n
     }

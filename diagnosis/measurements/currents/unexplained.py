@@ -50,23 +50,31 @@ class Remainder:
 
 def structure_left(data: Split[Dataset], fitted: Fitted, arm: Arm) -> Remainder:
     """Structures beside what is ``fitted``, joint by joint, the strongest first."""
-    found, pairs = [], []
-    fit, held_out = data
+    found: list[Structure] = []
+    pairs: list[Pair] = []
     for joint in range(1, len(arm) + 1):
-        shapes = list(shapes_of(fit, held_out, fitted.fit, arm, joint))
-        here: list[Pair] = []
-        for _ in range(MOST):
-            best = _strongest(shapes, beside(fitted, here), fit, held_out, joint)
-            if best is None:
-                break
-            name, pair, share = best
-            found.append(Structure(Signal.CURRENT, joint, name, share))
-            here.append(pair)
-            shapes = [one for one in shapes if one.name != name]
-        pairs += here
-        if not here and (loud := loudness(fitted.held_out, held_out, joint)) > LOUD:
-            found.append(_likeliest(shapes, fitted, held_out, joint, loud))
+        structures, columns = _left_at(joint, data, fitted, arm)
+        found, pairs = found + structures, pairs + columns
     return Remainder(found, pairs)
+
+
+def _left_at(joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm) -> tuple[list[Structure], list[Pair]]:
+    """Structures at one joint, and their columns. A function of its own: the shapes of two joints at once would take twice the memory."""
+    found: list[Structure] = []
+    pairs: list[Pair] = []
+    fit, held_out = data
+    shapes = list(shapes_of(fit, held_out, fitted.fit, arm, joint))
+    for _ in range(MOST):
+        best = _strongest(shapes, beside(fitted, pairs), fit, held_out, joint)
+        if best is None:
+            break
+        name, pair, share = best
+        found.append(Structure(Signal.CURRENT, joint, name, share))
+        pairs.append(pair)
+        shapes = [one for one in shapes if one.name != name]
+    if not pairs and (loud := loudness(fitted.held_out, held_out, joint)) > LOUD:
+        found.append(_likeliest(shapes, fitted, held_out, joint, loud))
+    return found, pairs
 
 
 def _likeliest(shapes: Sequence[Shape], fitted: Fitted, held_out: Dataset, joint: int, loud: float) -> Structure:

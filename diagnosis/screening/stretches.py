@@ -1,0 +1,60 @@
+"""Long recordings reduced to stretches of time, evenly spread, so that a diagnosis needs bounded memory and time whatever their length.
+
+The search holds what each of several hundred candidates would add to every row, 2 kB a joint and row. An hour of the same arm says little that
+four minutes spread over it do not: what a model leaves unexplained repeats with the motion, and slow changes show between the stretches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from daq.recording import Recording
+from diagnosis.screening.time_split import part, stillest
+
+MOST = 1440.0
+"""s, times joints: four minutes of a six-joint arm, fitted and held-out recordings together."""
+LENGTH = 30.0
+"""s of a stretch, or little more or less."""
+LEAST = 10.0
+"""s of every recording that are kept: there may be many short ones, each of a motion of its own."""
+NEAR = 3.0
+"""s within which a stretch begins where the arm moves least."""
+
+
+def examined(
+    fit: Sequence[Recording], held_out: Sequence[Recording], most: float = MOST
+) -> tuple[list[Recording], list[Recording], str | None]:
+    """The recordings, those of more than ``most`` s times joints in all as stretches, each with its own time from 0; and what to say of it."""
+    everything = [*fit, *held_out]
+    total = sum(duration(one) for one in everything)
+    share = most / max(sum(duration(one) * one.joints for one in everything), 1e-9)
+    if share >= 1.0:
+        return list(fit), list(held_out), None
+    fitted, held = ([piece for one in side for piece in stretches(one, share)] for side in (fit, held_out))
+    kept = sum(duration(one) for one in [*fitted, *held])
+    said = (
+        f"of {total:.0f} s of recordings, {kept:.0f} s in {len(fitted) + len(held)} stretches, evenly spread, were examined; events between "
+        "them were not looked for, and a drift of friction starts anew in each"
+    )
+    return fitted, held, said
+
+
+def stretches(recording: Recording, share: float) -> list[Recording]:
+    """Parts of a recording that are ``share`` of it together, from its beginning to its end, whose rows are their own: the rest can be freed."""
+    seconds = duration(recording)
+    kept = min(max(share * seconds, LEAST), seconds)
+    count = max(1, round(kept / LENGTH))
+    rows, reach = int(kept / count / recording.dt), int(NEAR / recording.dt)
+    found = []
+    for row in np.linspace(0, len(recording) - rows, count).astype(int).tolist():
+        low, high = max(0, row - reach), min(row + reach, len(recording) - rows)
+        start = stillest(recording, low, high, row) if row > 0 and low < high else row
+        found.append(part(recording, slice(start, start + rows), copied=True))
+    return found
+
+
+def duration(recording: Recording) -> float:
+    """s from the first row to the last."""
+    return float(recording.t[-1] - recording.t[0]) if len(recording) else 0.0
