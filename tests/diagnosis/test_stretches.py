@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from daq.recording.table import write_table
 
 from armscope.api.diagnosis import fit_and_held_out
 from daq.recording import Recording, open_recording, open_recordings
 from daq.recording.parts import Attachments
 from daq.recording.several import extent_of
+from daq.recording.tables.table import write_table
 from diagnosis.screening.stretches import LENGTH, MOST, NEAR, duration, examined, stretches
 
 
