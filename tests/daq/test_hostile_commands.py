@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 import time
 from collections.abc import Iterator
@@ -87,6 +88,7 @@ def order(lab: Lab, experiment: str, **more: Any) -> bytes:
 
 PLAIN = EXPERIMENT.format(duration=1)
 NESTED = "a = " + "[" * 5000 + "]" * 5000
+HUGE_REPEAT = PLAIN + '[[segment]]\ntype = "repeat"\ntimes = {}\n[[segment.segment]]\ntype = "hold"\nduration = 1.0\n'
 EXPERIMENTS = {
     "not TOML": "name = ",
     "nested": NESTED,
@@ -102,6 +104,13 @@ EXPERIMENTS = {
     "start nan": PLAIN.replace("start = [0.0", "start = [nan"),
     "by nan": PLAIN.replace("by = 0.05", "by = nan"),
     "by 1e300": PLAIN.replace("by = 0.05", "by = 1e300"),
+    "speed 1e-300": PLAIN.replace("full_speed = [1.0, 1.0", "full_speed = [1.0, 1e-300"),
+    "repeat": HUGE_REPEAT.format(1_000_000_000),
+    "repeat in repeat": HUGE_REPEAT.format(100_000).replace(
+        '[[segment.segment]]\ntype = "hold"\nduration = 1.0\n',
+        '[[segment.segment]]\ntype = "repeat"\ntimes = 100000\n[[segment.segment.segment]]\ntype = "hold"\nduration = 1.0\n',
+    ),
+    "repeat digits": HUGE_REPEAT.format("9" * 400),
     "payload inf": f"{PLAIN}\n[setup.payload]\nmass = inf",
     "NUL": "name = 'a\0b'",
 }
@@ -111,6 +120,37 @@ EXPERIMENTS = {
 def test_hostile_experiment(lab: Lab, session: Any, name: str) -> None:
     refused(session, lab, "arm", order(lab, EXPERIMENTS[name]))
     assert call(session, lab.keys, "status")["state"] == "idle"
+    assert not list(lab.folder.glob("hostile*"))
+
+
+ODD = st.sampled_from(
+    ["0", "-1", "-0.0", "1e-300", "1e-9", "1e6", "1e15", "-1e15", "1e308", "9223372036854775807", "true", "'a'", "[]"]
+)
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?![\w.])")
+WHOLE = f"rate = 1000\n{HUGE_REPEAT.format(3)}" + (
+    '[[segment]]\ntype = "fourier"\nduration = 2\nfundamental = 0.5\nfade = 0.5\nsine = '
+    f"{[[0.01]] * 6}\ncosine = {[[0.01]] * 6}\n"
+    '[[segment]]\ntype = "chirp"\njoint = 1\namplitude = 0.01\nfrequency = 1\nto_frequency = 2\nduration = 2\nfade = 0.5\n'
+    f'[[segment]]\ntype = "setpoints"\ntimes = [0, 1]\npositions = {[[0.0] * 6, [0.0] * 6]}\n'
+)
+
+
+@settings(
+    max_examples=100, deadline=None, phases=[Phase.explicit, Phase.generate], suppress_health_check=list(HealthCheck)
+)
+@given(where=st.lists(st.tuples(st.integers(0, 200), ODD), min_size=1, max_size=3))
+def test_odd_numbers_in_an_experiment(lab: Lab, session: Any, where: list[tuple[int, str]]) -> None:
+    """Armed or refused, and soon; what was armed can be disarmed."""
+    text = WHOLE
+    for number, odd in where:
+        places = list(NUMBER.finditer(text))
+        place = places[number % len(places)]
+        text = text[: place.start()] + odd + text[place.end() :]
+    asked = time.monotonic()
+    reply = send(session, lab, "arm", order(lab, text))
+    if not isinstance(reply, Exception):
+        assert send(session, lab, "disarm", b"")["state"] == "idle"  # type: ignore[index]
+    assert time.monotonic() - asked < 20.0
     assert not list(lab.folder.glob("hostile*"))
 
 
@@ -242,7 +282,7 @@ class Noise:
 
 
 @settings(
-    max_examples=100,
+    max_examples=80,
     deadline=None,
     phases=[Phase.explicit, Phase.generate],  # the daemon keeps its state from example to example: nothing to shrink
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
