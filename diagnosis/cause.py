@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from arm_model.description import Arm, EffectTerm
+from arm_model import Arm, EffectTerm
 from arm_model.servo import fixed_gains
 
 EffectKey = tuple[str, int | None]

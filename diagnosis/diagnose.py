@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.cause import Cause, Signal, Structure, Undetectable, extend, merge
 from diagnosis.closed_loop.comparison import Compared, along_motion, compare, faithful, with_widths
@@ -34,7 +34,7 @@ from diagnosis.screening.event import Event
 from diagnosis.screening.plausibility import check_motion, mixed_up
 from diagnosis.selection.design import Dataset
 from diagnosis.units import unit_at
-from identification.selection.split import Split
+from identification.selection import Split
 
 Recordings = Split[Sequence[Recording]]
 Progress = Callable[[str], None]

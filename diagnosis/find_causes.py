@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial
 
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import CATALOGUE
 from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, extend
@@ -29,7 +29,7 @@ from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Screened, Sight, seen_through, with_edges
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
-from identification.selection.split import Split
+from identification.selection import Split
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from arm_model.description import Joint
+from arm_model import Joint
 
 SLIDING = {
     "rad": "m", "rad/s": "m/s", "rad/s2": "m/s2", "N m": "N", "N m/rad": "N/m", "N m s/rad": "N s/m", "N m s2/rad2": "N s2/m2", "kg m2": "kg",

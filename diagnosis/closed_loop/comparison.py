@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.sensing import recorded
-from arm_model.simulation.simulation import simulate, simulate_batch
+from arm_model.simulation import simulate, simulate_batch
 from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
 from diagnosis.residual.run import Run, kept, residual_under
 from diagnosis.residual.run_setup import loaded, setup_of
-from identification.preprocessing.demands import demand_of_run
+from identification.preprocessing import demand_of_run
 
 FAITHFUL = 1.5
 """Times the error along the measured motion: a closed loop that errs more at some joint is not that of the arm's controller."""

@@ -17,21 +17,21 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
-from arm_model.description import Arm, EffectTerm
+from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Effect, Instrument, observed_by
 from arm_model.effects.definition import SYSTEMATIC
-from arm_model.rigid_body.numeric import mass_matrix
+from arm_model.rigid_body import mass_matrix
 from arm_model.sensing import recorded
-from arm_model.simulation.simulation import simulate_batch
+from arm_model.simulation import simulate_batch
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import able
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run_setup import loaded, setup_of
 from diagnosis.units import unit_at
-from identification.preprocessing.demands import demand_of_run
+from identification.preprocessing import demand_of_run
+from identification.selection import BLOCK_SECONDS, p_value
 from identification.selection.cluster_covariance import cluster_covariance
-from identification.selection.significance import BLOCK_SECONDS, p_value
 
 BAND = (10.0, 100.0)
 """Hz."""

@@ -17,9 +17,8 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.description import Arm, Joint
-from arm_model.parameters import parameter, with_parameters
-from arm_model.system.dynamics import inverse_dynamics
+from arm_model import Arm, Joint, parameter, with_parameters
+from arm_model.system import inverse_dynamics
 from daq.recording import Recording
 from diagnosis.distortion.dependence import Path, Share, shares_of
 from diagnosis.distortion.random_walk import STEP, gains_of, likelihood, memory, smoothed, strength
@@ -27,7 +26,7 @@ from diagnosis.measurements.currents.design_matrix import dataset_of, free_colum
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.run import ROWS_PER_SECOND, Run
 from diagnosis.units import unit_at
-from identification.selection.significance import p_value
+from identification.selection import p_value
 
 SURE = 3.0
 """Deviation over the instruments' noise up to which a row counts."""

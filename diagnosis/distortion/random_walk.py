@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from arm_io.types import Array
-from identification.selection.significance import BLOCK_SECONDS
+from identification.selection import BLOCK_SECONDS
 
 Steps = Sequence[tuple[Array, Array]]
 """Score and information (s,) of every recording."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm_model.effects import CATALOGUE
-from arm_model.rigid_body.numeric import rigid_torque
+from arm_model.rigid_body import rigid_torque
 from diagnosis.cause import Cause, EffectKey, Signal, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.motions import Kind, Stage, Trial, room, trials
@@ -21,7 +21,7 @@ from diagnosis.experiments.t_optimality import Question, foreseen, rival_of
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.selection.candidate import Candidate
 from experiment import Experiment, demand_of
-from identification.experiment_design.excitation import Limits
+from identification.experiment_design import Limits
 
 Progress = Callable[[str], None]
 Distances = dict[tuple[EffectKey, EffectKey], float]

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.system.dynamics import inverse_dynamics
+from arm_model import Arm
+from arm_model.system import inverse_dynamics
 from experiment import Experiment
-from identification.experiment_design.excitation import Limits, Series, design_excitation
+from identification.experiment_design import Limits, Series, design_excitation
 
 SPEEDS = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)
 """Of the joint's full speed."""

@@ -18,7 +18,7 @@ from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
 from diagnosis.measurements.currents.detectability import felt, times_noise
 from experiment import Experiment, demand_of
-from identification.experiment_design.excitation import Limits
+from identification.experiment_design import Limits
 
 ENOUGH = 1.0
 """Times the noise that an effect of the largest typical size has to change the currents by: three times what is called visible."""

@@ -14,8 +14,8 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.description import Arm
-from arm_model.simulation.simulation import simulate
+from arm_model import Arm
+from arm_model.simulation import simulate
 from diagnosis.cause import EffectKey
 from diagnosis.experiments.motions import Stage, Trial
 from diagnosis.measurements.currents.columns import columns

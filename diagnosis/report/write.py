@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from arm_io import make_folder, write_text
-from arm_model.model_file import write_model
+from arm_model import write_model
 from daq.recording import Recording
 from diagnosis.cause import Cause, in_words
 from diagnosis.diagnose import Diagnosis
@@ -25,8 +25,8 @@ from diagnosis.measurements.tracker import model as tracker
 from diagnosis.report.html import report
 from diagnosis.units import unit_at
 from experiment import Experiment, write_experiment
-from identification.experiment_design.excitation import Limits
-from identification.selection.split import Split
+from identification.experiment_design import Limits
+from identification.selection import Split
 
 SCHEMA = "armscope.diagnosis/1"
 LIMITS = {

@@ -14,10 +14,10 @@ from scipy import signal
 from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import CATALOGUE, Effect, Signals, Values, described, values_of
-from arm_model.rigid_body.numeric import mass_matrix, rigid_torque
-from arm_model.system.dynamics import inverse_dynamics
+from arm_model.rigid_body import mass_matrix, rigid_torque
+from arm_model.system import inverse_dynamics
 
 Term = tuple[Effect, int | None, Values]
 

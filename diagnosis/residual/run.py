@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from arm_io.types import Array
-from arm_model.description import Arm, EffectTerm
+from arm_model import Arm, EffectTerm
 from arm_model.effects import Signals, described
-from arm_model.rigid_body.numeric import mass_matrix, rigid_torque
+from arm_model.rigid_body import mass_matrix, rigid_torque
 from arm_model.rigid_body.regressor import regressor
-from arm_model.system.dynamics import inverse_dynamics
+from arm_model.system import inverse_dynamics
 from diagnosis.residual.expected_current import (
     COLUMN_BAND,
     COMPARE_BAND,

@@ -7,12 +7,12 @@ its motors, and what the current channels show is their own.
 from __future__ import annotations
 
 from arm_io import check_table
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import values_of
 from arm_model.effects.description_errors import PAYLOAD
 from arm_model.servo import fixed_gains
 from daq.recording import Recording
-from experiment.file import Payload, Setup
+from experiment import Payload, Setup
 
 
 def setup_of(recording: Recording) -> Setup:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
-from arm_model.description import Arm, Joint
+from arm_model import Arm, Joint
 from arm_model.effects.sensing import DROPPED_TRIGGER, MISSED_COUNTS
 from daq.recording import Recording
 from diagnosis.cause import Estimate

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm_io import InputError
-from arm_model.description import Arm
+from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.measurements.currents.detectability import STOOD
 from diagnosis.residual.run import Run

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from diagnosis.residual.run import Run
-from identification.selection.split import Split
+from identification.selection import Split
 
 
 @dataclass(frozen=True)

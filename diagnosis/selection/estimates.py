@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Joint
+from arm_model import Joint
 from diagnosis.cause import Estimate
 from diagnosis.selection.candidate import Candidate
 from diagnosis.units import unit_at

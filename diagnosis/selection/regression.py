@@ -14,10 +14,7 @@ from arm_io.types import Array
 from diagnosis.cause import EffectKey
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
-from identification.selection.least_squares import scaled
-from identification.selection.significance import p_value, shift_p_value
-from identification.selection.split import Split
-from identification.selection.stepwise import Score
+from identification.selection import Score, Split, p_value, scaled, shift_p_value
 
 INDEPENDENT = 1e-3
 """Relative singular value below which columns of unit length are one: what the data says there is rounding and the columns' own errors."""

@@ -6,18 +6,35 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from identification.selection.cluster_covariance import cluster_covariance
+    from identification.selection.least_squares import scaled, scaled_lstsq
     from identification.selection.limits import Limits
+    from identification.selection.significance import (
+        BLOCK_SECONDS,
+        Index,
+        benjamini_hochberg,
+        block_sums,
+        p_value,
+        shift_p_value,
+    )
     from identification.selection.split import Split
     from identification.selection.stepwise import MeasurementModel, Score, eliminate, select
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
+    "BLOCK_SECONDS",
+    "Index",
     "Limits",
     "MeasurementModel",
     "Score",
     "Split",
+    "benjamini_hochberg",
+    "block_sums",
     "cluster_covariance",
     "eliminate",
+    "p_value",
+    "scaled",
+    "scaled_lstsq",
     "select",
+    "shift_p_value",
 ]

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from diagnosis.residual.run import Run, signals_of
 from diagnosis.selection.design import Columns, Dataset, Pair
-from identification.selection.split import Split
+from identification.selection import Split
 
 KNOTS = 16
 """Of a function of one variable: enough for three cycles over the range of a joint."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import CATALOGUE, Instrument
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.measurements.currents.limits import LIMITS
@@ -20,7 +20,7 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import Fitted, score
 from diagnosis.units import unit_at
-from identification.selection.split import Split
+from identification.selection import Split
 
 BY_DIRECTION = {"positive", "negative", "viscous_positive", "viscous_negative"}
 """Parameters that together are all the friction of an axis, each direction for itself."""

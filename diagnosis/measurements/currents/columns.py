@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import CATALOGUE, Effect, Instrument, Signals, Values
 from arm_model.effects.definition import Law
-from arm_model.system.dynamics import inverse_dynamics
+from arm_model.system import inverse_dynamics
 from diagnosis.residual.expected_current import (
     COMPARE_BAND,
     gap_of,

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm, EffectTerm
+from arm_model import Arm, EffectTerm
 from diagnosis.measurements.currents.columns import at_own_joint, columns
 from diagnosis.residual.run import Run, merged, residual_with
 from diagnosis.selection.candidate import Candidate

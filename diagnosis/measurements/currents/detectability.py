@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 
 import numpy as np
 
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import CATALOGUE, Excitation, Instrument
-from arm_model.rigid_body.numeric import rigid_torque
+from arm_model.rigid_body import rigid_torque
 from diagnosis.cause import EffectKey, Undetectable
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair

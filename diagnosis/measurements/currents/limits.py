@@ -9,7 +9,7 @@ import numpy as np
 from arm_io.types import Array
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import INDEPENDENT, Fitted
-from identification.selection.limits import Limits
+from identification.selection import Limits
 
 
 @dataclass(frozen=True, kw_only=True)

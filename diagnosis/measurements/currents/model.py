@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm, EffectTerm
+from arm_model import Arm, EffectTerm
 from arm_model.effects import same_columns
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_with
@@ -26,9 +26,7 @@ from diagnosis.measurements.currents.unexplained import loud
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.selection.regression import Fitted, best_of_each, fit_together, score
-from identification.selection.significance import p_value
-from identification.selection.split import Split
-from identification.selection.stepwise import MeasurementModel, Score
+from identification.selection import MeasurementModel, Score, Split, p_value
 
 Rivals = Mapping[EffectKey, Sequence[Score[Candidate]]]
 

@@ -19,8 +19,7 @@ from diagnosis.measurements.currents.refinement import is_physical
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.selection.regression import Fitted, at_joint, best_of_each, gain_of
-from identification.selection.significance import benjamini_hochberg, p_value
-from identification.selection.split import Split
+from identification.selection import Split, benjamini_hochberg, p_value
 
 
 def pair_of(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from diagnosis.residual.run import passed
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset

@@ -20,7 +20,7 @@ from diagnosis.measurements.currents.unexplained import (
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns
 from diagnosis.selection.regression import score
-from identification.selection.stepwise import eliminate, select
+from identification.selection import eliminate, select
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from diagnosis.measurements.currents.basis_functions import variables
 from diagnosis.selection.design import Dataset
 

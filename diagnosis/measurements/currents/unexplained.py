@@ -14,14 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from diagnosis.cause import Signal, Structure
 from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
 from diagnosis.residual.noise import quiet_noise
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with
-from identification.selection.significance import benjamini_hochberg, p_value
-from identification.selection.split import Split
+from identification.selection import Split, benjamini_hochberg, p_value
 
 MATTERS = 0.15
 """A structure must explain this share of a joint's noise energy ..."""

@@ -20,9 +20,8 @@ from daq.recording import Recording
 from diagnosis.cause import Estimate
 from diagnosis.residual.noise import angle_noise
 from diagnosis.screening.event import Event, Gain
+from identification.selection import BLOCK_SECONDS, block_sums, p_value, scaled_lstsq
 from identification.selection.cluster_covariance import cluster_covariance
-from identification.selection.least_squares import scaled_lstsq
-from identification.selection.significance import BLOCK_SECONDS, block_sums, p_value
 
 Index = NDArray[np.intp]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import CATALOGUE, Instrument
 from arm_model.effects.definition import SYSTEMATIC
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
@@ -19,9 +19,8 @@ from diagnosis.measurements.link_encoders.columns import Rows, late, orders, sta
 from diagnosis.measurements.link_encoders.model import LIMITS, OVER_NOISE, Chosen, LinkEncoders, link_encoders
 from diagnosis.selection.candidate import Candidate
 from diagnosis.units import unit_at
+from identification.selection import BLOCK_SECONDS, select
 from identification.selection.cluster_covariance import cluster_covariance
-from identification.selection.significance import BLOCK_SECONDS
-from identification.selection.stepwise import select
 
 OFFSET = 1e-3
 """rad (m): a constant between two encoders that is worth a name; below, it is how they were zeroed."""

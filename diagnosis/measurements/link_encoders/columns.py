@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import Effect, Instrument, observed_by
-from arm_model.rigid_body.numeric import rigid_torque
+from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import low_pass

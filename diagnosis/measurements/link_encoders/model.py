@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.link_encoders.columns import (
@@ -26,11 +26,7 @@ from diagnosis.measurements.link_encoders.columns import (
     width,
 )
 from diagnosis.selection.candidate import Candidate
-from identification.selection.least_squares import scaled
-from identification.selection.limits import Limits
-from identification.selection.significance import BLOCK_SECONDS, p_value
-from identification.selection.split import Split
-from identification.selection.stepwise import MeasurementModel, Score
+from identification.selection import BLOCK_SECONDS, Limits, MeasurementModel, Score, Split, p_value, scaled
 
 Chosen = tuple[Candidate, ...]
 

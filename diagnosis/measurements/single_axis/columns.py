@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Scale, Signals, Values, described, units
-from arm_model.system.dynamics import inverse_dynamics
+from arm_model.system import inverse_dynamics
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import integrated, low_pass, motion_of
 from diagnosis.selection.candidate import Candidate
-from identification.selection.significance import Index
+from identification.selection import Index
 
 MOTION_BAND, COMPARE_BAND = 100.0, 60.0
 """Hz: pass-bands of the motion behind the expected current, and of the comparison."""

@@ -17,11 +17,7 @@ from scipy import optimize
 from arm_io.types import Array
 from diagnosis.measurements.single_axis.columns import Rows, candidates, columns, waves
 from diagnosis.selection.candidate import Candidate
-from identification.selection.least_squares import scaled_lstsq
-from identification.selection.limits import Limits
-from identification.selection.significance import p_value
-from identification.selection.split import Split
-from identification.selection.stepwise import MeasurementModel, Score
+from identification.selection import Limits, MeasurementModel, Score, Split, p_value, scaled_lstsq
 
 Chosen = tuple[Candidate, ...]
 

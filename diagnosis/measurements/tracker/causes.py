@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import Instrument, described
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from arm_model.effects.tracking import LINK_GEOMETRY, TRACKER_OUTLIERS
@@ -26,10 +26,9 @@ from diagnosis.measurements.tracker.points import Outliers, Side, points_of, sid
 from diagnosis.measurements.tracker.regression import energy, good, left
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.selection.estimates import estimates
-from identification.kinematics.data.runs import aligned
-from identification.kinematics.models.chain import Chain, position, position_jacobian, xyz_ypr
-from identification.kinematics.models.parameters import chain_of
-from identification.selection.split import Split
+from identification.kinematics.data import aligned
+from identification.kinematics.models import Chain, chain_of, position, position_jacobian, xyz_ypr
+from identification.selection import Split
 
 FEWEST_WRONG = 3
 """Points that are wrong, or missing in a row, before it is worth a sentence."""

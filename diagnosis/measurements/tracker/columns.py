@@ -12,16 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import Effect, Instrument, Parameter, Signals, described, observed_by, units
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from arm_model.effects.tracking import LINK_GEOMETRY
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.selection.candidate import Candidate
-from identification.kinematics.data.points import Points
-from identification.kinematics.data.runs import correlation_time
-from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
-from identification.kinematics.models.parameters import Parameters, chain_of, parallel_next
+from identification.kinematics.data import Points, correlation_time
+from identification.kinematics.estimation import Fit, fit, residuals
+from identification.kinematics.models import Parameters, chain_of, parallel_next
 
 GEOMETRY = {p.name: p.chain for p in LINK_GEOMETRY.parameters}
 """Value of the kinematic chain that each geometric error of a link moves."""

@@ -14,15 +14,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects.tracking import LINK_GEOMETRY
 from diagnosis.measurements.tracker.columns import GEOMETRY, State, TrackedCandidate, candidates, fitted, is_physical
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import by_block, columns_of, energy, left, linear, squares
-from identification.selection.limits import Limits
-from identification.selection.significance import p_value
-from identification.selection.split import Split
-from identification.selection.stepwise import MeasurementModel, Score, eliminate, select
+from identification.selection import Limits, MeasurementModel, Score, Split, eliminate, p_value, select
 
 LIMITS = Limits(
     max_causes=8,

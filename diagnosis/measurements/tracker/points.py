@@ -11,13 +11,13 @@ from scipy import ndimage
 from scipy.signal import savgol_filter
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import described
-from arm_model.rigid_body.numeric import rigid_torque
+from arm_model.rigid_body import rigid_torque
 from arm_model.tracking import bends, latency
 from daq.recording import Recording
 from diagnosis.residual.run_setup import loaded, setup_of
-from identification.selection.significance import BLOCK_SECONDS
+from identification.selection import BLOCK_SECONDS
 
 Mask = NDArray[np.bool_]
 

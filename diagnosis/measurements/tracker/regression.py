@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from diagnosis.measurements.tracker.columns import State, TrackedCandidate, points_of, turns
 from diagnosis.measurements.tracker.points import Side
-from identification.kinematics.estimation.map_estimation import REJECT, residuals
-from identification.kinematics.models.chain import position_jacobian
+from identification.kinematics.estimation import REJECT, residuals
+from identification.kinematics.models import position_jacobian
 
 
 def left(state: State, side: Side) -> Array:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arm_model.description import Arm
+from arm_model import Arm
 from arm_model.effects import CATALOGUE, Instrument, Variable
 from arm_report.palette import AFTER, BEFORE, GRID
 from diagnosis.measurements.link_encoders.causes import LinkSide

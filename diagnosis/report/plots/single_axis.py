@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arm_model.description import Joint
+from arm_model import Joint
 from arm_model.effects import CATALOGUE, Instrument, Variable
 from arm_report.palette import AFTER, BEFORE, GRID
 from diagnosis.measurements.single_axis.causes import AxisSide
