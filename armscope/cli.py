@@ -73,6 +73,8 @@ def run(arguments: list[str]) -> int:
     except DeviceFault as fault:
         print(f"error: {fault}", file=sys.stderr)
         return DEVICE_FAILED
+    except MemoryError:
+        return _refuse(f"{name}: needs more memory than this machine gives; give it fewer rows")
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130

@@ -16,7 +16,7 @@ from arm_io.types import Array
 from arm_model import Arm, EffectTerm, Motion, write_model
 from arm_model.effects.description_errors import PAYLOAD
 from arm_model.sensing import Readings, recorded
-from arm_model.simulation import Demand, Sampled
+from arm_model.simulation import Demand, Sampled, servo_period
 from arm_model.simulation import simulate as run
 from arm_model.tracking import tracked
 from armscope.api.reading import File, Source, open_recording, read_experiment, read_model
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 RATE = 1000.0
 """Rows/s where neither the experiment nor the caller says."""
+MOST_NUMBERS = 30_000_000
+"""Rows, or ticks of the servos, times joints: six joints at 1 kHz for 73 minutes take 4 GB."""
 Point = tuple[float, float, float]
 
 
@@ -193,8 +195,7 @@ def _of_experiment(arm: Arm, source: File | Experiment, rate: float | None) -> _
         load = EffectTerm(PAYLOAD.name, None, {"mass": asked.setup.payload.mass, "x": x, "y": y, "z": z})
         arm = replace(arm, effects=(*arm.effects, load))
     demand = demand_of(asked)
-    rows = rate or asked.rate or RATE
-    times = np.arange(int(np.floor(demand.duration * rows + 1e-9)) + 1) / rows
+    times = _times(demand.duration, asked.rate or RATE if rate is None else rate, arm)
     return _Task(arm, demand, times, not asked.setup.drives_off, _text(source, write_experiment))
 
 
@@ -207,7 +208,8 @@ def _of_recording(arm: Arm, recording: Recording, rate: float | None) -> _Task:
     if len(recording) < 2:
         raise InputError(path, f"has {len(recording)} rows; at least two are needed")
     t, demanded = recording.t, _without_holes(path, recording.t, recording.qref)
-    times = t if rate is None else np.arange(int(np.floor(t[-1] * rate + 1e-9)) + 1) / rate
+    _check_size(float(t[-1]), 1 / recording.dt, arm)
+    times = t if rate is None else _times(float(t[-1]), rate, arm)
 
     def demand(at: Array) -> Array:
         return np.column_stack([np.interp(at, t, demanded[:, j]) for j in range(len(arm))])
@@ -216,6 +218,21 @@ def _of_recording(arm: Arm, recording: Recording, rate: float | None) -> _Task:
     followed = Sampled(demand) if tracked_as_recorded(recording, arm) else demand
     text = None if asked is None else asked.decode()
     return _Task(arm, followed, times, experiment=text, notes=tuple(f"{path}: {note}" for note in recording.notes))
+
+
+def _times(seconds: float, rate: float, arm: Arm) -> Array:
+    """(rows,) s from 0 on. InputError where the rate is none."""
+    if not 1e-3 <= rate <= 1e7:
+        raise InputError("--rate", f"must be between 0.001 and 1e7 rows/s (is {rate:g})")
+    _check_size(seconds, rate, arm)
+    return np.arange(int(np.floor(seconds * rate + 1e-9)) + 1) / rate
+
+
+def _check_size(seconds: float, rate: float, arm: Arm) -> None:
+    """InputError where the simulation would not fit into a laboratory's PC."""
+    most = MOST_NUMBERS / len(arm) * min(1 / rate, servo_period(arm))
+    if seconds > most:
+        raise InputError("simulate", f"{seconds:.5g} s at {rate:g} rows/s; at most {most:.4g} s are simulated at once")
 
 
 def _without_holes(path: Path, t: Array, values: Array) -> Array:

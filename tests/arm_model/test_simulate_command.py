@@ -81,6 +81,9 @@ def test_emps_is_simulated_as_published(root: Path, shared: Path, tmp_path: Path
     [
         ([], "simulate: needs either --experiment or --like"),
         (["--experiment", "{move}", "--target", "1,2"], "--target: must be three numbers X,Y,Z"),
+        (["--experiment", "{move}", "--rate", "0"], "--rate: must be between 0.001 and 1e7 rows/s"),
+        (["--experiment", "{move}", "--rate", "-5"], "--rate: must be between"),
+        (["--experiment", "{move}", "--rate", "1e7"], "s are simulated at once"),
         (["--like", "{absent}"], "absent.mcap"),
     ],
 )
