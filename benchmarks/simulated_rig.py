@@ -16,7 +16,7 @@ from benchmarks.report import report
 from daq.acquisition.acquisition import Acquisition
 from daq.rig.bench import Bench, open_bench
 from daq.rig.rig_file import Rig, read_rig
-from daq.service.run import Run, order_of
+from daq.service.run import Run, request_of
 from drivers.protocols import EdgeSource, Latched, Plan
 from experiment import Experiment, demand_of
 
@@ -83,7 +83,7 @@ def to_a_file(bench: Bench, experiment: Experiment) -> float:
     text = tomli_w.dumps(experiment.model_dump(exclude_none=True, exclude_defaults=True, mode="json"))
     with tempfile.TemporaryDirectory() as folder:
         began = time.process_time()
-        run = Run(bench, "", order_of(text, "benchmark", Path(folder) / "run.mcap"), None)
+        run = Run(bench, "", request_of(text, "benchmark", Path(folder) / "run.mcap"), None)
         run.arm()
         run.start()
         assert run.take()["ledger"]["lost"] == 0

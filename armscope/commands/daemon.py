@@ -18,7 +18,7 @@ def command(
     rig: Annotated[Path, typer.Option(metavar="RIG.toml", help="the rig")],
     recordings: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="recordings go only here; wanted where the rig's endpoint is not loopback"),
+        typer.Option(metavar="DIR", help="recordings go only here; required where the rig's endpoint is not loopback"),
     ] = None,
 ) -> None:
     if recordings is not None:

@@ -72,7 +72,7 @@ class Acquisition:
         self._stop: Ending | None = None
         self._lock = threading.Lock()
         self._held: list[Rows] = []
-        self._connect()
+        self._make_join()
 
     # States
 
@@ -91,7 +91,7 @@ class Acquisition:
             if self.experiment is not None:
                 bench.guard.load(self.experiment)
                 bench.zero(np.array(self.experiment.start), only_start=True)
-            self._connect()
+            self._make_join()
             self._intake.arm()
         except BaseException:
             self._disarm()
@@ -112,7 +112,7 @@ class Acquisition:
         self._wall_offset = clock.wall_ns() - clock.monotonic_ns()
         try:
             self._intake.arm_afresh()
-            self._join.begin = clock.monotonic_ns()
+            self._join.begin_at(clock.monotonic_ns())
             self.bench.guard.start(motion=self.experiment is not None)
         except BaseException as error:
             self._end(Ending(End.DEVICE_LOST, str(error)))
@@ -174,7 +174,7 @@ class Acquisition:
                 with self.bench.guard.awaiting(stream.name):
                     self._intake.read(stream)
             except DeviceFault as fault:
-                self._join.gone[stream.name] = fault.what
+                self._join.lose_device(stream.name, fault.what)
                 self.stop(End.DEVICE_LOST, str(fault))
         self._join.rebase()
         return self._clock.newest, self._ending(asked)
@@ -240,13 +240,15 @@ class Acquisition:
             demand=demand,
         )
 
-    def _connect(self) -> None:
+    def _make_join(self) -> None:
+        """Readers and join from their beginning: of the run, and once more when the counters have been set for it."""
         period = 1.0 / self.plan.rate
         self._intake = Intake(self.bench, self.plan)
         self._clock = self._intake.clock
-        self._join = Join(self._clock, self._intake.others, self.bench.columns, self.ledger, period * 1e9)
-        self._join.patience = max(round(PATIENCE * self.plan.rate / 5), 2)
-        self._join.notes = self.notes
+        patience = max(round(PATIENCE * self.plan.rate / 5), 2)
+        self._join = Join(
+            self._clock, self._intake.others, self.bench.columns, self.ledger, period * 1e9, patience, self.notes
+        )
         self._arrivals = ArrivalClock(period * 1e9)
 
     # Ends
@@ -290,7 +292,7 @@ class Acquisition:
         for stream in self._intake.others:
             behind = self._clock.newest - stream.newest > PATIENCE * self.plan.rate + 2
             if stream.required and behind and not self._seeks(stream):
-                self._join.gone[stream.name] = "makes no rows any more"
+                self._join.lose_device(stream.name, "makes no rows any more")
                 self.stop(End.DEVICE_SILENT, stream.name)
 
     def _seeks(self, stream: Stream) -> bool:

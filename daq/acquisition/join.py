@@ -37,19 +37,41 @@ class Joined:
 
 
 class Join:
-    """The streams of one acquisition. ``notes`` are sentences about what was put right, for the record."""
+    """The streams of one acquisition.
 
-    def __init__(self, clock: Stream, others: list[Stream], columns: Columns, ledger: Ledger, period_ns: float) -> None:
+    period_ns  of the trigger
+    patience   triggers by which a tracker may lag before its points are given up
+    notes      sentences about what was corrected are added to it
+    gone       devices that failed, and how (``lose_device``)
+    next       first trigger that is not accounted for
+    """
+
+    def __init__(
+        self,
+        clock: Stream,
+        others: list[Stream],
+        columns: Columns,
+        ledger: Ledger,
+        period_ns: float,
+        patience: int,
+        notes: list[str],
+    ) -> None:
         self.clock, self.others, self.columns, self.ledger = clock, others, columns, ledger
-        self.period_ns = period_ns
-        self.next = 0  # first trigger that is not accounted for
-        self.gone: dict[str, str] = {}  # devices that failed, and how
-        self.patience = 0  # triggers by which a tracker may lag before its points are given up
-        self.notes: list[str] = []
-        self.begin = 0  # host ns: rows of triggers before this are not of this run
+        self.period_ns, self.patience, self.notes = period_ns, patience, notes
+        self.next = 0
+        self.gone: dict[str, str] = {}
+        self._begin = 0
         self._rebased = False
         self._empty: set[int] = set()  # triggers whose rows had no value at all
         self._aligned: set[str] = {clock.name}
+
+    def begin_at(self, host_ns: int) -> None:
+        """Rows of triggers before this host time are not of this run."""
+        self._begin = host_ns
+
+    def lose_device(self, name: str, why: str) -> None:
+        """No more rows come from this device; nobody waits for it."""
+        self.gone[name] = why
 
     def take(self, last: int | None = None) -> Joined | None:
         """All rows that are certain by now; None if there are none.
@@ -78,12 +100,12 @@ class Join:
         return rows
 
     def rebase(self) -> None:
-        """Once: the first trigger after ``begin`` gets index 0, if the line was running before."""
+        """Once: the first trigger after ``begin_at`` gets index 0, if the line was running before."""
         clock = self.clock
-        if self._rebased or clock.ready is None or clock.ready["host"][-1] < self.begin:
+        if self._rebased or clock.ready is None or clock.ready["host"][-1] < self._begin:
             return
         self._rebased = True
-        before = int(np.searchsorted(clock.ready["host"], self.begin))
+        before = int(np.searchsorted(clock.ready["host"], self._begin))
         if before:
             first = int(clock.ready["index"][before - 1]) + 1
             for stream in (clock, *self.others):

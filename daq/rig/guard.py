@@ -5,7 +5,7 @@ ends, when the arm leaves its limits, when a device is lost, and when the sample
 watchdog counts the rig's clock, so that a simulation that runs on a time of its own is not stopped by a debugger.
 
 What no program can do for itself: after SIGKILL or a power cut nobody is left to act. The service manager's watchdog then starts
-the daemon anew, and opening the rig begins with the safe state; what must be safe within milliseconds wants a watchdog in hardware.
+the daemon anew, and opening the rig begins with the safe state; what must be safe within milliseconds needs a watchdog in hardware.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Guard:
         output = self._output(name)
         device = self._devices[output.device]
         if output.line is None or not isinstance(device, DigitalOutput):
-            raise InputError(f"outputs.{name}", "is an analogue output; it wants volts")
+            raise InputError(f"outputs.{name}", "is an analogue output; give it volts")
         with self._lock:
             self._refuse_if_tripped(name)
             device.write_line(output.line, high)
@@ -67,7 +67,7 @@ class Guard:
         output = self._output(name)
         device = self._devices[output.device]
         if output.channel is None or not isinstance(device, AnalogOutput):
-            raise InputError(f"outputs.{name}", "is a digital line; it wants high or low")
+            raise InputError(f"outputs.{name}", "is a digital line; set it high or low")
         low, high = device.output_range[output.channel]
         if output.limits is not None:
             low, high = max(low, output.limits[0]), min(high, output.limits[1])
@@ -89,7 +89,7 @@ class Guard:
                 self.controller.load(experiment)
 
     def start(self, *, motion: bool) -> None:
-        """Starts the arm, if it has a ``motion``, and raises the start line; from now on the watchdog wants ``feed``."""
+        """Starts the arm, if it has a ``motion``, and raises the start line; from now on the watchdog expects ``feed``."""
         with self._lock:
             self._refuse_if_tripped("the arm")
             self._fed = self.clock.monotonic_ns()
@@ -224,7 +224,7 @@ def _check_watchdogs(rig: Rig, devices: Mapping[str, Device]) -> None:
         if isinstance(device, OwnWatchdog) and 0 < device.watchdog <= rig.watchdog:
             raise InputError(
                 rig.name,
-                f"watchdog: {rig.watchdog:g} s wants to be shorter than {device.watchdog:g} s, after which {name} makes its own "
+                f"watchdog: {rig.watchdog:g} s must be shorter than {device.watchdog:g} s, after which {name} makes its own "
                 "outputs safe",
             )
 

@@ -15,7 +15,7 @@ from daq.rig.bench import Bench
 from daq.rig.rig_file import Rig
 from daq.service.commands.arguments import ArmArguments
 from daq.service.publisher import Publisher
-from daq.service.run import Run, order_of
+from daq.service.run import Run, request_of
 from daq.service.transfer.folder import RecordingsFolder, check_name
 
 Table = dict[str, Any]
@@ -62,9 +62,9 @@ class DeviceJobs:
         self, wanted: ArmArguments, folder: RecordingsFolder | None, publisher: Publisher | None, asked: float
     ) -> Armed:
         """Gets everything ready for an experiment, and begins the file; after an error nothing is armed, and there is no file."""
-        order = order_of(wanted.experiment, wanted.experiment_file, place_of(wanted.out, folder))
+        request = request_of(wanted.experiment, wanted.experiment_file, place_of(wanted.out, folder))
         self._open()
-        run = Run(self.bench, self._rig_text, order, publisher)
+        run = Run(self.bench, self._rig_text, request, publisher)
         run.arm()
         return Armed(run, wanted.client, asked, time.monotonic() + wanted.expires, wanted.expires)
 

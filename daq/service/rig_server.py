@@ -66,7 +66,7 @@ class EmbeddedServer:
     def __init__(self, path: Path) -> None:
         from daq.service.service import Service
 
-        self._service = Service(path, role="record", publish="welcome")
+        self._service = Service(path, role="record", publish="optional")
         self._service.open()
         for note in self._service.notes:
             print(f"note: {note}", file=sys.stderr)

@@ -41,7 +41,7 @@ def tokens(domain: int, session: str, node: str, topic: str) -> tuple[str, str]:
 
 
 def attachment(sequence: int, source_ns: int, gid: bytes) -> bytes:
-    """The 33 bytes that rmw_zenoh wants on every sample; ``gid`` has 16."""
+    """The 33 bytes that rmw_zenoh expects on every sample; ``gid`` has 16."""
     return ATTACHMENT.pack(sequence, source_ns, len(gid), gid)
 
 

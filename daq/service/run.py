@@ -28,7 +28,7 @@ Table = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Order:
+class RecordingRequest:
     """What to record: an experiment as text (it is kept word for word) and the file to write."""
 
     experiment: Experiment
@@ -36,9 +36,9 @@ class Order:
     out: Path
 
 
-def order_of(text: str, where: str, out: Path) -> Order:
-    """The order for an experiment in TOML; InputError names ``where`` it came from."""
-    return Order(experiment_of(toml_of(text, where), where), text, out)
+def request_of(text: str, where: str, out: Path) -> RecordingRequest:
+    """The request for an experiment in TOML; InputError names ``where`` it came from."""
+    return RecordingRequest(experiment_of(toml_of(text, where), where), text, out)
 
 
 class Run:
@@ -47,11 +47,11 @@ class Run:
     result  after ``take``: the table that ``record --json`` prints
     """
 
-    def __init__(self, bench: Bench, rig_text: str, order: Order, publisher: Publisher | None) -> None:
-        self.order = order
+    def __init__(self, bench: Bench, rig_text: str, request: RecordingRequest, publisher: Publisher | None) -> None:
+        self.request = request
         self.result: Table | None = None
         self._bench, self._rig_text, self._publisher = bench, rig_text, publisher
-        self._acquisition = Acquisition(bench, order.experiment)
+        self._acquisition = Acquisition(bench, request.experiment)
         self._recorder: Recorder | None = None
 
     def arm(self) -> None:
@@ -112,8 +112,8 @@ class Run:
         """How far it is: rows made, recorded and lost so far, share of the expected rows (0..1, or None)."""
         recorder = self._recorder
         return {
-            "experiment": self.order.experiment.name,
-            "file": str(self.order.out),
+            "experiment": self.request.experiment.name,
+            "file": str(self.request.out),
             "rows": self._acquisition.rows_made,
             "recorded": recorder.recorded if recorder else 0,
             "lost": self._acquisition.ledger.summary().lost + (recorder.lost if recorder else 0),
@@ -137,12 +137,12 @@ class Run:
         attachments = Attachments(
             rig=self._rig_text,
             model=model,
-            experiment=self.order.text,
+            experiment=self.request.text,
             calibration=bench.calibration.as_table(),
             provenance=provenance("measured", devices=identities, columns=bench.columns.as_table()),
         )
         return Recorder(
-            self.order.out,
+            self.request.out,
             layout,
             attachments,
             live=isinstance(bench.clock, SystemClock),
@@ -171,10 +171,10 @@ class Run:
             ending = {"reason": str(End.RECORDER), "sentence": str(fault), "fault": True}
         return {
             "schema": "armscope.record/1",
-            "file": str(self.order.out),
-            "experiment": self.order.experiment.name,
+            "file": str(self.request.out),
+            "experiment": self.request.experiment.name,
             "rig": self._bench.rig.name,
-            "seconds": demand_of(self.order.experiment).duration,
+            "seconds": demand_of(self.request.experiment).duration,
             "rows": ledger.recorded,
             "ending": ending,
             "ledger": ledger_table(ledger),

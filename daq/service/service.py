@@ -56,12 +56,12 @@ class Service:
 
     role     'daemon', or 'record' for the time of one embedded recording
     folder   recordings go only there, by plain file name; must be given where the endpoint is not loopback
-    publish  'wanted': InputError or DeviceFault if the endpoint cannot be had; 'welcome': without it, and ``notes`` says why
+    publish  'required': InputError or DeviceFault if the endpoint cannot be had; 'optional': without it, and ``notes`` says why
     state    idle, arming, armed, disarming or running
     bug      what ended the last run if that was an error in the program; None otherwise
     """
 
-    def __init__(self, rig_path: Path, *, role: str = "daemon", folder: Path | None = None, publish: str = "wanted"):
+    def __init__(self, rig_path: Path, *, role: str = "daemon", folder: Path | None = None, publish: str = "required"):
         self.rig: Rig = read_rig(rig_path)
         self.rig_text = read_text(rig_path)
         self.rig_sha256 = hashlib.sha256(self.rig_text.encode()).hexdigest()
@@ -298,7 +298,7 @@ class Service:
     def _armed_answer(self, armed: Armed) -> Table:
         if self._cancel is not None:
             raise InputError("daemon", f"arm: {self._cancel}")
-        return {"state": self.state, "file": str(armed.run.order.out)}
+        return {"state": self.state, "file": str(armed.run.request.out)}
 
     def _armed_now(self, job: Outcome) -> None:
         if job.exception() is not None:
@@ -349,7 +349,7 @@ class Service:
     def _refuse_unless_idle(self, verb: str, why: str = "one run at a time") -> None:
         if self.state == "idle":
             return
-        doing = f"is {self.state}" if self.run is None else f"is {self.state} with {self.run.order.out}"
+        doing = f"is {self.state}" if self.run is None else f"is {self.state} with {self.run.request.out}"
         raise InputError("daemon", f"{verb}: {doing}; {why}")
 
     def _later(self, work: Outcome, then: Callable[[Any], Any] = lambda result: result) -> Outcome:
@@ -376,7 +376,7 @@ class Service:
         try:
             self._endpoint = Endpoint(self.rig, self._inbox, self.wake)
         except DeviceFault as fault:
-            if self._publish == "wanted":
+            if self._publish == "required":
                 raise
             self.notes.append(f"not published: {fault.what}")
 

@@ -3,7 +3,7 @@
 Peer mode on one fixed endpoint; multicast scouting and gossip are off, so that nothing is found, and nothing finds us, that
 the rig file does not name. The server (daemon, embedded recording or replay) listens; clients connect and listen nowhere.
 Access is denied by default: a client may ask and read below the rig's own keys, and never publish. Beyond loopback the
-rig file wants TLS, a user and a password (``daq.rig.rig_file.ZenohTable`` refuses anything less).
+rig file must name TLS files, a user and a password (``daq.rig.rig_file.ZenohTable`` refuses anything less).
 """
 
 from __future__ import annotations
@@ -184,7 +184,7 @@ def read_passwords(path: Path) -> dict[str, str]:
             continue
         user, colon, password = line.partition(":")
         if not (user and colon and password):
-            raise InputError(path, f"line {number}: wants 'user:password'")
+            raise InputError(path, f"line {number}: must be 'user:password'")
         passwords[user] = password
     return passwords
 

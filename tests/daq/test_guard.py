@@ -52,9 +52,9 @@ def test_outputs_are_known_by_name_and_kind() -> None:
     with open_bench(make_rig(outputs=OUTPUTS)) as bench:
         with pytest.raises(InputError, match="no such output in the rig file; there are: start, drive"):
             bench.guard.set_line("brake", True)
-        with pytest.raises(InputError, match="wants volts"):
+        with pytest.raises(InputError, match="give it volts"):
             bench.guard.set_line("drive", True)
-        with pytest.raises(InputError, match="wants high or low"):
+        with pytest.raises(InputError, match="set it high or low"):
             bench.guard.set_volts("start", 1.0)
 
 

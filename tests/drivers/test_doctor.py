@@ -49,7 +49,7 @@ def test_a_watchdog_longer_than_the_devices_own_is_refused(tmp_path: Path) -> No
     path, _ = write_rig(tmp_path)
     path.write_text(path.read_text().replace("watchdog = 4.0", "watchdog = 6.0"))
     with pytest.raises(
-        InputError, match="watchdog: 6 s wants to be shorter than 5 s, after which daq makes its own outputs safe"
+        InputError, match="watchdog: 6 s must be shorter than 5 s, after which daq makes its own outputs safe"
     ):
         doctor.command(path)
 

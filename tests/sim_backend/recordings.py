@@ -9,7 +9,7 @@ import tomli_w
 
 from daq.rig.bench import open_bench
 from daq.rig.rig_file import Rig, read_rig
-from daq.service.run import Run, order_of
+from daq.service.run import Run, request_of
 from experiment import Experiment
 
 BLOCK = 0.2  # s between two reads: nobody waits for rows, and long blocks cost less
@@ -32,7 +32,7 @@ def record(rig_path: Path, experiments: Iterable[Experiment], folder: Path, **si
         for experiment in experiments:
             text = tomli_w.dumps(experiment.model_dump(exclude_none=True, exclude_defaults=True, mode="json"))
             path = folder / f"{experiment.name.replace(' ', '_')}.mcap"
-            run = Run(bench, rig_path.read_text(encoding="utf-8"), order_of(text, experiment.name, path), None)
+            run = Run(bench, rig_path.read_text(encoding="utf-8"), request_of(text, experiment.name, path), None)
             run.arm()
             run.start()
             result = run.take()

@@ -22,7 +22,7 @@ class Watchdog:
 
     @property
     def interval(self) -> float | None:
-        """s between two signs of life; None if nobody wants any."""
+        """s between two signs of life; None if nobody expects any."""
         return self._interval
 
     def ready(self, status: str) -> None:
