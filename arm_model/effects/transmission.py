@@ -36,10 +36,11 @@ BACKLASH = Effect(
         Parameter(
             "half_gap",
             "rad",
-            (1e-4, 5e-3),
+            (2e-4, 5e-3),
             True,
             "half of the free play between motor and link",
-            search=geometric(5e-5, 7.5e-3, 15),
+            # from two steps of a good encoder on: along a motion, its steps hide narrower gaps
+            search=geometric(2e-4, 7.5e-3, 11),
             # a gear this worn is not run
             most=7.5e-3,
             tracker_prior=0.02,

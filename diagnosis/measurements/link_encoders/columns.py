@@ -16,7 +16,7 @@ from scipy import ndimage
 
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.effects import Effect, Instrument, observed_by
+from arm_model.effects import Effect, Instrument, Parameter, observed_by
 from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
@@ -127,7 +127,7 @@ def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[C
     """Candidates of one effect at one joint; an effect that changes the description is a constant, which is always free."""
     load = rows.load[:, column]
     if effect.gap is not None:
-        yield from (Candidate(effect.name, joint, (("half_gap", gap),)) for gap in effect.gap.search)
+        yield from (Candidate(effect.name, joint, (("half_gap", gap),)) for gap in _gaps(effect.gap))
         if min(load.max(), -load.min()) > 0.05 * float(np.max(np.abs(load))):
             yield Candidate(effect.name, joint, (("by_load", 1.0),))  # the load changes sides
     elif effect.spring is not None:
@@ -171,6 +171,11 @@ def late() -> Candidate:
     return next(
         Candidate(effect.name, None) for effect in observed_by(Instrument.LINK_ENCODER) if effect.delay is not None
     )
+
+
+def _gaps(gap: Parameter) -> tuple[float, ...]:
+    """First half gaps (rad or m) that are tried: an encoder at the link resolves half of what currents show."""
+    return (0.5 * gap.search[0], *gap.search)
 
 
 def orders(effect: Effect) -> tuple[float, ...]:
