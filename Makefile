@@ -1,9 +1,9 @@
-# Two commands do everything on a machine with Python 3.11 and make: `make demo` and `make test`.
+# A machine with Python 3.11 and make needs two commands: `make demo` and `make test`.
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-# Two test processes share two cores: threads of the linear algebra would only get in their way.
+# Two test processes share two cores; more threads for linear algebra would slow them down.
 export OPENBLAS_NUM_THREADS ?= 1
 STAMP  := $(VENV)/.installed
 
