@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -112,7 +113,7 @@ class Lab:
     def until(self, session: Any, true: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
         """Asks for the status until something is true of it."""
         while not true(status := call(session, self.keys, "status")):
-            pass
+            time.sleep(0.005)
         return status
 
 
