@@ -130,11 +130,10 @@ class Simulation:
         write_table(
             Path(path),
             self.t,
-            {"q": self.q, "i": self.i, "qref": self.qref},
+            {"q": self.q, "i": self.i, "qref": self.qref} | ({} if self.xyz is None else {"xyz": self.xyz}),
             self.attachments,
             joints=[joint.name or f"joint{number}" for number, joint in enumerate(self.arm.joints, 1)],
             effort=[joint.drive_constant for joint in self.arm.joints],
-            xyz=self.xyz,
         )
         return open_recording(path)
 

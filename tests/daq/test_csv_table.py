@@ -127,7 +127,7 @@ def test_a_table_survives_recording_and_export_to_the_last_bit(
     lines = [",".join([repr(float(time)), *row, row[0], row[1]]) for time, row in zip(t, cells)]
     write_first.write_text("\n".join([",".join(["t", *names, "y", "z"]), *lines]) + "\n")
     table = read_csv(write_first, keep_extra=True, unit=TimeUnit.S)
-    write_table(folder / "run.mcap", table.t, table.signals, Attachments(), xyz=table.xyz, extra=table.extra)
+    write_table(folder / "run.mcap", table.t, table.signals | {"xyz": table.xyz}, Attachments(), extra=table.extra)
     write_csv(folder / "second.csv", open_recording(folder / "run.mcap"))
     again = read_csv(folder / "second.csv", keep_extra=True, unit=TimeUnit.S)
     for before, after in [

@@ -147,6 +147,20 @@ def test_a_stretch_overwritten(original: Original, start: float, length: int, se
     check(recording, complete=complete, sure=place > progress + 200 or place + count < progress - 40)
 
 
+@pytest.mark.parametrize("window", [64, 100, 4096])
+def test_a_landmark_is_found_wherever_the_windows_of_the_search_end(
+    original: Original, window: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stretch of several windows is overwritten; the chunks behind it are there."""
+    monkeypatch.setattr("daq.recording.mcap_file.walk.WINDOW", window)
+    for length in range(5000, 5100, 7):
+        start = original.finished.index(b"zstd")
+        data = original.finished[:start] + bytes(length) + original.finished[start + length :]
+        recording, complete = rescue(original, data)
+        check(recording, complete=complete)
+        assert len(recording) >= ROWS - LOSS.rows - 3 * CHUNK
+
+
 @settings(max_examples=60, deadline=None)
 @given(rubbish=st.binary(max_size=300), with_magic=st.booleans())
 def test_other_files_are_refused(original: Original, rubbish: bytes, with_magic: bool) -> None:

@@ -148,7 +148,7 @@ def test_doctor_finds_nothing(kind: str, file: Path, tmp_path: Path) -> None:
         file = tmp_path / "table.mcap"
         t = np.arange(50) * 0.01
         q = np.random.default_rng(0).normal(size=(50, 2))
-        write_table(file, t, {"q": q, "i": q}, Attachments(), xyz=q[:, [0, 1, 1]], extra={"a": t, "b": t})
+        write_table(file, t, {"q": q, "i": q, "xyz": q[:, [0, 1, 1]]}, Attachments(), extra={"a": t, "b": t})
     run = subprocess.run([doctor, "doctor", str(file)], capture_output=True, text=True, timeout=60)
     assert run.returncode == 0 and "passed MCAP doctor checks" in " ".join(run.stdout.split()), run.stdout + run.stderr
     assert "warning" not in run.stdout.lower()

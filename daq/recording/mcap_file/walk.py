@@ -24,7 +24,7 @@ from mcap.records import Channel, Header, McapRecord, Metadata, Schema
 from numpy.typing import NDArray
 
 from daq.recording.mcap_file.checksums import MAGIC
-from daq.recording.mcap_file.pages import release
+from daq.recording.mcap_file.pages import WINDOW, release
 from daq.recording.messages.row_format import RowFormat, format_of
 
 LARGEST_CHUNK = 1 << 30
@@ -37,6 +37,8 @@ _LANDMARK = re.compile(
 )
 """Where to pick up the thread: what stands at a fixed distance from the beginning of a record of ours."""
 _DISTANCE = {"chunk": 37, "attachment": 25, "metadata": 9}
+_LONGEST_LANDMARK = 64
+"""Bytes: so far a landmark may reach beyond the window of the file in which it begins."""
 
 
 @dataclass(frozen=True)
@@ -107,14 +109,16 @@ def walk(data: memoryview) -> Iterator[Part]:
 
 def _resume(data: memoryview, place: int) -> int:
     """The next chunk, attachment or progress behind ``place`` that can be read, else the end of the file."""
-    for mark in _LANDMARK.finditer(data, place):
-        start = mark.start() - _DISTANCE[mark.lastgroup or ""]
-        if start > place:
-            try:
-                _record(data, start)
-            except _BrokenRecord:
-                continue
-            return start
+    for first in range(place, len(data), WINDOW):
+        for mark in _LANDMARK.finditer(data, first, min(first + WINDOW + _LONGEST_LANDMARK, len(data))):
+            start = mark.start() - _DISTANCE[mark.lastgroup or ""]
+            if start > place:
+                try:
+                    _record(data, start)
+                except _BrokenRecord:
+                    continue
+                return start
+        release(data, first, first + WINDOW)
     return len(data)
 
 

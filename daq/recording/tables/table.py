@@ -27,16 +27,15 @@ def write_table(
     attachments: Attachments,
     *,
     joints: Sequence[str] = (),
-    xyz: NDArray[np.float64] | None = None,
     extra: dict[str, NDArray[np.float64]] | None = None,
     effort: Sequence[float] = (),
 ) -> LedgerSummary:
     """Writes a recording that has no devices behind it: an imported table, or a simulation. An existing ``path`` is replaced.
 
     t        (n,) s, strictly increasing; kept to the last bit, as are all other numbers; stamps count from the first row where it is no ROS time
-    signals  'q' and 'i' and any other key of ``daq.recording.messages.row_format.JOINT_TOPICS`` -> (n, J) rad (m), A, V, degC; NaN: missing sample;
-             a joint whose column (of other than q and i) is NaN throughout does not have that signal
-    xyz      (n, 3) m, tracker's target in the base frame
+    signals  'q' and 'i' and any other key of ``daq.recording.messages.row_format.JOINT_TOPICS`` -> (n, J) rad (m), A,
+             V, degC; a joint whose column (of other than q and i) is NaN throughout does not have that signal;
+             'xyz' -> (n, 3) m, tracker's target in the base frame; NaN: missing sample
     joints   (J,) names; default joint1 ...
     extra    further columns by name -> (n,)
     effort   (J,) joint torque per motor ampere, N m/A (N/A)
@@ -47,7 +46,7 @@ def write_table(
         if name in signals:
             there = ~np.isnan(signals[name]).all(axis=0) | (name in ("q", "i"))
             having[name] = tuple(int(joint) + 1 for joint in np.flatnonzero(there))
-    table = Table(t, signals, having, xyz, extra or {})
+    table = Table(t, signals, having, signals.get("xyz"), extra or {})
     layout = _layout(table, joints, effort)
     origin = -float(t[0]) if len(t) and (t[0] < 0 or t[-1] >= 2**31) else 0.0
     return _write(path, layout, attachments, (_columns(layout, one, origin, 0) for one in [table]))

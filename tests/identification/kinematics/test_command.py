@@ -35,7 +35,7 @@ def recordings(root: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
         t, q = motion(nominal, 10.0, generator, 100.0)
         xyz = seen(true, q) + generator.normal(size=(len(t), 3)) * NOISE
         xyz[::7] = np.nan
-        write_table(folder / f"{name}.mcap", t, {"q": q, "i": np.zeros_like(q)}, Attachments(rig=RIG), xyz=xyz)
+        write_table(folder / f"{name}.mcap", t, {"q": q, "i": np.zeros_like(q), "xyz": xyz}, Attachments(rig=RIG))
     return folder / "a.mcap", folder / "b.mcap"
 
 

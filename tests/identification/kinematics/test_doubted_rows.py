@@ -24,7 +24,7 @@ def recording(tmp_path: Path) -> Recording:
     t = np.arange(ROWS) / 1000
     q = np.stack([np.sin(t), 0.3 * np.cos(2 * t)], axis=1)
     xyz = np.stack([np.cos(t), np.sin(t), t], axis=1)
-    write_table(tmp_path / "run.mcap", t, {"q": q, "i": np.zeros_like(q)}, Attachments(), xyz=xyz)
+    write_table(tmp_path / "run.mcap", t, {"q": q, "i": np.zeros_like(q), "xyz": xyz}, Attachments())
     found = open_recording(tmp_path / "run.mcap")
     layout = replace(found.layout, raw=True, counters=("a", "b"), points="base")
     table = {"count_column": [0, 1], "volt_column": [-1, -1]}
