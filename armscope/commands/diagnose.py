@@ -57,12 +57,12 @@ def command(
 
     from arm_io import check_folder, make_folder
     from armscope.api.diagnosis import fit_and_held_out
-    from armscope.api.reading import read_model, recordings_of
+    from armscope.api.reading import for_analysis, read_model
 
     check_folder(out)
     arm = read_model(_model(model, rig))
     if distort is not None:
-        return _distorted(arm, distort, recordings_of(fit), out, as_json)
+        return _distorted(arm, distort, for_analysis(fit)[0], out, as_json)
     fitted, held, remarks = fit_and_held_out(fit, held_out or [])
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
         case = _case(arm, fitted, held, remarks, status)
