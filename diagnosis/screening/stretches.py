@@ -1,7 +1,7 @@
 """Long recordings reduced to stretches of time, evenly spread, so that a diagnosis needs bounded memory and time whatever their length.
 
 The search holds what each of several hundred candidates would add to every row, 2 kB a joint and row. An hour of the same arm says little that
-four minutes spread over it do not: what a model leaves unexplained repeats with the motion, and slow changes show between the stretches.
+three minutes spread over it do not: what a model leaves unexplained repeats with the motion, and slow changes show between the stretches.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 from daq.recording import Recording
 from diagnosis.screening.time_split import part, stillest
 
-MOST = 1440.0
-"""s, times joints: four minutes of a six-joint arm, fitted and held-out recordings together."""
+MOST = 1080.0
+"""s, times joints: three minutes of a six-joint arm, fitted and held-out recordings together."""
 LENGTH = 30.0
 """s of a stretch, or little more or less."""
 LEAST = 10.0
