@@ -18,12 +18,12 @@ from arm_io.types import Array
 from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.cause import Cause, Signal, Structure, Undetectable, extend, merge
-from diagnosis.closed_loop.comparison import Compared, along_motion, compare, faithful, with_widths
+from diagnosis.closed_loop.comparison import Compared, along_motion, compare, faithful, with_smoothing_velocities
 from diagnosis.find_causes import Named, has_dynamics, named_causes
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.detectability import not_judged, not_visible
-from diagnosis.measurements.currents.unexplained import LOUD, loudness
-from diagnosis.measurements.demands.wrist_coupling import turned_wrist
+from diagnosis.measurements.currents.unexplained import ABOVE_NOISE, noise_ratio
+from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
 from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
@@ -163,7 +163,7 @@ def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progr
     return Measured(
         tracked=tracked,
         link=link_side(arm, *recordings),
-        events=turned_wrist(*recordings),
+        events=wrist_coupling(*recordings),
         judged=has_dynamics(arm),
     )
 
@@ -171,13 +171,13 @@ def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progr
 def extend_by(arm: Arm, measured: Measured, named: Named, recordings: Recordings) -> tuple[list[Cause], Arm]:
     """All causes, each named once, and the model extended by them."""
     data, known = named.found.state.data, [*measured.known, *([named.resonance] if named.resonance else [])]
-    events = [from_event(event, named.arm, data) for event in [*named.sight.found, *measured.events]]
+    events = [from_event(event, named.arm, data) for event in [*named.sight.events, *measured.events]]
     causes = [*events, *named.causes]
     unknown = [cause for cause in measured.tracked.causes if cause not in known]
     beside = merge(causes if measured.judged else [*causes, *measured.of_links], unknown)
     extended = extend(named.base, beside) if beside else named.arm
     if extended is not arm:
-        extended = with_widths(extended, recordings.fit)
+        extended = with_smoothing_velocities(extended, recordings.fit)
     resonant = [named.resonance] if named.resonance else []
     return merge([*resonant, *causes, *measured.of_links], measured.tracked.causes), extended
 
@@ -206,7 +206,7 @@ def _structures(measured: Measured, named: Named) -> list[Structure]:
     """Unexplained structure of the currents."""
     if named.axis and named.axis.wave:
         return [Structure(Signal.CURRENT, 1, "position", named.axis.wave.share)]
-    return named.found.remainder.structures if measured.judged else []
+    return named.found.unexplained.structures if measured.judged else []
 
 
 def _undetectable(measured: Measured, named: Named) -> list[Undetectable]:
@@ -214,7 +214,7 @@ def _undetectable(measured: Measured, named: Named) -> list[Undetectable]:
     resonant = [named.resonance] if named.resonance else []
     shown = {cause.key for cause in [*named.causes, *measured.known, *resonant]} | measured.tracked.shown
     of_currents = not_visible(named.library, named.ripples, named.found.state.data.held_out, shown, named.arm)
-    link = measured.link.seen.joints.tolist() if measured.link else []
+    link = measured.link.held_out.joints.tolist() if measured.link else []
     unjudged = [] if measured.judged else not_judged(named.arm, link)
     return of_currents + unjudged + measured.tracked.not_visible
 
@@ -234,12 +234,12 @@ def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[S
 def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure], arm: Arm) -> tuple[str, ...]:
     """Says where only the fitted recordings show that something is missing: what they alone show is not named."""
     told = {one.joint for one in structures}
-    by_joint = {joint: loudness(left, fit, joint) for joint in range(1, len(arm) + 1) if joint not in told}
+    by_joint = {joint: noise_ratio(left, fit, joint) for joint in range(1, len(arm) + 1) if joint not in told}
     return tuple(
         f"in the fitted recordings the current of joint {joint} is left at {loud:.1f} times the noise; the held-out ones do not show it: "
         "hold out a recording that moves it the same way"
         for joint, loud in by_joint.items()
-        if loud > LOUD
+        if loud > ABOVE_NOISE
     )
 
 

@@ -15,7 +15,7 @@ from arm_model.effects import CATALOGUE
 from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop import resonance
-from diagnosis.closed_loop.comparison import refuted, with_widths
+from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
 from diagnosis.measurements.currents.causes import from_axis, of_candidate
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of, dataset_with, free_columns
@@ -24,9 +24,9 @@ from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.ripple_orders import order_of
 from diagnosis.measurements.currents.search import Found, search, without
-from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, sharply
+from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
 from diagnosis.residual.run import Run
-from diagnosis.screening.cleaned import Screened, Sight, seen_through, with_edges
+from diagnosis.screening.cleaned import Residuals, Screened, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
 from identification.selection import Split
@@ -44,7 +44,7 @@ class Named:
     """
 
     arm: Arm
-    sight: Sight
+    sight: Residuals
     base: Arm
     library: dict[Candidate, Pair]
     ripples: tuple[Candidate, ...]
@@ -64,9 +64,9 @@ def named_causes(
     """Names what the currents show conditional on the ``known`` causes of encoders and tracker: by the search, and by resonances in closed loop."""
     excluded = {cause.key for cause in known if not cause.by_tracker}
     arm = extend(model, known) if known else model
-    sight = seen_through(arm, screened, progress)
+    sight = residuals_of(arm, screened, progress)
     named = _searched(arm, sight, recordings, excluded, progress)
-    if (behind := with_edges(sight, named.found.state.terms)) is not sight:
+    if (behind := realigned(sight, named.found.state.terms)) is not sight:
         named = _searched(arm, behind, recordings, excluded, progress)
     progress("searching for transmission resonances in closed loop")
     found = _resonance(named, recordings) if has_dynamics(model) else None
@@ -74,12 +74,14 @@ def named_causes(
         return named
     # the others are then judged by the arm that resonates
     arm = extend(model, [*known, found])
-    sight = with_edges(seen_through(arm, screened, progress), named.found.state.terms)
+    sight = realigned(residuals_of(arm, screened, progress), named.found.state.terms)
     excluded |= {(effect, found.joint) for effect in resonance.transmissions()}
     return replace(_searched(arm, sight, recordings, excluded, progress), resonance=found)
 
 
-def _searched(arm: Arm, sight: Sight, recordings: Recordings, excluded: Set[EffectKey], progress: Progress) -> Named:
+def _searched(
+    arm: Arm, sight: Residuals, recordings: Recordings, excluded: Set[EffectKey], progress: Progress
+) -> Named:
     """Names causes in the residuals of recordings, those held out last; none of ``excluded``."""
     first, parts = len(recordings.fit), recordings.two_fold
     progress("computing the columns of every effect")
@@ -87,11 +89,11 @@ def _searched(arm: Arm, sight: Sight, recordings: Recordings, excluded: Set[Effe
     ripples = tuple(c for c in every if order_of(c) is not None)
     runs, data = sight.runs, _datasets(sight.runs, first, parts)
     library = {c: data.map(partial(columns_of, c)) for c in every if order_of(c) is None}
-    axis = axis_side(arm, sight.samples[:first], sight.samples[first:], parts=parts)
+    axis = axis_side(arm, sight.samples[:first], sight.samples[first:], two_fold=parts)
     of_axis, base = [from_axis(one, arm) for one in axis.causes] if axis else [], arm
     if of_axis:
         # the search is left with what they leave
-        base = sharply(arm, sight.samples)
+        base = with_sharp_friction(arm, sight.samples)
         runs = [replace(run, arm=base) for run in runs]
         terms = extend(base, of_axis).effects[len(arm.effects) :]
         data = _datasets(runs, first, parts).map(lambda part: replace(part, y=dataset_with(part, terms)))
@@ -141,9 +143,13 @@ def _resonance(named: Named, recordings: Recordings) -> Cause | None:
     """A spring or a gap that closed loops show, in the place of one that the search named or beside all that it named."""
     springs: list[Cause | None] = [one for one in named.causes if one.effect in resonance.transmissions()]
     for spring in springs or [None]:
-        arm = with_widths(extend(named.base, [one for one in named.causes if one is not spring]), recordings.fit)
+        arm = with_smoothing_velocities(
+            extend(named.base, [one for one in named.causes if one is not spring]), recordings.fit
+        )
         joints = [spring.joint] if spring and spring.joint else range(1, len(arm) + 1)
-        if (cause := resonance.swinging(arm, recordings.fit, recordings.held_out, joints, spring)) is not None:
+        if (
+            cause := resonance.transmission_resonance(arm, recordings.fit, recordings.held_out, joints, spring)
+        ) is not None:
             return cause
     return None
 
@@ -177,7 +183,7 @@ def _untenable(arm: Arm, causes: list[Cause], recordings: Sequence[Recording], r
     indistinct = _indistinct(causes)
     if indistinct is not None or not causes:
         return indistinct
-    full = with_widths(extend(arm, causes), recordings)
+    full = with_smoothing_velocities(extend(arm, causes), recordings)
     widths = [joint.sign_velocity for joint in full.joints]
     less = [extend(arm, [one for one in causes if one is not cause]) for cause in causes]
     turned = [

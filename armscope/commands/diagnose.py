@@ -85,10 +85,10 @@ def command(
 def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Path, as_json: bool) -> int:
     """One parameter that varies, in place of causes."""
     from diagnosis.distortion import distort, named_parameter, write_distortion
-    from diagnosis.screening import screened, seen_through
+    from diagnosis.screening import residuals_of, screened
 
     named_parameter(arm, name)
-    table = write_distortion(out, distort(arm, name, seen_through(arm, screened(arm, recordings)).runs, recordings))
+    table = write_distortion(out, distort(arm, name, residuals_of(arm, screened(arm, recordings)).runs, recordings))
     print(json.dumps(table) if as_json else f"{table['verdict']}\n{out / 'distortion.html'}")
     return _DONE
 

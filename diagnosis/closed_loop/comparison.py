@@ -29,7 +29,7 @@ from identification.preprocessing import demand_of_run
 
 FAITHFUL = 1.5
 """Times the error along the measured motion: a closed loop that errs more at some joint is not that of the arm's controller."""
-WIDTHS = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
+SMOOTHING = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
 """Of the model's own width, over which friction turns from one direction to the other: what is tried, a lane each."""
 
 
@@ -55,7 +55,7 @@ class Compared:
 
 def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     """The recording's demands run through the model's closed loop; None without a demand, a controller or a stable loop."""
-    if arm.controller is None or not able(recording):
+    if arm.controller is None or not has_demand(recording):
         return None
     arm = loaded(arm, setup_of(recording).payload)
     knots, demand = recording.t, demand_of_run(recording, arm)
@@ -67,15 +67,15 @@ def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q, comparable_rows(run))
 
 
-def able(recording: Recording) -> bool:
+def has_demand(recording: Recording) -> bool:
     """Whether a recording tells the whole demand of arms whose drives were on."""
     return recording.qref is not None and not np.isnan(recording.qref).any() and not setup_of(recording).drives_off
 
 
 def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
     """(n,) A each: rms of the run's residual current under its model and under the extended one, without a closed loop."""
-    known = comparable_rows(run)
-    return rms_where(residual_under(run, before.effects), known), rms_where(residual_under(run, after.effects), known)
+    rows = comparable_rows(run)
+    return rms_where(residual_under(run, before.effects), rows), rms_where(residual_under(run, after.effects), rows)
 
 
 def faithful(pairs: Sequence[tuple[Compared, Compared]], along: Sequence[tuple[Array, Array]]) -> bool:
@@ -87,31 +87,31 @@ def faithful(pairs: Sequence[tuple[Compared, Compared]], along: Sequence[tuple[A
     return bool(np.all(loop < FAITHFUL * motion))
 
 
-def with_widths(arm: Arm, recordings: Sequence[Recording]) -> Arm:
+def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     """The arm with the widths over which its friction turns (``sign_velocity``) that these recordings show in closed loop.
 
     No data sheet has them, and every simulation has its own; a joint keeps its own where no other takes a tenth off its squared error.
     """
-    those = [r for r in recordings if able(r)]
+    usable = [r for r in recordings if has_demand(r)]
     moving = [j for j, joint in enumerate(arm.joints) if max(joint.coulomb) > 0.0]
-    if arm.controller is None or not those or not moving:
+    if arm.controller is None or not usable or not moving:
         return arm
-    errors = np.zeros((len(WIDTHS), len(arm)))
-    for recording in those:
+    errors = np.zeros((len(SMOOTHING), len(arm)))
+    for recording in usable:
         carrying = loaded(arm, setup_of(recording).payload)
-        lanes = {f"joint{j + 1}.sign_velocity": arm.joints[j].sign_velocity * WIDTHS for j in moving}
+        lanes = {f"joint{j + 1}.sign_velocity": arm.joints[j].sign_velocity * SMOOTHING for j in moving}
         demand = demand_of_run(recording, carrying)
         motion = simulate_batch(carrying, demand, recording.t - recording.t[0], parameters=lanes)
         shown = recorded(carrying, motion).current
         rate = 1.0 / recording.dt
-        for lane in range(len(WIDTHS)):
+        for lane in range(len(SMOOTHING)):
             errors[lane] += np.sum(low_pass(recording.i - shown[lane], COMPARE_BAND, rate)[kept(rate)] ** 2, axis=0)
     joints = list(arm.joints)
-    own = int(np.flatnonzero(WIDTHS == 1.0)[0])
+    unchanged = int(np.flatnonzero(SMOOTHING == 1.0)[0])
     for j in moving:
         best = int(np.nanargmin(errors[:, j]))
-        if errors[best, j] < 0.9 * errors[own, j]:
-            joints[j] = replace(joints[j], sign_velocity=float(joints[j].sign_velocity * WIDTHS[best]))
+        if errors[best, j] < 0.9 * errors[unchanged, j]:
+            joints[j] = replace(joints[j], sign_velocity=float(joints[j].sign_velocity * SMOOTHING[best]))
     return replace(arm, joints=tuple(joints))
 
 
@@ -123,18 +123,18 @@ def refuted(
     full: the model with all causes; less: without each of them; felt_at: the joint (from 1) where each is felt most. A cause has to survive
     both views: the residual along the measured motion, by which it was found, and the closed loop on recordings held out.
     """
-    seen = [(r, run, pair) for r, run in zip(recordings, runs) if (pair := compare(r, full, run)) is not None]
-    with_all = [pair for _, _, pair in seen]
-    motion = [(run_rms, run_rms) for _, run, _ in seen for run_rms in [along_motion(run, run.arm, full)[1]]]
+    compared = [(r, run, pair) for r, run in zip(recordings, runs) if (pair := compare(r, full, run)) is not None]
+    with_all = [pair for _, _, pair in compared]
+    motion = [(run_rms, run_rms) for _, run, _ in compared for run_rms in [along_motion(run, run.arm, full)[1]]]
     if not faithful([(pair, pair) for pair in with_all], motion):
         return None
     worst: tuple[float, int] | None = None
     for index, (arm, joint) in enumerate(zip(less, felt_at)):
-        pairs = [compare(r, arm, run) for r, run, _ in seen]
-        without, having = (
+        pairs = [compare(r, arm, run) for r, run, _ in compared]
+        without, complete = (
             sum(float(pair.error_rms("current")[joint - 1] ** 2) for pair in several if pair is not None)
             for several in (pairs, with_all)
         )
-        if without < having and (worst is None or without / having < worst[0]):
-            worst = without / having, index
+        if without < complete and (worst is None or without / complete < worst[0]):
+            worst = without / complete, index
     return worst[1] if worst else None

@@ -25,7 +25,7 @@ from arm_model.sensing import recorded
 from arm_model.simulation import simulate_batch
 from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, Signal, confidence_of
-from diagnosis.closed_loop.comparison import able
+from diagnosis.closed_loop.comparison import has_demand
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run_setup import loaded, setup_of
 from diagnosis.units import unit_at
@@ -37,7 +37,7 @@ BAND = (10.0, 100.0)
 """Hz."""
 FASTEST = 300.0
 """Hz: no spring is tried that swings its link faster: nothing of it is left in the band, and its loop takes ever longer."""
-LOUD = 2.0
+ABOVE_NOISE = 2.0
 """Times the transducers' noise in the band: a joint that the loop does not follow."""
 MOVES = 0.01
 """rad (m) that a joint moves at least."""
@@ -72,7 +72,7 @@ class Trial:
         return replace(arm, effects=(*arm.effects, EffectTerm(self.effect, self.joint, dict(self.values))))
 
 
-def swinging(
+def transmission_resonance(
     arm: Arm,
     fit: Sequence[Recording],
     held_out: Sequence[Recording],
@@ -83,30 +83,38 @@ def swinging(
 
     near: one that the currents along the motion show, of which the loop has the exact values.
     """
-    fit, held_out = [r for r in fit if able(r)], [r for r in held_out if able(r)]
+    fit, held_out = [r for r in fit if has_demand(r)], [r for r in held_out if has_demand(r)]
     if arm.controller is None or not fit or not held_out:
         return None
     noise = np.sqrt(np.mean([scatter(r.i) ** 2 * _white_share(r) for r in fit], axis=0))
     missed = [_errors(arm, r)[0] for r in fit]
-    loud = np.sqrt(np.mean(np.concatenate(missed) ** 2, axis=0)) / noise
+    noise_ratio = np.sqrt(np.mean(np.concatenate(missed) ** 2, axis=0)) / noise
     moving = np.any([np.ptp(r.q, axis=0) > MOVES for r in fit], axis=0)
-    if not np.isfinite(loud).all() or loud.max() < LOUD or np.mean(loud[moving] > LOUD) > FOLLOWED:
+    if (
+        not np.isfinite(noise_ratio).all()
+        or noise_ratio.max() < ABOVE_NOISE
+        or np.mean(noise_ratio[moving] > ABOVE_NOISE) > FOLLOWED
+    ):
         return None
     worst = sorted(range(len(fit)), key=lambda k: -float(np.sum(missed[k] ** 2)))[:SEARCHED_IN]
-    few = [fit[k] for k in worst]
-    loudest = [
-        joint for joint in np.argsort(-loud)[:3] + 1 if joint in joints and loud[joint - 1] > max(LOUD, loud.max() / 2)
+    searched = [fit[k] for k in worst]
+    strongest = [
+        joint
+        for joint in np.argsort(-noise_ratio)[:3] + 1
+        if joint in joints and noise_ratio[joint - 1] > max(ABOVE_NOISE, noise_ratio.max() / 2)
     ]
-    found = [
-        one
-        for joint in loudest
+    promising = [
+        trial_score
+        for joint in strongest
         if arm.joints[joint - 1].rotor_inertia > 0.0  # all the mass behind the spring: no motor to swing against it
         for effect in transmissions()
-        if (one := _searched(arm, effect, int(joint), few, noise, near)) is not None
+        if (trial_score := _searched(arm, effect, int(joint), searched, noise, near)) is not None
     ]
-    most = max((share for share, _ in found), default=0.0)
+    most = max((share for share, _ in promising), default=0.0)
     # the simpler first of those that do as well; what its own joint would have, the other joints may refuse
-    for _, trial in sorted(found, key=lambda one: (one[0] < most - ALIKE, len(one[1].values), -one[0])):
+    for _, trial in sorted(
+        promising, key=lambda trial_score: (trial_score[0] < most - ALIKE, len(trial_score[1].values), -trial_score[0])
+    ):
         if (cause := _judged(arm, trial, fit, held_out, noise)) is not None:
             return cause
     return None
@@ -218,7 +226,7 @@ def _judged(
     """The cause, if it explains most of what the loop was missing at all joints held out, and gains in enough blocks."""
     j = trial.joint - 1
     pairs = [(_errors(arm, r)[0], _errors(arm, r, [trial])[0]) for r in held_out]
-    before, after = (np.sqrt(np.mean(np.concatenate(each) ** 2, axis=0)) for each in zip(*pairs))
+    before, after = (np.sqrt(np.mean(np.concatenate(errors) ** 2, axis=0)) for errors in zip(*pairs))
     excess = np.sum(np.maximum((before**2 - noise**2), 0.0)), np.sum(np.maximum(after**2 - noise**2, 0.0))
     rows = [round(BLOCK_SECONDS / r.dt) for r in held_out]
     gains = np.concatenate(

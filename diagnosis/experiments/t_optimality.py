@@ -21,7 +21,7 @@ from diagnosis.experiments.motions import Stage, Trial
 from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of, free_columns
 from diagnosis.residual.expected_current import COMPARE_BAND
-from diagnosis.residual.run import ROWS_PER_SECOND, Run, see
+from diagnosis.residual.run import ROWS_PER_SECOND, Run, residual_run
 from diagnosis.residual.run_setup import loaded
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
@@ -176,7 +176,7 @@ def foreseen(trial: Trial, stage: Stage, noise: Array) -> Run | None:
         out = [(q[:, j - 1].min() < low[j - 1]) or (q[:, j - 1].max() > high[j - 1]) for j in moved]
         if over.any() or fast.any() or any(out):
             return None
-    run = see(wanted.name, arm, t, q, current, powered=not setup.drives_off)
+    run = residual_run(wanted.name, arm, t, q, current, powered=not setup.drives_off)
     unsure = np.sqrt(np.maximum(run.deviation**2 - run.noise**2, 0.0))
     expected = run.along * run.powered  # another filter on the motion would tell apart what is the same
     rate = np.gradient(expected, 1.0 / ROWS_PER_SECOND, axis=0)

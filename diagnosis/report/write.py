@@ -107,8 +107,8 @@ def _link_signals(result: Diagnosis) -> list[dict[str, Any]]:
     if result.link is None:
         return []
     link, rows = result.link, []
-    for k, joint in enumerate(int(j) for j in link.seen.joints):
-        before, after = (float(np.sqrt(np.mean(values[:, k] ** 2))) for values in (link.without, link.left))
+    for k, joint in enumerate(int(j) for j in link.held_out.joints):
+        before, after = (float(np.sqrt(np.mean(values[:, k] ** 2))) for values in (link.without, link.residual))
         unit = unit_at(result.arm.joints[joint - 1], "rad")
         errors = {"held_out": {"before": before, "after": after}}
         rows.append(
@@ -117,7 +117,7 @@ def _link_signals(result: Diagnosis) -> list[dict[str, Any]]:
                 "joint": joint,
                 "unit": unit,
                 "error_rms": errors,
-                "noise_rms": float(link.seen.noise[k]),
+                "noise_rms": float(link.held_out.noise[k]),
             }
         )
     return rows

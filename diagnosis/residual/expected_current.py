@@ -160,14 +160,14 @@ def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step
     instead: inertia d'' + damping d' + stiffness d = load, by exact steps with the load as it is in the middle of each; at rest at the start.
     """
     decay = damping / inertia / 2
-    swing = np.sqrt(np.maximum(stiffness / inertia - decay**2, 1e-9))
-    shrink, cos, sin = np.exp(-decay * step), np.cos(swing * step), np.sin(swing * step)
-    stay, go = shrink * (cos + decay / swing * sin), shrink * sin / swing
-    back, keep = -stiffness / inertia * shrink * sin / swing, shrink * (cos - decay / swing * sin)
-    rest = np.append(load[1:] + load[:-1], 2 * load[-1]) / (2 * stiffness)
+    frequency = np.sqrt(np.maximum(stiffness / inertia - decay**2, 1e-9))
+    shrink, cos, sin = np.exp(-decay * step), np.cos(frequency * step), np.sin(frequency * step)
+    stay, go = shrink * (cos + decay / frequency * sin), shrink * sin / frequency
+    back, keep = -stiffness / inertia * shrink * sin / frequency, shrink * (cos - decay / frequency * sin)
+    settled = np.append(load[1:] + load[:-1], 2 * load[-1]) / (2 * stiffness)
     twist, rate = np.empty_like(load), np.empty_like(load)
     d, v = float(load[0]) / stiffness, 0.0
-    rows = zip(stay.tolist(), go.tolist(), back.tolist(), keep.tolist(), rest.tolist())
+    rows = zip(stay.tolist(), go.tolist(), back.tolist(), keep.tolist(), settled.tolist())
     for k, (a, b, c, e, x) in enumerate(rows):
         twist[k], rate[k] = d, v
         away = d - x

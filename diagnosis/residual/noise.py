@@ -46,7 +46,7 @@ def still_noise(recordings: Sequence[Recording]) -> Array:
     What is correlated over tenths of a second is noise as well, and no scatter between neighbours shows it. The middle one of all recordings
     is taken, about its trend: where an arm still settles, its currents change for a reason.
     """
-    found = []
+    stds = []
     for recording in recordings:
         rate = 1.0 / recording.dt
         span = max(3, int(0.05 * rate))
@@ -55,8 +55,8 @@ def still_noise(recordings: Sequence[Recording]) -> Array:
         moving = np.any(near > 8.0 * angle_noise(q), axis=1)
         first, last = int(END_SECONDS * rate), (int(np.argmax(moving)) if moving.any() else len(q)) - span
         if last - first > STILL_SECONDS * rate:
-            found.append(_about_trend(low_pass(i, COMPARE_BAND, rate)[first:last]))
-    return np.median(found, axis=0) if found else np.zeros(recordings[0].joints if recordings else 1)
+            stds.append(_about_trend(low_pass(i, COMPARE_BAND, rate)[first:last]))
+    return np.median(stds, axis=0) if stds else np.zeros(recordings[0].joints if recordings else 1)
 
 
 def quiet_noise(residual: Array, known: NDArray[np.bool_], block: NDArray[np.intp]) -> Array:
@@ -65,22 +65,22 @@ def quiet_noise(residual: Array, known: NDArray[np.bool_], block: NDArray[np.int
     What is correlated for longer than an arm stands, no stand tells of. What something wrong does to a current is louder in some seconds than in
     others; noise is there in the quietest.
     """
-    found = np.zeros(residual.shape[1])
+    noise = np.zeros(residual.shape[1])
     for j in range(residual.shape[1]):
-        each = []
+        stds = []
         for number in range(int(block[-1]) + 1):
             rows = np.flatnonzero((block == number) & known[:, j])
             if len(rows) >= QUIET_ROWS:
                 x = (rows - rows[0]) / len(rows)
-                each.append(float(np.std(residual[rows, j] - np.polyval(np.polyfit(x, residual[rows, j], 1), x))))
-        if len(each) >= QUIET_BLOCKS:
-            found[j] = np.quantile(each, 0.2)
-    return found
+                stds.append(float(np.std(residual[rows, j] - np.polyval(np.polyfit(x, residual[rows, j], 1), x))))
+        if len(stds) >= QUIET_BLOCKS:
+            noise[j] = np.quantile(stds, 0.2)
+    return noise
 
 
 def _about_trend(values: Array) -> Array:
     """(n,) standard deviation of (m, n) values about straight lines through them: what a servo that settles does is no noise."""
     x = np.linspace(-1.0, 1.0, len(values))
-    left = values - np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x, values, 1)).T
-    deviation: Array = left.std(axis=0)
+    detrended = values - np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x, values, 1)).T
+    deviation: Array = detrended.std(axis=0)
     return deviation

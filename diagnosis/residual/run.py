@@ -129,7 +129,9 @@ class Run:
         return self.residual / self.deviation
 
 
-def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True, still: Array | float = 0.0) -> Run:
+def residual_run(
+    name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True, still: Array | float = 0.0
+) -> Run:
     """A recording t (m,) s, q (m, n) rad, i (m, n) A, uniformly sampled and without gaps, seen through ``arm``.
 
     still (n,) A: what the currents do while the arm stands, where that is known (``noise.still_noise``).
@@ -152,11 +154,11 @@ def see(name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = Tr
     coulomb = np.array([joint.ratio * max(joint.coulomb) for joint in arm.joints]) / constant
     slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
     width = arm.joint_array("sign_velocity")
-    unsure = np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
-    doubt = coulomb * unsure * powered
+    uncertain = np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
+    friction_std = coulomb * uncertain * powered
     rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered))
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
-    deviation = np.hypot(noise, doubt)
+    deviation = np.hypot(noise, friction_std)
     brisk = [thin(values) for values in (position, v, a)]
     return Run(
         name=name, raw=(t, q), t=rows - t[0],

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from diagnosis.screening.cleaned import screened, seen_through
+    from diagnosis.screening.cleaned import residuals_of, screened
     from diagnosis.screening.stretches import examined
     from diagnosis.screening.time_split import split
 else:
@@ -13,7 +13,7 @@ else:
 
 __all__ = [
     "examined",
+    "residuals_of",
     "screened",
-    "seen_through",
     "split",
 ]

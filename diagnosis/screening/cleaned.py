@@ -13,12 +13,12 @@ from arm_model import Arm, EffectTerm
 from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.noise import still_noise
-from diagnosis.residual.run import Run, residual_with, see
+from diagnosis.residual.run import Run, residual_run, residual_with
 from diagnosis.residual.run_setup import loaded, setup_of
 from diagnosis.screening.current_limit import current_limits
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
 from diagnosis.screening.event import Event, Gain
-from diagnosis.screening.lost_triggers import event_of, lost_edges, put_back
+from diagnosis.screening.lost_triggers import dropped_triggers, event_of, realigned_rows
 from diagnosis.screening.mains_hum import mains_hum, without_hum
 
 Samples = tuple[Array, Array, Array]
@@ -28,13 +28,13 @@ OWN_LIMIT = 0.02
 
 
 @dataclass(frozen=True)
-class Sight:
+class Residuals:
     """Events; every recording as a run without them, and its samples t (k,) s, q (k, n) rad, i (k, n) A without them.
 
     periods s between rows; still (n,) A: what the currents do while the arm stands.
     """
 
-    found: list[Event]
+    events: list[Event]
     runs: list[Run]
     samples: list[Samples]
     periods: list[float]
@@ -75,19 +75,21 @@ def screened(
     )
 
 
-def seen_through(arm: Arm, screened: Screened, progress: Callable[[str], None] = lambda sentence: None) -> Sight:
+def residuals_of(arm: Arm, screened: Screened, progress: Callable[[str], None] = lambda sentence: None) -> Residuals:
     """The residuals of recordings under an arm."""
     runs = []
     for recording, samples in zip(screened.recordings, screened.samples):
         progress(f"computing the residual of {recording.path.name}")
         setup = setup_of(recording)
         of_run = loaded(arm, setup.payload)
-        runs.append(see(recording.path.name, of_run, *samples, powered=not setup.drives_off, still=screened.still))
+        runs.append(
+            residual_run(recording.path.name, of_run, *samples, powered=not setup.drives_off, still=screened.still)
+        )
     periods = [r.dt for r in screened.recordings]
-    return with_edges(Sight(screened.events, runs, screened.samples, periods, screened.still), [])
+    return realigned(Residuals(screened.events, runs, screened.samples, periods, screened.still), [])
 
 
-def with_edges(sight: Sight, terms: Sequence[EffectTerm]) -> Sight:
+def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
     """The recordings that lost edges put right, as far as lags beside the effects ``terms`` tell; the same sight where none did.
 
     Strong effects that are not in the model yet hide a change of lag: it is looked for again behind them.
@@ -95,23 +97,23 @@ def with_edges(sight: Sight, terms: Sequence[EffectTerm]) -> Sight:
     runs = list(sight.runs)
     if terms:
         runs = [replace(run, expected=run.current - residual_with(run, terms)) for run in runs]
-    losses = lost_edges(runs, sight.periods)
+    losses = dropped_triggers(runs, sight.periods)
     if not losses:
         return sight
     before, runs, samples = list(sight.runs), list(sight.runs), list(sight.samples)
     for loss in losses:
         k = loss.recording
-        t, q, i = samples[k] = (*samples[k][:2], put_back(samples[k][2], loss))
-        runs[k] = see(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=sight.still)
+        t, q, i = samples[k] = (*samples[k][:2], realigned_rows(samples[k][2], loss))
+        runs[k] = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=sight.still)
     most = losses[0].recording
-    event = replace(event_of(losses, runs), gain=_of_putting_back(before[most], runs[most], terms))
-    return replace(sight, found=[*sight.found, event], runs=runs, samples=samples)
+    event = replace(event_of(losses, runs), gain=_gain_of_realignment(before[most], runs[most], terms))
+    return replace(sight, events=[*sight.events, event], runs=runs, samples=samples)
 
 
-def _of_putting_back(lost: Run, put: Run, terms: Sequence[EffectTerm]) -> Gain:
+def _gain_of_realignment(original: Run, corrected: Run, terms: Sequence[EffectTerm]) -> Gain:
     """What currents in the rows where they belong explain, at the joint where that is most."""
-    before, after = (rms_where(residual_with(run, terms), comparable_rows(run)) for run in (lost, put))
-    most = int(np.argmax((before**2 - after**2) / put.noise**2))
+    before, after = (rms_where(residual_with(run, terms), comparable_rows(run)) for run in (original, corrected))
+    most = int(np.argmax((before**2 - after**2) / corrected.noise**2))
     return Gain(before=float(before[most]), after=float(after[most]), unit="A", joint=most + 1)
 
 

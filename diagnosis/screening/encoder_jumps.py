@@ -32,16 +32,18 @@ def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
 
     Where all angles that move jump as far as they turn in a whole number of rows, rows are missing and no counts (``lost_edges``).
     """
-    each = [[_jump(r, j) for j in range(r.joints)] for r in recordings]
-    lost = [_rows_missing(r, of_joint) for r, of_joint in zip(recordings, each)]
-    known = {instant for instant in lost if instant is not None}
-    lost = [one or _as_elsewhere(r, of, known) for one, r, of in zip(lost, recordings, each)]
-    events = [_lost_edges(recordings, lost)] if any(lost) else []
+    jumps_of = [[_jump(r, j) for j in range(r.joints)] for r in recordings]
+    missing = [_rows_missing(r, of_joint) for r, of_joint in zip(recordings, jumps_of)]
+    instants = {instant for instant in missing if instant is not None}
+    missing = [instant_of or _as_elsewhere(r, of, instants) for instant_of, r, of in zip(missing, recordings, jumps_of)]
+    events = [_dropped_triggers(recordings, missing)] if any(missing) else []
     for j in range(recordings[0].joints):
-        found = [(index, jump) for index, of in enumerate(each) if not lost[index] and (jump := of[j]) is not None]
-        if not found:
+        with_jump = [
+            (index, jump) for index, of in enumerate(jumps_of) if not missing[index] and (jump := of[j]) is not None
+        ]
+        if not with_jump:
             continue
-        index, (row, size) = max(found, key=lambda one: abs(one[1][1]))
+        index, (row, size) = max(with_jump, key=lambda instant_of: abs(instant_of[1][1]))
         step = _count(recordings[index].q[:, j], arm.joints[j])
         t, dt, name = recordings[index].t[row], recordings[index].dt, recordings[index].path.name
         events.append(
@@ -54,8 +56,8 @@ def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
                     Estimate("resolution", step, 0.01 * step, "rad"),
                 ],
                 evidence=f"the angle of joint {j + 1} jumps by {size:.3g} rad between two rows at {t:.3f} s of {name} and stays there "
-                f"({len(found)} of {len(recordings)} recordings show a jump)",
-                recordings=tuple(index for index, _ in found),
+                f"({len(with_jump)} of {len(recordings)} recordings show a jump)",
+                recordings=tuple(index for index, _ in with_jump),
                 gain=Gain(
                     before=abs(size), after=float(abs(size - step * np.round(size / step))), unit="rad", joint=j + 1
                 ),
@@ -66,16 +68,16 @@ def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
 
 def _rows_missing(recording: Recording, jumps: Sequence[tuple[int, float] | None]) -> tuple[int, int] | None:
     """(row, how many are missing before it) where the jumps (row, rad) of joints are in one row, all as far as so many rows turn them."""
-    found = [(j, jump) for j, jump in enumerate(jumps) if jump is not None]
-    if len(found) < 2 or len({row for _, (row, _) in found}) > 1:
+    jumped = [(j, jump) for j, jump in enumerate(jumps) if jump is not None]
+    if len(jumped) < 2 or len({row for _, (row, _) in jumped}) > 1:
         return None
-    row, near = found[0][1][0], max(3, round(0.01 / recording.dt))
-    turned = np.array([_turned(recording.q[:, j], row, near) for j, _ in found])
-    rows = np.array([size for _, (_, size) in found]) / np.where(turned == 0.0, np.inf, turned)
+    row, near = jumped[0][1][0], max(3, round(0.01 / recording.dt))
+    turned = np.array([_turned(recording.q[:, j], row, near) for j, _ in jumped])
+    rows = np.array([size for _, (_, size) in jumped]) / np.where(turned == 0.0, np.inf, turned)
     count = round(float(np.median(rows)))
-    apart = np.abs(rows - count) * np.abs(turned)  # rad
-    doubt = 0.2 * count * np.abs(turned) + [STEPS_OFF * encoder_step(recording.q[:, j]) for j, _ in found]
-    return (row, count) if count > 0 and np.all(apart < doubt) else None
+    difference = np.abs(rows - count) * np.abs(turned)  # rad
+    tolerance = 0.2 * count * np.abs(turned) + [STEPS_OFF * encoder_step(recording.q[:, j]) for j, _ in jumped]
+    return (row, count) if count > 0 and np.all(difference < tolerance) else None
 
 
 def _turned(q: Array, row: int, near: int) -> float:
@@ -84,22 +86,25 @@ def _turned(q: Array, row: int, near: int) -> float:
 
 
 def _as_elsewhere(
-    recording: Recording, jumps: Sequence[tuple[int, float] | None], known: Set[tuple[int, int]]
+    recording: Recording, jumps: Sequence[tuple[int, float] | None], instants: Set[tuple[int, int]]
 ) -> tuple[int, int] | None:
     """Rows missing where other recordings miss them, in one that has a single small jump, as so few rows make of a slow joint."""
-    found = [(j, *jump) for j, jump in enumerate(jumps) if jump is not None]
-    if len(found) != 1:
+    jumped = [(j, *jump) for j, jump in enumerate(jumps) if jump is not None]
+    if len(jumped) != 1:
         return None
-    j, row, size = found[0]
+    j, row, size = jumped[0]
     turned, step = _turned(recording.q[:, j], row, max(3, round(0.01 / recording.dt))), encoder_step(recording.q[:, j])
-    return next((one for one in known if one[0] == row and abs(size - one[1] * turned) < STEPS_OFF * step), None)
+    return next(
+        (instant for instant in instants if instant[0] == row and abs(size - instant[1] * turned) < STEPS_OFF * step),
+        None,
+    )
 
 
-def _lost_edges(recordings: Sequence[Recording], lost: Sequence[tuple[int, int] | None]) -> Event:
+def _dropped_triggers(recordings: Sequence[Recording], missing: Sequence[tuple[int, int] | None]) -> Event:
     """Rows of the counters that are missing, told by the first recording that misses some."""
-    told = [(index, *instant) for index, instant in enumerate(lost) if instant is not None]
-    index, row, count = told[0]
-    names = ", ".join(f"{recordings[k].path.name} {n} at {recordings[k].t[at]:.3f} s" for k, at, n in told)
+    instants = [(index, *instant) for index, instant in enumerate(missing) if instant is not None]
+    index, row, count = instants[0]
+    names = ", ".join(f"{recordings[k].path.name} {n} at {recordings[k].t[at]:.3f} s" for k, at, n in instants)
     period = recordings[index].dt
     return Event(
         effect=DROPPED_TRIGGER.name,
@@ -110,7 +115,7 @@ def _lost_edges(recordings: Sequence[Recording], lost: Sequence[tuple[int, int] 
             Estimate("period", period, 1e-3 * period, "s"),
         ],
         evidence=f"all angles that move jump in one row as far as they turn in some rows: these rows of the counters are missing ({names})",
-        recordings=tuple(k for k, _, _ in told),
+        recordings=tuple(k for k, _, _ in instants),
     )
 
 
@@ -141,12 +146,12 @@ def _jump(recording: Recording, j: int) -> tuple[int, float] | None:
     # it stays: lines through the rows before and after are apart by the jump
     before, after = slice(max(row - 5 * near, 0), row + 1), slice(row + 1, row + 1 + 5 * near)
     t = recording.t - recording.t[row]
-    apart = np.polyval(np.polyfit(t[after], q[after], 2), dt / 2) - np.polyval(
+    shift = np.polyval(np.polyfit(t[after], q[after], 2), dt / 2) - np.polyval(
         np.polyfit(t[before], q[before], 2), dt / 2
     )
-    if abs(apart - size) > 0.3 * abs(size):
+    if abs(shift - size) > 0.3 * abs(size):
         return None
-    return row + 1, float(apart)
+    return row + 1, float(shift)
 
 
 def without_jumps(recording: Recording, index: int, events: list[Event]) -> Array:
@@ -157,9 +162,9 @@ def without_jumps(recording: Recording, index: int, events: list[Event]) -> Arra
             missing = _rows_missing(recording, [_jump(recording, j) for j in range(recording.joints)])
             q = q if missing is None else _bridged(q, *missing)
         if event.effect == MISSED_COUNTS.name and event.joint is not None and index in event.recordings:
-            found = _jump(recording, event.joint - 1)
-            if found is not None:
-                row, size = found
+            jump = _jump(recording, event.joint - 1)
+            if jump is not None:
+                row, size = jump
                 q[row:, event.joint - 1] -= size
     return q
 

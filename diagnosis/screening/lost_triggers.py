@@ -49,7 +49,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Loss:
+class DroppedTriggers:
     """Edges that one recording (by its index) lost: ``row`` (standard deviation ``row_std``) after which currents (angles, for a negative
     ``count``) belong to rows ``count`` (``count_std``) later; period s between rows."""
 
@@ -61,7 +61,7 @@ class Loss:
     period: float
 
 
-def lost_edges(runs: Sequence[Run], periods: Sequence[float]) -> list[Loss]:
+def dropped_triggers(runs: Sequence[Run], periods: Sequence[float]) -> list[DroppedTriggers]:
     """Recordings that lost edges: ``periods`` s between the rows of each."""
     changes: dict[int, tuple[Change, int]] = {}
     for index, (run, period) in enumerate(zip(runs, periods)):
@@ -77,30 +77,32 @@ def lost_edges(runs: Sequence[Run], periods: Sequence[float]) -> list[Loss]:
         period, start = periods[index], runs[index].raw[0][0]
         time, time_std = _instant(runs[index], change)
         count_std = max(change.std / period, 0.05)
-        losses.append(Loss(index, round((time - start) / period), time_std / period, count, count_std, period))
+        losses.append(
+            DroppedTriggers(index, round((time - start) / period), time_std / period, count, count_std, period)
+        )
     return losses
 
 
-def event_of(losses: Sequence[Loss], runs: Sequence[Run]) -> Event:
+def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
     """All losses as one event, told by the one whose row is known best."""
-    best = min(losses, key=lambda one: one.row_std)
-    told = [
-        f"{runs[one.recording].name} from row {one.row:.0f} ({one.row * one.period:.2f} s) on: "
-        f"the {'currents' if one.count > 0 else 'angles'} belong to rows {abs(one.count)} later"
-        for one in losses
+    best = min(losses, key=lambda loss: loss.row_std)
+    places = [
+        f"{runs[loss.recording].name} from row {loss.row:.0f} ({loss.row * loss.period:.2f} s) on: "
+        f"the {'currents' if loss.count > 0 else 'angles'} belong to rows {abs(loss.count)} later"
+        for loss in losses
     ]
     parameters = [
         Estimate("row", best.row, best.row_std, "1"),
         Estimate("count", float(best.count), best.count_std, "1"),
         Estimate("period", best.period, 1e-3 * best.period, "s"),
     ]
-    sentence = "the lag of the currents changes by whole rows and stays, in " + "; ".join(told)
+    sentence = "the lag of the currents changes by whole rows and stays, in " + "; ".join(places)
     return Event(
         effect=DROPPED_TRIGGER.name,
         joint=None,
         parameters=parameters,
         evidence=sentence,
-        recordings=tuple(one.recording for one in losses),
+        recordings=tuple(loss.recording for loss in losses),
     )
 
 
@@ -117,31 +119,34 @@ def change_of_lag(run: Run) -> Change | None:
     assert best is not None
     at, step, _ = best
     after = (np.arange(len(lag)) >= at)[:, None]
-    left = lag - step * after - _means(lag - step * after, weight)
+    residual = lag - step * after - _means(lag - step * after, weight)
     # each joint's own scatter: what else is wrong there is in it
-    scatter = np.sum(weight * left**2, axis=0) / max(len(lag) - 2, 1)
+    scatter = np.sum(weight * residual**2, axis=0) / max(len(lag) - 2, 1)
     per_joint = _steps_by_joint(lag, weight, at)
-    known = _seen_on_both_sides(weight, at) / np.maximum(scatter * _leverage(weight, at), 1e-300)
-    if not _agreed(per_joint, known):
+    inverse_variance = _seen_on_both_sides(weight, at) / np.maximum(scatter * _leverage(weight, at), 1e-300)
+    if not _agreed(per_joint, inverse_variance):
         return None
-    step = float(np.sum(known * per_joint) / np.sum(known))
-    std = float(1.0 / np.sqrt(np.sum(known)))
-    disagree = float(np.sum(known * (per_joint - step) ** 2)) / max(len(per_joint) - 1, 1)
+    step = float(np.sum(inverse_variance * per_joint) / np.sum(inverse_variance))
+    std = float(1.0 / np.sqrt(np.sum(inverse_variance)))
+    disagree = float(np.sum(inverse_variance * (per_joint - step) ** 2)) / max(len(per_joint) - 1, 1)
     return Change(float(pieces[at]), step, std * float(np.sqrt(max(disagree, 1.0))))
 
 
-def _agreed(per_joint: Array, known: Array) -> bool:
+def _agreed(per_joint: Array, inverse_variance: Array) -> bool:
     """Whether the joints other than the one that knows best show the same step (inverse variances ``known``): trigger edges are lost for all,
     and what is wrong with one joint alone is something else."""
-    best = int(np.argmax(known))
-    others = np.delete(known, best)
+    best = int(np.argmax(inverse_variance))
+    others = np.delete(inverse_variance, best)
     if not np.any(others > 0.0):
         return False  # nobody to agree with
-    step, std = float(np.sum(np.delete(known * per_joint, best)) / np.sum(others)), float(1.0 / np.sqrt(np.sum(others)))
-    apart = abs(step - per_joint[best])
-    return abs(step) > OTHERS * std and apart < OTHERS * float(np.hypot(std, 1.0 / np.sqrt(known[best]))) + 0.2 * abs(
-        step
+    step, std = (
+        float(np.sum(np.delete(inverse_variance * per_joint, best)) / np.sum(others)),
+        float(1.0 / np.sqrt(np.sum(others))),
     )
+    difference = abs(step - per_joint[best])
+    return abs(step) > OTHERS * std and difference < OTHERS * float(
+        np.hypot(std, 1.0 / np.sqrt(inverse_variance[best]))
+    ) + 0.2 * abs(step)
 
 
 def _lags(run: Run) -> tuple[Array, Array, Array]:
@@ -164,8 +169,8 @@ def _means(lag: Array, weight: Array) -> Array:
 def _seen_on_both_sides(weight: Array, at: int) -> NDArray[np.bool_]:
     """(n,) whether a joint's current changed enough before and after: where it hardly did, what else is wrong makes lags of milliseconds."""
     sides = weight[:at].sum(axis=0), weight[at:].sum(axis=0)
-    seen: NDArray[np.bool_] = np.minimum(*sides) > BALANCED * np.maximum(*sides)
-    return seen
+    on_both: NDArray[np.bool_] = np.minimum(*sides) > BALANCED * np.maximum(*sides)
+    return on_both
 
 
 def _steps_by_joint(lag: Array, weight: Array, at: int) -> Array:
@@ -182,8 +187,8 @@ def _leverage(weight: Array, at: int) -> Array:
 
 def _step(lag: Array, weight: Array, at: int) -> tuple[float, float]:
     """Common step at piece ``at`` and the fall of the weighted squared error by it."""
-    each, gain = _steps_by_joint(lag, weight, at), 1.0 / _leverage(weight, at)
-    step = float(np.sum(gain * each) / np.sum(gain))
+    steps, gain = _steps_by_joint(lag, weight, at), 1.0 / _leverage(weight, at)
+    step = float(np.sum(gain * steps) / np.sum(gain))
     return step, float(np.sum(gain)) * step**2
 
 
@@ -209,7 +214,7 @@ def _instant(run: Run, change: Change) -> tuple[float, float]:
     return time, float(np.hypot(np.sqrt(np.sum(likely * (run.t - time) ** 2)), FILTERED))
 
 
-def put_back(current: Array, loss: Loss) -> Array:
+def realigned_rows(current: Array, loss: DroppedTriggers) -> Array:
     """(k, n) currents with the rows after the loss moved back where they belong; the rows lost are bridged."""
     row, count = int(loss.row), loss.count
     rows = np.arange(len(current), dtype=float)

@@ -28,17 +28,19 @@ def examined(
 ) -> tuple[list[Recording], list[Recording], str | None]:
     """The recordings, those of more than ``most`` s times joints in all as stretches, each with its own time from 0; and what to say of it."""
     everything = [*fit, *held_out]
-    total = sum(duration(one) for one in everything)
-    share = most / max(sum(duration(one) * one.joints for one in everything), 1e-9)
+    total = sum(duration(recording) for recording in everything)
+    share = most / max(sum(duration(recording) * recording.joints for recording in everything), 1e-9)
     if share >= 1.0:
         return list(fit), list(held_out), None
-    fitted, held = ([piece for one in side for piece in stretches(one, share)] for side in (fit, held_out))
-    kept = sum(duration(one) for one in [*fitted, *held])
-    said = (
-        f"of {total:.0f} s of recordings, {kept:.0f} s in {len(fitted) + len(held)} stretches, evenly spread, were examined; events between "
+    fit_stretches, held_out_stretches = (
+        [piece for recording in side for piece in stretches(recording, share)] for side in (fit, held_out)
+    )
+    kept = sum(duration(recording) for recording in [*fit_stretches, *held_out_stretches])
+    note = (
+        f"of {total:.0f} s of recordings, {kept:.0f} s in {len(fit_stretches) + len(held_out_stretches)} stretches, evenly spread, were examined; events between "
         "them were not looked for, and a drift of friction starts anew in each"
     )
-    return fitted, held, said
+    return fit_stretches, held_out_stretches, note
 
 
 def stretches(recording: Recording, share: float) -> list[Recording]:
@@ -47,12 +49,12 @@ def stretches(recording: Recording, share: float) -> list[Recording]:
     kept = min(max(share * seconds, LEAST), seconds)
     count = max(1, round(kept / LENGTH))
     rows, reach = int(kept / count / recording.dt), int(NEAR / recording.dt)
-    found = []
+    cut = []
     for row in np.linspace(0, len(recording) - rows, count).astype(int).tolist():
         low, high = max(0, row - reach), min(row + reach, len(recording) - rows)
         start = stillest(recording, low, high, row) if row > 0 and low < high else row
-        found.append(part(recording, slice(start, start + rows), copied=True))
-    return found
+        cut.append(part(recording, slice(start, start + rows), copied=True))
+    return cut
 
 
 def duration(recording: Recording) -> float:

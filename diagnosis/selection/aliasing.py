@@ -52,11 +52,11 @@ def smallest_detectable(
     c_min = (z_alpha + z_beta) sqrt(inflation) / |P phi|; ``inflation`` is the variance inflation of coloured noise (samples a
     correlation time). Infinite where nothing survives.
     """
-    seen = float(np.linalg.norm(span.remove(column)))
-    if seen <= 1e-9 * max(float(np.linalg.norm(column)), 1e-300):
+    norm = float(np.linalg.norm(span.remove(column)))
+    if norm <= 1e-9 * max(float(np.linalg.norm(column)), 1e-300):
         return float("inf")
     z = float(stats.norm.isf(false_alarm)) + float(stats.norm.isf(1.0 - power))
-    return z * float(np.sqrt(inflation)) / seen
+    return z * float(np.sqrt(inflation)) / norm
 
 
 def confusability(span: Span, one: Array, other: Array) -> float:

@@ -52,9 +52,9 @@ def fit_together(data: Split[Dataset], chosen: Iterable[Pair]) -> Fitted:
     # from coordinates in the basis to coefficients
     back = (vt[keep].T / s[keep]) / scale[:, None]
     basis = u[:, keep]
-    seen = basis.T @ fit.y
+    projected = basis.T @ fit.y
     to_held_out = a_held_out @ back
-    return Fitted(fit.y - basis @ seen, held_out.y - to_held_out @ seen, basis, to_held_out, back @ seen)
+    return Fitted(fit.y - basis @ projected, held_out.y - to_held_out @ projected, basis, to_held_out, back @ projected)
 
 
 def fit_gain(columns: Columns, fitted: Fitted) -> tuple[float, Array]:

@@ -12,7 +12,7 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.sensing import recorded
 from arm_model.simulation.simulation import simulate
 from diagnosis.cause import Cause
-from diagnosis.residual.run import Run, see
+from diagnosis.residual.run import Run, residual_run
 from experiment import demand_of, read_experiment
 
 NOISE = 0.01
@@ -37,7 +37,7 @@ def seen(root: Path, arm: Arm, terms: Sequence[EffectTerm], names: Sequence[str]
         motion = simulate(hidden, demand, duration=demand.duration, rate=500.0)
         shown = recorded(hidden, motion)
         noisy = shown.current + rng.normal(scale=NOISE, size=shown.current.shape)
-        runs.append(see(name, arm, motion.t, shown.q + rng.normal(scale=1e-6, size=shown.q.shape), noisy))
+        runs.append(residual_run(name, arm, motion.t, shown.q + rng.normal(scale=1e-6, size=shown.q.shape), noisy))
     return Seen(arm, tuple(runs))
 
 

@@ -85,7 +85,7 @@ def _model() -> Arm:
 
 
 def _causes(true: Carriage) -> dict[str, AxisCause]:
-    found = axis_side(_model(), [_record(true, 1)], [_record(true, 2)], parts=False)
+    found = axis_side(_model(), [_record(true, 1)], [_record(true, 2)], two_fold=False)
     assert found is not None
     return {cause.effect: cause for cause in found.causes}
 
@@ -118,13 +118,13 @@ def test_friction_that_differs_by_direction_a_lead_and_less_friction_at_rest_com
 def test_a_wave_over_the_place_is_named_where_another_run_has_it_at_the_same_places() -> None:
     first = _record(Carriage(wave=2.0), 1)
     same, elsewhere = (_record(Carriage(wave=2.0, ahead=ahead), 2) for ahead in (0.0, 2.0))
-    held = axis_side(_model(), [first], [same], parts=False)
+    held = axis_side(_model(), [first], [same], two_fold=False)
     assert held is not None
     assert [cause.effect for cause in held.causes] == ["cogging"]
     _near(held.causes[0], "amplitude", 2.0)
     _near(held.causes[0], "pole_pairs", 2 * np.pi / 4e-3)
     _near(held.causes[0], "phase", 0.0)
-    refuted = axis_side(_model(), [first], [elsewhere], parts=False)
+    refuted = axis_side(_model(), [first], [elsewhere], two_fold=False)
     assert refuted is not None and refuted.causes == []
 
 
@@ -133,7 +133,7 @@ def test_a_wave_over_the_place_of_one_run_is_told_and_not_named() -> None:
     cut = len(t) // 2
     pieces = (t[:cut], q[:cut], i[:cut]), (t[cut:] - t[cut], q[cut:], i[cut:])
     for parts in (True, False):  # cut by the diagnosis, or into two tables before
-        found = axis_side(_model(), [pieces[0]], [pieces[1]], parts=parts)
+        found = axis_side(_model(), [pieces[0]], [pieces[1]], two_fold=parts)
         assert found is not None and found.causes == []
         assert found.wave is not None
         assert found.wave.length == pytest.approx(4e-3, rel=0.02)
@@ -143,7 +143,7 @@ def test_a_wave_over_the_place_of_one_run_is_told_and_not_named() -> None:
 def test_how_slowly_the_model_lets_friction_turn_round_decides_nothing() -> None:
     joint = replace(_model().joints[0], sign_velocity=0.01)
     true = Carriage(viscous=(165.0, 240.0), at_rest=0.5, lead=0.7e-3)
-    found = axis_side(replace(_model(), joints=(joint,)), [_record(true, 1)], [_record(true, 2)], parts=False)
+    found = axis_side(replace(_model(), joints=(joint,)), [_record(true, 1)], [_record(true, 2)], two_fold=False)
     assert found is not None
     assert {cause.effect for cause in found.causes} == {"friction_asymmetry", "time_skew", "stribeck_friction"}
 
@@ -151,7 +151,7 @@ def test_how_slowly_the_model_lets_friction_turn_round_decides_nothing() -> None
 def test_a_coarse_encoder_is_left_to_the_filters_of_arms() -> None:
     t, q, i = _record(Carriage(), 1, 4.0)
     coarse = np.round(q / 1e-5) * 1e-5
-    assert axis_side(_model(), [(t, coarse, i)], [(t, coarse, i)], parts=True) is None
+    assert axis_side(_model(), [(t, coarse, i)], [(t, coarse, i)], two_fold=True) is None
 
 
 def test_the_same_rows_on_both_sides_are_refused(

@@ -9,7 +9,7 @@ import pytest
 
 from arm_model.model_file import read_model
 from daq.recording import Recording
-from diagnosis.closed_loop.resonance import swinging
+from diagnosis.closed_loop.resonance import transmission_resonance
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier
@@ -32,7 +32,7 @@ def test_a_spring_too_fast_for_the_currents_along_the_motion(tmp_path: Path) -> 
     """8000 N m/rad behind the elbow: 25 Hz, above the band in which encoder steps leave anything to be seen."""
     fit, held_out = _recordings(tmp_path, (Hidden("joint_compliance", 3, {"stiffness": 8000.0, "damping": 8.0}),))
 
-    cause = swinging(read_model(MODEL), fit, held_out, range(1, 7))
+    cause = transmission_resonance(read_model(MODEL), fit, held_out, range(1, 7))
 
     assert cause is not None and (cause.effect, cause.joint) == ("joint_compliance", 3)
     stiffness, damping = cause.parameters
@@ -43,7 +43,7 @@ def test_a_spring_too_fast_for_the_currents_along_the_motion(tmp_path: Path) -> 
 
 def test_stiff_joints_do_not_swing(tmp_path: Path) -> None:
     fit, held_out = _recordings(tmp_path, ())
-    assert swinging(read_model(MODEL), fit, held_out, range(1, 7)) is None
+    assert transmission_resonance(read_model(MODEL), fit, held_out, range(1, 7)) is None
 
 
 @pytest.mark.slow
@@ -52,4 +52,4 @@ def test_servos_that_are_not_the_model_s_are_no_spring(tmp_path: Path) -> None:
     arm = read_model(MODEL)
     assert arm.controller is not None
     other = replace(arm.controller, current_lag=3.0 * arm.controller.current_lag)
-    assert swinging(replace(arm, controller=other), fit, held_out, range(1, 7)) is None
+    assert transmission_resonance(replace(arm, controller=other), fit, held_out, range(1, 7)) is None

@@ -12,7 +12,7 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.model_file import read_model
 from arm_model.simulation.simulation import simulate
 from diagnosis.measurements.currents.columns import candidates, columns
-from diagnosis.residual.run import see
+from diagnosis.residual.run import residual_run
 from diagnosis.residual.run_setup import loaded
 from diagnosis.selection.candidate import Candidate
 from experiment.file import Payload
@@ -28,11 +28,11 @@ def test_with_the_drives_off_only_what_instruments_add_is_looked_for(puma: Arm) 
     t = np.arange(4000) / 1000
     still = np.tile([0.3, -0.7, 0.4, 0.0, 0.5, 0.0], (len(t), 1))
     off = rng.normal(scale=0.005, size=still.shape) + 0.05
-    run = see("off", puma, t, still, off, powered=False)
+    run = residual_run("off", puma, t, still, off, powered=False)
     # neither gravity nor friction is expected: what is there counts in units of the transducers' scatter, which is all of the doubt
     assert np.all(np.abs(run.residual - 0.05) < 0.01)
     assert np.all(run.deviation < 0.005)
-    on = see("on", puma, t, still, off)
+    on = residual_run("on", puma, t, still, off)
     for candidate in {c.effect: c for c in candidates(puma)}.values():
         change = columns(candidate, run)
         assert candidate.definition.current is not None or not np.any(change), candidate
@@ -48,8 +48,8 @@ def test_a_known_payload_is_in_the_arm_that_a_run_is_seen_through(puma: Arm) -> 
         return np.outer(np.sin(t), [0.3, 0.2, 0.3, 0.1, 0.2, 0.1]) + [0.0, -0.7, 0.4, 0.0, 0.5, 0.0]
 
     motion = simulate(replace(puma, effects=(term,)), sway, duration=5.0, rate=1000.0)
-    with_it = see("run", loaded(puma, payload), motion.t, motion.qm, motion.current)
-    without = see("run", puma, motion.t, motion.qm, motion.current)
+    with_it = residual_run("run", loaded(puma, payload), motion.t, motion.qm, motion.current)
+    without = residual_run("run", puma, motion.t, motion.qm, motion.current)
     moving = np.abs(with_it.v[:, 1]) > 0.05
     assert np.std(with_it.residual[moving, 1]) < 0.05 * np.std(without.residual[moving, 1])
     error = Candidate("torque_constant", 2)

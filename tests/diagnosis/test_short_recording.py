@@ -9,7 +9,7 @@ import pytest
 
 import armscope
 from arm_model import Arm
-from diagnosis.screening.cleaned import screened, seen_through
+from diagnosis.screening.cleaned import residuals_of, screened
 
 
 @pytest.fixture(scope="module")
@@ -25,4 +25,4 @@ def test_dropped_triggers_are_looked_for_in_a_run_of_any_length(
     pause, series = motion.segment[:2]
     short = motion.model_copy(update={"segment": [pause, series.model_copy(update={"duration": seconds, "fade": 0.4})]})
     recording = armscope.simulate(arm, short).write(tmp_path / "short.mcap")
-    assert len(seen_through(arm, screened(arm, [recording])).runs) == 1
+    assert len(residuals_of(arm, screened(arm, [recording])).runs) == 1

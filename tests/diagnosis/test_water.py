@@ -12,7 +12,7 @@ from arm_model.model_file import read_model
 from arm_model.rigid_body.hydrodynamics import own_drag
 from arm_model.simulation.simulation import simulate
 from diagnosis.measurements.currents.columns import candidates, columns
-from diagnosis.residual.run import see
+from diagnosis.residual.run import residual_run
 from diagnosis.selection.candidate import Candidate
 from tests.arm_model.pumas import three_links
 
@@ -33,7 +33,7 @@ def test_water_round_one_link_is_found_in_the_currents(root: Path) -> None:
     model = immersed(arm)
     wet = immersed(arm, drag_coefficient=1.2, added_mass_coefficient=1.5, buoyancy=0.8)
     motion = simulate(wet, sweep, duration=8.0, rate=1000)
-    run = see("wet", model, motion.t, motion.qm, motion.current)
+    run = residual_run("wet", model, motion.t, motion.qm, motion.current)
     changes = [columns(Candidate(name, 2), run) for name in ("hydrodynamic_drag", "added_mass")]
     # rows apart from standstill, where friction depends on more than the speed
     moving = (np.abs(run.v) > 0.1).all(axis=1)

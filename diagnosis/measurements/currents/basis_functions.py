@@ -76,18 +76,18 @@ def shapes_of(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint:
         knots = (np.quantile(x, np.linspace(0.0, 1.0, KNOTS)) + np.linspace(x.min(), x.max(), KNOTS)) / 2
         if np.any(np.diff(knots) <= 0.0):
             continue  # as good as constant
-        known = (x_held_out >= knots[0]) & (x_held_out <= knots[-1])
-        splines = _splines(x, knots), _splines(x_held_out, knots) * known[:, None]
+        in_range = (x_held_out >= knots[0]) & (x_held_out <= knots[-1])
+        splines = _splines(x, knots), _splines(x_held_out, knots) * in_range[:, None]
         for kinds in ((0,), (1,), (2,), (0, 1)):
             if (kinds != (0,) and name in UNMIXED) or (2 in kinds and " of joint" in name):
                 continue
             if len(kinds) > 1 and name not in TWO_FACED:
                 continue
-            one, other = (
+            in_fit, in_held_out = (
                 Columns(np.hstack([values * factor[kind][:, None] for kind in kinds]), side.of(joint))
                 for values, factor, side in zip(splines, factors, (fit, held_out))
             )
-            yield Shape(name, Split(one, other), known)
+            yield Shape(name, Split(in_fit, in_held_out), in_range)
     yield from _places(fit, held_out, joint)
     yield from _waves(fit, held_out, residual, arm, joint)
     yield from _past(fit, held_out, arm, joint)
@@ -99,8 +99,8 @@ def _places(fit: Dataset, held_out: Dataset, joint: int) -> Iterator[Shape]:
     edges = np.linspace(x.min(), x.max(), PLACES)
     if not np.ptp(x):
         return
-    known = (x_held_out >= edges[0]) & (x_held_out <= edges[-1])
-    one, other = (
+    in_range = (x_held_out >= edges[0]) & (x_held_out <= edges[-1])
+    in_fit, in_held_out = (
         Columns(
             np.maximum(1.0 - np.abs(values[:, None] - edges) / (edges[1] - edges[0]), 0.0)
             / _gathered(side, "deviation", joint)[:, None],
@@ -108,7 +108,7 @@ def _places(fit: Dataset, held_out: Dataset, joint: int) -> Iterator[Shape]:
         )
         for values, side in ((x, fit), (x_held_out, held_out))
     )
-    yield Shape("position", Split(one, other), known)
+    yield Shape("position", Split(in_fit, in_held_out), in_range)
 
 
 def _splines(x: Array, knots: Array) -> Array:
@@ -120,14 +120,14 @@ def _splines(x: Array, knots: Array) -> Array:
 def _waves(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
     """The strongest ripple over the motor's angle, and over the angles of this joint and each other one together."""
     over = 1.0 / _gathered(fit, "deviation", joint)
-    heard, ratio = residual[fit.of(joint)] * over, arm.joints[joint - 1].ratio
+    weighted, ratio = residual[fit.of(joint)] * over, arm.joints[joint - 1].ratio
     own = _gathered(fit, "q", joint)
-    ripple = _ripple(heard, own * ratio)
+    ripple = _ripple(weighted, own * ratio)
     if ripple is not None:
         yield _wave("motor angle", fit, held_out, joint, lambda side: ripple * ratio * _gathered(side, "q", joint))
     for other in range(1, len(arm) + 1):
         if other != joint and np.ptp(_gathered(fit, "q", other)) > 0.0:
-            c, d = _plane_wave(heard, own, _gathered(fit, "q", other))
+            c, d = _plane_wave(weighted, own, _gathered(fit, "q", other))
             name = f"position and position of joint {other}"
             yield _wave(name, fit, held_out, joint, partial(_mixed, joint=joint, other=other, c=c, d=d))
 
@@ -144,25 +144,25 @@ def _wave(name: str, fit: Dataset, held_out: Dataset, joint: int, angle: Callabl
     return Shape(name, Split(columns[0], columns[1]), np.ones(held_out.rows, bool))
 
 
-def _ripple(heard: Array, motor: Array) -> float | None:
+def _ripple(weighted: Array, motor: Array) -> float | None:
     """Cycles a motor revolution of the strongest ripple over the motor's angle (rows,) rad; None where it hardly turned."""
     if np.ptp(motor) < 4 * np.pi:
         return None
     # the residual summed in fine bins of the motor's turns has the ripple as a line of its spectrum
     turns = (motor - motor.min()) / (2 * np.pi)
     bins = BINS_PER_TURN * int(2 ** np.ceil(np.log2(2 * turns.max() + 2)))
-    total = np.bincount((turns * BINS_PER_TURN).astype(int), weights=heard, minlength=bins)
+    total = np.bincount((turns * BINS_PER_TURN).astype(int), weights=weighted, minlength=bins)
     cycles = np.fft.rfftfreq(bins, 1.0 / BINS_PER_TURN)
     power = np.abs(np.fft.rfft(total))
-    wanted = (cycles >= CYCLES[0]) & (cycles <= CYCLES[1])
-    return float(cycles[wanted][int(np.argmax(power[wanted]))])
+    in_band = (cycles >= CYCLES[0]) & (cycles <= CYCLES[1])
+    return float(cycles[in_band][int(np.argmax(power[in_band]))])
 
 
-def _plane_wave(heard: Array, own: Array, other: Array) -> tuple[float, float]:
+def _plane_wave(weighted: Array, own: Array, other: Array) -> tuple[float, float]:
     """c and d, rad/rad, of the strongest wave sin(c own + d other) that hangs on both."""
     c, d = np.arange(-8.0, 8.01, 0.5), np.arange(0.5, 8.01, 0.5)
     c = c[c != 0.0]
-    power = np.abs((np.exp(1j * np.outer(c, own)) * heard) @ np.exp(1j * np.outer(other, d)))
+    power = np.abs((np.exp(1j * np.outer(c, own)) * weighted) @ np.exp(1j * np.outer(other, d)))
     best = np.unravel_index(int(np.argmax(power)), power.shape)
     return float(c[best[0]]), float(d[best[1]])
 
@@ -173,13 +173,13 @@ def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Sha
     Of the current that the model expects for the smoothed motion: the measured one has the residual in it, and would explain itself.
     """
     currents = [[_expected(run, arm, joint) for run in side.runs] for side in (fit, held_out)]
-    swing = max(float(np.ptp(current)) for current in currents[0])
-    if swing == 0.0:
+    travel = max(float(np.ptp(current)) for current in currents[0])
+    if travel == 0.0:
         return
     pair = []
     for side, of_side in zip((fit, held_out), currents):
         over = 1.0 / _gathered(side, "deviation", joint)
-        kept = [np.concatenate([_play(current, width * swing) - current for current in of_side]) for width in PLAYS]
+        kept = [np.concatenate([_play(current, width * travel) - current for current in of_side]) for width in PLAYS]
         pair.append(Columns(np.stack(kept, axis=1) * over[:, None], side.of(joint)))
     yield Shape("current and its past", Split(pair[0], pair[1]), np.ones(held_out.rows, bool))
 

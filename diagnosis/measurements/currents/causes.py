@@ -30,7 +30,7 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
     """A chosen candidate as a cause, with its evidence and ambiguity group."""
     model, held_out, all_fitted = state.model, state.data.held_out, state.fitted
     others = model.without(candidate, state).fitted
-    one = score(candidate, model.columns(candidate), others, held_out)
+    conditional = score(candidate, model.columns(candidate), others, held_out)
     joint = candidate.joint or _most_felt(others.held_out, all_fitted.held_out, held_out)
     before, after = (_rms_in_amperes(residual, held_out, joint) for residual in (others.held_out, all_fitted.held_out))
     group = [candidate.key, *_indistinguishable(candidate, others, state)]
@@ -45,7 +45,7 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
     )
     sentence = (
         f"{definition.shows}: with it the held-out current error of joint {joint} falls from {before:.3g} to {after:.3g} {unit} rms, "
-        f"in {int(np.sum(one.blocks > 0))} of {int(np.sum(one.blocks != 0))} one-second blocks ({where})"
+        f"in {int(np.sum(conditional.blocks > 0))} of {int(np.sum(conditional.blocks != 0))} one-second blocks ({where})"
     )
     separate = None
     if len(group) > 1:
@@ -54,7 +54,7 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
         effect=candidate.effect,
         joint=candidate.joint,
         parameters=values,
-        confidence=confidence_of(one.p),
+        confidence=confidence_of(conditional.p),
         before=before,
         after=after,
         group=tuple(group),
@@ -112,31 +112,31 @@ def from_event(event: Event, arm: Arm, data: Split[Dataset]) -> Cause:
         felt_at=gain.joint,
         unit=unit_at(felt, gain.unit),
         signal=Signal.CURRENT if gain.unit == "A" else Signal.ANGLE,
-        of_arm=all(seen.of_arm for seen in CATALOGUE[event.effect].observed_by.values()),
+        of_arm=all(observation.of_arm for observation in CATALOGUE[event.effect].observed_by.values()),
     )
 
 
-def from_axis(one: AxisCause, arm: Arm) -> Cause:
-    joint = 1 if CATALOGUE[one.effect].per_joint else None
-    unit, values = arm.joints[0].current_unit, {p.name: p.value for p in one.parameters}
-    effect, drive = CATALOGUE[one.effect], arm.joints[0]
+def from_axis(axis_cause: AxisCause, arm: Arm) -> Cause:
+    joint = 1 if CATALOGUE[axis_cause.effect].per_joint else None
+    unit, values = arm.joints[0].current_unit, {p.name: p.value for p in axis_cause.parameters}
+    effect, drive = CATALOGUE[axis_cause.effect], arm.joints[0]
     units = {p.name: unit_at(drive, p.unit, p.name) for p in effect.parameters}
     sentence = (
-        f"{effect.shown(Instrument.SINGLE_AXIS, values, units)}: with it the held-out error of the command below 60 Hz falls from {one.before:.3g} to "
-        f"{one.after:.3g} {unit} rms, in {int(np.sum(one.gains > 0))} of {len(one.gains)} blocks"
+        f"{effect.shown(Instrument.SINGLE_AXIS, values, units)}: with it the held-out error of the command below 60 Hz falls from {axis_cause.before:.3g} to "
+        f"{axis_cause.after:.3g} {unit} rms, in {int(np.sum(axis_cause.gains > 0))} of {len(axis_cause.gains)} blocks"
     )
     if set(values) >= BY_DIRECTION:
         sentence += f"; {_by_direction(arm, values)}"
-    group = tuple((effect, 1 if CATALOGUE[effect].per_joint else None) for effect in one.group)
-    apart = CATALOGUE[one.effect].confused_with
-    separate = next((apart[effect] for effect in one.group[1:] if effect in apart), None)
+    group = tuple((effect, 1 if CATALOGUE[effect].per_joint else None) for effect in axis_cause.group)
+    confused_with = CATALOGUE[axis_cause.effect].confused_with
+    separate = next((confused_with[effect] for effect in axis_cause.group[1:] if effect in confused_with), None)
     return Cause(
-        effect=one.effect,
+        effect=axis_cause.effect,
         joint=joint,
-        parameters=one.parameters,
-        confidence=confidence_of(one.p),
-        before=one.before,
-        after=one.after,
+        parameters=axis_cause.parameters,
+        confidence=confidence_of(axis_cause.p),
+        before=axis_cause.before,
+        after=axis_cause.after,
         group=group,
         separate_by=separate,
         evidence=sentence,
@@ -150,9 +150,11 @@ def _by_direction(arm: Arm, more: Mapping[str, float]) -> str:
     drive = arm.joints[0]
     step, slope = unit_at(drive, "N m"), unit_at(drive, "N m s/rad")
     offset = drive.ratio * drive.offset
-    said = [
+    by_direction = [
         f"{drive.ratio * drive.coulomb[k] + more[side] + sign * offset:.4g} {step} and "
         f"{drive.ratio**2 * drive.viscous[k] + more[f'viscous_{side}']:.4g} {slope} {way}"
         for k, (side, sign, way) in enumerate((("positive", 1.0, "forwards"), ("negative", -1.0, "backwards")))
     ]
-    return f"all friction then is {', '.join(said)}" + (", the model's constant offset counted in" if offset else "")
+    return f"all friction then is {', '.join(by_direction)}" + (
+        ", the model's constant offset counted in" if offset else ""
+    )

@@ -14,7 +14,7 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.units import unit_at
 
-STOOD = 0.005
+STANDSTILL = 0.005
 """rad (m): a joint that moved less stood still."""
 SHOWS_FROM = 1 / 3
 """Times the noise: the least change of the currents that is called visible."""
@@ -44,20 +44,20 @@ def not_visible(
     for candidate, pair in library.items():
         strength = felt(candidate, pair.held_out, held_out.rows)
         strongest[candidate.key] = max(strongest.get(candidate.key, 0.0), strength)
-    found = []
+    undetectable = []
     for (effect, joint), strength in strongest.items():
         if strength < SHOWS_FROM and (effect, joint) not in known:
-            said = (
+            reasons = (
                 _did(CATALOGUE[effect].excited_by, joint, held_out, arm),
                 f"even {_size(effect, arm, joint)} would be {times_noise(strength)}",
             )
             where = f"joint {joint}" if joint else "all joints"
-            found.append(
+            undetectable.append(
                 Undetectable(
-                    effect, joint, "; ".join(filter(None, said)), INSTEAD[CATALOGUE[effect].excited_by].format(where)
+                    effect, joint, "; ".join(filter(None, reasons)), INSTEAD[CATALOGUE[effect].excited_by].format(where)
                 )
             )
-    return found
+    return undetectable
 
 
 def _turns(side: Dataset, arm: Arm, joint: int) -> float:
@@ -86,7 +86,7 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
     q, v, a, load, current = (
         np.concatenate([getattr(run, name)[:, j] for run in side.runs]) for name in ("q", "v", "a", "rigid", "current")
     )
-    if np.ptp(q) < STOOD:
+    if np.ptp(q) < STANDSTILL:
         return f"joint {joint} stood still"
     if need is Excitation.LOAD_REVERSAL and load.min() * load.max() > 0.0:
         return f"the load of joint {joint} never changed sign ({load.min():.3g} to {load.max():.3g} {unit_at(drive, 'N m')})"
@@ -94,9 +94,9 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
         return f"joint {joint} carried no more than {np.abs(load).max():.2g} {unit_at(drive, 'N m')}"
     if need is Excitation.GRAVITY:
         poses = np.concatenate([run.q[::10] for run in side.runs])
-        held = rigid_torque(arm, poses, 0.0 * poses, 0.0 * poses)[:, j]
-        change = f"changed by no more than {np.ptp(held):.2g} {unit_at(drive, 'N m')}"
-        return f"gravity at joint {joint} {change if np.abs(held).max() > 1e-6 else 'is nothing'}"
+        gravity = rigid_torque(arm, poses, 0.0 * poses, 0.0 * poses)[:, j]
+        change = f"changed by no more than {np.ptp(gravity):.2g} {unit_at(drive, 'N m')}"
+        return f"gravity at joint {joint} {change if np.abs(gravity).max() > 1e-6 else 'is nothing'}"
     if need is Excitation.CURRENT:
         return f"joint {joint} drew no more than {np.abs(current).max():.2g} {drive.current_unit}"
     if need is Excitation.ACCELERATION:
@@ -110,7 +110,7 @@ def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Undetectable]:
         "the model has neither masses nor friction to hold currents against",
         "armscope identify, then diagnose with its model",
     )
-    found = []
+    undetectable = []
     for effect, definition in CATALOGUE.items():
         instruments = frozenset(definition.observed_by)
         if not instruments & BY_CURRENTS or instruments & BY_ROWS:
@@ -118,10 +118,10 @@ def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Undetectable]:
         by_links = Instrument.LINK_ENCODER in instruments
         joints = [j for j in range(1, len(arm) + 1) if not by_links or j not in of_links]
         if definition.per_joint:
-            found += [Undetectable(effect, joint, why, instead) for joint in joints]
+            undetectable += [Undetectable(effect, joint, why, instead) for joint in joints]
         elif not by_links or not of_links:
-            found.append(Undetectable(effect, None, why, instead))
-    return found
+            undetectable.append(Undetectable(effect, None, why, instead))
+    return undetectable
 
 
 def _typical(candidate: Candidate) -> float:

@@ -28,7 +28,7 @@ def estimates_of(state: State) -> list[list[Estimate]]:
     for candidate, c in zip(state.chosen, state.coefficients):
         own = model.columns(candidate).fit
         slopes, values = _slopes(candidate, own, c, state)
-        first = sum(one.shape[1] for one in x)
+        first = sum(block.shape[1] for block in x)
         x.append(np.column_stack([own.dense(len(fit.y)), *slopes]))
         places.append(slice(first, first + x[-1].shape[1]))
         unknown.append(np.array([*(candidate.largest(k) for k in range(len(c))), *values]))

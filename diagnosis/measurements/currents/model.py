@@ -21,8 +21,8 @@ from diagnosis.measurements.currents.design_matrix import columns_of, dataset_wi
 from diagnosis.measurements.currents.limits import LIMITS, CurrentLimits, leakage, matters
 from diagnosis.measurements.currents.pairs import pair_of
 from diagnosis.measurements.currents.refinement import is_physical, refined
-from diagnosis.measurements.currents.ripple_orders import audible, order_of
-from diagnosis.measurements.currents.unexplained import loud
+from diagnosis.measurements.currents.ripple_orders import detectable_orders, order_of
+from diagnosis.measurements.currents.unexplained import joints_above_noise
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.selection.regression import Fitted, best_of_each, fit_together, score
@@ -92,7 +92,7 @@ class Currents(MeasurementModel[Candidate, State]):
         self._add_ripples(state.fitted.fit)
         best = best_of_each(self.library, state.fitted, self.data.fit, self._taken(state))
         scores = [score(c, self.library[c], state.fitted, state.data.held_out) for c in best]
-        return sorted(scores, key=lambda one: -one.gain)
+        return sorted(scores, key=lambda score: -score.gain)
 
     def fdr(self, score: Score[Candidate]) -> float | None:
         """Relaxed for a large gain, which may be active in few blocks only."""
@@ -128,7 +128,7 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def stalled(self, state: State) -> State | None:
         """Two effects that hide each other may enter together."""
-        joints = loud(state.fitted, state.data.held_out, self.arm)
+        joints = joints_above_noise(state.fitted, state.data.held_out, self.arm)
         both = pair_of(self.library, state.fitted, state.data, joints, self._taken(state))
         if not both:
             return None
@@ -168,7 +168,7 @@ class Currents(MeasurementModel[Candidate, State]):
         """Adds the ripples that stand out of the whitened residual of the fit set to the library."""
         highest = max((order_of(c) or 0 for c in self.ripples), default=0)
         for joint in sorted({c.joint for c in self.ripples if c.joint}):
-            orders = audible(self.data.fit, residual, self.arm, joint, highest)
+            orders = detectable_orders(self.data.fit, residual, self.arm, joint, highest)
             for c in self.ripples:
                 if c.joint == joint and order_of(c) in orders:
                     self.columns(c)
@@ -188,12 +188,12 @@ def corrected(state: State) -> State:
     for _ in range(model.limits.corrections):
         own, extended = state.coefficients, state.terms
         # as the exact model has them
-        once = [np.ones_like(c) if one.unit_amplitude else c for one, c in zip(state.chosen, own)]
+        first_order = [np.ones_like(c) if candidate.unit_amplitude else c for candidate, c in zip(state.chosen, own)]
 
         columns = [model.columns(c) for c in state.chosen]
         data = Split(
-            _exact(model.data.fit, [pair.fit for pair in columns], once, extended),
-            _exact(model.data.held_out, [pair.held_out for pair in columns], once, extended),
+            _exact(model.data.fit, [pair.fit for pair in columns], first_order, extended),
+            _exact(model.data.held_out, [pair.held_out for pair in columns], first_order, extended),
             model.data.two_fold,
         )
         trial = replace(state, data=data)
@@ -203,8 +203,10 @@ def corrected(state: State) -> State:
     return state
 
 
-def _exact(data: Dataset, columns: Sequence[Columns], once: Sequence[Array], extended: Sequence[EffectTerm]) -> Dataset:
+def _exact(
+    data: Dataset, columns: Sequence[Columns], first_order: Sequence[Array], extended: Sequence[EffectTerm]
+) -> Dataset:
     y = dataset_with(data, extended)
-    for own, c in zip(columns, once):
+    for own, c in zip(columns, first_order):
         y[own.where] += own.x @ c
     return replace(data, y=y, corrected=data.by_joint((y - data.y) ** 2))

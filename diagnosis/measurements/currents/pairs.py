@@ -54,7 +54,7 @@ def pair_of(
             if significant and fits and gain > least and matters(held_out.by_joint(fall), len(c), allowance, held_out):
                 admissible.append((gain * (1.0 - LIMITS.tie * len(c)), one, other))
         if admissible:
-            _, one, other = max(admissible, key=lambda each: each[0])
+            _, one, other = max(admissible, key=lambda scored: scored[0])
             return [one, other]
     return []
 

@@ -33,11 +33,11 @@ def refined(candidate: Candidate, fitted: Fitted, fit: Dataset) -> Candidate:
             return -gain * (1.0 - (1.0 / c[0] - 1.0) ** 2) if now.unit_amplitude and c[0] else -gain
 
         reach = 1.5 if candidate.definition.spring is not None else 3.0  # their grids are finer
-        found = optimize.minimize_scalar(
+        optimum = optimize.minimize_scalar(
             worse,
             bounds=(np.log(value / reach), np.log(value * reach)),
             method="bounded",
             options={"xatol": 0.01, "maxiter": 14},
         )
-        candidate = candidate.at(name, float(np.exp(found.x)))
+        candidate = candidate.at(name, float(np.exp(optimum.x)))
     return candidate

@@ -10,7 +10,7 @@ from diagnosis.residual.run import passed
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 
-LOUDEST = 5
+STRONGEST = 5
 """Orders kept for each way in which a ripple is heard: as a torque, by the acceleration that it forces on the link, by the load it lifts."""
 FEW = 4
 """Effects of so few orders are candidates at all of them."""
@@ -24,7 +24,7 @@ def order_of(candidate: Candidate) -> int | None:
     return None
 
 
-def audible(side: Dataset, residual: Array, arm: Arm, joint: int, highest: int) -> set[int]:
+def detectable_orders(side: Dataset, residual: Array, arm: Arm, joint: int, highest: int) -> set[int]:
     """The loudest orders 1..highest at a joint in ``residual`` (n * rows,), whitened.
 
     The gain of a column w sin(k motor + phase) is |sum r w exp(i k motor)|^2 / (sum w^2 / 2), with w what the effect's law puts before the sine,
@@ -37,12 +37,12 @@ def audible(side: Dataset, residual: Array, arm: Arm, joint: int, highest: int) 
 
     over, v = 1.0 / gathered("deviation"), gathered("v")
     weights = np.stack([over, over * v**2, over * gathered("rigid")], axis=1)
-    heard = residual[side.of(joint)][:, None] * weights
+    weighted = residual[side.of(joint)][:, None] * weights
     turn = np.exp(1j * ratio * gathered("q"))
     power, wave = np.zeros((highest + 1, weights.shape[1])), np.ones_like(turn)
     for order in range(1, highest + 1):
         wave = wave * turn
         through = passed(order * ratio * np.abs(v) / (2 * np.pi))[:, None]
         size = np.sum((weights * through) ** 2, axis=0)
-        power[order] = np.abs(wave @ (heard * through)) ** 2 / np.maximum(size, 1e-300)
-    return {int(order) for column in power.T for order in np.argsort(column)[-LOUDEST:] if order > 0}
+        power[order] = np.abs(wave @ (weighted * through)) ** 2 / np.maximum(size, 1e-300)
+    return {int(order) for column in power.T for order in np.argsort(column)[-STRONGEST:] if order > 0}

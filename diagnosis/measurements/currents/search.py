@@ -11,11 +11,11 @@ from arm_model.effects import CATALOGUE
 from diagnosis.measurements.currents.design_matrix import dataset_with
 from diagnosis.measurements.currents.model import Currents, State, corrected, terms
 from diagnosis.measurements.currents.unexplained import (
-    DEAFENING,
-    Remainder,
-    beside,
+    FAR_ABOVE_NOISE,
+    Unexplained,
     better_than_causes,
-    structure_left,
+    unexplained_structure,
+    with_columns,
 )
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns
@@ -28,7 +28,7 @@ class Found:
     """What was chosen, and the unexplained structure beside it."""
 
     state: State
-    remainder: Remainder
+    unexplained: Unexplained
 
 
 def search(model: Currents, progress: Callable[[str], None]) -> Found:
@@ -37,21 +37,21 @@ def search(model: Currents, progress: Callable[[str], None]) -> Found:
     if len(fewer := eliminate(model, state).chosen) < len(state.chosen):
         state = model.refitted(fewer, state.rivals)
     progress("searching for unexplained structure")
-    found = _with_remainder(state)
+    found = _with_unexplained(state)
     while dissolved := _superfluous(found) or _outdone(state):
         state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in dissolved)))
-        found = _with_remainder(state)
+        found = _with_unexplained(state)
     return found
 
 
 def without(found: Found, removed: Candidate) -> Found:
     """What was found, less one candidate; the others fitted anew."""
     state = found.state
-    return _with_remainder(state.model.refitted([c for c in state.chosen if c is not removed], state.rivals))
+    return _with_unexplained(state.model.refitted([c for c in state.chosen if c is not removed], state.rivals))
 
 
-def _with_remainder(state: State) -> Found:
-    return Found(state, structure_left(state.data, state.fitted, state.model.arm))
+def _with_unexplained(state: State) -> Found:
+    return Found(state, unexplained_structure(state.data, state.fitted, state.model.arm))
 
 
 def _superfluous(found: Found) -> list[Candidate]:
@@ -61,17 +61,17 @@ def _superfluous(found: Found) -> list[Candidate]:
     """
     state, shares = found.state, dict[Candidate, float]()
     model, held_out = state.model, state.data.held_out
-    unknown = {structure.joint for structure in found.remainder.structures if not structure.share}
+    unknown = {structure.joint for structure in found.unexplained.structures if not structure.share}
     for c in state.chosen:
         others, own = model.without(c, state), model.columns(c)
-        touching = [pair for pair in found.remainder.pairs if _overlap(pair.fit, own.fit)]
+        touching = [pair for pair in found.unexplained.pairs if _overlap(pair.fit, own.fit)]
         alone = score(c, own, others.fitted, held_out).gain
         if touching:
-            shares[c] = score(c, own, beside(others.fitted, touching), held_out).gain / alone
+            shares[c] = score(c, own, with_columns(others.fitted, touching), held_out).gain / alone
         elif c.joint is not None and c.joint in unknown:
-            left = float(np.sum(state.fitted.held_out[held_out.of(c.joint)] ** 2))
-            if left > DEAFENING**2 * held_out.rows:
-                shares[c] = model.limits.superfluous * alone / left
+            energy = float(np.sum(state.fitted.held_out[held_out.of(c.joint)] ** 2))
+            if energy > FAR_ABOVE_NOISE**2 * held_out.rows:
+                shares[c] = model.limits.superfluous * alone / energy
     least = min(shares, key=lambda c: shares[c], default=None)
     return [least] if least is not None and shares[least] < model.limits.superfluous else []
 
@@ -81,30 +81,32 @@ def _outdone(state: State) -> list[Candidate]:
     model, limits, held_out = state.model, state.model.limits, state.data.held_out
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
         own = [c for c in state.chosen if c.joint == joint]
-        less = replace(state, chosen=tuple(c for c in state.chosen if c not in own))
-        before, left = (float(np.sum(s.fitted.held_out[held_out.of(joint)] ** 2)) for s in (less, state))
+        reduced = replace(state, chosen=tuple(c for c in state.chosen if c not in own))
+        before, after = (float(np.sum(s.fitted.held_out[held_out.of(joint)] ** 2)) for s in (reduced, state))
         allowed = 0.0
         if len(own) > 1 and sum(model.columns(c).fit.x.shape[1] for c in own) >= limits.many:
-            allowed = limits.many_leave * left
+            allowed = limits.many_leave * after
         if len(own) > 3 and _cancelling(own, state) > limits.makeshift:
-            allowed = max(allowed, limits.makeshift_leave * (before - left))
-        if better_than_causes(state.data, less.fitted, state.fitted, model.arm, joint, allowed):
+            allowed = max(allowed, limits.makeshift_leave * (before - after))
+        if better_than_causes(state.data, reduced.fitted, state.fitted, model.arm, joint, allowed):
             return own
     return []
 
 
 def _cancelling(own: Sequence[Candidate], state: State) -> float:
     """Energy of what some of the chosen explain, each for itself, over that of what they explain together: 1 where they are independent."""
-    each = [
+    contributions = [
         state.model.columns(c).fit.spread(coefficients, len(state.fitted.fit))
         for c, coefficients in zip(state.chosen, state.coefficients)
         if c in own
     ]
-    return float(sum(np.sum(one**2) for one in each) / np.sum(np.sum(each, axis=0) ** 2))
+    return float(
+        sum(np.sum(contribution**2) for contribution in contributions) / np.sum(np.sum(contributions, axis=0) ** 2)
+    )
 
 
-def _overlap(one: Columns, other: Columns) -> bool:
-    return one.where.start < other.where.stop and other.where.start < one.where.stop
+def _overlap(a: Columns, b: Columns) -> bool:
+    return a.where.start < b.where.stop and b.where.start < a.where.stop
 
 
 def simplified(state: State) -> State:
@@ -114,18 +116,18 @@ def simplified(state: State) -> State:
     causes were missing or known to first order only, the one with more coefficients may have fitted their rest.
     """
     model = state.model
-    for put, replaced in _simpler(state.chosen):
+    for substitute, replaced in _simpler(state.chosen):
         chosen = state.chosen
-        known = put in model.library and put.key not in model.excluded
-        if not known or put in chosen or not set(replaced) <= set(chosen):
+        available = substitute in model.library and substitute.key not in model.excluded
+        if not available or substitute in chosen or not set(replaced) <= set(chosen):
             continue
-        rivals = [one for one in state.rivals[replaced[0].key] if one.candidate.key != replaced[0].key]
+        rivals = [rival for rival in state.rivals[replaced[0].key] if rival.candidate.key != replaced[0].key]
         trial = model.refitted(
-            [put if c is replaced[0] else c for c in chosen if c not in replaced[1:]],
-            {**state.rivals, put.key: rivals},
+            [substitute if c is replaced[0] else c for c in chosen if c not in replaced[1:]],
+            {**state.rivals, substitute.key: rivals},
         )
-        lost = np.sum(trial.fitted.held_out**2) - np.sum(state.fitted.held_out**2)
-        if lost < model.limits.min_gain * state.data.held_out.rows:
+        increase = np.sum(trial.fitted.held_out**2) - np.sum(state.fitted.held_out**2)
+        if increase < model.limits.min_gain * state.data.held_out.rows:
             state = trial
     return state
 

@@ -17,21 +17,21 @@ RIDGE = 1e-3
 """Of the rows a knot has on average: keeps knots that no row comes near at nothing."""
 
 
-def predictable(fit: Dataset, held_out: Dataset, fitted: Array, held: Array, arm: Arm) -> Array:
+def predictable(fit: Dataset, held_out: Dataset, fit_residual: Array, held_out_residual: Array, arm: Arm) -> Array:
     """(n,) share of the variance of every joint's held-out residual that a sum of smooth functions of its ``FROM``, fitted to the other
     recordings, predicts where these have been: 0 for noise. fitted, held (n * rows,): whitened residuals in the layout of ``Dataset``."""
     shares = np.zeros(len(arm))
     for joint in range(1, len(arm) + 1):
-        known = [dict(variables(side, arm, joint)) for side in (fit, held_out)]
-        knots = [np.unique(np.quantile(known[0][name], np.linspace(0.0, 1.0, KNOTS))) for name in FROM]
-        if any(len(one) < KNOTS for one in knots):
+        values_of = [dict(variables(side, arm, joint)) for side in (fit, held_out)]
+        knots = [np.unique(np.quantile(values_of[0][name], np.linspace(0.0, 1.0, KNOTS))) for name in FROM]
+        if any(len(places) < KNOTS for places in knots):
             continue  # it stood
-        x, x_held = (_hats(values, knots, side, joint) for values, side in zip(known, (fit, held_out)))
-        inside = np.all([(known[1][n] >= k[0]) & (known[1][n] <= k[-1]) for n, k in zip(FROM, knots)], axis=0)
+        x, x_held = (_hats(values, knots, side, joint) for values, side in zip(values_of, (fit, held_out)))
+        inside = np.all([(values_of[1][n] >= k[0]) & (values_of[1][n] <= k[-1]) for n, k in zip(FROM, knots)], axis=0)
         gram = x.T @ x
         ridge = RIDGE * np.trace(gram) / len(gram)
-        c = np.linalg.solve(gram + ridge * np.eye(len(gram)), x.T @ fitted[fit.of(joint)])
-        y = held[held_out.of(joint)][inside]
+        c = np.linalg.solve(gram + ridge * np.eye(len(gram)), x.T @ fit_residual[fit.of(joint)])
+        y = held_out_residual[held_out.of(joint)][inside]
         if len(y):
             shares[joint - 1] = max(0.0, 1.0 - float(np.sum((y - x_held[inside] @ c) ** 2) / np.sum(y**2)))
     return shares
@@ -40,5 +40,5 @@ def predictable(fit: Dataset, held_out: Dataset, fitted: Array, held: Array, arm
 def _hats(values: Mapping[str, Array], knots: Sequence[Array], side: Dataset, joint: int) -> Array:
     """(rows, len(FROM) * KNOTS) hat functions of every variable over the deviation of each row."""
     over = 1.0 / np.concatenate([run.deviation[:, joint - 1] for run in side.runs])
-    hats = [np.interp(values[name], at, one) * over for name, at in zip(FROM, knots) for one in np.eye(len(at))]
+    hats = [np.interp(values[name], at, unit) * over for name, at in zip(FROM, knots) for unit in np.eye(len(at))]
     return np.stack(hats, axis=1)

@@ -28,10 +28,10 @@ OF_EXPLAINED = 0.02
 """... and this share of what the causes explain there: a law that is right to a seventh of its amplitude is the right law."""
 CERTAIN = 5e-3
 """Probability at which structure may be called by chance: there is no second look at it, as there is at a cause."""
-LOUD = 2.5
+ABOVE_NOISE = 2.5
 """Times the deviation: what is left above it is no noise, whatever it hangs on. Noise correlated for longer than an arm stands is told
 half as large as it is."""
-DEAFENING = 6.0
+FAR_ABOVE_NOISE = 6.0
 """Times the deviation: louder than any noise that is told too small."""
 PROBABLE, HALF = 0.05, 0.5
 """Of a residual that is no noise: probability at which a variable may be told, and the share that its function must explain."""
@@ -40,75 +40,77 @@ MOST = 3
 
 
 @dataclass(frozen=True)
-class Remainder:
+class Unexplained:
     """Structures, and the columns that describe them."""
 
     structures: list[Structure]
     pairs: list[Pair]
 
 
-def structure_left(data: Split[Dataset], fitted: Fitted, arm: Arm) -> Remainder:
+def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm) -> Unexplained:
     """Structures beside what is ``fitted``, joint by joint, the strongest first."""
-    found: list[Structure] = []
+    structures_found: list[Structure] = []
     pairs: list[Pair] = []
     for joint in range(1, len(arm) + 1):
         structures, columns = _left_at(joint, data, fitted, arm)
-        found, pairs = found + structures, pairs + columns
-    return Remainder(found, pairs)
+        structures_found, pairs = structures_found + structures, pairs + columns
+    return Unexplained(structures_found, pairs)
 
 
 def _left_at(joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm) -> tuple[list[Structure], list[Pair]]:
     """Structures at one joint, and their columns. A function of its own: the shapes of two joints at once would take twice the memory."""
-    found: list[Structure] = []
+    structures: list[Structure] = []
     pairs: list[Pair] = []
     fit, held_out = data
     shapes = list(shapes_of(fit, held_out, fitted.fit, arm, joint))
     for _ in range(MOST):
-        best = _strongest(shapes, beside(fitted, pairs), fit, held_out, joint)
+        best = _strongest(shapes, with_columns(fitted, pairs), fit, held_out, joint)
         if best is None:
             break
         name, pair, share = best
-        found.append(Structure(Signal.CURRENT, joint, name, share))
+        structures.append(Structure(Signal.CURRENT, joint, name, share))
         pairs.append(pair)
-        shapes = [one for one in shapes if one.name != name]
-    if not pairs and (loud := loudness(fitted.held_out, held_out, joint)) > LOUD:
-        found.append(_likeliest(shapes, fitted, held_out, joint, loud))
-    return found, pairs
+        shapes = [shape for shape in shapes if shape.name != name]
+    if not pairs and (ratio := noise_ratio(fitted.held_out, held_out, joint)) > ABOVE_NOISE:
+        structures.append(_most_likely(shapes, fitted, held_out, joint, ratio))
+    return structures, pairs
 
 
-def _likeliest(shapes: Sequence[Shape], fitted: Fitted, held_out: Dataset, joint: int, loud: float) -> Structure:
+def _most_likely(shapes: Sequence[Shape], fitted: Fitted, held_out: Dataset, joint: int, ratio: float) -> Structure:
     """What a residual that is no noise hangs on most probably: only which variable it is, not whether there is one, is left to chance."""
     before = float(np.sum(fitted.held_out[held_out.of(joint)] ** 2))
     gains = [held_out.by_block(gain_of(shape.pair, fitted, held_out)[1]) for shape in shapes]
-    able = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > HALF * before]
-    p, best = min(able, default=(1.0, 0))
+    significant = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > HALF * before]
+    p, best = min(significant, default=(1.0, 0))
     if p > PROBABLE:
-        return Structure(Signal.CURRENT, joint, f"no single variable ({loud:.1f} times the noise)", 0.0)
+        return Structure(Signal.CURRENT, joint, f"no single variable ({ratio:.1f} times the noise)", 0.0)
     return Structure(Signal.CURRENT, joint, shapes[best].name, float(gains[best].sum()) / before)
 
 
-def loud(fitted: Fitted, held_out: Dataset, arm: Arm) -> list[int]:
+def joints_above_noise(fitted: Fitted, held_out: Dataset, arm: Arm) -> list[int]:
     """Joints where what is left of the currents is no noise, the loudest first."""
-    by_joint = {joint: loudness(fitted.held_out, held_out, joint) for joint in range(1, len(arm) + 1)}
-    return sorted((joint for joint, value in by_joint.items() if value > LOUD), key=lambda joint: -by_joint[joint])
+    by_joint = {joint: noise_ratio(fitted.held_out, held_out, joint) for joint in range(1, len(arm) + 1)}
+    return sorted(
+        (joint for joint, value in by_joint.items() if value > ABOVE_NOISE), key=lambda joint: -by_joint[joint]
+    )
 
 
-def loudness(left: Array, side: Dataset, joint: int) -> float:
+def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
     """Rms of what is ``left`` (n * rows,) of a joint over its deviation, where that is the instruments' and the joint moves; 1 where it may be noise.
 
     Noise that is correlated for longer than an arm stands is told too small. It is as loud in the quietest seconds as in all others.
     """
-    known = np.concatenate([(run.deviation[:, joint - 1] < 3.0 * run.noise[joint - 1]) for run in side.runs])
-    if not known.any():
+    sure = np.concatenate([(run.deviation[:, joint - 1] < 3.0 * run.noise[joint - 1]) for run in side.runs])
+    if not sure.any():
         return 1.0
-    own, block = left[side.of(joint)], side.block[side.of(joint)]
-    loud = float(np.sqrt(np.mean(own[known] ** 2)))
-    quiet = float(quiet_noise(own[:, None], known[:, None], block)[0])
-    return loud if loud > DEAFENING or loud > 1.5 * quiet else 1.0
+    own, block = residual[side.of(joint)], side.block[side.of(joint)]
+    ratio = float(np.sqrt(np.mean(own[sure] ** 2)))
+    quiet = float(quiet_noise(own[:, None], sure[:, None], block)[0])
+    return ratio if ratio > FAR_ABOVE_NOISE or ratio > 1.5 * quiet else 1.0
 
 
 def better_than_causes(
-    data: Split[Dataset], without: Fitted, having: Fitted, arm: Arm, joint: int, allowed: float
+    data: Split[Dataset], without: Fitted, with_causes: Fitted, arm: Arm, joint: int, allowed: float
 ) -> bool:
     """Whether one function of one variable, in place of the causes of a joint (``without`` them), leaves significantly less than they do.
 
@@ -121,8 +123,8 @@ def better_than_causes(
     for shape in shapes_of(fit, held_out, without.fit, arm, joint):
         _, c = fit_gain(shape.pair.fit, without)
         by_function = residual_with(shape.pair, c, without, held_out)
-        less = (having.held_out**2 - by_function**2)[rows] * shape.known
-        blocks = np.bincount(held_out.block[rows], weights=less).astype(float)
+        improvement = (with_causes.held_out**2 - by_function**2)[rows] * shape.known
+        blocks = np.bincount(held_out.block[rows], weights=improvement).astype(float)
         if blocks.sum() > MATTERS * held_out.rows and p_value(blocks) < CERTAIN:
             return True
         if allowed and shape.name != "velocity" and blocks.sum() > -allowed:
@@ -135,19 +137,19 @@ def _strongest(
 ) -> tuple[str, Pair, float] | None:
     """The variable whose function explains most of a joint's held-out residual: name, columns, share of the residual's variance."""
     gains = [held_out.by_block(gain_of(shape.pair, fitted, held_out)[1]) for shape in shapes]
-    q = benjamini_hochberg(np.array([p_value(one) for one in gains]))
+    q = benjamini_hochberg(np.array([p_value(gain) for gain in gains]))
     rows = held_out.of(joint)
     before = float(np.sum(fitted.held_out[rows] ** 2))
     explained = float(np.sum(held_out.y[rows] ** 2)) - before
     enough = max(MATTERS * held_out.rows, OF_EXPLAINED * explained)
-    able = [k for k, one in enumerate(gains) if q[k] < CERTAIN and one.sum() > enough]
-    if not able:
+    significant = [k for k, gain in enumerate(gains) if q[k] < CERTAIN and gain.sum() > enough]
+    if not significant:
         return None
-    best = max(able, key=lambda k: float(gains[k].sum()))
+    best = max(significant, key=lambda k: float(gains[k].sum()))
     return shapes[best].name, shapes[best].pair, float(gains[best].sum()) / before
 
 
-def beside(fitted: Fitted, more: Sequence[Pair]) -> Fitted:
+def with_columns(fitted: Fitted, more: Sequence[Pair]) -> Fitted:
     """What is fitted, with more columns fitted to what it left."""
     for pair in more:
         x, x_held_out = pair.fit.dense(len(fitted.fit)), pair.held_out.dense(len(fitted.held_out))
@@ -156,10 +158,10 @@ def beside(fitted: Fitted, more: Sequence[Pair]) -> Fitted:
         u, s, vt = np.linalg.svd(x, full_matrices=False)
         keep = s > 1e-4 * s[0]
         basis, to_held_out = u[:, keep], x_held_out @ (vt[keep].T / s[keep])
-        seen = basis.T @ fitted.fit
+        projected = basis.T @ fitted.fit
         fitted = Fitted(
-            fitted.fit - basis @ seen,
-            fitted.held_out - to_held_out @ seen,
+            fitted.fit - basis @ projected,
+            fitted.held_out - to_held_out @ projected,
             np.hstack([fitted.basis, basis]),
             np.hstack([fitted.to_held_out, to_held_out]),
             fitted.coefficients,

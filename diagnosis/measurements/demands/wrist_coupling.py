@@ -38,7 +38,7 @@ OWN = 4
 
 
 @dataclass(frozen=True)
-class Turned:
+class CoupledAxis:
     """One axis whose motor turns with others. coefficients, std (m,) for ``motors``; before, after: rms rad of the held-out difference of motor and
     demand without and with the coupling; p: probability that the gain is chance."""
 
@@ -64,63 +64,80 @@ class _Rows:
         return self.columns[:, :OWN]
 
 
-def turned_wrist(fit: Sequence[Recording], held_out: Sequence[Recording]) -> list[Event]:
+def wrist_coupling(fit: Sequence[Recording], held_out: Sequence[Recording]) -> list[Event]:
     """The coupling of the wrist, seen in motor angles against demands; empty where there is none, or no demand to hold angles against.
 
     Where both are parts of the same recordings, each is predicted from the other.
     """
-    able = [
+    with_demand = [
         [r for r in side if r.qref is not None and r.joints >= 6 and not np.isnan(r.qref).any()]
         for side in (fit, held_out)
     ]
-    if not all(able):
+    if not all(with_demand):
         return []
-    found = [one for axis in (5, 6) if (one := _turned(able[0], able[1], axis)) is not None]
-    if not found:
+    coupled = [
+        axis_result
+        for axis in (5, 6)
+        if (axis_result := _coupled_axis(with_demand[0], with_demand[1], axis)) is not None
+    ]
+    if not coupled:
         return []
-    told = {
-        (one.axis, m): (float(c), float(s)) for one in found for m, c, s in zip(one.motors, one.coefficients, one.std)
+    coefficients = {
+        (axis_result.axis, m): (float(c), float(s))
+        for axis_result in coupled
+        for m, c, s in zip(axis_result.motors, axis_result.coefficients, axis_result.std)
     }
-    rows = [Estimate(f"c{a}{m}", *told.get((a, m), (0.0, 0.005)), "1") for a, m in PAIRS]
-    parts = ", ".join(f"{-100 * c:.1f} % of what motor {m} turns at axis {axis}" for (axis, m), (c, _) in told.items())
-    most = max(found, key=lambda one: one.before**2 - one.after**2)
+    rows = [Estimate(f"c{a}{m}", *coefficients.get((a, m), (0.0, 0.005)), "1") for a, m in PAIRS]
+    parts = ", ".join(
+        f"{-100 * c:.1f} % of what motor {m} turns at axis {axis}" for (axis, m), (c, _) in coefficients.items()
+    )
+    most = max(coupled, key=lambda axis_result: axis_result.before**2 - axis_result.after**2)
     sentence = (
         f"motors depart from the demands of their own axes by {parts}: with it the held-out difference of motor {most.axis} and demand "
         f"falls from {most.before:.3g} to {most.after:.3g} rad rms"
     )
     every = tuple(range(len(fit) + len(held_out)))
-    gain = Gain(before=most.before, after=most.after, unit="rad", joint=most.axis, p=max(one.p for one in found))
+    gain = Gain(
+        before=most.before,
+        after=most.after,
+        unit="rad",
+        joint=most.axis,
+        p=max(axis_result.p for axis_result in coupled),
+    )
     return [
         Event(effect=WRIST_COUPLING.name, joint=None, parameters=rows, evidence=sentence, recordings=every, gain=gain)
     ]
 
 
-def _turned(fit: Sequence[Recording], held_out: Sequence[Recording], axis: int) -> Turned | None:
+def _coupled_axis(fit: Sequence[Recording], held_out: Sequence[Recording], axis: int) -> CoupledAxis | None:
     """What turns the motor of an axis; None where held-out recordings do not show that anything does."""
     motors = tuple(motor for turned, motor in PAIRS if turned == axis)
     sides = _rows(fit, axis, motors), _rows(held_out, axis, motors)
     parts = bool({r.path for r in fit} & {r.path for r in held_out})
-    without, left, gains = [], [], []
-    for learned, judged in [sides, *([sides[::-1]] if parts else [])]:
-        without.append(judged.difference - judged.own @ _solved(learned.own, learned.difference))
-        left.append(judged.difference - judged.columns @ _solved(learned.columns, learned.difference))
-        gains.append(block_sums(without[-1] ** 2 - left[-1] ** 2, judged.block, int(judged.block[-1]) + 1))
-    before, after = (float(np.sqrt(np.mean(np.concatenate(values) ** 2))) for values in (without, left))
+    without, residual, gains = [], [], []
+    for source, target in [sides, *([sides[::-1]] if parts else [])]:
+        without.append(target.difference - target.own @ _solved(source.own, source.difference))
+        residual.append(target.difference - target.columns @ _solved(source.columns, source.difference))
+        gains.append(block_sums(without[-1] ** 2 - residual[-1] ** 2, target.block, int(target.block[-1]) + 1))
+    before, after = (float(np.sqrt(np.mean(np.concatenate(values) ** 2))) for values in (without, residual))
     p = p_value(np.concatenate(gains))
-    learned = sides[0]
-    values = _solved(learned.columns, learned.difference)
-    turns = float(np.std(learned.columns[:, OWN:] @ values[OWN:]))
+    source = sides[0]
+    values = _solved(source.columns, source.difference)
+    turns = float(np.std(source.columns[:, OWN:] @ values[OWN:]))
     noise = float(np.mean([angle_noise(r.q)[axis - 1] for r in fit]))
     # each way by itself: what one part shows and the other refutes is none
-    each = all(np.sum(after_**2) < (1.0 - EXPLAINED) * np.sum(before_**2) for before_, after_ in zip(without, left))
-    if not each or p > SIGNIFICANT or turns < STEPS * noise:
+    both_ways = all(
+        np.sum(after_**2) < (1.0 - EXPLAINED) * np.sum(without_rows**2)
+        for without_rows, after_ in zip(without, residual)
+    )
+    if not both_ways or p > SIGNIFICANT or turns < STEPS * noise:
         return None
-    std = _std(learned, values)[OWN:]
-    seen = np.abs(values[OWN:]) > 3 * std
-    if not seen.any():
+    std = _std(source, values)[OWN:]
+    significant = np.abs(values[OWN:]) > 3 * std
+    if not significant.any():
         return None
-    named = tuple(m for m, there in zip(motors, seen) if there)
-    return Turned(axis, named, values[OWN:][seen], std[seen], before, after, p)
+    named = tuple(m for m, there in zip(motors, significant) if there)
+    return CoupledAxis(axis, named, values[OWN:][significant], std[significant], before, after, p)
 
 
 def _rows(recordings: Sequence[Recording], axis: int, motors: Sequence[int]) -> _Rows:

@@ -36,9 +36,9 @@ class LinkSide:
 
     causes: list[Cause]
     unexplained: list[Structure]
-    seen: Rows
+    held_out: Rows
     without: Array
-    left: Array
+    residual: Array
     remarks: tuple[str, ...]
 
 
@@ -52,9 +52,9 @@ def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording])
     return LinkSide(
         causes=causes,
         unexplained=_structure(chosen, model),
-        seen=model.rows.held_out,
+        held_out=model.rows.held_out,
         without=model.residual((), *model.rows),
-        left=model.residual(chosen, *model.rows),
+        residual=model.residual(chosen, *model.rows),
         remarks=tuple(_remarks(chosen, model, arm)),
     )
 
@@ -70,23 +70,23 @@ def _settled(candidate: Candidate, model: LinkEncoders) -> Candidate:
 
 def _cause(candidate: Candidate, chosen: Chosen, model: LinkEncoders, arm: Arm) -> Cause:
     others = model.without(candidate, chosen)
-    one = model.score(candidate, others)
+    conditional = model.score(candidate, others)
     felt = model.felt(candidate)
-    left = [model.residual(some, *model.rows)[:, felt] for some in (others, chosen)]
-    before, after = (float(np.sqrt(np.mean(values**2))) for values in left)
-    most = felt[int(np.argmax(np.sum(left[0] ** 2 - left[1] ** 2, axis=0)))]
-    group = _group(candidate, others, one.gain, model)
+    residuals = [model.residual(some, *model.rows)[:, felt] for some in (others, chosen)]
+    before, after = (float(np.sqrt(np.mean(values**2))) for values in residuals)
+    most = felt[int(np.argmax(np.sum(residuals[0] ** 2 - residuals[1] ** 2, axis=0)))]
+    group = _group(candidate, others, conditional.gain, model)
     unit = unit_at(arm.joints[int(model.rows.fit.joints[felt[0]]) - 1], "rad")
     evidence = (
         _skew_sentence(others, model)
         if candidate.definition.delay is not None
-        else _sentence(candidate, before, after, one.share, unit)
+        else _sentence(candidate, before, after, conditional.share, unit)
     )
     return Cause(
         effect=candidate.effect,
         joint=candidate.joint,
         parameters=_parameters(candidate, chosen, model, arm),
-        confidence=confidence_of(one.p),
+        confidence=confidence_of(conditional.p),
         before=before,
         after=after,
         group=group,
@@ -103,13 +103,13 @@ def _group(candidate: Candidate, others: Chosen, gain: float, model: LinkEncoder
     for alias in candidate.definition.observed_by[Instrument.LINK_ENCODER].aliases:
         if variant(candidate)[1] in orders(CATALOGUE[alias]):
             group.append((alias, candidate.joint))
-    for other in model.best(others):
-        felt = other.joint == candidate.joint or len(model.rows.fit.joints) == 1
-        if other.effect == candidate.effect or not felt or not model.is_physical(other, others):
+    for rival in model.best(others):
+        felt = rival.joint == candidate.joint or len(model.rows.fit.joints) == 1
+        if rival.effect == candidate.effect or not felt or not model.is_physical(rival, others):
             continue
-        alone, share = model.score(other, others).gain, LIMITS.ambiguity
-        if alone >= share * gain and model.score(other, [*others, candidate]).gain < (1.0 - share) * alone:
-            group.append(other.key)
+        alone, share = model.score(rival, others).gain, LIMITS.ambiguity
+        if alone >= share * gain and model.score(rival, [*others, candidate]).gain < (1.0 - share) * alone:
+            group.append(rival.key)
     return tuple(group)
 
 
@@ -160,15 +160,15 @@ def _damping(candidate: Candidate, chosen: Chosen, model: LinkEncoders, stiffnes
 
     Where it cannot be told from nothing it is its deviation: a spring without any would swing for ever.
     """
-    seen = model.whole
-    k = int(np.flatnonzero(seen.joints == candidate.joint)[0])
-    rest, edges = model.residual(chosen, seen, seen)[:, k], [*seen.starts, seen.rows]
-    late = np.concatenate([np.gradient(seen.load[a:b, k], seen.t[a:b]) for a, b in itertools.pairwise(edges)])
+    rows = model.whole
+    k = int(np.flatnonzero(rows.joints == candidate.joint)[0])
+    residual, edges = model.residual(chosen, rows, rows)[:, k], [*rows.starts, rows.rows]
+    late = np.concatenate([np.gradient(rows.load[a:b, k], rows.t[a:b]) for a, b in itertools.pairwise(edges)])
     late = late - late.mean()
     size = float(late @ late)
-    slope = float(late @ rest) / size
-    scores = np.bincount(seen.blocks(BLOCK_SECONDS), weights=late * (rest - slope * late))
-    half_row = float(np.median(np.diff(seen.t))) / 2
+    slope = float(late @ residual) / size
+    scores = np.bincount(rows.blocks(BLOCK_SECONDS), weights=late * (residual - slope * late))
+    half_row = float(np.median(np.diff(rows.t))) / 2
     std = float(np.hypot(np.sqrt(scores @ scores) / size * stiffness**2, stiffness * half_row))
     damping = -slope * stiffness**2
     return (damping if damping > std else std), std
@@ -179,8 +179,8 @@ def _fitted(chosen: Chosen, model: LinkEncoders) -> tuple[Array, Array]:
     x = model.stacked(chosen, model.whole)
     values = model.fitted(chosen, model.whole)
     y = model.response(model.whole)
-    rest, block = y - x @ values, np.tile(model.whole.blocks(BLOCK_SECONDS), len(model.whole.joints))
-    return values, cluster_covariance(x, [rest], block)
+    residual, block = y - x @ values, np.tile(model.whole.blocks(BLOCK_SECONDS), len(model.whole.joints))
+    return values, cluster_covariance(x, [residual], block)
 
 
 def delays_by_joint(others: Chosen, model: LinkEncoders) -> Array:
@@ -196,8 +196,8 @@ def delays_by_joint(others: Chosen, model: LinkEncoders) -> Array:
 def _skew_sentence(others: Chosen, model: LinkEncoders) -> str:
     delays = delays_by_joint(others, model)
     whole = model.residual(others, model.rows.fit, model.rows.held_out)
-    rest = model.residual([*others, late()], model.rows.fit, model.rows.held_out)
-    shares = 1.0 - np.sum(rest**2, axis=0) / np.sum(whole**2, axis=0)
+    residual = model.residual([*others, late()], model.rows.fit, model.rows.held_out)
+    shares = 1.0 - np.sum(residual**2, axis=0) / np.sum(whole**2, axis=0)
     where = ", ".join(map(str, model.rows.fit.joints))
     low, high = float(shares.min()), float(shares.max())
     share = f"{low:.1%}" if len(shares) == 1 else f"{low:.1%} to {high:.1%}"
@@ -238,16 +238,16 @@ def _offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
         if abs(offset) < max(OFFSET, 5 * std):
             continue
         unit = unit_at(arm.joints[joint - 1], "rad")
-        rest = model.residual(chosen, model.rows.fit, model.rows.held_out)[:, k]
-        left = float(np.sqrt(np.mean(rest**2)))
+        residual = model.residual(chosen, model.rows.fit, model.rows.held_out)[:, k]
+        rms = float(np.sqrt(np.mean(residual**2)))
         causes.append(
             Cause(
                 effect=JOINT_ZERO_OFFSET.name,
                 joint=joint,
                 parameters=[Estimate("offset", offset, std, unit)],
                 confidence=MAX_CONFIDENCE,
-                before=float(np.hypot(offset, left)),
-                after=left,
+                before=float(np.hypot(offset, rms)),
+                after=rms,
                 group=((JOINT_ZERO_OFFSET.name, joint),),
                 evidence=(
                     f"the motor encoder of joint {joint} reads {abs(1e3 * offset):.3g} m{unit} {'more' if offset > 0 else 'less'} than the "
@@ -264,9 +264,9 @@ def _offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
 
 def _remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
     """What is left above the scatter from row to row; with the order of a wave over motor angle that both model show alike."""
-    left = [model.residual(chosen, side, side) for side in (model.rows.fit, model.rows.held_out)]
+    residuals = [model.residual(chosen, side, side) for side in (model.rows.fit, model.rows.held_out)]
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
-        rms = float(np.sqrt(np.mean(left[1][:, k] ** 2)))
+        rms = float(np.sqrt(np.mean(residuals[1][:, k] ** 2)))
         if rms < OVER_NOISE * model.rows.fit.noise[k]:
             continue
         remark = (
@@ -275,7 +275,7 @@ def _remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
         )
         orders = [
             standing_orders(values[:, k], side, k, 1)
-            for values, side in zip(left, (model.rows.fit, model.rows.held_out))
+            for values, side in zip(residuals, (model.rows.fit, model.rows.held_out))
         ]
         if all(orders) and abs(orders[0][0] - orders[1][0]) < 0.5 / turns(model.rows.fit, k):
             remark += f"; part of it repeats {orders[0][0]:.3g} times a motor turn"
@@ -284,24 +284,24 @@ def _remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
 
 def _structure(chosen: Chosen, model: LinkEncoders) -> list[Structure]:
     """Joints whose difference is still above the noise and predictable from a variable, and from which one best."""
-    found = []
-    left = [model.residual(chosen, model.rows.fit, side) for side in (model.rows.fit, model.rows.held_out)]
+    structures = []
+    residuals = [model.residual(chosen, model.rows.fit, side) for side in (model.rows.fit, model.rows.held_out)]
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
-        if float(np.sqrt(np.mean(left[1][:, k] ** 2))) < OVER_NOISE * model.rows.fit.noise[k]:
+        if float(np.sqrt(np.mean(residuals[1][:, k] ** 2))) < OVER_NOISE * model.rows.fit.noise[k]:
             continue
         against = {"position": "q", "velocity": "v", "load torque": "load"}
         shares = {
             name: _predicted(
-                left[0][:, k],
-                left[1][:, k],
+                residuals[0][:, k],
+                residuals[1][:, k],
                 *(getattr(side, field)[:, k] for side in (model.rows.fit, model.rows.held_out)),
             )
             for name, field in against.items()
         }
-        name = max(shares, key=lambda one: shares[one])
+        name = max(shares, key=lambda variable: shares[variable])
         if shares[name] > PREDICTED:
-            found.append(Structure(Signal.LINK_ANGLE, joint, name, shares[name]))
-    return found
+            structures.append(Structure(Signal.LINK_ANGLE, joint, name, shares[name]))
+    return structures
 
 
 def _predicted(y_fit: Array, y: Array, x_fit: Array, x: Array) -> float:

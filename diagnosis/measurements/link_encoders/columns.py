@@ -87,7 +87,7 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
     parts: list[tuple[Array, ...]] = []
     noises = []
     k = joints - 1
-    known = bool(np.any(arm.joint_array("mass") > 0))
+    known_load = bool(np.any(arm.joint_array("mass") > 0))
     stride = max(1, sum(map(len, recordings)) // MOST_ROWS)
     for r in recordings:
         assert r.ql is not None
@@ -96,7 +96,7 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
         slow = low_pass(r.q, LOAD_BAND, rate)
         v = np.gradient(smooth, r.dt, axis=0)
         slow_v = np.gradient(slow, r.dt, axis=0)
-        if known:
+        if known_load:
             load = rigid_torque(arm, slow, slow_v, np.gradient(slow_v, r.dt, axis=0))
         else:
             load = low_pass(r.i, LOAD_BAND, rate) * arm.joint_array("drive_constant")
@@ -110,7 +110,7 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
     starts = np.cumsum([0, *(len(part[0]) for part in parts[:-1])])
     difference, q, v, load, t = (np.concatenate(columns) for columns in zip(*parts))
     return Rows(
-        joints, difference, q, v, load, known, t, tuple(starts.tolist()),
+        joints, difference, q, v, load, known_load, t, tuple(starts.tolist()),
         np.mean(noises, axis=0) + 1e-12, np.array([arm.joints[j].ratio for j in k]), np.maximum(np.max(np.abs(load), axis=0), 1e-12),
     )  # fmt: skip
 
@@ -155,14 +155,14 @@ def width(candidate: Candidate) -> int:
     return 2 if variant(candidate)[0].endswith("order") else 1
 
 
-def standing_waves(rest: Array, rows: Rows, k: int) -> list[Candidate]:
+def standing_waves(residual: Array, rows: Rows, k: int) -> list[Candidate]:
     """Waves of the gear at the k-th joint at the orders, whole or not, at which ``rest`` (m,) repeats most."""
     gears = (e for e in observed_by(Instrument.LINK_ENCODER) if e.wave and e.deflection is not None)
     joint = int(rows.joints[k])
     return [
         Candidate(effect.name, joint, (("order", order),))
         for effect in gears
-        for order in standing_orders(rest, rows, k)
+        for order in standing_orders(residual, rows, k)
     ]
 
 
@@ -214,7 +214,7 @@ def turns(rows: Rows, k: int) -> float:
     return float(np.ptp(rows.q[:, k]) * rows.ratio[k] / (2 * np.pi))
 
 
-def standing_orders(rest: Array, rows: Rows, k: int, count: int = 3) -> list[float]:
+def standing_orders(residual: Array, rows: Rows, k: int, count: int = 3) -> list[float]:
     """Cycles a motor turn, whole or not (a wave of the gear wheel is not), at which ``rest`` (m,) repeats most: peaks of the spectrum over motor
     angle of its averages in bins of a 128th turn, less their running mean over a turn."""
     if turns(rows, k) < 2.0:
@@ -222,7 +222,7 @@ def standing_orders(rest: Array, rows: Rows, k: int, count: int = 3) -> list[flo
     angle = rows.q[:, k] * rows.ratio[k] / (2 * np.pi)
     bins = ((angle - angle.min()) * 128).astype(np.intp)
     number = np.bincount(bins)
-    mean = np.bincount(bins, weights=rest) / np.maximum(number, 1)
+    mean = np.bincount(bins, weights=residual) / np.maximum(number, 1)
     wave = np.where(number > 0, mean - ndimage.uniform_filter1d(mean, 128), 0.0)
     length = 8 * len(wave)
     power = np.abs(np.fft.rfft(wave, length)) ** 2

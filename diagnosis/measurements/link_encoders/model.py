@@ -100,13 +100,13 @@ class LinkEncoders(MeasurementModel[Candidate, Chosen]):
     def score(self, candidate: Candidate, chosen: Sequence[Candidate]) -> Score[Candidate]:
         """Gain in units of the joints' scales, and its share of what was left where the candidate is felt."""
         felt = self.felt(candidate)
-        left, correlated, falls = 0.0, 0.0, []
+        energy, correlated, falls = 0.0, 0.0, []
         for learned, judged in self.rows.folds():
             before, after = (
                 self.residual(some, learned, judged)[:, felt] / self.scale[felt]
                 for some in (chosen, [*chosen, candidate])
             )
-            left += float(np.sum(before**2))
+            energy += float(np.sum(before**2))
             correlated = max(correlated, _correlated(after, float(judged.t[1] - judged.t[0])))
             falls.append((judged, before**2 - after**2))
         seconds = float(np.clip(2.0 * correlated, SHORTEST, self.limits.block_seconds))
@@ -120,7 +120,7 @@ class LinkEncoders(MeasurementModel[Candidate, Chosen]):
             p=p_value(blocks),
             blocks=blocks,
             coefficients=np.zeros(width(candidate)),
-            share=gain / max(left, 1e-300),
+            share=gain / max(energy, 1e-300),
         )
 
     def best(self, chosen: Sequence[Candidate]) -> list[Candidate]:
@@ -132,13 +132,13 @@ class LinkEncoders(MeasurementModel[Candidate, Chosen]):
         for k, joint in enumerate(int(j) for j in fit.joints):
             x = np.column_stack([np.ones(fit.rows), *(self.columns(c, fit, k) for c in chosen)])
             basis = np.linalg.qr(x / np.linalg.norm(x, axis=0))[0]
-            rest = _off(basis, fit.difference[:, k])
-            for candidate in [*everything, *standing_waves(rest, fit, k)]:
+            residual = _off(basis, fit.difference[:, k])
+            for candidate in [*everything, *standing_waves(residual, fit, k)]:
                 key = candidate.key
                 if candidate.joint != joint or key in taken or candidate in chosen:
                     continue
                 own = _off(basis, self.columns(candidate, fit, k))
-                gain = float(np.sum((np.linalg.qr(own)[0].T @ rest) ** 2))
+                gain = float(np.sum((np.linalg.qr(own)[0].T @ residual) ** 2))
                 if key not in best or gain > best[key][0]:
                     best[key] = gain, candidate
         everywhere = [c for c in everything if c.joint is None and c.key not in taken]
@@ -172,14 +172,14 @@ class LinkEncoders(MeasurementModel[Candidate, Chosen]):
     def fitted(self, chosen: Sequence[Candidate], rows: Rows) -> Array:
         """(c,) coefficients of all joints together."""
         x, size = scaled(self.stacked(chosen, rows))
-        found: Array = np.linalg.lstsq(x.T @ x, x.T @ self.response(rows), rcond=1e-11)[0] / size
-        return found
+        coefficients: Array = np.linalg.lstsq(x.T @ x, x.T @ self.response(rows), rcond=1e-11)[0] / size
+        return coefficients
 
     def residual(self, chosen: Sequence[Candidate], learned: Rows, judged: Rows) -> Array:
         """(m, k) rad: difference of ``judged`` less what is predicted from ``learned``; its own constant is free."""
         predicted = (self.stacked(chosen, judged) @ self.fitted(chosen, learned)).reshape(len(judged.joints), -1).T
-        rest = judged.difference - predicted * self.scale
-        return np.asarray(rest - rest.mean(axis=0), float)
+        residual = judged.difference - predicted * self.scale
+        return np.asarray(residual - residual.mean(axis=0), float)
 
     def is_physical(self, candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
         """Whether a compliance or a gap comes out positive."""
@@ -222,9 +222,9 @@ def _off(basis: Array, values: Array) -> Array:
     return values - basis @ (basis.T @ values)
 
 
-def _correlated(rest: Array, dt: float) -> float:
+def _correlated(residual: Array, dt: float) -> float:
     """s over which the column of ``rest`` (m, k) that does so longest is correlated to more than 1 / e."""
-    rest = rest - rest.mean(axis=0)
-    power = np.abs(np.fft.rfft(rest, 2 * len(rest), axis=0)) ** 2
-    with_itself = np.fft.irfft(power, axis=0)[: len(rest)]
+    residual = residual - residual.mean(axis=0)
+    power = np.abs(np.fft.rfft(residual, 2 * len(residual), axis=0)) ** 2
+    with_itself = np.fft.irfft(power, axis=0)[: len(residual)]
     return float(np.max(np.argmax(with_itself < np.exp(-1.0) * with_itself[0], axis=0))) * dt

@@ -61,11 +61,11 @@ class AxisSide:
 
     causes: list[AxisCause]
     wave: StandingWave | None
-    seen: Rows
-    left: Array
+    held_out: Rows
+    residual: Array
 
 
-def sharply(arm: Arm, recordings: Sequence[Samples]) -> Arm:
+def with_sharp_friction(arm: Arm, recordings: Sequence[Samples]) -> Arm:
     """The arm of one axis with friction that turns round within TURN of its speed, where the model's turns more slowly than that.
 
     Over which velocity the sign of friction is smoothed is chosen for simulation, seldom measured; as wide as a stroke's start it would hide
@@ -82,22 +82,22 @@ def _rate(t: Array) -> float:
     return 1.0 / float(np.median(np.diff(t)))
 
 
-def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, parts: bool) -> AxisSide | None:
+def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, two_fold: bool) -> AxisSide | None:
     """Causes, and what stands beside them; None where the arm is not one axis, or its encoder too coarse to say more than filters leave.
 
     fit, held_out: recordings (t (k,) s uniform, q (k, 1), i (k, 1)); parts: they are parts of the same recordings.
     """
     if len(arm) != 1:
         return None
-    arm = sharply(arm, [*fit, *held_out])
-    rows = Split(rows_of(arm, fit, LIMITS.block_seconds), rows_of(arm, held_out, LIMITS.block_seconds), parts)
+    arm = with_sharp_friction(arm, [*fit, *held_out])
+    rows = Split(rows_of(arm, fit, LIMITS.block_seconds), rows_of(arm, held_out, LIMITS.block_seconds), two_fold)
     if not fine(arm, rows.fit):
         return None
-    whole = rows_of(arm, [*fit, *held_out], LIMITS.block_seconds) if parts else rows.fit
-    model = SingleAxis(rows, whole, parts or _goes_on(fit, held_out))
+    whole = rows_of(arm, [*fit, *held_out], LIMITS.block_seconds) if two_fold else rows.fit
+    model = SingleAxis(rows, whole, two_fold or _goes_on(fit, held_out))
     chosen = select(model)
-    left = model.residual(chosen, rows.fit, rows.held_out)
-    return AxisSide([_cause(c, chosen, model) for c in chosen], _wave(chosen, model), rows.held_out, left)
+    residual = model.residual(chosen, rows.fit, rows.held_out)
+    return AxisSide([_cause(c, chosen, model) for c in chosen], _wave(chosen, model), rows.held_out, residual)
 
 
 def _goes_on(fit: Sequence[Samples], held_out: Sequence[Samples]) -> bool:
@@ -129,8 +129,8 @@ def _wave(chosen: Chosen, model: SingleAxis) -> StandingWave | None:
 def _cause(candidate: Candidate, chosen: Chosen, model: SingleAxis) -> AxisCause:
     others, rows = model.without(candidate, chosen), model.rows
     score = model.score(candidate, others)
-    without, having = (model.residual(some, rows.fit, rows.held_out) for some in (others, chosen))
-    before, after = (float(np.sqrt(np.mean(values**2))) for values in (without, having))
+    without, complete = (model.residual(some, rows.fit, rows.held_out) for some in (others, chosen))
+    before, after = (float(np.sqrt(np.mean(values**2))) for values in (without, complete))
     return AxisCause(
         effect=candidate.effect,
         parameters=_parameters(candidate, chosen, model),
@@ -159,7 +159,7 @@ def _parameters(candidate: Candidate, chosen: Chosen, model: SingleAxis) -> list
     """Values, and standard deviations by clusters of rows at the same place and speed, nonlinear parameters among the columns."""
     rows, x = model.whole, model.stacked(chosen, model.whole)
     c = model.fitted(chosen, rows)
-    at = sum(model.columns(one, rows).shape[1] for one in chosen[: chosen.index(candidate)])
+    at = sum(model.columns(earlier, rows).shape[1] for earlier in chosen[: chosen.index(candidate)])
     column = model.columns(candidate, rows)
     own = c[at : at + column.shape[1]]
     refined = [name for name, _ in candidate.shape if not candidate.definition[name].fixed]

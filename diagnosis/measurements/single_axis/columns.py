@@ -135,16 +135,16 @@ def _tried(parameter: Parameter, rows: Rows) -> tuple[float, ...]:
             return tuple(friction / (share * travel) for share in parameter.shares) if friction > 0.0 else ()
 
 
-def waves(rest: Array, rows: Rows, count: int = 3) -> list[Candidate]:
+def waves(residual: Array, rows: Rows, count: int = 3) -> list[Candidate]:
     """Torques that go with the sine of the place, at the wave numbers where ``rest`` (m,) repeats most: at least FEWEST_WAVES in the travel,
     and not so many that the fastest stroke would take them past the filter."""
     travel, speed = float(np.ptp(rows.q)), max(float(np.max(np.abs(s.v))) for s, _ in rows.parts)
     most = COMPARE_BAND * travel / max(speed, 1e-12)
-    if most < FEWEST_WAVES or len(rest) == 0:
+    if most < FEWEST_WAVES or len(residual) == 0:
         return []
     cycles = np.arange(FEWEST_WAVES, most, 0.2)
     place = (rows.q - rows.q.min()) / travel
-    power = np.array([abs(np.sum(rest * np.exp(-2j * np.pi * n * place))) ** 2 for n in cycles])
+    power = np.array([abs(np.sum(residual * np.exp(-2j * np.pi * n * place))) ** 2 for n in cycles])
     peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
     turn = 2 * np.pi * cycles[peaks[np.argsort(-power[peaks])][:count]] / travel / rows.arm.joints[0].ratio
     return [
@@ -164,14 +164,14 @@ def _candidate(effect: Effect, shape: tuple[tuple[str, float], ...]) -> Candidat
 def columns(candidate: Candidate, rows: Rows) -> Array:
     """(m, c) A: change of the residual for a unit of each coefficient."""
     effect = candidate.definition
-    held = {p.name: 0.0 for p in effect.parameters} | dict(candidate.shape)
+    values = {p.name: 0.0 for p in effect.parameters} | dict(candidate.shape)
     made = []
     for s, rate in rows.parts:
         if effect.delay is not None:
             full = [-np.gradient(s.current, 1.0 / rate)]
         else:
-            full = [_full(effect, unit, s, rate, rows.arm) for unit in units(effect, held)]
-        made.append(np.column_stack([low_pass(one, _bands(rate)[1], rate)[_kept(rate)] for one in full]))
+            full = [_full(effect, unit, s, rate, rows.arm) for unit in units(effect, values)]
+        made.append(np.column_stack([low_pass(column, _bands(rate)[1], rate)[_kept(rate)] for column in full]))
     return np.concatenate(made)
 
 
@@ -191,7 +191,9 @@ def _changed(effect: Effect, p: Values, s: Signals, arm: Arm) -> Array:
     """First-order change (k,) A of the expected current, by finite difference of the description."""
     assert effect.change is not None
     step = 1e-4
-    other = effect.change(arm, 1, Values({name: step * value for name, value in p.items()}))
+    changed = effect.change(arm, 1, Values({name: step * value for name, value in p.items()}))
     motion = [x[:, None] for x in (s.q, s.v, s.a)]
-    before, after = (inverse_dynamics(one, *motion)[:, 0] / one.joints[0].drive_constant for one in (arm, other))
+    before, after = (
+        inverse_dynamics(model, *motion)[:, 0] / model.joints[0].drive_constant for model in (arm, changed)
+    )
     return np.asarray((after - before) / step, float)

@@ -95,18 +95,18 @@ class SingleAxis(MeasurementModel[Candidate, Chosen]):
             *waves(self.residual(chosen, self.rows.fit, self.rows.fit), self.rows.fit),
         ]:
             if candidate.effect not in taken:
-                left = float(np.sum(self.residual([*chosen, candidate], self.rows.fit, self.rows.fit) ** 2))
-                if candidate.effect not in best or left < best[candidate.effect][0]:
-                    best[candidate.effect] = left, candidate
+                energy = float(np.sum(self.residual([*chosen, candidate], self.rows.fit, self.rows.fit) ** 2))
+                if candidate.effect not in best or energy < best[candidate.effect][0]:
+                    best[candidate.effect] = energy, candidate
         return [candidate for _, candidate in best.values()]
 
     def score(self, candidate: Candidate, chosen: Sequence[Candidate]) -> Score[Candidate]:
         """Gain A2 per block of held-out rows; share 0 where the held-out set itself gains nothing."""
-        falls, left = [], 0.0
+        falls, energy = [], 0.0
         for learned, judged in self.rows.folds():
             before, after = (self.residual(some, learned, judged) for some in (chosen, [*chosen, candidate]))
             falls.append(np.bincount(judged.block, weights=before**2 - after**2).astype(float))
-            left += float(np.sum(before**2))
+            energy += float(np.sum(before**2))
         blocks = np.concatenate(falls)
         gain = float(blocks.sum())
         return Score(
@@ -117,7 +117,7 @@ class SingleAxis(MeasurementModel[Candidate, Chosen]):
             coefficients=self.fitted([*chosen, candidate], self.rows.fit)[
                 -self.columns(candidate, self.rows.fit).shape[1] :
             ],
-            share=gain / max(left, 1e-300) if falls[0].sum() > 0 else 0.0,
+            share=gain / max(energy, 1e-300) if falls[0].sum() > 0 else 0.0,
         )
 
     def columns(self, candidate: Candidate, rows: Rows) -> Array:
@@ -188,9 +188,9 @@ class SingleAxis(MeasurementModel[Candidate, Chosen]):
             if candidate.definition.wave:
                 # half a wave in the travel: beyond, another one fits
                 reach = 1.0 + np.pi / (value * rows.arm.joints[0].ratio * float(np.ptp(rows.q)))
-            found = optimize.minimize_scalar(
+            optimum = optimize.minimize_scalar(
                 worse, bounds=(np.log(value / reach), np.log(value * reach)), method="bounded", options={"maxiter": 12}
             )
-            if found.fun < worse(float(np.log(value))):
-                candidate = candidate.at(name, float(np.exp(found.x)))
+            if optimum.fun < worse(float(np.log(value))):
+                candidate = candidate.at(name, float(np.exp(optimum.x)))
         return candidate

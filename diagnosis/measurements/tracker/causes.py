@@ -23,7 +23,7 @@ from diagnosis.measurements.tracker.columns import State, TrackedCandidate
 from diagnosis.measurements.tracker.detectability import no_tracker, not_visible, sizes, structure, visible
 from diagnosis.measurements.tracker.model import LIMITS, Named, TrackedPoints, selected, tracked_points
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
-from diagnosis.measurements.tracker.regression import energy, good, left
+from diagnosis.measurements.tracker.regression import energy, good, point_residual
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.selection.estimates import estimates
 from identification.kinematics.data import aligned
@@ -57,7 +57,7 @@ class Tracked:
     @property
     def geometry(self) -> list[Cause]:
         """Causes that say where the links are: what the currents are to be seen through as well."""
-        return [one for one in self.causes if one.effect in (JOINT_ZERO_OFFSET.name, LINK_GEOMETRY.name)]
+        return [cause for cause in self.causes if cause.effect in (JOINT_ZERO_OFFSET.name, LINK_GEOMETRY.name)]
 
 
 def tracked_causes(
@@ -81,8 +81,8 @@ def tracked_causes(
     progress("comparing the tracker's points with the model")
     recordings = [[r for r, _ in part] for part in pairs]
     target = _target(recordings[0][0])
-    known = all(r.xyz is not None for part in recordings for r in part)
-    start = _start(arm, pairs[0], target, known)
+    frame_known = all(r.xyz is not None for part in recordings for r in part)
+    start = _start(arm, pairs[0], target, frame_known)
     sides, outliers, noises = [], [], []
     for part in pairs:
         at = [position(start, q) for r, q in part]
@@ -94,14 +94,14 @@ def tracked_causes(
     noise = float(np.mean(noises))
     level = float(np.hypot(noise, _zeros(start, sides[1], steps)))
     points = Split(sides[0], sides[1])
-    model = tracked_points(arm, points, target, frame_known=known, nominal=start.values, level=level, steps=steps)
+    model = tracked_points(arm, points, target, frame_known=frame_known, nominal=start.values, level=level, steps=steps)
     state = _sparse(selected(model, progress), model)
     precise = model.precise(state)
-    causes = [_cause(one, precise, state, model) for one in (model.named(state) if state.chosen else [])]
+    causes = [_cause(named, precise, state, model) for named in (model.named(state) if state.chosen else [])]
     strays = _strays(outliers, [[r.path.name for r in part] for part in recordings])
     moves = sizes(model.every, model.start(), sides)
     before = [side.xyz - position(start, side.q) for side in sides]
-    after = [left(state, side) for side in sides]
+    after = [point_residual(state, side) for side in sides]
     names = ("fit", "held_out")
     return Tracked(
         causes=causes + ([strays] if strays else []),
@@ -122,10 +122,12 @@ def _target(recording: Recording) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _start(arm: Arm, part: Sequence[tuple[Recording, Array]], target: tuple[float, float, float], known: bool) -> Chain:
+def _start(
+    arm: Arm, part: Sequence[tuple[Recording, Array]], target: tuple[float, float, float], frame_known: bool
+) -> Chain:
     """The model's chain; where no rig file says how the tracker stands, with the base laid where the points are."""
     chain = chain_of(described(arm), target)
-    if known:
+    if frame_known:
         return chain
     q = np.concatenate([angles for _, angles in part])
     xyz = np.concatenate([_points(r) for r, _ in part])
@@ -165,7 +167,10 @@ def _sparse(state: State, model: TrackedPoints) -> State:
                 certain[0] = 0.0
             fewer = replace(candidate, names=tuple(np.delete(candidate.names, int(np.argmin(certain))).tolist()))
             without = model.refit([fewer if c is candidate else c for c in state.chosen], state)
-            if certain.min() > CERTAIN and energy(left(without, fit)) > energy(left(state, fit)) + least:
+            if (
+                certain.min() > CERTAIN
+                and energy(point_residual(without, fit)) > energy(point_residual(state, fit)) + least
+            ):
                 break
             candidate, state = fewer, without
     chosen = [replace(c, effect=JOINT_ZERO_OFFSET.name) if c.names == ("d_theta",) else c for c in state.chosen]
@@ -182,16 +187,16 @@ def _step(candidate: TrackedCandidate, steps: Array) -> float:
     return float(steps[(candidate.joint or 1) - 1])
 
 
-def _cause(one: Named, precise: State, state: State, model: TrackedPoints) -> Cause:
-    candidate = one.candidate
+def _cause(named: Named, precise: State, state: State, model: TrackedPoints) -> Cause:
+    candidate = named.candidate
     values, covariance = precise.coefficients(candidate)
-    after = left(state, model.points.held_out)
-    before, now = _rms(one.before), _rms(after)
-    group = [c.key for c in one.equals]
+    after = point_residual(state, model.points.held_out)
+    before, now = _rms(named.before), _rms(after)
+    group = [c.key for c in named.equals]
     definition = candidate.definition
     aliases = [(alias, candidate.joint) for alias in definition.observed_by[Instrument.TRACKER].aliases]
     group += [key for key in aliases if key not in group]
-    better, blocks = int(np.sum(one.score.blocks > 0)), int(np.sum(one.score.blocks != 0))
+    better, blocks = int(np.sum(named.score.blocks > 0)), int(np.sum(named.score.blocks != 0))
     where = "" if candidate.joint is None else f" of joint {candidate.joint}"
     sentence = (
         f"{definition.shown(Instrument.TRACKER, {}, {})}{where}: with it the held-out points are off by {1e3 * now:.3g} instead of "
@@ -206,7 +211,7 @@ def _cause(one: Named, precise: State, state: State, model: TrackedPoints) -> Ca
         effect=candidate.effect,
         joint=candidate.joint,
         parameters=estimates(candidate, values.tolist(), covariance, None, LIMITS.systematic),
-        confidence=confidence_of(one.score.p),
+        confidence=confidence_of(named.score.p),
         before=before,
         after=now,
         group=tuple(group),
@@ -220,17 +225,20 @@ def _cause(one: Named, precise: State, state: State, model: TrackedPoints) -> Ca
 
 def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str]]) -> Cause | None:
     """Wrong and missing points, where fit and held-out recordings together show enough of them."""
-    every = [one for part in outliers for one in part]
-    wrong, missing = sum(o.wrong for o in every), sum(o.missing for o in every)
+    of_recordings = [outlier_set for part in outliers for outlier_set in part]
+    wrong, missing = sum(o.wrong for o in of_recordings), sum(o.missing for o in of_recordings)
     if max(wrong, missing) < FEWEST_WRONG:
         return None
-    expected = sum(o.expected for o in every)
+    expected = sum(o.expected for o in of_recordings)
     share = (wrong + missing) / expected
-    size = np.concatenate([o.size for o in every])
+    size = np.concatenate([o.size for o in of_recordings])
     typical = float(np.median(size)) if len(size) else 0.0
     spread = float(1.4826 * np.median(np.abs(size - typical)) / np.sqrt(len(size))) if len(size) else 0.0
     listed = ", ".join(
-        name for part, files in zip(outliers, names) for one, name in zip(part, files) if one.wrong + one.missing
+        name
+        for part, files in zip(outliers, names)
+        for outlier_set, name in zip(part, files)
+        if outlier_set.wrong + outlier_set.missing
     )
     return Cause(
         effect=TRACKER_OUTLIERS.name,
@@ -245,7 +253,7 @@ def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str
         group=((TRACKER_OUTLIERS.name, None),),
         evidence=(
             f"{wrong} of {expected} tracked points are off by {1e3 * typical:.3g} mm from their neighbours, {missing} are missing in "
-            f"{sum(o.breaks for o in every)} breaks ({listed}); they were left out"
+            f"{sum(o.breaks for o in of_recordings)} breaks ({listed}); they were left out"
         ),
         felt_at=None,
         unit="m",

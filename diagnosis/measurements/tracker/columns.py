@@ -108,18 +108,18 @@ def turns(candidate: TrackedCandidate, side: Side) -> Array:
         return np.zeros((len(side), n, 0))
     effect = candidate.definition
     # an inverse parameter at 1: its coefficient is the reciprocal
-    held = {p.name: 1.0 if p.inverse else 0.0 for p in effect.parameters} | dict(candidate.shape)
-    each = units(effect, held)
+    values = {p.name: 1.0 if p.inverse else 0.0 for p in effect.parameters} | dict(candidate.shape)
+    unit_values = units(effect, values)
     if effect.late is not None:
-        return -float(effect.late(each[0], Signals())) * side.v[..., None]
-    seen = Signals(q=side.q[:, j], motor=side.motor[:, j], load=side.load[:, j])
+        return -float(effect.late(unit_values[0], Signals())) * side.v[..., None]
+    signals = Signals(q=side.q[:, j], motor=side.motor[:, j], load=side.load[:, j])
     columns = []
     if effect.bend is not None:
-        columns = [effect.bend(unit, replace(seen, load=side.holding[:, j])) for unit in each]
+        columns = [effect.bend(unit, replace(signals, load=side.holding[:, j])) for unit in unit_values]
     elif effect.angle is not None:  # the link stands where the joint reads, less the error
-        columns = [-effect.angle(unit, seen) for unit in each]
+        columns = [-effect.angle(unit, signals) for unit in unit_values]
     elif effect.deflection is not None:
-        columns = [-effect.deflection(unit, seen) for unit in each]
+        columns = [-effect.deflection(unit, signals) for unit in unit_values]
     bent = np.zeros((len(side), n, len(columns)))
     bent[:, j] = np.column_stack(columns)
     return bent
@@ -150,13 +150,13 @@ class State:
         if candidate.names:
             where = [chain.names.index(name) for name in candidate.values]
             rows = [free.index(k) for k in where]
-            found = (self.estimate.values - chain.values)[where]
+            coefficients = (self.estimate.values - chain.values)[where]
         else:
             bent = [c for c in self.chosen if not c.names]
             before = sum(c.size for c in bent[: bent.index(candidate)])
             rows = [len(free) + before + k for k in range(candidate.size)]
-            found = self.estimate.extension[before : before + candidate.size]
-        return found, self.estimate.covariance[np.ix_(rows, rows)]
+            coefficients = self.estimate.extension[before : before + candidate.size]
+        return coefficients, self.estimate.covariance[np.ix_(rows, rows)]
 
 
 def points_of(chosen: Sequence[TrackedCandidate], side: Side) -> Points:
@@ -216,8 +216,8 @@ def _correlated(residual: Array, estimate: Fit, side: Side) -> float:
 def _widened(covariance: Array, prior: Array, correlated: float) -> Array:
     """The covariance if only every ``correlated``-th point counts: what the points say is worth less, what was known before is not."""
     unit = covariance / np.outer(prior, prior)  # (H + 1)^-1 for points that say H
-    said = np.linalg.inv(unit) - np.eye(len(prior))
-    return np.asarray(np.linalg.inv(said / correlated + np.eye(len(prior))) * np.outer(prior, prior))
+    information = np.linalg.inv(unit) - np.eye(len(prior))
+    return np.asarray(np.linalg.inv(information / correlated + np.eye(len(prior))) * np.outer(prior, prior))
 
 
 def _with_zeros(points: Points, side: Side, steps: Array) -> Points:
@@ -237,7 +237,7 @@ def _zero_scales(side: Side, steps: Array) -> Array:
 
 def _parameters(arm: Arm, chosen: Sequence[TrackedCandidate], target: Sequence[float], frame_known: bool) -> Parameters:
     chain = chain_of(described(arm), target)
-    wanted = {name: float(scale) for c in chosen if c.names for name, scale in zip(c.values, c.scales)}
+    prior_std = {name: float(scale) for c in chosen if c.names for name, scale in zip(c.values, c.scales)}
     scale = np.zeros(len(chain.steps))
     for k, step in enumerate(chain.steps):
         group = step.name.partition(".")[0]
@@ -245,8 +245,8 @@ def _parameters(arm: Arm, chosen: Sequence[TrackedCandidate], target: Sequence[f
             scale[k] = FRAME if frame_known else ANYWHERE
         elif group == "target":
             scale[k] = TARGET
-        elif step.name in wanted:
-            scale[k] = wanted[step.name]
+        elif step.name in prior_std:
+            scale[k] = prior_std[step.name]
     free = np.flatnonzero(scale)
     return Parameters(chain, free, free, scale)
 

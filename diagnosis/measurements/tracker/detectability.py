@@ -47,12 +47,12 @@ def sizes(every: Sequence[TrackedCandidate], nothing: State, sides: Sequence[Sid
     return {c: float(np.sqrt(_typical_squares(c, nothing, sides, parts))) for c in every}
 
 
-def not_visible(moves: Mapping[TrackedCandidate, float], level: float, found: set[EffectKey]) -> list[Undetectable]:
+def not_visible(moves: Mapping[TrackedCandidate, float], level: float, known: set[EffectKey]) -> list[Undetectable]:
     """Effects that only a tracker shows and that move the held-out points by less than a third of what they can tell (``level``, m);
     ``moves``: see ``sizes``."""
     invisible, here = [], only_tracked()
     for candidate, size in moves.items():
-        if candidate.effect in here and candidate.key not in found and size < level / 3.0:
+        if candidate.effect in here and candidate.key not in known and size < level / 3.0:
             where = f" at joint {candidate.joint}" if candidate.joint else ""
             by = f"by {1e3 * size:.2g} mm rms" if size > 1e-3 * level else "by nothing"
             why = f"even {_typical(candidate)[1]}{where} would move these points {by}; they tell {1e3 * level:.2g} mm"
@@ -80,11 +80,11 @@ def _typical_squares(
     free = [part.free.reshape(-1, part.free.shape[2]) for part in parts]
     largest = 0.0
     for k, typical in enumerate(_typical(candidate)[0]):
-        one, held = (c[:, :, k].ravel() * typical for c in columns)
+        in_fit, in_held_out = (c[:, :, k].ravel() * typical for c in columns)
         taken = np.linalg.solve(
-            free[0].T @ free[0] + nothing.estimate.noise**2 * np.eye(free[0].shape[1]), free[0].T @ one
+            free[0].T @ free[0] + nothing.estimate.noise**2 * np.eye(free[0].shape[1]), free[0].T @ in_fit
         )
-        largest = max(largest, float(np.mean((held - free[1] @ taken) ** 2)))
+        largest = max(largest, float(np.mean((in_held_out - free[1] @ taken) ** 2)))
     return largest
 
 
@@ -97,13 +97,13 @@ def _typical(candidate: TrackedCandidate) -> tuple[list[float], str]:
     return values, words
 
 
-def structure(sides: Sequence[Side], left: Sequence[Array], level: float) -> list[Structure]:
+def structure(sides: Sequence[Side], residuals: Sequence[Array], level: float) -> list[Structure]:
     """The variable that predicts most of what is left of the held-out points; nothing where what is left is noise, or where nothing
     predicts a tenth of it beyond chance."""
-    kept = [good(residual) for residual in left]
-    fit, held = (residual[keep] for residual, keep in zip(left, kept))
-    total = float(np.sum(held**2))
-    if np.sqrt(np.mean(held**2)) < ROUGH * level:
+    kept = [good(residual) for residual in residuals]
+    fit, held_out = (residual[keep] for residual, keep in zip(residuals, kept))
+    total = float(np.sum(held_out**2))
+    if np.sqrt(np.mean(held_out**2)) < ROUGH * level:
         return []
     best: Structure | None = None
     generator = np.random.default_rng(0)
@@ -114,9 +114,9 @@ def structure(sides: Sequence[Side], left: Sequence[Array], level: float) -> lis
         count = np.maximum(np.bincount(which, minlength=len(edges) + 1), 1)
         means = np.stack([np.bincount(which, weights=c, minlength=len(edges) + 1) / count for c in fit.T], axis=1)
         predicted = means[np.digitize(x, edges)]
-        share = 1.0 - float(np.sum((held - predicted) ** 2)) / total
+        share = 1.0 - float(np.sum((held_out - predicted) ** 2)) / total
         if share > SHARE and (best is None or share > best.share):
-            inner = np.bincount(block, weights=np.sum(held * predicted, axis=1))
+            inner = np.bincount(block, weights=np.sum(held_out * predicted, axis=1))
             signs = generator.choice([-1.0, 1.0], size=(200, len(inner)))
             if np.mean(signs @ inner >= inner.sum()) < 0.01:
                 best = Structure(Signal.TRACKER, None, name, share)
@@ -124,9 +124,9 @@ def structure(sides: Sequence[Side], left: Sequence[Array], level: float) -> lis
 
 
 def _variables(side: Side, keep: NDArray[np.bool_]) -> list[tuple[str, Array]]:
-    found = [("time", side.t[keep])]
+    variables = [("time", side.t[keep])]
     for j in range(side.q.shape[1]):
-        found += [(f"position of joint {j + 1}", side.q[keep, j]), (f"velocity of joint {j + 1}", side.v[keep, j])]
-        found += [(f"load torque of joint {j + 1}", side.load[keep, j])]
-        found += [(f"motor angle of joint {j + 1}", np.mod(side.motor[keep, j], 2 * np.pi))]
-    return found
+        variables += [(f"position of joint {j + 1}", side.q[keep, j]), (f"velocity of joint {j + 1}", side.v[keep, j])]
+        variables += [(f"load torque of joint {j + 1}", side.load[keep, j])]
+        variables += [(f"motor angle of joint {j + 1}", np.mod(side.motor[keep, j], 2 * np.pi))]
+    return variables

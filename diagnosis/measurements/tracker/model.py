@@ -18,7 +18,7 @@ from arm_model import Arm
 from arm_model.effects.tracking import LINK_GEOMETRY
 from diagnosis.measurements.tracker.columns import GEOMETRY, State, TrackedCandidate, candidates, fitted, is_physical
 from diagnosis.measurements.tracker.points import Side
-from diagnosis.measurements.tracker.regression import by_block, columns_of, energy, left, linear, squares
+from diagnosis.measurements.tracker.regression import by_block, columns_of, energy, linear, point_residual, squares
 from identification.selection import Limits, MeasurementModel, Score, Split, eliminate, p_value, select
 
 LIMITS = Limits(
@@ -117,7 +117,7 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
         entering = _merged(score.candidate, state.chosen)
         after = self.refit([c for c in state.chosen if not _within(c, entering)] + [entering], state)
         held_out = self.points.held_out
-        gain = energy(left(state, held_out)) - energy(left(after, held_out))
+        gain = energy(point_residual(state, held_out)) - energy(point_residual(after, held_out))
         enough = gain > self.limits.min_gain * self.undetermined
         return after if enough and is_physical(entering, after.coefficients(entering)[0]) else None
 
@@ -128,7 +128,9 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
     def conditional(self, candidate: TrackedCandidate, without: State, state: State) -> Score[TrackedCandidate]:
         """One candidate conditional on all others, refitted."""
         held_out = self.points.held_out
-        blocks = by_block(squares(left(without, held_out)) - squares(left(state, held_out)), held_out)
+        blocks = by_block(
+            squares(point_residual(without, held_out)) - squares(point_residual(state, held_out)), held_out
+        )
         return _score(candidate, blocks, np.zeros(candidate.size))
 
     def needed(self, score: Score[TrackedCandidate], state: State) -> bool:
@@ -159,7 +161,7 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
     def named(self, state: State) -> list[Named]:
         """The chosen candidates with their equals and gains, the largest gain first."""
         held_out = self.points.held_out
-        enough = energy(left(state, held_out)) + self.limits.tie * self.undetermined
+        enough = energy(point_residual(state, held_out)) + self.limits.tie * self.undetermined
         named = []
         for candidate in state.chosen:
             others = [c for c in state.chosen if c is not candidate]
@@ -175,9 +177,9 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
                 if other.key != candidate.key:
                     swapped = self.refit([*others, other], without)
                     fits = is_physical(other, swapped.coefficients(other)[0])
-                    if fits and energy(left(swapped, held_out)) < enough:
+                    if fits and energy(point_residual(swapped, held_out)) < enough:
                         equals.append(other)
-            named.append(Named(candidate, _distinct(equals), own, left(without, held_out)))
+            named.append(Named(candidate, _distinct(equals), own, point_residual(without, held_out)))
         return sorted(named, key=lambda one: -one.score.gain)
 
 
@@ -218,11 +220,11 @@ def _merged(entering: TrackedCandidate, chosen: Sequence[TrackedCandidate]) -> T
     return replace(entering, names=tuple(name for name in GEOMETRY if name in names | set(entering.names)))
 
 
-def _within(one: TrackedCandidate, other: TrackedCandidate) -> bool:
+def _within(part: TrackedCandidate, whole: TrackedCandidate) -> bool:
     """Whether ``other`` can do everything that ``one`` can: the same, or all of its values and more."""
-    if one.names and other.names:
-        return set(one.values) <= set(other.values)
-    return one.key == other.key
+    if part.names and whole.names:
+        return set(part.values) <= set(whole.values)
+    return part.key == whole.key
 
 
 def _of_the_same_errors(alike: Sequence[TrackedCandidate], candidate: TrackedCandidate) -> list[TrackedCandidate]:

@@ -131,21 +131,21 @@ def _part(arm: Arm, rows: _Rows, index: int, most: int, before: Sequence[Side]) 
 
 def _rows(t: Array, q: Array, xyz: Array, off: Array) -> _Rows:
     v, a = _rates(t, q)
-    found = np.flatnonzero(np.isfinite(xyz).all(axis=1))
-    away = off[found]
+    tracked = np.flatnonzero(np.isfinite(xyz).all(axis=1))
+    away = off[tracked]
     # the noise from second differences: what is wrong with the arm is smooth
     second = (away[:-2] - 2 * away[1:-1] + away[2:]) / np.sqrt(6.0)
     noise = float(1.4826 * np.median(np.abs(second))) if len(second) else 0.0
-    apart = away - ndimage.median_filter(away, size=(NEIGHBOURS, 1), mode="nearest")
-    distance = np.linalg.norm(apart, axis=1)
+    deviation = away - ndimage.median_filter(away, size=(NEIGHBOURS, 1), mode="nearest")
+    distance = np.linalg.norm(deviation, axis=1)
     wrong = distance > WRONG * max(float(np.median(distance)) / 1.5382, noise, 1e-9)
-    steps = np.diff(found)
+    steps = np.diff(tracked)
     usual = int(np.median(steps)) if len(steps) else 1
     gaps = steps[steps > 3 * usual]
     missing = int(np.sum(gaps // usual - 1))
     good = xyz.copy()
-    good[found[wrong]] = np.nan
-    outliers = Outliers(int(wrong.sum()), missing, len(gaps), len(found) + missing, distance[wrong])
+    good[tracked[wrong]] = np.nan
+    outliers = Outliers(int(wrong.sum()), missing, len(gaps), len(tracked) + missing, distance[wrong])
     return _Rows(t, q, v, a, good, outliers, noise)
 
 

@@ -14,7 +14,7 @@ from identification.kinematics.estimation import REJECT, residuals
 from identification.kinematics.models import position_jacobian
 
 
-def left(state: State, side: Side) -> Array:
+def point_residual(state: State, side: Side) -> Array:
     """(N, 3) m: measured less fitted points of a side."""
     return residuals(state.parameters, state.values, state.estimate.extension, state.points(side))
 

@@ -29,18 +29,18 @@ def axis_figure(axis: AxisSide, effect: str, drive: Joint) -> tuple[Figure, str]
     definition = CATALOGUE[effect]
     match definition.observed_by[Instrument.SINGLE_AXIS].against:
         case Variable.CURRENT_RATE:
-            x, label = axis.seen.rate, f"change of the command, {drive.current_unit}/s"
+            x, label = axis.held_out.rate, f"change of the command, {drive.current_unit}/s"
         case Variable.POSITION:
-            x, label = axis.seen.q, f"position, {unit_at(drive, 'rad')}"
+            x, label = axis.held_out.q, f"position, {unit_at(drive, 'rad')}"
         case _:
-            x, label = axis.seen.v, f"velocity, {unit_at(drive, 'rad/s')}"
+            x, label = axis.held_out.v, f"velocity, {unit_at(drive, 'rad/s')}"
     widths = {p.name for p in definition.nonlinear if p.unit == "rad/s"}
     reach = next((NEAR * p.value for p in cause.parameters if p.name in widths), np.inf)
     shown = np.abs(x) < reach
     figure = Figure(figsize=(10.5, 3.2), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     for panel, values, colour, title in zip(
-        panels, (cause.without, axis.left), (BEFORE, AFTER), ("without it", "with all causes")
+        panels, (cause.without, axis.residual), (BEFORE, AFTER), ("without it", "with all causes")
     ):
         panel.plot(x[shown], values[shown], ".", ms=2.0, color=colour)
         panel.set_title(title, loc="left", fontsize="medium")
@@ -58,17 +58,17 @@ def wave_figure(axis: AxisSide, drive: Joint) -> tuple[Figure, str]:
 
     assert axis.wave is not None
     length, unit = (axis.wave.length, "rad") if drive.revolute else (1e3 * axis.wave.length, "mm")
-    place = np.mod(axis.seen.q, axis.wave.length) * (length / axis.wave.length)
+    place = np.mod(axis.held_out.q, axis.wave.length) * (length / axis.wave.length)
     edges = np.linspace(0.0, length, BINS + 1)
     figure = Figure(figsize=(10.5, 3.2), layout="constrained")
     panel = figure.subplots()
-    for rows, colour, name in ((axis.seen.v > 0, UP, "forwards"), (axis.seen.v < 0, DOWN, "backwards")):
-        values = axis.left[rows] - np.mean(axis.left[rows])
+    for rows, colour, name in ((axis.held_out.v > 0, UP, "forwards"), (axis.held_out.v < 0, DOWN, "backwards")):
+        values = axis.residual[rows] - np.mean(axis.residual[rows])
         panel.plot(place[rows], values, ".", ms=1.4, color=colour, alpha=0.25)
         bins = np.clip(np.digitize(place[rows], edges) - 1, 0, BINS - 1)
         mean = np.bincount(bins, values, BINS) / np.maximum(np.bincount(bins, minlength=BINS), 1)
         panel.plot((edges[1:] + edges[:-1]) / 2, mean, "-", lw=2.0, color=colour, label=f"{name}, mean")
-    top = 1.1 * float(np.quantile(np.abs(axis.left), 0.98))
+    top = 1.1 * float(np.quantile(np.abs(axis.residual), 0.98))
     panel.set_ylim(-top, top)
     panel.set_xlabel(f"place within {length:.4g} {unit}, {unit}")
     panel.set_ylabel(f"left by all causes,\n{drive.current_unit}")

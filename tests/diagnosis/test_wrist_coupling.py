@@ -10,7 +10,7 @@ import pytest
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
-from diagnosis.measurements.demands.wrist_coupling import turned_wrist
+from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
 
 STEP = 2 * np.pi / 1000 / 76.0
 
@@ -42,7 +42,7 @@ def _sides(folder: Path, coupling: dict[tuple[int, int], float]) -> tuple[list[R
 
 def test_the_coupling_is_told_with_its_coefficients(tmp_path: Path) -> None:
     hidden = {(5, 4): 0.03, (6, 4): -0.02, (6, 5): 0.1}
-    (event,) = turned_wrist(*_sides(tmp_path, hidden))
+    (event,) = wrist_coupling(*_sides(tmp_path, hidden))
     assert event.effect == "wrist_coupling"
     for parameter in event.parameters:
         true = hidden[int(parameter.name[1]), int(parameter.name[2])]
@@ -53,18 +53,18 @@ def test_the_coupling_is_told_with_its_coefficients(tmp_path: Path) -> None:
 
 
 def test_a_servo_that_lags_turns_no_other_motor(tmp_path: Path) -> None:
-    assert turned_wrist(*_sides(tmp_path, {})) == []
+    assert wrist_coupling(*_sides(tmp_path, {})) == []
 
 
 def test_an_axis_that_goes_further_than_told_is_turned_by_no_other(tmp_path: Path) -> None:
     """On a KUKA KR300 motor 6 goes a tenth further than its demand while axis 4 moves in step with it: no coupling of the two."""
     fit, held_out = (_recorded(tmp_path, seed, {}, overshoot=0.1) for seed in range(2))
-    assert turned_wrist([fit], [held_out]) == []
+    assert wrist_coupling([fit], [held_out]) == []
 
 
 @pytest.mark.parametrize("only", [(5, 4), (6, 5)])
 def test_one_coupling_leaves_the_others_at_zero(tmp_path: Path, only: tuple[int, int]) -> None:
-    (event,) = turned_wrist(*_sides(tmp_path, {only: 0.05}))
+    (event,) = wrist_coupling(*_sides(tmp_path, {only: 0.05}))
     told = {p.name: p.value for p in event.parameters}
     assert told[f"c{only[0]}{only[1]}"] == pytest.approx(0.05, rel=0.05)
     assert sum(abs(value) for value in told.values()) < 0.06

@@ -10,9 +10,9 @@ import pytest
 
 from arm_model.description import EffectTerm
 from arm_model.model_file import read_model
-from diagnosis.residual.run import Run, see
-from diagnosis.screening.cleaned import Sight, with_edges
-from diagnosis.screening.lost_triggers import Loss, event_of, lost_edges, put_back
+from diagnosis.residual.run import Run, residual_run
+from diagnosis.screening.cleaned import Residuals, realigned
+from diagnosis.screening.lost_triggers import DroppedTriggers, dropped_triggers, event_of, realigned_rows
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
 from tests.blind.motions import fourier
@@ -27,13 +27,13 @@ PERIOD = 1e-3
 def _seen(root: Path, *hidden: Hidden, seed: int = 3) -> Run:
     what = truth(fourier("run", seed, 0.12, 0.9, 10.0), hidden, LABORATORY)
     rows = recorded(what, LABORATORY, seed)
-    return see(
+    return residual_run(
         "run", read_model(root / "config" / "models" / "puma560.toml"), what.signals.t, rows.position, rows.current
     )
 
 
-def _found(*runs: Run) -> list[Loss]:
-    return lost_edges(runs, [PERIOD] * len(runs))
+def _found(*runs: Run) -> list[DroppedTriggers]:
+    return dropped_triggers(runs, [PERIOD] * len(runs))
 
 
 @pytest.mark.parametrize(("row", "count"), [(4200, 2), (7000, 5), (3000, 2)])
@@ -63,9 +63,9 @@ def test_lost_edges_are_found_behind_an_effect_that_hides_them(root: Path) -> No
     payload = {"mass": 0.6, "x": 0.015, "y": 0.0, "z": 0.05}
     run = _seen(root, Hidden("payload", None, payload), Hidden("dropped_trigger", None, loss))
     t, q = run.raw
-    sight = Sight([], [run], [(t, q, np.zeros_like(q))], [PERIOD], np.zeros(6))
-    assert with_edges(sight, []) is sight
-    (event,) = with_edges(sight, [EffectTerm("payload", None, payload)]).found
+    sight = Residuals([], [run], [(t, q, np.zeros_like(q))], [PERIOD], np.zeros(6))
+    assert realigned(sight, []) is sight
+    (event,) = realigned(sight, [EffectTerm("payload", None, payload)]).events
     values = {p.name: p for p in event.parameters}
     assert values["count"].value == 2
     assert abs(values["row"].value - 4975) < 3 * values["row"].std
@@ -98,7 +98,7 @@ def test_one_joint_alone_proves_no_lost_edges(root: Path) -> None:
 def test_currents_are_put_back_where_they_belong() -> None:
     true = np.arange(100.0)[:, None] ** 2
     lost = np.concatenate([true[:40], true[43:], np.repeat(true[-1:], 3, axis=0)])
-    loss = Loss(0, row=40.0, row_std=1.0, count=3, count_std=0.05, period=1e-3)
-    put = put_back(lost, loss)
+    loss = DroppedTriggers(0, row=40.0, row_std=1.0, count=3, count_std=0.05, period=1e-3)
+    put = realigned_rows(lost, loss)
     assert np.array_equal(put[43:], true[43:])
     assert np.array_equal(put[:40], true[:40])
