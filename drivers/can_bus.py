@@ -1,7 +1,7 @@
 """A CAN bus that several drivers of one rig share: one python-can bus, a mailbox a listener.
 
 Whoever waits for a frame reads the bus himself, and puts into their mailboxes what comes for others: an answer that a thread of
-the bus received would have to wait for one more thread to be scheduled. The bus's own thread receives while nobody else does.
+the bus received would have to wait for one more thread to be scheduled. The bus's own thread receives while no other thread does.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from pydantic import Field, field_validator
 from arm_io.table import Table
 from drivers.registry import World
 
-MOST = 4096  # frames that a mailbox holds: what nobody takes is not kept for ever
+MOST = 4096  # frames that a mailbox holds: unread frames are not kept for ever
 ATTENDED = (
     0.1  # s since a driver last read: until then it will read again, and the bus's thread only empties what is left
 )
 LEFT = 0.01  # s between such looks
-TURN = 0.001  # s after which somebody who waits for another thread's reading looks into his mailbox again
+TURN = 0.001  # s after which a thread that waits for another's reading checks its mailbox again
 OLDEST = 2.0  # s: a frame's stamp that is older was not given by this computer's clock
 NETWORKED = ("udp_multicast",)  # python-can's interfaces that open a port to everybody
 NO_BIT_RATE = ("virtual", "unix")
@@ -83,7 +83,7 @@ class Mailbox:
         return self.there()
 
     def there(self) -> list[Frame]:
-        """All that somebody's reading has brought; the bus itself is not looked at. One thread takes from a mailbox."""
+        """All frames that another thread has read; the bus itself is not read. One thread takes from a mailbox."""
         return [self._frames.popleft() for _ in range(len(self._frames))]
 
 

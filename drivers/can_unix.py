@@ -2,7 +2,7 @@
 
 The channel is a folder of this user's alone (mode 0700). Whoever is on the bus listens there on a socket of its own (SOCK_SEQPACKET) and
 connects to every other one to send: there is no hub whose end would be the bus's. A link is one way, its frames stay whole and in
-order. As on a CAN adapter, a receiver that does not read loses frames (some hundred fit into its socket) and holds nobody up. A socket
+order. As on a CAN adapter, a receiver that does not read loses frames (some hundred fit into its socket) and delays no other node. A socket
 that a killed process left behind is removed by the next one to send. Frames are stamped when they are sent.
 
 python-can finds it as interface "unix" (entry point ``can.interface``): ``python -m can.viewer -i unix -c /tmp/armscope/can``.
@@ -166,7 +166,7 @@ class UnixBus(can.BusABC):
 
 
 def _make_private(folder: Path) -> None:
-    """The folder, open to this user and nobody else; OSError where it is not."""
+    """The folder, open to this user only; OSError where it is not."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     status = folder.stat()
     if status.st_uid != os.getuid():

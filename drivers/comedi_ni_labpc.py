@@ -2,7 +2,7 @@
 
 12 bit, 8 inputs, one converter multiplexed over the channels at 83 333 samples/s; two analogue outputs, one digital port. A
 scan begins on each edge at EXTCONV (source ``tracker``) or on the card's own timer. Its counters count pulses, not quadrature: the encoders
-want another card. Needs comedilib's Python binding (module ``comedi``), which is not on PyPI: it comes with comedilib.
+need another card. Needs comedilib's Python binding (module ``comedi``), which is not on PyPI: it comes with comedilib.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class NiLabPc:
         if self._card is None:
             raise self._fault("is not open")
         if plan.source == EdgeSource.POLL:
-            raise self._fault("cannot be asked row by row: trigger source wants to be tracker or timer")
+            raise self._fault("cannot be polled row by row: trigger source must be tracker or timer")
         if plan.rate > most:
             raise self._fault(f"{plan.rate:g} rows/s asked, {most:.0f} possible with {self.config.inputs} inputs")
         self.disarm()
@@ -164,7 +164,7 @@ class NiLabPc:
         except BlockingIOError:
             return
         except OSError as error:
-            raise self._fault(f"{error}: its buffer ran over, or the card is gone") from None
+            raise self._fault(f"{error}: its buffer overflowed, or the card is gone") from None
         if not data:
             raise self._fault("the scan has stopped: its buffer ran over")
         now = self._clock.monotonic_ns()

@@ -176,7 +176,7 @@ class LinuxCounter:
             self._write(number, "preset_enable", "1")
 
     def index_seen(self, channel: int) -> int | None:
-        return None  # sysfs does not tell; a count near 0 after index_enable does
+        return None  # sysfs does not report it; a count near 0 after index_enable does
 
     def _open_files(self) -> None:
         self.close()
@@ -187,7 +187,7 @@ class LinuxCounter:
         return (self._folder / f"count{number}" / attribute).read_text().strip()
 
     def _write(self, number: int, attribute: str, text: str) -> None:
-        # As sysfs wants it: no new file, no truncation, one write.
+        # As sysfs requires: no new file, no truncation, one write.
         file = os.open(self._folder / f"count{number}" / attribute, os.O_WRONLY)
         try:
             os.write(file, text.encode() + b"\n")
@@ -201,7 +201,7 @@ class LinuxCounter:
 def parse_count(text: bytes) -> int:
     """A sysfs count attribute: one decimal number and a newline. ValueError for anything else."""
     if not text.endswith(b"\n") or not text.strip().isdigit():
-        raise ValueError(f"{text[:32]!r} is no count")
+        raise ValueError(f"{text[:32]!r} is not a count")
     return int(text)
 
 

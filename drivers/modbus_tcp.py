@@ -55,7 +55,9 @@ def read_data(reply: Frame, registers: int) -> bytes:
     if reply.function == READ | EXCEPTION:
         raise FrameError(f"read refused: {_exception(reply.body)}")
     if reply.function != READ or len(reply.body) != 1 + 2 * registers or reply.body[0] != 2 * registers:
-        raise FrameError(f"function {reply.function} with {len(reply.body)} bytes is no reply to a read of {registers}")
+        raise FrameError(
+            f"function {reply.function} with {len(reply.body)} bytes is not a reply to a read of {registers}"
+        )
     return reply.body[1:]
 
 

@@ -9,7 +9,7 @@ and outputs in one scan).
 Rows
 ----
 An acquisition is a sequence of *triggers*, numbered from 0 since arming. Each acquiring device yields ``Block``s: rows
-latched by triggers, as numpy arrays; nothing loops over samples in Python. Two ways exist, told apart by structure:
+latched by triggers, as numpy arrays; nothing loops over samples in Python. Two ways exist, distinguished by structure:
 
 * ``Latched`` devices have ``read``: the hardware latches on each edge of its trigger line; rows arrive in blocks.
 * ``Polled`` devices have ``poll``: one row now. ``daq`` drives them on each edge or tick and makes the blocks.
@@ -110,7 +110,7 @@ class Block:
     """Rows of one device, in the order in which they were latched. n rows may be 0.
 
     number  (n,) int64: trigger number of each row, from 0 since arming; -1 where the device does not number its rows
-    host    (n,) int64 ns: host's monotonic clock at the edge (or, if the device cannot tell, at the arrival)
+    host    (n,) int64 ns: host's monotonic clock at the edge (or, if the device has no time, at the arrival)
     tick    (n,) int64: the device's own clock, 0 where it has none
     counts  (n, counters) int64: raw register values, or None
     volts   (n, inputs) float64 V: at the input, or None
@@ -172,9 +172,9 @@ class Polled(Protocol):
 
 @runtime_checkable
 class Reconnecting(Protocol):
-    """A Latched device that seeks a lost connection by itself (hardware on a cable is pulled and put back).
+    """A Latched device that retries a lost connection itself (for hardware on a cable).
 
-    While it is ``seeking``, ``read`` gives no rows and nobody ends the run for that; the driver raises DeviceFault when it gives up.
+    While it is ``seeking``, ``read`` gives no rows and the run continues; the driver raises DeviceFault when it gives up.
     When it is back, its numbers go on with those of the triggers: the gap in them is what was lost.
     """
 
@@ -209,7 +209,7 @@ class QuadratureCounter(Protocol):
     """Quadrature counter channels, numbered from 0. LinuxCNC hostmot2's semantics of raw count, latch and index.
 
     width[c] bits; counts run from the moment a channel is configured; ``preset`` sets the register; ``index_enable`` arms a
-    reset (or latch) at the next index pulse and ``index_seen`` tells whether it came, and at which raw count.
+    reset (or latch) at the next index pulse and ``index_seen`` returns whether it came, and at which raw count.
     """
 
     width: tuple[int, ...]
@@ -273,8 +273,8 @@ class ArmController(Protocol):
     """The arm's own controller. ``load`` takes an ``experiment.Experiment`` and refuses (DeviceFault) what it cannot do.
 
     ``start`` begins the motion (or arms it for the start line); ``stop`` ends it at once, controlled, and is always allowed;
-    ``finished`` tells whether the motion has ended; ``demand`` returns the demanded joint positions (n, joints) rad at
-    times (n,) s since the start, or None where the controller does not tell.
+    ``finished`` says whether the motion has ended; ``demand`` returns the reference joint positions (n, joints) rad at
+    times (n,) s since the start, or None where the controller does not report it.
     """
 
     joints: int

@@ -1,4 +1,4 @@
-"""A device that is lost in the middle of a run, sought and found again; and what fails, as a fault that says what to do."""
+"""Reconnection of a device lost during a run; failures as faults that say what to do."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 A driver module offers ``Config`` (a pydantic model of the device's table, without ``name`` and ``driver``) and
 ``make(name, config, world) -> Device``, which touches no hardware. It may offer ``find(config) -> list[str]``: what there is of its
-kind on this machine, for ``doctor`` to tell where a device does not answer.
+kind on this machine, which ``doctor`` names where a device does not answer.
 
 ``world`` is one dict a rig. ``daq.rig.rig_file.make_world`` puts into it ``simulation`` (the rig file's table of that name), ``model``
 (path of the arm's model, or None) and ``folder`` (of the rig file). Drivers that share something (one simulated arm, one TCP
@@ -27,7 +27,7 @@ World = dict[str, Any]
 def find_driver(path: str, where: str = "driver") -> ModuleType:
     """The module at an import path such as ``drivers.labjack_t7``; InputError if it is no driver."""
     if not all(part.isidentifier() for part in path.split(".")):
-        raise InputError(where, f"driver {path[:80]!r} is no import path; one like 'drivers.labjack_t7' is needed")
+        raise InputError(where, f"driver {path[:80]!r} is not an import path; one like 'drivers.labjack_t7' is needed")
     try:
         module = importlib.import_module(path)
     except ImportError as error:

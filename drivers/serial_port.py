@@ -1,4 +1,4 @@
-"""A serial port, read without waiting; a thin skin over pyserial that tells a pulled cable from silence."""
+"""A serial port, read without waiting; a thin layer over pyserial that distinguishes an unplugged cable from silence."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class SerialPort:
             port.open()
         except OSError as error:  # pyserial's own sentence names number and path, twice
             raise OSError(f"{self.path}: {os.strerror(error.errno) if error.errno else error}") from None
-        # A USB adapter keeps bytes back for 16 ms unless it is told otherwise (FTDI's latency timer); ptys know of no such thing.
+        # A USB adapter buffers bytes for 16 ms by default (FTDI's latency timer); ptys know of no such thing.
         with contextlib.suppress(ValueError, NotImplementedError):
             port.set_low_latency_mode(True)
         self._port = port
@@ -50,7 +50,7 @@ class SerialPort:
         with self._known():
             written = os.write(self._alive().fileno(), data)
         if written != len(data):
-            raise OSError(f"{self.path} takes no more")
+            raise OSError(f"{self.path} accepts no more data")
 
     def read(self) -> bytes:
         """All that has arrived, without waiting."""

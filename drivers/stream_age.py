@@ -2,12 +2,12 @@
 
 What was sent at an even pace and has not come in by its time is still under way: in an adapter, in the kernel, on a wire. The delay
 of the newest byte follows Lindley's recursion for a queue: it grows with the time that passes, shrinks by what the bytes that came
-took to send, and is never below 0. It is known against the quickest byte so far, whose own delay nobody can tell.
+took to send, and is never below 0. It is known against the quickest byte so far, whose own delay is unknown.
 """
 
 from __future__ import annotations
 
-FORGETTING = 0.002  # of the pace: more than crystals differ, little beside the delays that matter
+FORGETTING = 0.002  # of the pace: more than crystals differ, little compared with the delays that matter
 LEARNING = 200_000_000  # ns in which the pace is learnt and everything taken for fresh
 FRESH = 2_000_000  # ns: readings with less delay improve the pace
 

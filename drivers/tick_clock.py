@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 CRYSTAL = 100e-6  # how far a crystal may be from its nominal rate (standard deviation)
 JITTER = 0.1  # of the shortest round trip: what a reading is off, however quick it was
 PROMPT = 1.5  # times the shortest round trip
-SLOWEST = 0.5  # of the ticks' pace: how slowly told time may pass
+SLOWEST = 0.5  # of the ticks' pace: the slowest that reported time may pass
 Reading = tuple[int, int, int]  # tick, host ns, round trip in ns
 
 
 class TickClock:
     """Line through the latest readings (tick, host ns), each as good as it was quick: what it took longer than the quickest one was spent
-    on one way or the other, nobody knows which, so that it may be off by half of that. The rate begins as the nominal one, known to
+    in either direction, so the error is at most half of that. The rate begins as the nominal one, known to
     ``CRYSTAL``; how soon the readings overrule it follows from both uncertainties (least squares).
 
     daq relates ``readings`` to the host's clock once more, over the whole run.
@@ -26,7 +26,7 @@ class TickClock:
         self._readings: list[Reading] = []
         self._begun = 0  # the first reading of the counter as it now runs
         self._line: tuple[Reading, float, float] | None = None  # quickest reading, offset (ns) and ns a tick there
-        self._told: tuple[int, int] | None = None  # the last tick whose host time was told, and that time
+        self._told: tuple[int, int] | None = None  # the last tick whose host time was reported, and that time
 
     def restart(self) -> None:
         """The counter has begun anew: earlier readings say nothing any more. Host times still never go back."""

@@ -184,7 +184,7 @@ def _piece(segment: Segment, at: Array, experiment: Experiment) -> Piece:
             return Polyline.of(segment, at)
         case Repeat():
             return _repeated(segment, at, experiment)
-    raise TypeError(f"no demand for a segment of type {segment.type!r}")
+    raise TypeError(f"no reference for a segment of type {segment.type!r}")
 
 
 def _trapezoid(at: Array, target: Array, fraction: float, experiment: Experiment) -> Piece:

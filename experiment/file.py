@@ -25,7 +25,7 @@ class Payload(Table):
 
 
 class Setup(Table):
-    """What a person has to do to the arm before this run; a simulated rig does it by itself."""
+    """Manual preparation of the arm before this run; a simulated rig does it automatically."""
 
     payload: Payload | None = None
     drives_off: bool = False  # motors unpowered, brakes on: what the current channels show is their own offset
@@ -62,7 +62,7 @@ class Experiment(Table):
 
 def _check_joints(segments: list[Segment], joints: int, place: str) -> None:
     if place.count(".segment") > DEEPEST_REPEAT:
-        raise ValueError(f"{place}: repeats stand in one another, more than {DEEPEST_REPEAT} deep")
+        raise ValueError(f"{place}: repeats are nested more than {DEEPEST_REPEAT} deep")
     for number, segment in enumerate(segments, 1):
         here = f"{place}[{number}]"
         if isinstance(segment, Drive | Chirp) and segment.joint > joints:

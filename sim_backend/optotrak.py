@@ -97,7 +97,7 @@ class Tracker:
         rate = plan.rate if plan.source is EdgeSource.TRACKER else self.config.rate
         if rate > self.config.max_rate:
             raise DeviceFault(
-                self.name, f"samples at most {self.config.max_rate:g} times a second, not {rate:g}; lower the rate"
+                self.name, f"samples at most {self.config.max_rate:g} times per second, not {rate:g}; lower the rate"
             )
         self.rate = rate
         self._latch.arm(plan)

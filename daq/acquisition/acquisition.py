@@ -292,7 +292,7 @@ class Acquisition:
         for stream in self._intake.others:
             behind = self._clock.newest - stream.newest > PATIENCE * self.plan.rate + 2
             if stream.required and behind and not self._seeks(stream):
-                self._join.lose_device(stream.name, "makes no rows any more")
+                self._join.lose_device(stream.name, "stopped making rows")
                 self.stop(End.DEVICE_SILENT, stream.name)
 
     def _seeks(self, stream: Stream) -> bool:
@@ -318,9 +318,9 @@ class Acquisition:
         """Sentences about this run that are no losses."""
         for stream in self._intake.streams:
             if stream.indexer.extra:
-                self.notes.append(f"{stream.name}: {stream.indexer.extra} edges on its trigger input were none")
+                self.notes.append(f"{stream.name}: {stream.indexer.extra} edges on its trigger input were interference")
             if stream.indexer.regular is False and not stream.by_time:
-                self.notes.append(f"{stream.name}: its time stamps are too uneven to show a missed edge")
+                self.notes.append(f"{stream.name}: its time stamps are too uneven to detect a missed edge")
         if self._clock.newest > 20 and abs(self._pace_ns * self.plan.rate * 1e-9 - 1) > RATE_TOLERANCE:
             self.notes.append(f"triggers came at {1e9 / self._pace_ns:.4g}/s where {self.plan.rate:g}/s were expected")
 

@@ -1,4 +1,4 @@
-"""Joins the rows of all devices: one row a trigger, and an account of every trigger that has none.
+"""Joins the rows of all devices: one row per trigger, and a reason for every trigger without one.
 
 One device is the clock: its rows say which triggers there were and when. A trigger becomes a row when every required device has
 latched it. What a device did not latch is known once it has delivered a later row, so that the join waits for the slowest
@@ -70,7 +70,7 @@ class Join:
         self._begin = host_ns
 
     def lose_device(self, name: str, why: str) -> None:
-        """No more rows come from this device; nobody waits for it."""
+        """No more rows come from this device; the join no longer waits for it."""
         self.gone[name] = why
 
     def take(self, last: int | None = None) -> Joined | None:

@@ -22,10 +22,10 @@ class LossReason(StrEnum):
 
 
 SENTENCES = {
-    LossReason.LOST_EDGE: "an edge of the trigger line was not seen by the counter",
+    LossReason.LOST_EDGE: "an edge of the trigger line was missed by the counter",
     LossReason.NOT_LATCHED: "a device made no row for this trigger",
     LossReason.DEVICE_GONE: "a device was unplugged or stopped answering",
-    LossReason.OVERRUN: "a device's own buffer ran over before it was read",
+    LossReason.OVERRUN: "a device's own buffer overflowed before it was read",
     LossReason.QUEUE_FULL: "the recorder could not keep up and its queue was full",
     LossReason.DISK: "the disk refused the data",
     LossReason.UNFINISHED: "the recording was cut off before these rows reached the disk",

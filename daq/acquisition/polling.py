@@ -1,7 +1,7 @@
 """Devices without a latch, asked on a time grid: the rows that the host makes by asking.
 
 A device on a serial line or a bus answers when it is asked, and its answers are joined by their time. With the real clock each
-has a thread of its own, so that a slow one delays nobody; on a clock of its own (a simulation), the sampler's sleep asks them.
+has a thread of its own, so that a slow one does not delay the others; on a clock of its own (a simulation), the sampler's sleep asks them.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Poller:
     def ask(self) -> None:
         """One row, for the tick that is due; the next is due at the next tick after the answer.
 
-        An answer that took longer than the period is LATE: when in that time the value was taken, nobody knows.
+        An answer that took longer than the period is LATE: the moment of sampling within that time is unknown.
         """
         before = self.clock.monotonic_ns()
         try:

@@ -45,7 +45,7 @@ class Intake:
         return [self.clock, *self.others]
 
     def arm(self) -> None:
-        """Arms every device, the clock last: nobody may miss its first edge."""
+        """Arms every device, the clock last, so that no device misses its first edge."""
         for name in sorted(self.bench.devices, key=lambda name: name == self.clock.name):
             self.bench.devices[name].arm(self._plan_of(name))
 

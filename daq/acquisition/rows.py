@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """n consecutive rows. Raw values beside calibrated ones; C counters, A analogue inputs, J joints.
+    """n consecutive rows. Raw and calibrated values; C counters, A analogue inputs, J joints.
 
     number    (n,) int64: trigger number since arming; a gap is a loss, and stands in the ledger
     host_ns   (n,) int64: host's monotonic clock at the trigger
@@ -22,7 +22,7 @@ class Rows:
     quality   (n, C + A (+ 1 with points)) uint8: drivers.protocols.Quality, columns in that order
     position  (n, J) float64 rad (m): joint angles, motor encoder over gear ratio; NaN where missing
     current   (n, J) float64 A: motor currents, positive drives the joint positive; NaN where missing
-    demand    (n, J) float64 rad (m), or None where the controller does not tell
+    demand    (n, J) float64 rad (m), or None where the controller does not report it
     """
 
     number: NDArray[np.int64]

@@ -46,19 +46,19 @@ class End(StrEnum):
 
 SENTENCES = {
     End.MOTION_DONE: "the motion has ended",
-    End.ROWS_DONE: "as many rows as were asked for have been made",
-    End.STOPPED: "somebody stopped it",
-    End.TERMINATED: "the program was told to end",
+    End.ROWS_DONE: "the requested number of rows was recorded",
+    End.STOPPED: "stopped by command",
+    End.TERMINATED: "the program received a signal to end",
     End.NO_TRIGGER: "no edge came on the trigger line after the start; check its wiring and that the tracker is on",
-    End.TRIGGER_STOPPED: "the trigger line went quiet in the middle of the run",
+    End.TRIGGER_STOPPED: "no more edges came on the trigger line during the run",
     End.TRACKER_FULL: "the tracker's memory is full and it makes no more edges",
     End.DEVICE_LOST: "a device failed or was unplugged",
-    End.DEVICE_SILENT: "a device makes no rows any more though the trigger line goes on",
-    End.NO_ANSWER: "a device kept the sampler waiting and the watchdog brought the outputs to their safe state",
-    End.LIMIT: "the arm left its limits",
+    End.DEVICE_SILENT: "a device stopped making rows although the trigger line continues",
+    End.NO_ANSWER: "a device did not answer in time, and the watchdog brought the outputs to their safe state",
+    End.LIMIT: "the arm exceeded a limit",
     End.WATCHDOG: "the sampler was not served in time and the watchdog brought the outputs to their safe state",
-    End.RECORDER: "the recorder could not go on",
-    End.ABANDONED: "nobody took the rows any more",
+    End.RECORDER: "the recorder could not continue",
+    End.ABANDONED: "the consumer stopped reading",
 }
 
 FAULTS = {

@@ -20,7 +20,7 @@ def merge_points(held: list[Rows], memory: Block, plan: Plan, notes: list[str]) 
     held    all rows of the run, in order
     memory  what the tracker recalled
     plan    whether the tracker was the clock, and the rate
-    notes   is told how the two were laid over each other, where that is not plain
+    notes   receives how the two were matched, where that is ambiguous
     """
     if not held:
         return
@@ -49,7 +49,7 @@ def _frames(
 ) -> NDArray[np.int64]:
     """(n,) place in the memory of each row, -1 for none.
 
-    Where the tracker tells its own time, edges and frames are laid over each other by count and jitter of their intervals
+    Where the tracker reports its own time, edges and frames are matched by count and jitter of their intervals
     (``drivers.tracker_stream.merge``); else frame k is trigger k.
     """
     if len(memory) >= 3 and len(number) >= 3 and memory.tick[-1] > memory.tick[0]:
@@ -57,11 +57,11 @@ def _frames(
         try:
             found = align((host - host[0]) * 1e-9, memory.number, (memory.tick - memory.tick[0]) / pace * period)
         except ValueError as error:
-            notes.append(f"tracker: its points were taken by their number, because {error}")
+            notes.append(f"tracker: its points were matched by number, because {error}")
         else:
             if found.certain:
                 return found.frame
-            notes.append(f"tracker: its points were taken by their number, because {found.why}")
+            notes.append(f"tracker: its points were matched by number, because {found.why}")
     if len(memory) == 0:
         return np.full(len(number), -1, np.int64)
     place = np.minimum(np.searchsorted(memory.number, number), len(memory) - 1)
@@ -71,7 +71,7 @@ def _frames(
 def _frames_by_time(host: NDArray[np.int64], memory: Block, notes: list[str]) -> NDArray[np.int64]:
     """Likewise for a tracker that samples on its own time: each point belongs to the row nearest to it."""
     if len(memory) < 2 or memory.host[-1] <= memory.host[0]:
-        notes.append("tracker: its points have no time of the host's and were left out")
+        notes.append("tracker: its points have no host time and were omitted")
         return np.full(len(host), -1, np.int64)
     place, first = nearest(memory.host, host)
     return np.where(first, place, -1)

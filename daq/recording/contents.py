@@ -151,7 +151,7 @@ def read_contents(path: Path, keeper: Callable[[Layout], K]) -> tuple[Contents, 
                 contents.finished = True
     if contents.form is None:
         magic = contents.data[: len(MAGIC)] == MAGIC
-        kind = "is no recording of armscope, or broken beyond repair" if magic else "is not an MCAP file"
+        kind = "is not a recording of armscope, or damaged beyond repair" if magic else "is not an MCAP file"
         raise InputError(path, f"{kind}; 'armscope import' takes tables")
     if kept is None:
         kept = keeper(contents.layout)

@@ -20,7 +20,7 @@ class RecordingHead:
     """What ``Recording`` (all rows in memory) and ``LongRecording`` (block by block) have in common.
 
     path        the file
-    layout      its columns; ``layout.raw`` tells a recording of devices from an imported or simulated one
+    layout      its columns; ``layout.raw`` distinguishes a recording of devices from an imported or simulated one
     attachments every attachment by file name
     ledger      triggers = rows here + rows lost, each loss with its reason
     finished    False: the recording was cut off

@@ -11,7 +11,7 @@ from typing import TextIO
 
 from daq.acquisition.ledger import SENTENCES, LedgerSummary
 
-UNSURE = "how many rows followed the last one cannot be told"
+UNSURE = "the number of rows after the last one is unknown"
 """Note of a recording whose end is missing, and the count of its rows with it."""
 
 

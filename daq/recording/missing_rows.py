@@ -68,7 +68,7 @@ def account(found: Found, ledger: LedgerSummary | None, progress: Progress | Non
     triggers = max(accounted, ledger.triggers) if ledger is not None else accounted
     if triggers > accounted:
         last = int(found.runs[-1, 1]) if recorded else -1
-        losses.append(Loss(last + 1, triggers - accounted, LossReason.DAMAGED, "where they stood cannot be told"))
+        losses.append(Loss(last + 1, triggers - accounted, LossReason.DAMAGED, "their places are unknown"))
     latched = ledger.latched if ledger is not None else progress.rows if progress is not None else accounted
     summary = LedgerSummary(triggers, latched, recorded, tuple(sorted(losses, key=lambda loss: loss.first)))
     return summary, ledger is not None or progress is not None

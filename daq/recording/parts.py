@@ -74,7 +74,7 @@ def open_file(
 
 
 def write_chunk(file: McapFile, form: RowFormat, columns: dict[str, NDArray]) -> None:
-    """One chunk of rows; ``columns`` as ``RowFormat.pack`` wants them, and 'wall_ns'."""
+    """One chunk of rows; ``columns`` as ``RowFormat.pack`` takes them, and 'wall_ns'."""
     write_content(file, form, form.pack(columns, columns["wall_ns"]), columns["wall_ns"])
 
 
@@ -111,7 +111,7 @@ def ledger_table(ledger: LedgerSummary) -> dict:
 
 
 class Derivatives:
-    """What viewers want in /joint_states beside the measured position: velocity (difference quotient), effort (torque)."""
+    """What viewers need in /joint_states in addition to the measured position: velocity (difference quotient), effort (torque)."""
 
     def __init__(self, layout: Layout) -> None:
         self._effort = np.array(layout.effort)

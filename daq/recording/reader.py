@@ -114,7 +114,7 @@ class Recording(RecordingHead):
 
 
 def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int | None = None) -> Recording:
-    """Reads a recording, finished or cut off (``RUN.mcap.active``); of the latter the ledger tells what is missing.
+    """Reads a recording, finished or cut off (``RUN.mcap.active``); of the latter the ledger lists what is missing.
 
     damaged  True: of a damaged file everything that can be read, with ``notes``; False: it is refused, so that nobody
              computes with holes unawares
@@ -132,7 +132,7 @@ def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int
 
 
 def head_of(path: Path, contents: Contents, *, damaged: bool) -> RecordingHead:
-    """The head of what was found, told to whoever listens (``daq.recording.losses``). InputError where it is damaged, and must not be."""
+    """The head of what was found, reported to every listener (``daq.recording.losses``). InputError where it is damaged, and must not be."""
     if contents.damages and not damaged:
         raise InputError(path, f"is damaged: {contents.damages[0].sentence}; 'armscope recover' keeps what can be read")
     ledger, sure = contents.ledger()

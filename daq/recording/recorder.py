@@ -39,7 +39,7 @@ def rows_layout(
 ) -> Layout:
     """The layout of a recording of ``Rows``: names of joints, counters and inputs; whether there are points and demands.
 
-    effort  (J,) joint torque a motor ampere, N m/A (N/A), where it is known: fills the effort in /joint_states
+    effort  (J,) joint torque per motor ampere, N m/A (N/A), where it is known: fills the effort in /joint_states
     """
     everyone = tuple(range(1, len(joints) + 1))
     signals = {"q": everyone, "i": everyone} | ({"qref": everyone} if demand else {})

@@ -41,7 +41,7 @@ class Recovery:
 
     @property
     def complete(self) -> bool:
-        """Nothing is missing; what was damaged besides (indexes, schemas, the summary) was written anew."""
+        """Nothing is missing; other damaged parts (indexes, schemas, the summary) were rewritten."""
         return self.sure and not self.ledger.lost and not self.attachments
 
 
@@ -55,12 +55,12 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     path = Path(path)
     if out is None:
         if path.suffix != ACTIVE:
-            raise InputError(path, "is not called '.active'; --out with the name of the new file is wanted")
+            raise InputError(path, "is not called '.active'; use --out with the name of the new file")
         out = path.with_suffix("")
     check_file(out)
     out = Path(out)
     if out.exists() and os.path.exists(path) and out.samefile(path):
-        raise InputError(out, "is the damaged file itself; another name is wanted")
+        raise InputError(out, "is the damaged file itself; use another name")
     contents, _ = read_contents(path, lambda layout: _Nothing())
     if being_written(path):
         raise InputError(path, "is being recorded right now; wait until it is finished")

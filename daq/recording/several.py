@@ -67,9 +67,9 @@ def extent_of(path: Path) -> Extent:
             file.seek(0)
             try:
                 summary = make_reader(file).get_summary()
-            except Exception:  # the library raises anything over a damaged file; its size still tells
+            except Exception:  # the library raises anything over a damaged file; its size is still known
                 summary = None
-    except (InputError, OSError):  # told when it is read
+    except (InputError, OSError):  # reported when it is read
         return Extent(0, 1, 0.0)
     layouts = [c.metadata["layout"] for c in summary.channels.values() if "layout" in c.metadata] if summary else []
     if summary is None or summary.statistics is None or not layouts:

@@ -3,8 +3,8 @@
     q = offset + counts / scale             scale = sign x lines x (1, 2 or 4) x gear / 2 pi    counts per rad (m) of the joint
     i = (V - offset) x amperes_per_volt     amperes_per_volt = sign x sgn(gear) x rated current / rated voltage / turns
 
-The gear's sign makes both joint-positive (``daq.rig.rig_file``). A recording keeps the calibration beside the raw values, with the hash of
-its content: positions and currents can be computed again, and recordings of different calibration are told apart.
+The gear's sign makes both joint-positive (``daq.rig.rig_file``). A recording keeps the calibration with the raw values, with the hash of
+its content: positions and currents can be computed again, and recordings of different calibration are distinguished.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Every command passes the rig's limits, and everything comes to its safe state (l
 ends, when the arm leaves its limits, when a device is lost, and when the sampler has not been served for ``Rig.watchdog`` s. The
 watchdog counts the rig's clock, so that a simulation that runs on a time of its own is not stopped by a debugger.
 
-What no program can do for itself: after SIGKILL or a power cut nobody is left to act. The service manager's watchdog then starts
+No program can act after SIGKILL or a power cut. The service manager's watchdog then starts
 the daemon anew, and opening the rig begins with the safe state; what must be safe within milliseconds needs a watchdog in hardware.
 """
 
@@ -133,7 +133,7 @@ class Guard:
         """What limit the arm was seen to break in rows (n, J), as a sentence; None if it kept them all.
 
         unmeasured  (n, J) True where the joint has no encoder, or its device says itself that the value is missing; None: nowhere.
-                    A position that is not finite elsewhere is a breach, with or without limits: nobody knows where the arm is.
+                    A position that is not finite elsewhere is a breach, with or without limits: the position of the arm is unknown.
         untimed     (n, J) True where the value was not taken at the time of its row; None: nowhere
 
         A current that is NaN was not measured; an infinite one is a breach. Speed is that of ``daq.rig.speed_check``, over the blocks
@@ -192,7 +192,7 @@ class Guard:
 
     def _refuse_if_tripped(self, what: str) -> None:
         if self.tripped is not None:
-            raise DeviceFault("guard", f"{what} is held safe: {self.tripped}; reset it when the cause is gone")
+            raise DeviceFault("guard", f"{what} is held safe: {self.tripped}; reset it after removing the cause")
 
     def _watch(self) -> None:
         self._end = threading.Event()
@@ -208,7 +208,7 @@ class Guard:
     def _starved(self) -> None:
         if self.tripped is None:
             self.silent = self._awaited or self._slow
-        who = "no sign of life of the sampler" if self.silent is None else f"{self.silent} did not answer"
+        who = "the sampler was not active" if self.silent is None else f"{self.silent} did not answer"
         self.trip(f"{who} for {self.rig.watchdog:g} s")
 
 
@@ -219,7 +219,7 @@ def _speed_check(rig: Rig) -> SpeedCheck | None:
 
 
 def _check_watchdogs(rig: Rig, devices: Mapping[str, Device]) -> None:
-    """A device that has made its outputs safe by itself must not meet a program that takes the run for one that still goes on."""
+    """A program must end its run before a device makes its own outputs safe."""
     for name, device in devices.items():
         if isinstance(device, OwnWatchdog) and 0 < device.watchdog <= rig.watchdog:
             raise InputError(
@@ -234,5 +234,5 @@ def _controller(devices: Mapping[str, Device]) -> ArmController | None:
     found = [device for device in devices.values() if isinstance(device, ArmController)]
     if len(found) > 1:
         names = ", ".join(name for name, device in devices.items() if isinstance(device, ArmController))
-        raise InputError("rig", f"has more than one arm controller: {names}; one arm, one rig")
+        raise InputError("rig", f"has more than one arm controller: {names}; a rig has one arm")
     return found[0] if found else None

@@ -34,7 +34,7 @@ def check_plan(rig: Rig, devices: Mapping[str, Device], identities: Mapping[str,
                 problems += _check_memory(name, device.memory, plan)
                 if limit is not None and plan.rate > limit and rig.trigger and rig.trigger.source == "tracker":
                     problems.append(
-                        f"{name} samples at most {limit:g} times a second, not {plan.rate:g}; lower the rate"
+                        f"{name} samples at most {limit:g} times per second, not {plan.rate:g}; lower the rate"
                     )
     return problems
 
@@ -44,7 +44,7 @@ def _check_memory(name: str, memory: int, plan: Plan) -> list[str]:
         return []
     seconds = memory / plan.rate
     if plan.rows is None:
-        return [f"{name} holds {memory} samples, {seconds:g} s at {plan.rate:g} rows/s: say how long the run is"]
+        return [f"{name} holds {memory} samples, {seconds:g} s at {plan.rate:g} rows/s: give the run a duration"]
     rate = memory / (plan.rows / plan.rate)
     return [
         f"{name} holds {memory} samples, the run makes {plan.rows}: "
@@ -76,7 +76,7 @@ def _away_from_start(experiment: Experiment, first: Array, speed: Array | None) 
     jump = np.abs(first - np.array(experiment.start))
     most = speed * (1 + RELATIVE) * STEP
     return [
-        f"joint {joint + 1} is asked to be {jump[joint]:.4g} from the start pose at once; begin the motion at 'start'"
+        f"joint {joint + 1} must be {jump[joint]:.4g} from the start pose at once; begin the motion at 'start'"
         for joint in np.flatnonzero(~(jump <= most)).tolist()
     ]
 

@@ -47,7 +47,7 @@ class Trigger(Table):
 
 
 class DeviceTable(Table):
-    """One device: its name, its driver's import path, and all else as the driver's own Config wants it."""
+    """One device: its name, its driver's import path, and all else for the driver's own Config."""
 
     model_config = ConfigDict(extra="allow")
     name: Annotated[str, Field(max_length=64, pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
@@ -62,7 +62,7 @@ class DeviceTable(Table):
 class Encoder(Table):
     """Where a joint's angle comes from: a counter channel.
 
-    lines              lines a motor revolution; with ``mode`` and the joint's gear they give the scale
+    lines              lines per motor revolution; with ``mode`` and the joint's gear they give the scale
     counts_per_radian  or the scale itself: counts per radian (metre) of the JOINT, with its sign
     offset             rad (m): joint position at count 0
     preset             what the register is set to: a number, when the rig is opened; "start", before every run, so that the joint
@@ -81,9 +81,9 @@ class Encoder(Table):
     @model_validator(mode="after")
     def _one_scale(self) -> Self:
         if (self.lines is None) == (self.counts_per_radian is None):
-            raise ValueError("give either 'lines' (a motor revolution) or 'counts_per_radian' (of the joint)")
+            raise ValueError("give either 'lines' (per motor revolution) or 'counts_per_radian' (of the joint)")
         if self.counts_per_radian == 0:
-            raise ValueError("'counts_per_radian' wants to be other than 0")
+            raise ValueError("'counts_per_radian' must not be 0")
         return self
 
 
@@ -115,7 +115,7 @@ class JointTable(Table):
     @classmethod
     def _gear(cls, gear: float) -> float:
         if gear == 0 or not np.isfinite(gear):
-            raise ValueError("wants a number other than 0")
+            raise ValueError("must be a number other than 0")
         return gear
 
 
@@ -137,18 +137,18 @@ class TrackerTable(Table):
         if value is None:
             return value
         if [len(row) for row in value] != [4, 4, 4, 4]:
-            raise ValueError("wants 4 rows of 4 numbers")
+            raise ValueError("must be 4 rows of 4 numbers")
         matrix = np.array(value)
         turn = matrix[:3, :3]
         if not (np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) and np.linalg.det(turn) > 0):
-            raise ValueError("its upper left 3 x 3 block is no rotation")
+            raise ValueError("its upper left 3 x 3 block is not a rotation")
         if not np.array_equal(matrix[3], [0, 0, 0, 1]):
-            raise ValueError("its last row wants to be 0, 0, 0, 1")
+            raise ValueError("its last row must be 0, 0, 0, 1")
         return value
 
 
 class Limits(Table):
-    """What the arm may be asked to do and may be seen doing; one entry a joint, each list may be left out."""
+    """Limits of commanded and measured motion; one entry per joint, each list may be omitted."""
 
     position: list[tuple[float, float]] | None = None  # rad (m)
     speed: list[Positive] | None = None  # rad/s
@@ -160,7 +160,7 @@ class Limits(Table):
     def _ordered(cls, value: list[tuple[float, float]] | None) -> list[tuple[float, float]] | None:
         for number, (low, high) in enumerate(value or [], 1):
             if not low < high:
-                raise ValueError(f"entry {number}: wants [lowest, highest], has [{low:g}, {high:g}]")
+                raise ValueError(f"entry {number}: must be [lowest, highest], is [{low:g}, {high:g}]")
         return value
 
 
@@ -196,7 +196,7 @@ class Tls(Table):
 
 
 class ZenohTable(Table):
-    """Where the daemon listens. Anything but loopback wants ``tls``, ``user`` and ``password_file``."""
+    """Where the daemon listens. Any endpoint beyond loopback requires ``tls``, ``user`` and ``password_file``."""
 
     endpoint: str = "tcp/127.0.0.1:7447"
     domain: Annotated[int, Field(ge=0)] = 0  # ROS domain, first part of every key
@@ -215,12 +215,12 @@ class ZenohTable(Table):
     def _secured(self) -> Self:
         protocol, _, place = self.endpoint.partition("/")
         if protocol not in ("tcp", "tls", "quic", "unixsock-stream") or not place:
-            raise ValueError(f"'endpoint' wants a form like tcp/127.0.0.1:7447, has {self.endpoint!r}")
+            raise ValueError(f"'endpoint' must have a form like tcp/127.0.0.1:7447, is {self.endpoint!r}")
         if self.loopback:
             return self
         if protocol == "tcp" or self.tls is None or self.user is None or self.password_file is None:
             raise ValueError(
-                f"{place} is not loopback: 'endpoint' wants tls/{place}, with 'tls', 'user' and 'password_file'"
+                f"{place} is not loopback: 'endpoint' must be tls/{place}, with 'tls', 'user' and 'password_file'"
             )
         return self
 
@@ -271,7 +271,7 @@ class Rig(Table):
             if names.count(name) > 1:
                 raise ValueError(f"device name {name!r} is used twice")
         if self.device and self.trigger is None:
-            raise ValueError("trigger: is missing; a rig with devices wants [trigger] with source, device and rate")
+            raise ValueError("trigger: is missing; a rig with devices needs [trigger] with source, device and rate")
         for place, device in _device_uses(self):
             if device not in names:
                 known = ", ".join(names) or "none"

@@ -32,7 +32,7 @@ def call(
 ) -> Table:
     """Runs a command at the server and returns its answer.
 
-    InputError: the server refuses (and says why). DeviceFault: a device failed there, or nobody answers within ``timeout`` s.
+    InputError: the server refuses (and says why). DeviceFault: a device failed there, or none answers within ``timeout`` s.
     """
     answer = call_for_bytes(session, keys, verb, arguments, timeout=timeout)
     table = json.loads(answer)
@@ -61,7 +61,7 @@ def call_for_bytes(
             return reply.ok.payload.to_bytes()
         if reply.err is not None:
             raise error_of(reply.err.payload.to_bytes())
-    raise DeviceFault("daemon", f"nobody answered '{verb}' for rig '{keys.name}'")
+    raise DeviceFault("daemon", f"no answer to '{verb}' for rig '{keys.name}'")
 
 
 @contextmanager

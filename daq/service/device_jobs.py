@@ -25,7 +25,7 @@ Table = dict[str, Any]
 class Armed:
     """A run that waits for its start.
 
-    client   name of the liveliness token that it belongs to; None: to nobody
+    client   name of the liveliness token of its owner; None: no owner
     asked    monotonic time of the command, s; ``until``: when it expires, ``expires`` s after it was ready
     """
 

@@ -112,7 +112,7 @@ class Publisher:
                 self._ros.put(message)
 
     def finish(self) -> None:
-        """Ends the run: an empty last block tells subscribers how many rows there were."""
+        """Ends the run: an empty last block gives subscribers the number of rows."""
         if self._description:
             self._put(self._columns, 0, last=True)
 

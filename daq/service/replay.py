@@ -18,7 +18,7 @@ COLUMNS = (
 
 
 def columns_of(recording: Recording) -> dict[str, NDArray]:
-    """All columns, each with one entry a row; t (n,) s from the first row is always there."""
+    """All columns, each with one entry per row; t (n,) s from the first row is always there."""
     columns = {name: getattr(recording, name) for name in COLUMNS}
     return {"t": recording.t} | {name: values for name, values in columns.items() if values is not None}
 

@@ -45,7 +45,7 @@ def holder_of(rig: str) -> Holder | None:
 
 
 class RigLock:
-    """The rig, taken. DeviceFault with the holder's process id if somebody else has it. The file stays; the lock counts."""
+    """The rig, taken. DeviceFault with the holder's process id if another process has it. The file remains; only the lock matters."""
 
     def __init__(self, rig: str, role: str) -> None:
         path = lock_path(rig)

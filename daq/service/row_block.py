@@ -17,7 +17,7 @@ Then the description: JSON in UTF-8, padded with blanks to a multiple of 8 bytes
 "unit"}, ...], "joints": [...]}``; ``type`` is numpy's (``<i8``, ``<f8``, ``|u1``), ``shape`` that of one row. Then the columns in
 that order, each C-contiguous (n, *shape) and padded with zeros to a multiple of 8 bytes.
 
-``sequence`` and ``before`` tell a receiver exactly how many blocks and rows it has missed; the description is the same in all
+``sequence`` and ``before`` give a receiver the exact number of missed blocks and rows; the description is the same in all
 blocks of a run, so that it is parsed once.
 """
 
@@ -114,7 +114,7 @@ def decode(data: bytes) -> RowBlock:
     start = HEAD.size + length
     joints, layout = _layout(data[HEAD.size : start], rows)
     if len(data) < start + layout.itemsize:
-        raise ValueError(f"has {len(data)} bytes; its columns want {start + layout.itemsize}")
+        raise ValueError(f"has {len(data)} bytes; its columns need {start + layout.itemsize}")
     columns = _Columns(np.ndarray((), layout, data, start))
     return RowBlock(run.hex(), sequence, before, bool(flags & LAST), joints, columns, rows)
 

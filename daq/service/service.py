@@ -327,7 +327,7 @@ class Service:
         if armed is None:
             return
         if now >= armed.until:
-            self._why_disarmed = f"nobody started it within {armed.expires:g} s"
+            self._why_disarmed = f"not started within {armed.expires:g} s"
         elif armed.client and now > armed.asked + CLAIM_SECONDS and not (here and armed.client in here.clients):
             self._why_disarmed = "the client that armed it is gone"
         else:

@@ -59,7 +59,7 @@ class Subscriber:
     def receive(self, timeout: float | None = None) -> RowBlock | None:
         """The next block, waiting at most ``timeout`` s (None: for ever); None if there was none.
 
-        ValueError: somebody publishes something else under our key.
+        ValueError: something else is published under our key.
         """
         sample = self._subscriber.recv() if timeout is None else self._wait(timeout)
         if sample is None:

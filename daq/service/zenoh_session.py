@@ -50,7 +50,7 @@ class Keys:
 
     @property
     def state(self) -> str:
-        """What the server is doing, as JSON, at every change and a few times a second while it records."""
+        """What the server is doing, as JSON, at every change and a few times per second while it records."""
         return f"{self.root}/state"
 
     @property
@@ -78,7 +78,7 @@ def open_session(rig: Rig, *, listen: bool, send_seconds: float = 5.0) -> zenoh.
     send_seconds  how long something that must not be dropped (an answer, rows of a replay) waits for a receiver that has stopped
                   reading; its connection is closed then
 
-    DeviceFault('zenoh'): the endpoint is taken, or (client) nobody answers there within 2 s. InputError: unusable
+    DeviceFault('zenoh'): the endpoint is taken, or (client) no answer there within 2 s. InputError: unusable
     password or certificate files.
     """
     import zenoh
@@ -91,7 +91,7 @@ def open_session(rig: Rig, *, listen: bool, send_seconds: float = 5.0) -> zenoh.
         endpoint = rig.zenoh.endpoint
         if listen:
             raise DeviceFault("zenoh", f"cannot listen on {endpoint}: {_reason(error)}") from None
-        raise DeviceFault("zenoh", f"nobody answers on {endpoint}; is 'armscope daemon' running there?") from None
+        raise DeviceFault("zenoh", f"no answer on {endpoint}; is 'armscope daemon' running there?") from None
 
 
 def session_config(rig: Rig, *, listen: bool, send_seconds: float = 5.0) -> dict[str, Any]:
@@ -173,7 +173,7 @@ def access_control(keys: Keys, users: list[str], *, ros2: bool = False) -> dict[
 
 
 def read_passwords(path: Path) -> dict[str, str]:
-    """User -> password of a file of lines ``user:password`` that nobody else can read; InputError otherwise."""
+    """User -> password of a file of lines ``user:password`` that no other user can read; InputError otherwise."""
     text = read_text(path)
     mode = path.stat().st_mode
     if mode & (stat.S_IRWXG | stat.S_IRWXO):

@@ -26,7 +26,7 @@ class Config(CanConfig):
     nodes    their CANopen node numbers; counter channels in this order
     bits     of the position: the total measuring range 6002h is 2^bits
     sync     who sends the SYNCs: "host", this computer, one for every row that it asks for; the number of a node that can (objects
-             1005h, 1006h), at the rig's rate; "bus", somebody who does it anyway, such as a PLC
+             1005h, 1006h), at the rig's rate; "bus", a device that sends them anyway, such as a PLC
     timeout  s for which a row waits for the answers to its SYNC
     latest   s after which an answer that has not come never will
     """

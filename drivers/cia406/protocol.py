@@ -52,8 +52,8 @@ class Rounds:
 
     A lost answer and a late one look the same until no answer can be under way any more. So no SYNC goes out while a node owes
     one, for ``latest`` s at most: what comes in that time pays the debt, and what comes after the next SYNC is its answer. A
-    node that has been silent for ``ABSENT`` rounds holds nobody up; when it is heard again, there is one such pause.
-    Frames that arrived before the SYNC (the one that a node sends by itself when it becomes operational) never count.
+    node that has been silent for ``ABSENT`` rounds delays no other node; when it answers again, there is one such pause.
+    Frames that arrived before the SYNC (the one that a node sends unasked when it becomes operational) never count.
     """
 
     def __init__(self, nodes: tuple[int, ...], latest: float) -> None:
@@ -75,7 +75,7 @@ class Rounds:
             node.owes, node.value, node.doubtful = True, None, False
 
     def skip(self) -> None:
-        """A round without a SYNC: nobody has a value."""
+        """A round without a SYNC: no node has a value."""
         for node in self.nodes.values():
             node.value, node.doubtful = None, False
 
@@ -94,12 +94,12 @@ class Rounds:
 
     @property
     def complete(self) -> bool:
-        """True when nobody is to be waited for."""
+        """True when no answer is pending."""
         return not any(node.owes and node.silent < ABSENT for node in self.nodes.values())
 
     @property
     def absent(self) -> list[int]:
-        """Nodes that have been silent for so long that nobody waits for them."""
+        """Nodes that have been silent for so long that no round waits for them."""
         return [number for number, node in self.nodes.items() if node.silent >= ABSENT]
 
     def end(self) -> None:
@@ -115,7 +115,7 @@ class Rounds:
 
 @dataclass(frozen=True)
 class Round:
-    """One SYNC of somebody else: host ns at which it came, and every node's value and its doubts, in the order of the columns."""
+    """One SYNC of another node: host ns at which it came, and every node's value and quality flags, in the order of the columns."""
 
     at: int
     values: list[int]
@@ -133,7 +133,7 @@ class Listened:
 
 
 class Heard:
-    """Frames as they come over the bus, SYNCs of somebody else among them -> rounds, each complete when the next SYNC is heard.
+    """Frames as they come over the bus, another node's SYNCs among them -> rounds, each complete when the next SYNC is heard.
 
     A node answers each SYNC once, before the next one. Where it gave none, the next single one may be the late one: it counts only if
     it comes as long after its SYNC as this node's answers did before (within ``ALIKE`` of a period). Of two answers, one belongs to an

@@ -36,7 +36,7 @@ class SyncedEncoders(EncoderNodes):
 
     def arm(self, plan: Plan) -> None:
         if plan.source is not EdgeSource.TIMER:
-            raise self._fault(f"its SYNCs are not this computer's: trigger source {plan.source} wants to be timer")
+            raise self._fault(f"its SYNCs are not this computer's: trigger source {plan.source} must be timer")
         super().arm(plan)
         self._heard = cia.Heard(self.config.nodes)
         self._first = self._last = (-1, 0)  # number and ns of the first and of the last SYNC
@@ -87,7 +87,7 @@ class SyncedEncoders(EncoderNodes):
 
     @property
     def seeking(self) -> bool:
-        """True while a bus that is off is sought."""
+        """True while a bus that is off is being restarted."""
         return self._plan is not None and self._reconnect.lost
 
     def read(self) -> Block:
@@ -130,7 +130,7 @@ class SyncedEncoders(EncoderNodes):
         self._edges.append(Block(number, host, tick, np.zeros((len(host), 0), np.uint8)))
 
     def _numbers(self, host: np.ndarray) -> np.ndarray:
-        """Numbers of the SYNCs that came at ``host`` (n,) ns: counted, but for those that nobody can have heard."""
+        """Numbers of the SYNCs that came at ``host`` (n,) ns: counted, except for those that cannot have been received."""
         assert self._plan is not None
         number, at = self._last
         if number < 0:

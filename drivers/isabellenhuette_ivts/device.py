@@ -29,7 +29,7 @@ Identifier = Annotated[int, Field(ge=0, le=0x7FF)]
 
 
 class Sensor(Table):
-    """CAN identifiers of one sensor; several on one bus want different ones (command 1Fh and its neighbours set them)."""
+    """CAN identifiers of one sensor; several on one bus need different ones (command 1Fh and its neighbours set them)."""
 
     command: Identifier = ivt.COMMAND_ID
     reply: Identifier = ivt.REPLY_ID
@@ -64,7 +64,7 @@ class IvtSensors:
         self._boxes: list[Mailbox] = [bus.listen([s.result]) for s in config.sensors]
         self._results: list[ivt.Results] = []
         self._latest: list[tuple[int, ivt.Result | None]] = []
-        self._made_for: tuple[int, ...] = ()  # A, each sensor by its own word; 0: it does not tell
+        self._made_for: tuple[int, ...] = ()  # A, as each sensor reports it; 0: not reported
         self._opened = False
         self._reconnect = Reconnect(name, config.patience, ADVICE)
 
@@ -97,7 +97,7 @@ class IvtSensors:
         self._command(k, ivt.run_command())
 
     def _introduced(self, k: int) -> tuple[str, str, int]:
-        """Serial number, version and rated current (A) of sensor k, stopped; '' and 0 for what it does not tell."""
+        """Serial number, version and rated current (A) of sensor k, stopped; '' and 0 for what it does not report."""
         self._command(k, ivt.stop_command())
         asked = ivt.GET_SERIAL, ivt.GET_VERSION, ivt.GET_DEVICE
         serial, version, device = (self._command(k, bytes([what]), wanted=False) for what in asked)
@@ -138,7 +138,7 @@ class IvtSensors:
             if not results:
                 problems.append(f"no results from {sensor.result:03X}h: is another program configuring the sensor?")
             elif results[-1].faulty:
-                problems.append(f"the sensor at {sensor.result:03X}h doubts its own measurement: see its error log")
+                problems.append(f"the sensor at {sensor.result:03X}h reports a faulty measurement: see its error log")
             if self._results[k].lost:
                 problems.append(
                     f"{self._results[k].lost} results of {sensor.result:03X}h were lost: the bus is too full"
@@ -200,7 +200,7 @@ class IvtSensors:
             values.append(float("nan") if latest is None else latest.value)
             flags.append(int(self._quality(now - at, latest, lost)))
         if not self._bus.is_open or all(now - at > self.config.timeout * 1e9 for at, _ in self._latest):
-            raise OSError("no sensor is heard")
+            raise OSError("no sensor sends frames")
         return one_row(now, volts=values, quality=flags)
 
     def _heed_restarts(self, now: int) -> bool:

@@ -1,7 +1,7 @@
-"""Isabellenhuette IVT-S on the bus, sans-IO: commands, replies, results; what a frame means is in the .dbc beside this file.
+"""Isabellenhuette IVT-S on the bus, sans-IO: commands, replies, results; the .dbc in this folder defines the frames.
 
 A result is 6 bytes: channel, state (high nibble) and counter (low nibble), int32 big-endian. The counter shows lost frames (up to
-15 in a row). Configuration is refused while the sensor runs, and it wants 2 ms between commands.
+15 in a row). Configuration is refused while the sensor runs, and 2 ms must pass between commands.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ COMMAND_ID, REPLY_ID, RESULT_ID = 0x411, 0x511, 0x521  # as delivered
 
 SET_RESULT, SET_MODE = 0x20, 0x34  # + channel
 GET_DEVICE, GET_VERSION, GET_SERIAL = 0x79, 0x7A, 0x7B
-ALIVE = 0xBF  # first byte of what a sensor sends by itself, from its reply identifier, when it has started
+ALIVE = 0xBF  # first byte of the frame that a sensor sends unasked, from its reply identifier, when it has started
 CYCLIC = 2
 COMMAND_PAUSE = 0.002  # s
 CHANNELS = ("I", "U1", "U2", "U3", "T", "W", "As", "Wh")
@@ -60,10 +60,10 @@ def rated_current(reply: bytes) -> int:
 
 @dataclass(frozen=True)
 class Result:
-    """One result in A (V, degC ...): its doubts, and how many frames were lost before it."""
+    """One result in A (V, degC ...): its quality flags, and how many frames were lost before it."""
 
     value: float
-    faulty: bool  # out of range, of reduced precision, or the sensor doubts itself
+    faulty: bool  # out of range, of reduced precision, or marked invalid by the sensor
     saturated: bool
     lost: int
 

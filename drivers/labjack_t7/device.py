@@ -44,7 +44,7 @@ class Config(Table):
     inputs    AIN numbers; analogue channels in this order
     lines     digital outputs by name, as DIO numbers (FIO4 = 4, EIO0 = 8, CIO0 = 16)
     watchdog  s without a command after which the T7 itself lowers all lines and zeroes both DACs; 0: never
-    patience  s for which a lost connection is sought again before the device is given up
+    patience  s for which a lost connection is retried before the run ends as a fault
     """
 
     host: str
@@ -108,7 +108,7 @@ class LabJackT7:
             raise self._fault(f"the device at {self.config.host} is product {product:g}, not a T7")
         calibration = setup.read_calibration(self._link)
         if calibration is None:
-            raise self._fault("its calibration constants make no sense: restore them with LabJack's own program")
+            raise self._fault("its calibration constants are invalid: restore them with LabJack's own program")
         self._calibration = calibration
         self.range_volts = (self._calibration.range_volts,) * len(self.config.inputs)
         self._serial = self._link.read_uint(t7.SERIAL)
@@ -125,7 +125,7 @@ class LabJackT7:
                 "host": self.config.host,
                 "tick_hz": f"{t7.CORE_TIMER_HZ:.0f}",
                 "unconfirmed": "that a count of skipped scans includes the scan that marks them (as the U3's guide says); "
-                "where it does not, the timer in every scan tells",
+                "where it does not, the timer in every scan decides",
             },
         )
 
@@ -135,7 +135,7 @@ class LabJackT7:
         problems = []
         try:
             if self._link.read_float(t7.PRODUCT_ID) != 7.0:
-                problems.append("it is not a T7 any more: another device has its address")
+                problems.append("it is no longer a T7: another device has its address")
             for line in self.config.counters:
                 if not setup.counter_runs(self._link, line):
                     problems.append(f"the counter on DIO{line} is not configured: it was reset; open the rig again")
@@ -158,9 +158,9 @@ class LabJackT7:
 
     def arm(self, plan: Plan) -> None:
         if plan.source not in (EdgeSource.TRACKER, EdgeSource.TIMER):
-            raise self._fault(f"cannot be asked row by row: trigger source {plan.source} wants to be tracker or timer")
+            raise self._fault(f"cannot be polled row by row: trigger source {plan.source} must be tracker or timer")
         if plan.rate > self.scan.fastest:
-            most = f"{self.scan.fastest:.0f} rows/s with {self.scan.slots} slots a scan"
+            most = f"{self.scan.fastest:.0f} rows/s with {self.scan.slots} slots per scan"
             raise self._fault(f"{plan.rate:g} rows/s asked, {most} possible: lower the rate or measure fewer channels")
         self._plan, self._offset, self._resume = plan, 0, False
         self._rows: list[Block] = []
@@ -288,7 +288,7 @@ class LabJackT7:
 
     @property
     def seeking(self) -> bool:
-        """True while a lost connection is sought."""
+        """True while a lost connection is being retried."""
         return self._plan is not None and (self._reconnect.lost or self._resume)
 
     # -- counters and outputs -----------------------------------------------------------------------------------------

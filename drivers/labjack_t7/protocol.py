@@ -78,7 +78,7 @@ class Status(IntEnum):
     RECOVERED = 2941  # this packet holds the separator scan; info = scans skipped
     OVERLAP = 2942  # a scan began before the one before it had ended
     RECOVERY_OVERFLOW = 2943  # so many scans were skipped that their number is not known
-    BURST_DONE = 2944  # as many scans as STREAM_NUM_SCANS wanted
+    BURST_DONE = 2944  # STREAM_NUM_SCANS scans are done
     BUFFER_FULL = 2945  # the buffer is full and auto-recovery is off: the stream has stopped
 
 
@@ -102,7 +102,7 @@ class Packet:
 @dataclass(frozen=True)
 class ScanList:
     """What one scan measures, in the order in which the T7 does it. Analogue first: AIN never gives 0xFFFF, so that the
-    separator scan of an auto-recovery can be told from data.
+    separator scan of an auto-recovery can be distinguished from data.
 
     inputs    AIN numbers
     counters  even DIO lines of the quadrature pairs
@@ -185,7 +185,7 @@ class Stream:
         as in the U3's guide, 5.2.12, and as LJM fills the gap)."""
         at = np.flatnonzero(scans[:, 0] == SEPARATOR)
         if len(at) != 1:
-            raise FrameError(f"{len(at)} separator scans in the packet that ends an auto-recovery; 1 is wanted")
+            raise FrameError(f"{len(at)} separator scans in the packet that ends an auto-recovery; expected 1")
         row = np.arange(len(numbers))
         self._next += info - 1
         numbers = numbers + (row > at[0]) * (info - 1)
@@ -209,7 +209,7 @@ class StreamStopped(RuntimeError):
 
 def _packet(function: int, body: bytes) -> Packet:
     if function != STREAM_FUNCTION or len(body) < 8 or body[0] != STREAM_TYPE or len(body) % 2:
-        raise FrameError(f"function {function} with {len(body)} bytes is no stream packet")
+        raise FrameError(f"function {function} with {len(body)} bytes is not a stream packet")
     backlog, status, info = struct.unpack_from(">HHH", body, 2)
     return Packet(backlog, status, info, np.frombuffer(body, ">u2", offset=8).astype(np.uint16))
 

@@ -1,4 +1,4 @@
-"""What a LabJack T7 is told before it measures: who it is, its watchdog, its counters, its stream."""
+"""Setup of a LabJack T7 before it measures: identity, watchdog, counters, stream."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def set_outputs_low(link: T7Link, lines: Iterable[int]) -> None:
 
 
 def set_watchdog(link: T7Link, lines: Iterable[int], seconds: int) -> None:
-    """The T7 lowers ``lines`` and zeroes its DACs by itself after ``seconds`` without a command; 0: never (datasheet 23.0).
+    """The T7 lowers ``lines`` and zeroes its DACs itself after ``seconds`` without a command; 0: never (datasheet 23.0).
 
     The settings live in flash, which wears: they are written only where they differ.
     """

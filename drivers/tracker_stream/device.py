@@ -37,7 +37,7 @@ class Config(Table):
     serial, baud  or a serial port instead
     rate          Hz, as set on the tracker; max_rate and memory are its ceilings (memory: samples)
     file          where its own file lies after the run, if it writes one
-    patience      s for which a lost serial port is sought again before the tracker is given up
+    patience      s for which a lost serial port is retried before the run ends as a fault
     """
 
     host: str = "127.0.0.1"
@@ -107,7 +107,7 @@ class TrackerStream:
         if self._socket is None and not self._serial.is_open:
             return [f"{self._place} is not open"]
         if self._lines.refused:
-            return [f"{self._lines.refused} lines were no points: is the tracker set to frame,seconds,x,y,z?"]
+            return [f"{self._lines.refused} lines were not points: is the tracker set to frame,seconds,x,y,z?"]
         return []
 
     def arm(self, plan: Plan) -> None:
@@ -161,11 +161,11 @@ class TrackerStream:
 
     @property
     def seeking(self) -> bool:
-        """True while a lost serial port is sought."""
+        """True while a lost serial port is being retried."""
         return self._armed and self._reconnect.lost
 
     def _reopen(self) -> None:
-        """The port once more; the frames' own numbers tell how many were lost meanwhile."""
+        """The port once more; the frames' own numbers give the number lost meanwhile."""
         self._serial.open()
         self._lines.resume()
 

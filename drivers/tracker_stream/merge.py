@@ -63,8 +63,8 @@ def align(edges: NDArray[np.float64], number: NDArray[np.int64], seconds: NDArra
     clear = rms[best] < CLEARLY_BETTER * second and np.std(f_jitter) > RESOLVABLE * rms[best]
     missing = len(shifts) - 1
     if clear:
-        return Alignment(frame, True, f"{missing} edges lost at the ends; the jitter of the intervals tells which")
-    return Alignment(frame, False, f"{missing} edges lost at the ends, and the intervals are too even to tell which")
+        return Alignment(frame, True, f"{missing} edges lost at the ends; found by the jitter of the intervals")
+    return Alignment(frame, False, f"{missing} edges lost at the ends, and the intervals are too even to find which")
 
 
 def _grid(edges: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.bool_]]:

@@ -68,7 +68,7 @@ class Ad4b:
         except OSError as error:
             problems.append(f"{error}; is it powered, and is the baud rate {ad4b.BAUD}?")
         if self._stray:
-            problems.append(f"{self._stray} bytes were no answers: noise on the line, or another program on the port")
+            problems.append(f"{self._stray} bytes were not answers: noise on the line, or another program on the port")
         return problems
 
     def arm(self, plan: Plan) -> None:
@@ -125,7 +125,7 @@ class Ad4b:
 
     def _ping(self) -> None:
         if self._ask(ad4b.PING, 1) != ad4b.PONG:
-            raise OSError("what answers is no AD4-B")
+            raise OSError("the device that answers is not an AD4-B")
 
     def _initialise(self) -> None:
         command = ad4b.initialise_command(self._mode)

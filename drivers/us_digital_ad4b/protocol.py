@@ -1,6 +1,6 @@
 """US Digital AD4-B on the wire, sans-IO (US Digital, "AD4B Communications Protocol").
 
-One-byte commands, answers of known length, no frame, no checksum: after any doubt the line is drained and pinged again. The
+One-byte commands, answers of known length, no frame, no checksum: after any error the line is drained and pinged again. The
 counter is an LFLS7166: 24 bit, the fourth byte of a position means nothing.
 """
 

@@ -27,7 +27,7 @@ ASK_BYTES = 4 + 12  # on the wire for one question and its answer
 BACKLOG = 2048  # bytes read at once: the kernel gives 4096 at most, and more may lie behind them
 HELD_UP = 2_000_000  # ns for a streamed count on its way, and for taking it, which is there already
 BEHIND = 5_000_000_000  # ns for which a stream may be held up: then it is begun anew
-TRIALS = 8  # questions, of which the quickest tells what the line takes
+TRIALS = 8  # requests, of which the quickest gives the round trip of the line
 CLOCK_TOLERANCE = 0.01  # of the QSB's clock against the host's
 UNSURE = 0.05  # s: when in a question and its answer the clock is read
 SLOW = 10_000_000  # ns for question and answer, USB and all: beyond it the time of the latch is not known well
@@ -94,21 +94,23 @@ class Qsb:
             quickest = min(self._round_trip() for _ in range(TRIALS))
             if quickest > SLOW:
                 problems.append(
-                    f"question and answer take {quickest * 1e-6:.0f} ms: an adapter keeps bytes back, rows may be as old; "
+                    f"a request and its answer take {quickest * 1e-6:.0f} ms: an adapter buffers bytes, rows may be that old; "
                     "set its latency timer to 1 ms"
                 )
             mode = self._ask(qsb.read_command(qsb.MDR0), "r", qsb.MDR0)
             if mode & 3 != qsb.FREE_RUNNING[self._mode]:
                 problems.append(f"counts in mode {mode & 3}, not {self._mode}: it was reset; open the rig again")
         except OSError as error:
-            problems.append(f"{error}; is it plugged in, and is RTS low and DTR high?")
+            problems.append(f"{error}; is it plugged in, is RTS low and DTR high?")
         if self._replies.garbage:
-            problems.append(f"{self._replies.garbage} bytes were no replies: is the baud rate {qsb.BAUD}?")
+            problems.append(f"{self._replies.garbage} bytes were not replies: is the baud rate {qsb.BAUD}?")
         return problems
 
     def arm(self, plan: Plan) -> None:
         if plan.source == EdgeSource.TRACKER and self.config.reading == "ask" and plan.rate > qsb.BAUD / 10 / ASK_BYTES:
-            raise self._fault(f"{plan.rate:g} rows/s asked, {qsb.BAUD / 10 / ASK_BYTES:.0f} possible by asking: stream")
+            raise self._fault(
+                f"{plan.rate:g} rows/s asked, {qsb.BAUD / 10 / ASK_BYTES:.0f} possible by polling: stream"
+            )
         if plan.rate > qsb.STREAM_RATE:
             raise self._fault(f"{plan.rate:g} rows/s asked, {qsb.STREAM_RATE:.0f} possible at {qsb.BAUD} baud")
         self._was_reset = False
@@ -178,7 +180,7 @@ class Qsb:
         if delay <= HELD_UP:
             self._kept_up = now
         elif now - self._kept_up > BEHIND:
-            raise OSError("the stream stays behind, or its pace has changed")
+            raise OSError("the stream lags, or its rate has changed")
         old = now - self._taken > 2e9 / qsb.STREAM_RATE or delay > HELD_UP
         quality = Quality.STALE if old else Quality.GOOD
         if (

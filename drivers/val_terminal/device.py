@@ -1,6 +1,6 @@
 """Unimation Puma under VAL or VAL II, through the serial port of its operator's terminal.
 
-It types what an operator would type: SPEED, DRIVE, WHERE; with VAL II also DO MOVE #PPOINT. Experiments that want anything else
+It types the commands of an operator: SPEED, DRIVE, WHERE; with VAL II also DO MOVE #PPOINT. Experiments with anything else
 (trajectories, sines) are refused before anything moves: VAL cannot do them from its terminal.
 """
 
@@ -109,9 +109,7 @@ class ValTerminal:
         except OSError as error:
             problems.append(f"{error}; is the controller on, is the baud rate {self.config.baud}?")
         if self._session.retyped:
-            problems.append(
-                f"{self._session.retyped} commands were echoed wrongly: noise on the line, check its shield"
-            )
+            problems.append(f"{self._session.retyped} commands had a wrong echo: noise on the line, check its shield")
         return problems
 
     def arm(self, plan: Plan) -> None: ...
@@ -128,12 +126,12 @@ class ValTerminal:
     def load(self, experiment: object) -> None:
         """Refuses what VAL cannot do; then drives the arm to the start pose, slowly, and waits until it stands there."""
         if not isinstance(experiment, Experiment):
-            raise self._fault(f"wants an Experiment, has {type(experiment).__name__}")
+            raise self._fault(f"needs an Experiment, has {type(experiment).__name__}")
         if len(experiment.start) != self.joints:
             raise self._fault(f"the experiment is for {len(experiment.start)} joints, the arm has {self.joints}")
         if not np.allclose(experiment.full_speed, self.config.full_speed[: self.joints], rtol=SAME_SPEED):
             has, wants = list(experiment.full_speed), list(self.config.full_speed)
-            raise self._fault(f"the experiment takes {has} rad/s for full speed, this controller does {wants}")
+            raise self._fault(f"the experiment has full_speed {has} rad/s, this controller {wants}")
         try:
             self._steps = self._compile(experiment)
         except ValueError as error:
@@ -191,7 +189,7 @@ class ValTerminal:
         return not self._running
 
     def demand(self, times: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        return None  # VAL does not tell its setpoints
+        return None  # VAL does not report its setpoints
 
     def _pump(self) -> None:
         now = self._clock.monotonic_ns()
@@ -250,7 +248,7 @@ class ValTerminal:
     def _percent(self, fraction: float) -> int:
         percent = round(fraction * 100) if 0 < fraction <= 1 else 0  # 0 for NaN
         if percent < 1 or not abs(percent - fraction * 100) <= PERCENT_TOLERANCE:
-            raise self._fault(f"a speed of {fraction:g} is no whole number of per cent, as VAL wants it")
+            raise self._fault(f"a speed of {fraction:g} is not a whole number of per cent, which VAL requires")
         return percent
 
     def _degrees(self, radians: list[float]) -> list[float]:

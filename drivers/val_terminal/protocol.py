@@ -41,7 +41,7 @@ def move(degrees: list[float]) -> str:
 def _typed(degrees: float) -> str:
     """An angle as VAL reads it. ValueError for one that is not finite or beyond ``LARGEST_ANGLE``: what VAL makes of it is unknown."""
     if not abs(degrees) <= LARGEST_ANGLE:  # not NaN either
-        raise ValueError(f"{degrees:g} degrees is no angle of an arm")
+        raise ValueError(f"{degrees:g} degrees is not an angle of an arm")
     return f"{degrees:.3f}"
 
 

@@ -140,6 +140,6 @@ def _delay(name: str, parameters: dict[str, float]) -> float:
     if early != late:
         raise InputError(
             "simulation",
-            f"effect {name} counts rows, which an arm has not: use [[simulation.fault]] with kind 'lost_edge'",
+            f"effect {name} counts rows, but an arm has none: use [[simulation.fault]] with kind 'lost_edge'",
         )
     return float(late)

@@ -82,7 +82,7 @@ class Run:
     def __init__(self, mover: Mover, electronics: Electronics, after: tuple[Run, int] | None = None) -> None:
         """after: the run before and its time, ns, at which this one takes over: its encoders count on. None: they count from the pose.
 
-        Nothing is computed before somebody asks.
+        Computed on demand.
         """
         self.mover = mover
         self._electronics = electronics
@@ -242,7 +242,7 @@ class Run:
         self._after = after
 
     def _skip(self, to: int) -> None:
-        """Forgets the time up to shortly before ``to``: the arm stands, and nobody has looked."""
+        """Forgets the time up to shortly before ``to``: the arm is at standstill, and no signal was read."""
         row = to // self.mover.step_ns - 2
         self._marks.clear()
         for history in (self._q, self._qd, self._motor, self._rate, self._current):

@@ -31,7 +31,7 @@ class EncoderTable(Table):
 
 
 class TransducerTable(Table):
-    """Hall transducers round the motor leads; each entry but the ratings one number, or one a joint."""
+    """Hall transducers round the motor leads; each entry but the ratings one number, or one per joint."""
 
     turns: PerJoint = 10.0
     offset: PerJoint = 0.0  # V

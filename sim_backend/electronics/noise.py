@@ -26,7 +26,7 @@ LARGEST = 4.4
 
 
 def keys(seed: int, stream: str, channels: int) -> NDArray[np.uint64]:
-    """(channels,) uint64: one key a channel of a named stream, unrelated for different seeds, names and channels."""
+    """(channels,) uint64: one key per channel of a named stream, unrelated for different seeds, names and channels."""
     digest = hashlib.blake2b(f"{seed}/{stream}".encode(), digest_size=8).digest()
     return _mix(np.arange(channels, dtype=np.uint64) * _STEP + np.uint64(int.from_bytes(digest, "little")))
 

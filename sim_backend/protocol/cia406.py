@@ -164,7 +164,7 @@ class SimulatedCia406:
 
     def _on_sync(self, _identifier: int, _data: bytes, stamp: float) -> None:
         if self._due:
-            return  # the node that makes the SYNCs is told of no other
+            return  # the node that sends the SYNCs receives none
         # Sent when it is stamped, not when this process got round to it; latched when its last bit has come.
         now = time.monotonic_ns()
         now -= max(0, time.time_ns() - int(stamp * 1e9)) if stamp else 0

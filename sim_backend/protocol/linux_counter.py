@@ -27,7 +27,7 @@ class SimulatedCounter:
 
     def __init__(self, name: str, config: Config, wires: Wires) -> None:
         if config.sysfs == SYSFS:
-            raise InputError(name, f"sysfs: a simulated counter cannot live in {SYSFS}; name another folder")
+            raise InputError(name, f"sysfs: a simulated counter cannot be in {SYSFS}; use another folder")
         self.name, self.config, self.wires = name, config, wires
         self._folder = Path(config.sysfs) / config.device
         self._mask = (1 << config.bits) - 1

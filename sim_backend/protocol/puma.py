@@ -18,7 +18,7 @@ IN_POSITION = 0.1  # s after the demand's end at which the controller says that 
 
 @dataclass(frozen=True)
 class EncoderWire:
-    """An encoder input and what is on it: joint (from 0), and for an encoder that gives a position by itself its counts per rad of
+    """An encoder input and what is on it: joint (from 0), and for an absolute encoder its counts per rad of
     the joint and the joint's position at count 0. ``counts_per_radian`` None: the square lines of the motor's sine encoder."""
 
     joint: int

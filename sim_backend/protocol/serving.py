@@ -159,7 +159,7 @@ class Listener:
         self._listening.setblocking(False)
 
     def close(self) -> None:
-        """Pulls the cable: nobody is listening, and a connection is cut."""
+        """Unplugs the cable: no port listens, and a connection is cut."""
         self.drop()
         if self._listening is not None:
             self._listening.close()
@@ -202,7 +202,7 @@ class Listener:
         return data
 
     def send(self, data: bytes) -> int:
-        """Bytes taken by the network; 0 if it has no room or nobody is there."""
+        """Bytes taken by the network; 0 if it has no room or no client is connected."""
         if self.connection is None:
             return 0
         try:

@@ -1,4 +1,4 @@
-"""What hangs on the terminals of the simulated devices.
+"""What is connected to the terminals of the simulated devices.
 
 Times are ns of the host's monotonic clock, arrays int64, never later than now. Every method may be called from any thread.
 """

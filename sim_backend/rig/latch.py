@@ -114,7 +114,7 @@ class Latch:
         edges = self._present(seen(line, self._world.faults_of(self._device), self._edge, until, self._number))
         self._edge = until
         self._number += len(edges.edge)
-        forgotten = edges.time < self._world.oldest_ns()  # nobody has read for seconds: the buffer has run over
+        forgotten = edges.time < self._world.oldest_ns()  # not read for seconds: the buffer has overflowed
         self._ahead = edges[~(edges.missed | forgotten)]
         self._block, self._taken = self._rows(self._ahead), 0
 

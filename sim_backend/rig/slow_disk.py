@@ -12,7 +12,7 @@ from unittest.mock import patch
 
 @dataclass
 class Waits:
-    """How often the disk has kept somebody waiting."""
+    """Number of delayed fsyncs."""
 
     count: int = 0
 

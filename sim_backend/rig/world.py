@@ -226,7 +226,7 @@ class World:
         now = (self.now() - since_ns) * 1e-9
         for fault in self.faults_of(device):
             if isinstance(fault, Unplugged) and fault.at <= now and (fault.back is None or now < fault.back):
-                raise DeviceFault(device, "does not answer any more; check its plug and its power")
+                raise DeviceFault(device, "stopped answering; check its plug and its power")
 
 
 def world_of(shared: registry.World) -> World:

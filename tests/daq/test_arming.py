@@ -71,7 +71,7 @@ def test_status_stop_and_disarm_are_commands(lab: Lab, command: Callable[..., tu
         assert len(recording) == last["rows"] > 50
         assert last["ending"]["reason"] == "stopped"
         assert recording.ledger.lost == 0
-    assert "nothing lost; somebody stopped it" in command("status")[1]
+    assert "nothing lost; stopped by command" in command("status")[1]
     assert command("stop") == (0, "idle; no run was going on\n", "")
     assert json.loads(command("disarm", "--json")[1]) == {"state": "idle"}
 
@@ -83,7 +83,7 @@ def test_stop_ends_an_embedded_recording_with_its_rows(lab: Lab, command: Callab
         assert recorder.poll() is None
     status, out, err = command("stop")
     assert (status, err) == (0, "")
-    assert "ended because somebody stopped it" in out
+    assert "ended because stopped by command" in out
     assert finished(recorder)["rows"] == len(open_recording(lab.folder / "run.mcap"))
 
 
@@ -92,7 +92,7 @@ def test_an_armed_rig_expires(lab: Lab) -> None:
     with lab.session() as session:
         call(session, lab.keys, "arm", order(lab, expires=0.2))
         status = lab.until(session, lambda status: status["state"] == "idle")
-        assert status["disarmed"] == "nobody started it within 0.2 s"
+        assert status["disarmed"] == "not started within 0.2 s"
         assert not list(lab.folder.glob("run.mcap*"))
         with pytest.raises(InputError, match="'arm' comes first"):
             call(session, lab.keys, "start")

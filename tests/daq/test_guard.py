@@ -146,7 +146,7 @@ def test_a_process_that_stood_still_does_not_go_on() -> None:
         assert bench.guard.tripped is None and not _is_safe(bench)
         bench.clock.sleep(61.0)
         bench.guard.feed()
-        assert bench.guard.tripped == "no sign of life of the sampler for 60 s" and _is_safe(bench)
+        assert bench.guard.tripped == "the sampler was not active for 60 s" and _is_safe(bench)
 
 
 @pytest.mark.parametrize("fault", [{"gone_at": 100}, {"silent_at": 100}])

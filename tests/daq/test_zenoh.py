@@ -231,7 +231,7 @@ def test_commands_and_typed_errors(server: zenoh.Session, server_rig: Rig) -> No
 
 
 def test_nobody_there_is_an_error() -> None:
-    with pytest.raises(DeviceFault, match="nobody answers on tcp/127.0.0.1"):
+    with pytest.raises(DeviceFault, match="no answer on tcp/127.0.0.1"):
         open_session(rig(), listen=False)
 
 

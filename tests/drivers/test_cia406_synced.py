@@ -120,7 +120,7 @@ def test_somebody_else_makes_the_syncs_anyway(encoders: tuple[Any, Any]) -> None
 def test_what_it_cannot_do(encoders: tuple[Any, Any]) -> None:
     device, _ = encoders
     device.open()
-    with pytest.raises(DeviceFault, match="trigger source poll wants to be timer"):
+    with pytest.raises(DeviceFault, match="trigger source poll must be timer"):
         device.arm(Plan(EdgeSource.POLL, 100.0, None))
     with pytest.raises(DeviceFault, match="possible with 3 encoders"):
         device.arm(Plan(EdgeSource.TIMER, 5000.0, None))

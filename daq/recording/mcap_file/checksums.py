@@ -43,7 +43,7 @@ class Integrity(StrEnum):
 
 SENTENCES = {
     Integrity.VERIFIED: "every record agrees with its checksum",
-    Integrity.DAMAGED: "the file is not as it was written",
+    Integrity.DAMAGED: "the file has changed since it was written",
     Integrity.UNFINISHED: "no checksums of all records: the file was not finished",
     Integrity.NO_CHECKSUMS: "no checksums: written by an older armscope",
 }
@@ -118,7 +118,7 @@ def verify(data: memoryview) -> Verification:
 
 
 def _without_list(data: memoryview, mentioned: int) -> Verification:
-    """No list can be read: it is damaged (its name stands at ``mentioned``), or nobody wrote one (0)."""
+    """No list can be read: it is damaged (its name stands at ``mentioned``), or none was written (0)."""
     if mentioned:
         damage = DamagedRecord(
             f"attachment {NAME!r}", Opcode.ATTACHMENT, mentioned - _NAME_OFFSET, mentioned + len(NAME)

@@ -136,7 +136,7 @@ def _record(data: memoryview, place: int) -> tuple[int, Part | None]:
     except _BrokenRecord:
         raise
     except (ValueError, LookupError, struct.error, zstandard.ZstdError, EndOfFile, MemoryError) as error:
-        raise _BrokenRecord(f"a record cannot be understood: {error}") from None
+        raise _BrokenRecord(f"a record cannot be decoded: {error}") from None
 
 
 def _part(opcode: int, body: memoryview) -> Part | None:
@@ -158,7 +158,7 @@ def _part(opcode: int, body: memoryview) -> Part | None:
             if len(body) != 6 + struct.unpack_from("<I", body, 2)[0]:
                 raise _BrokenRecord("a message index has a wrong length")
         case _:
-            raise _BrokenRecord(f"no record of type {opcode} belongs here")
+            raise _BrokenRecord(f"a record of type {opcode} is not allowed here")
     return None
 
 

@@ -2,7 +2,7 @@
 
 The file is called ``RUN.mcap.active`` until it is whole. What the operating system refuses is undone: after an OSError the file
 ends where it ended before, and what was written earlier stays readable. One number in the head, the progress, is
-overwritten in place, so that after a crash the file itself tells how many rows had been on their way.
+overwritten in place, so that after a crash the file itself holds the number of rows passed to the recorder.
 """
 
 from __future__ import annotations
@@ -240,14 +240,14 @@ def create(path: str | Path, *, live: bool = False, replace: bool = False) -> Mc
     where the host's clock stands before 1970.
 
     live  True: the other name is ``path.active``, because what is in it is found nowhere else; never replaces one. A lock on it
-          tells that somebody still writes (``being_written``). False: ``path.part``
+          marks that a process still writes it (``being_written``). False: ``path.part``
     """
     check_file(path)
     _check_clock()
     path = Path(path)
     active = path.with_name(path.name + (ACTIVE if live else ".part"))
     if path.exists() and not replace:
-        raise InputError(path, "exists already, and no recording is overwritten; another name is wanted")
+        raise InputError(path, "exists already, and no recording is overwritten; use another name")
     handle = -1
     try:
         handle = os.open(active, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | (os.O_EXCL if live else 0), 0o644)

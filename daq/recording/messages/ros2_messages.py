@@ -16,7 +16,7 @@ _HEADER = "builtin_interfaces/Time stamp\nstring frame_id\n"
 
 
 def _definition(text: str, **parts: str) -> str:
-    """A message definition followed by those that it uses, as MCAP's 'ros2msg' wants them."""
+    """A message definition followed by those that it uses, as MCAP's 'ros2msg' requires them."""
     return text + "".join(f"{'=' * 80}\nMSG: {name.replace('__', '/')}\n{part}" for name, part in parts.items())
 
 

@@ -47,7 +47,7 @@ class Layout:
     raw       True: rows of devices (number, clocks, counts, volts, quality); False: lines of a table (number, t, extra)
     counters  names of the counter channels; inputs: of the analogue inputs
     points    frame of the tracker's points ('tracker' or 'base'), '' where there are none
-    effort    N m/A (N/A): joint torque a motor ampere, for the effort in /joint_states; () where nobody knows
+    effort    N m/A (N/A): joint torque per motor ampere, for the effort in /joint_states; () where unknown
     extra     names of further columns of a table
     """
 

@@ -27,7 +27,7 @@ def read_header(path: str | Path, file: TextIO) -> list[str]:
         raise InputError(path, f"line 1: is longer than {LONGEST_HEADER} characters; it must name the columns")
     names = [name.strip() for name in next(csv.reader([line]), [])]
     if len(names) == 1 and (found := re.search(r"[;\t|]", names[0])):
-        raise InputError(path, f"columns are separated by {found[0]!r}; commas are wanted, and decimal points")
+        raise InputError(path, f"columns are separated by {found[0]!r}; use commas, and decimal points")
     return names
 
 
@@ -59,7 +59,7 @@ def joints_of(path: str | Path, names: Sequence[str], joints: int | None, keep_e
             path, f"line 1: column {unknown[0]!r} is unknown; known are {_KNOWN}; --keep-extra keeps others"
         )
     if 0 < sum(axis in names for axis in "xyz") < 3:
-        raise InputError(path, "line 1: of the tracker's columns x, y, z all three are wanted, or none")
+        raise InputError(path, "line 1: the tracker's columns x, y, z must be all there, or none")
     return count
 
 

@@ -103,7 +103,7 @@ def read_csv_blocks(
         raise InputError(path, f"has {rows} lines of numbers; there must be at least 2")
     for name in names:
         if name in empty:
-            raise InputError(path, f"column {name} has no value in any line; leave it out, or measure it")
+            raise InputError(path, f"column {name} has no value in any line; omit it, or measure it")
 
 
 def _table(t: Array, columns: dict[str, Array], joints: int) -> Table:
@@ -138,7 +138,7 @@ def _blocks(path: str | Path, file: TextIO, width: int) -> Iterator[tuple[list[i
 
 
 def _last_cell(path: str | Path, column: int) -> str:
-    """The text in a column of the last line; "" where that cannot be told."""
+    """The text in a column of the last line; "" where it is unknown."""
     with os.fdopen(open_regular(path), "rb") as file:
         file.seek(max(file.seek(0, os.SEEK_END) - _TAIL, 0))
         lines = file.read().decode(errors="replace").split("\n")
@@ -176,5 +176,5 @@ def _check_size(path: str | Path, lines: Sequence[int], columns: dict[str, Array
             row = int(np.argmax(wrong))
             raise InputError(
                 path,
-                f"line {lines[row]}, column {name}: {values[row]:g} is no measurement; a missing sample is an empty cell",
+                f"line {lines[row]}, column {name}: {values[row]:g} is not a measurement; a missing sample is an empty cell",
             )

@@ -37,10 +37,10 @@ ROS_SECONDS = 1 << 31
 
 
 class TimeColumn:
-    """The column t, some rows after the others; the first rows tell whether its times are of the epoch.
+    """The column t, some rows after the others; the first rows decide whether its times are relative to 1970.
 
     unit    of the column; None: s, and InputError where it looks like another
-    last    text of the file's last cell of it, "" where that cannot be told
+    last    text of the file's last cell of it, "" where it is unknown
     epoch   once there are rows: s since 1970 of the first, exactly; None where the times are not of the epoch
     start_ns  wall time of t = 0 in ns, where that is known and a ROS stamp can hold all of the rows
     """

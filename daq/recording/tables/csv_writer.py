@@ -19,7 +19,7 @@ def write_csv(path: str | Path, recording: Recording | LongRecording) -> list[st
     """Writes a recording as a table, whole or not at all; returns the names of the columns.
 
     Each number is the shortest text that reads back as the same float64; a missing sample is an empty cell. Tracker points
-    that nobody can place in the base frame stay out.
+    whose position in the base frame is unknown are omitted.
     """
     names: list[str] = []
     epoch = recording.provenance.get("epoch")

@@ -97,7 +97,7 @@ def _write(path: str | Path, layout: Layout, attachments: Attachments, blocks: I
         finish_file(file, ledger)
     except OSError as error:
         file.abandon()
-        raise DeviceFault("disk", f"{error.strerror} while writing {path}; nothing is left of it") from None
+        raise DeviceFault("disk", f"{error.strerror} while writing {path}; it was removed") from None
     except BaseException:
         file.abandon()
         raise

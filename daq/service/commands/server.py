@@ -28,7 +28,7 @@ MOST_BYTES_OTHERWISE = 1 << 16
 
 
 class Command:
-    """One command that somebody waits for; exactly one of ``answer`` and ``refuse`` ends it."""
+    """One command whose client waits; exactly one of ``answer`` and ``refuse`` ends it."""
 
     def __init__(self, query: zenoh.Query, answers: Executor) -> None:
         self._query, self._answers = query, answers
@@ -64,7 +64,7 @@ class Command:
         self._later(lambda: self._query.reply_err(text, encoding="application/json"))
 
     def settle(self, outcome: Future[dict[str, Any]] | Future[bytes]) -> None:
-        """Sends what has become of it. An exception that is neither InputError nor DeviceFault is a bug, and told as such."""
+        """Sends the outcome. An exception that is neither InputError nor DeviceFault is a bug, and reported as one."""
         error = outcome.exception()
         if error is None:
             self.answer(outcome.result())
@@ -86,7 +86,7 @@ class Command:
 
 
 class CommandServer:
-    """The queue of commands of one rig, and the liveliness token that says that somebody is there to answer."""
+    """The queue of commands of one rig, and the liveliness token of a process that answers."""
 
     def __init__(self, session: zenoh.Session, keys: Keys, waiting: CommandQueue | None = None) -> None:
         self._waiting = CommandQueue() if waiting is None else waiting

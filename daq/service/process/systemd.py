@@ -22,7 +22,7 @@ class Watchdog:
 
     @property
     def interval(self) -> float | None:
-        """s between two signs of life; None if nobody expects any."""
+        """s between two watchdog notifications; None if none are expected."""
         return self._interval
 
     def ready(self, status: str) -> None:

@@ -1,6 +1,6 @@
 """Brings a recording from a daemon's folder: piece by piece, its checksum verified, whole or not at all.
 
-The pieces go to ``OUT.CHECKSUM.part`` beside the file. A transfer that broke off goes on where it ended the next time: the name
+The pieces go to ``OUT.CHECKSUM.part`` beside the file. An interrupted transfer continues where it ended: the name
 says which state of which recording it is.
 """
 
@@ -30,7 +30,7 @@ Shown = Callable[[int, int], object]
 def fetch(
     session: zenoh.Session, keys: Keys, name: str, out: Path, show: Shown = lambda done, size: None
 ) -> dict[str, Any]:
-    """Brings the recording ``name`` to ``out``; ``show`` is told the bytes that are here, and all of them.
+    """Brings the recording ``name`` to ``out``; ``show`` receives the bytes received, and the total.
 
     Returns file, bytes, sha256 and how many bytes were here from an earlier attempt. InputError: no such recording, or ``out``
     exists or cannot be written. DeviceFault: the daemon or the disk failed; what has come stays for the next attempt.
