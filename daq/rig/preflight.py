@@ -76,7 +76,7 @@ def _away_from_start(experiment: Experiment, first: Array, speed: Array | None) 
     jump = np.abs(first - np.array(experiment.start))
     most = speed * (1 + RELATIVE) * STEP
     return [
-        f"joint {joint + 1} must be {jump[joint]:.4g} from the start pose at once; begin the motion at 'start'"
+        f"the reference of joint {joint + 1} jumps by {jump[joint]:.4g} from the start pose; begin the motion at 'start'"
         for joint in np.flatnonzero(~(jump <= most)).tolist()
     ]
 

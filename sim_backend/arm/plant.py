@@ -45,7 +45,9 @@ class SimulatedArm:
         low, high = np.array(stops).T
         for beyond in excesses(demand_of(experiment), low=low - ROUNDING, high=high + ROUNDING):
             first, last = stops[beyond.joint - 1]
-            return f"joint {beyond.joint} must go to {beyond.value:.4g}; its stops are at {first:g} and {last:g}"
+            return (
+                f"the motion takes joint {beyond.joint} to {beyond.value:.4g}; its stops are at {first:g} and {last:g}"
+            )
         return ""
 
     def moving(self, experiment: Experiment) -> Mover:

@@ -50,7 +50,7 @@ def test_status_stop_and_disarm_are_commands(lab: Lab, command: Callable[..., tu
     lab.experiment(60)
     status, _, err = command("status")
     assert (status, err.count("\n")) == (3, 1)
-    assert "nobody answers" in err
+    assert "no answer" in err
     lab.daemon()
     assert json.loads(command("status", "--json")[1])["state"] == "idle"
     assert json.loads(command("stop", "--json")[1]) == {"state": "idle", "last": None}

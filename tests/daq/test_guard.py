@@ -131,7 +131,7 @@ def test_a_consumer_that_hangs_trips_the_watchdog_on_the_real_clock() -> None:
                 assert _is_safe(bench)
                 assert bench.devices["arm"].stopped  # type: ignore[attr-defined]
         assert acquisition.ending is not None and acquisition.ending.reason is End.WATCHDOG
-        with pytest.raises(DeviceFault, match="held safe: no sign of life"):
+        with pytest.raises(DeviceFault, match="held safe: the sampler was not active"):
             bench.guard.set_volts("drive", 1.0)
         bench.guard.reset()
         bench.guard.set_volts("drive", 1.0)

@@ -107,7 +107,7 @@ def test_an_overrun_is_a_fault_and_ceilings_are_refused(card) -> None:
     device.arm(Plan(EdgeSource.TIMER, 1000.0, None))
     assert library.commands[-1].scan_begin_arg == 1_000_000
     os.close(library.writing)
-    with pytest.raises(DeviceFault, match="ran over"):
+    with pytest.raises(DeviceFault, match="overflowed"):
         device.read()
     library.writing = os.dup(library.reading)
 

@@ -49,7 +49,7 @@ def test_the_example_driver_keeps_its_promises(root: Path, tmp_path: Path, monke
 
 def test_every_fault_of_the_document_has_its_tests(root: Path) -> None:
     text = (root / "docs" / "hardware.md").read_text()
-    table = text[text.index("| fault | shown by |") : text.index("## A driver of your own")]
+    table = text[text.index("| fault | test |") : text.index("## A driver of your own")]
     tests = {
         name
         for path in (root / "tests" / "drivers").glob("test_*.py")

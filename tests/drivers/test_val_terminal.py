@@ -151,7 +151,7 @@ def test_noise_on_the_echo_is_typed_again_and_never_entered(rig) -> None:
     until_finished(device)
     box.corrupt = lambda data: data
     assert arm.position(time.monotonic_ns())[0] == pytest.approx(0.2, abs=1e-4)
-    assert device._session.retyped > 0 and "echoed wrongly" in device.check()[0]
+    assert device._session.retyped > 0 and "wrong echo" in device.check()[0]
     known = ("SPEED 100", "WHERE", "DRIVE 1,11.459,100", "")
     assert set(box.entered) <= set(known)
 

@@ -317,7 +317,7 @@ def test_refusals() -> None:
     rig = make_rig(analog={"conversion_rate": 83.3e3})
     with pytest.raises(DeviceFault, match="at most 10412"):
         rig.analog.arm(Plan(EdgeSource.TIMER, 20e3, None))
-    with pytest.raises(DeviceFault, match="at most 1000 times a second"):
+    with pytest.raises(DeviceFault, match="at most 1000 times per second"):
         rig.tracker.arm(Plan(EdgeSource.TRACKER, 1600.0, None))
     with pytest.raises(DeviceFault, match="for 2 joints"):
         rig.arm.load(chirps().model_copy(update={"start": [0.0, 0.0]}))
