@@ -166,7 +166,7 @@ class NiLabPc:
         except OSError as error:
             raise self._fault(f"{error}: its buffer overflowed, or the card is gone") from None
         if not data:
-            raise self._fault("the scan has stopped: its buffer ran over")
+            raise self._fault("the scan has stopped: its buffer overflowed")
         now = self._clock.monotonic_ns()
         self._bytes += data
         scan = self.config.inputs * self._type.itemsize

@@ -90,7 +90,7 @@ def test_info_accounts_for_every_sample(recorded: Path, capsys: pytest.CaptureFi
     assert info["quality_flags"]["saturated"] == np.count_nonzero(recording.quality & 2)
     assert run(["info", str(recorded)]) == 4
     text = capsys.readouterr().out
-    assert "105 triggers = 100 recorded + 5 lost" in text and "an edge of the trigger line was not seen" in text
+    assert "105 triggers = 100 recorded + 5 lost" in text and "an edge of the trigger line was missed" in text
 
 
 def test_recover_and_info_on_a_cut_file(recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

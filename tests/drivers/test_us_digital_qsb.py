@@ -260,6 +260,6 @@ def test_a_line_that_is_slow_from_the_beginning_is_told(tmp_path: Path) -> None:
         assert device.check() == []
         wire.delay = 0.016
         (problem,) = device.check()
-        assert "adapter keeps bytes back" in problem
+        assert "adapter buffers bytes" in problem
         device.close()
     box.close()

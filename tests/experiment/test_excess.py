@@ -208,7 +208,7 @@ def test_repeats_that_stand_in_one_another_too_deep_are_refused() -> None:
         segments = [dict(type="repeat", times=2, segment=segments)]
         if depth < 5:
             experiment(segments)
-    with pytest.raises(InputError, match="repeats stand in one another, more than 5 deep"):
+    with pytest.raises(InputError, match="repeats are nested more than 5 deep"):
         experiment_of(
             dict(name="x", start=START, full_speed=[1, 1], full_acceleration=[1, 1], segment=segments), "file"
         )
