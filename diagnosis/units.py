@@ -1,4 +1,4 @@
-"""Units as a joint has them: N and m where it slides, and what its drive is told in where that is not A."""
+"""Units as a joint has them: N and m where it slides, and the unit of its drive command where that is not A."""
 
 from __future__ import annotations
 

@@ -1,10 +1,13 @@
-"""Measured against simulated: the model's own closed loop on the demands of a recording, and its currents along the measured motion.
+"""Measured against simulated: the model in closed loop on the recorded demands, and its currents along the measured
+motion.
 
-The closed loop is what a user calls the simulation. Where the controller of the model is that of the arm, it hears neither the steps of the
-encoder nor their derivatives, and is the sharper judge; where it is not, its errors are the controller's, and the currents that the model wants
-for the measured motion are compared instead (Leboutet et al., Applied Sciences 11, 2021: output-error methods stand and fall with the controller).
+The closed loop is what a user calls the simulation. Where the controller of the model is that of the arm, its currents
+contain neither encoder quantisation nor derivatives of it, and it is the sharper test. Where it is not, its errors are
+those of the controller, and the currents that the model predicts for the measured motion are compared instead (Leboutet
+et al., Applied Sciences 11, 2021: output-error methods depend on the controller).
 
-Errors are compared in the band of ``evidence`` and where friction is known: at standstill the current is whatever the servo came to rest with.
+Errors are compared in the band of the residual and where friction is known: at standstill the current is the one with
+which the servo came to rest.
 """
 
 from __future__ import annotations
@@ -30,13 +33,16 @@ from identification.preprocessing import demand_of_run
 FAITHFUL = 1.5
 """Times the error along the measured motion: a closed loop that errs more at some joint is not that of the arm's controller."""
 SMOOTHING = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
-"""Of the model's own width, over which friction turns from one direction to the other: what is tried, a lane each."""
+"""Candidate Coulomb smoothing velocities, as multiples of the model's own; one lane of the engine each."""
 
 
 @dataclass(frozen=True)
 class Compared:
-    """One recording beside its simulation: t (m,) s; measured and simulated current (m, n) A and angle (m, n) rad; known (r, n): rows that count,
-    of those that the run has."""
+    """One recording and its simulation.
+
+    t (m,) s; measured and simulated current (m, n) A and angle (m, n) rad; known (r, n): rows that are compared, of
+    those that the run has.
+    """
 
     name: str
     t: Array
@@ -68,7 +74,7 @@ def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
 
 
 def has_demand(recording: Recording) -> bool:
-    """Whether a recording tells the whole demand of arms whose drives were on."""
+    """Whether a recording holds the whole demand of an arm whose drives were on."""
     return recording.qref is not None and not np.isnan(recording.qref).any() and not setup_of(recording).drives_off
 
 
@@ -88,9 +94,10 @@ def faithful(pairs: Sequence[tuple[Compared, Compared]], along: Sequence[tuple[A
 
 
 def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
-    """The arm with the widths over which its friction turns (``sign_velocity``) that these recordings show in closed loop.
+    """The arm with the Coulomb smoothing velocities (``sign_velocity``) that these recordings show in closed loop.
 
-    No data sheet has them, and every simulation has its own; a joint keeps its own where no other takes a tenth off its squared error.
+    No data sheet states them, and simulations differ in them. A joint keeps its own where no other reduces its squared
+    error by a tenth.
     """
     usable = [r for r in recordings if has_demand(r)]
     moving = [j for j, joint in enumerate(arm.joints) if max(joint.coulomb) > 0.0]
@@ -118,10 +125,12 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
 def refuted(
     full: Arm, less: Sequence[Arm], felt_at: Sequence[int], recordings: Sequence[Recording], runs: Sequence[Run]
 ) -> int | None:
-    """The cause (by index) that makes the closed loop err most more than it does without; None where none does, or the loop cannot judge.
+    """Index of the cause whose removal reduces the closed-loop error most; None where no removal does, or the loop
+    cannot judge.
 
-    full: the model with all causes; less: without each of them; felt_at: the joint (from 1) where each is felt most. A cause has to survive
-    both views: the residual along the measured motion, by which it was found, and the closed loop on recordings held out.
+    full: the model with all causes; less: without each of them; felt_at: the joint (from 1) where each has its largest
+    effect. A cause must hold in both comparisons: the residual along the measured motion, by which it was found, and
+    the closed loop on held-out recordings.
     """
     compared = [(r, run, pair) for r, run in zip(recordings, runs) if (pair := compare(r, full, run)) is not None]
     with_all = [pair for _, _, pair in compared]

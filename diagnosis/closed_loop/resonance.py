@@ -1,9 +1,11 @@
-"""What swings faster than the currents along a measured motion can tell: springs and play between motor and link, found in closed loop.
+"""Transmission resonances above the residual's bandwidth: springs and play between motor and link, identified in closed
+loop.
 
-Along the measured motion the steps of the encoders drown everything above 20 Hz (``evidence``). The model's own closed loop on the same
-demands hears no such steps: where its servos are those of the arm, it follows measured currents to the transducers' noise up to a hundred
-hertz, and a transmission that swings there is a joint that it does not follow. Stiffness and gap are searched in batches of closed loops, a
-lane a value, and accepted only if they explain nearly all that the loop was missing, at all joints, on recordings held out.
+Along the measured motion encoder quantisation exceeds everything above 20 Hz. The model in closed loop on the same
+demands has no such noise: where its servos are those of the arm, it follows measured currents to the transducers' noise
+up to a hundred hertz. At a joint with a transmission resonance it does not. Stiffness and gap are searched in batches
+of closed loops, one value per lane. They are accepted only if they explain nearly all of the excess error, at all
+joints, on held-out recordings.
 """
 
 from __future__ import annotations
@@ -36,13 +38,13 @@ from identification.selection.cluster_covariance import cluster_covariance
 BAND = (10.0, 100.0)
 """Hz."""
 FASTEST = 300.0
-"""Hz: no spring is tried that swings its link faster: nothing of it is left in the band, and its loop takes ever longer."""
+"""Hz: highest resonance that is tried. A faster one leaves nothing in the band, and its loop takes smaller steps."""
 ABOVE_NOISE = 2.0
-"""Times the transducers' noise in the band: a joint that the loop does not follow."""
+"""Residual-to-noise ratio in the band above which the closed loop does not follow a joint."""
 MOVES = 0.01
 """rad (m) that a joint moves at least."""
 FOLLOWED = 0.7
-"""Share of moving joints that may be loud: where nearly all are, the servos are not those of the arm."""
+"""Largest share of moving joints above the noise: where nearly all are, the servos are not those of the arm."""
 PROMISING, MOST = 0.4, 0.75
 """Share of the energy above the noise that the best of the first values must explain at the joint, and the best of all at all joints held out."""
 SIGNIFICANT = 0.05
@@ -79,9 +81,11 @@ def transmission_resonance(
     joints: Sequence[int],
     near: Cause | None = None,
 ) -> Cause | None:
-    """The spring or the play of one of ``joints`` (from 1) for which ``arm``, with all else that is known of it, does not follow the demands.
+    """The spring or the play at one of ``joints`` (from 1) that makes the closed loop follow the demands; None if there
+    is none.
 
-    near: one that the currents along the motion show, of which the loop has the exact values.
+    arm: the model with all other known effects. near: the cause that the currents along the motion show; its values are
+    tried as well.
     """
     fit, held_out = [r for r in fit if has_demand(r)], [r for r in held_out if has_demand(r)]
     if arm.controller is None or not fit or not held_out:
@@ -106,7 +110,7 @@ def transmission_resonance(
     promising = [
         trial_score
         for joint in strongest
-        if arm.joints[joint - 1].rotor_inertia > 0.0  # all the mass behind the spring: no motor to swing against it
+        if arm.joints[joint - 1].rotor_inertia > 0.0  # without a rotor no mass remains on the side of the motor
         for effect in transmissions()
         if (trial_score := _searched(arm, effect, int(joint), searched, noise, near)) is not None
     ]
@@ -215,7 +219,7 @@ def _sections(rate: float) -> Array:
 
 
 def _white_share(recording: Recording) -> float:
-    """Of the power of white noise, what is left in the band."""
+    """Share of the power of white noise that lies in the band."""
     _, response = signal.sosfreqz(_sections(1.0 / recording.dt), 2000)
     return float(np.mean(np.abs(response) ** 4))
 

@@ -60,14 +60,14 @@ def terms_of(arm: Arm) -> list[Term]:
 
 
 def true_angle(arm: Arm, q: Array) -> Array:
-    """(m, n) rad: where the motors stood while their encoders showed q."""
+    """(m, n) rad: true motor angles, at joint side, while their encoders read q."""
     angle = q.copy()
     for effect, joint, values in terms_of(arm):
         if effect.angle is not None and joint is not None:
             j, ratio = joint - 1, arm.joints[joint - 1].ratio
             for _ in range(
                 2
-            ):  # the error is told by the true angle: a contraction, as errors are far smaller than their period
+            ):  # a fixed-point iteration for the error at the true angle: it contracts, as errors are far below their period
                 angle[:, j] = q[:, j] - effect.angle(values, Signals(motor=angle[:, j] * ratio))
     return angle
 
@@ -137,7 +137,7 @@ def _twist(
 def through_gap(load: Array, inertia: Array, half_gap: float, step: float) -> Array:
     """Twist (m,) of a joint with play, for rows ``step`` s apart: +half_gap where the motor pushes the link, -half_gap where it holds it back.
 
-    Where the ``load`` (m,) N m that the link of ``inertia`` (m,) kg m2 wants changes its sign, the teeth part: the link flies, inertia d'' = load,
+    Where the ``load`` (m,) N m that the link of ``inertia`` (m,) kg m2 needs changes its sign, the teeth part: the link flies, inertia d'' = load,
     until it meets the other flank, and stays there. That takes a tenth of a second where gravity turns it over, and ends with a jump of the current.
     """
     twist = np.empty_like(load)
@@ -156,8 +156,9 @@ def through_gap(load: Array, inertia: Array, half_gap: float, step: float) -> Ar
 def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step: float) -> tuple[Array, Array, Array]:
     """Twist of an elastic joint, its rate and second rate (m,), for rows ``step`` s apart.
 
-    The motor goes its way; the link, of ``inertia`` (m,) kg m2, would need ``load`` (m,) N m to follow it stiffly, and swings behind the spring
-    instead: inertia d'' + damping d' + stiffness d = load, by exact steps with the load as it is in the middle of each; at rest at the start.
+    The motor follows its own motion; the link, of ``inertia`` (m,) kg m2, would need ``load`` (m,) N m to follow it
+    stiffly, and oscillates behind the spring instead: inertia d'' + damping d' + stiffness d = load, by exact steps
+    with the load as it is in the middle of each; at rest at the start.
     """
     decay = damping / inertia / 2
     frequency = np.sqrt(np.maximum(stiffness / inertia - decay**2, 1e-9))

@@ -1,4 +1,4 @@
-"""The noise of a recording's channels, from the recording alone: quantisation, scatter, and what currents do while the arm stands."""
+"""Noise of a recording's channels, from the recording alone: quantisation, scatter, and the currents at standstill."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ QUIET_ROWS, QUIET_BLOCKS = 60, 5
 END_SECONDS = 0.1
 """Beginning of a recording that is left out: the filter's own end, and what the start of a drive does."""
 STILL_SECONDS = 0.2
-"""Shortest stand of the whole arm that tells of noise."""
+"""Shortest standstill of the whole arm from which noise is estimated."""
 
 
 def scatter(values: Array) -> Array:
@@ -35,16 +35,17 @@ def angle_noise(q: Array) -> Array:
     """(n,) rad: standard deviation of recorded angles (m, n), from their step (variance step^2 / 12) or, where it is more, their scatter."""
     quantised = np.array([encoder_step(column) for column in q.T]) / np.sqrt(12)
     white = scatter(q)
-    # quantised angles scatter as much as their steps say, give or take a third: only more than that is noise beside the steps
+    # the scatter of quantised angles follows from their steps to within a third: only more than that is further noise
     noise: Array = np.where(white > 2.0 * quantised, white, quantised)
     return noise
 
 
 def still_noise(recordings: Sequence[Recording]) -> Array:
-    """(n,) A: standard deviation, in the band of comparison, of currents in the stand that recordings begin with; 0 where none does.
+    """(n,) A: std, in the band of comparison, of currents in the standstill that recordings begin with; 0 where none
+    does.
 
-    What is correlated over tenths of a second is noise as well, and no scatter between neighbours shows it. The middle one of all recordings
-    is taken, about its trend: where an arm still settles, its currents change for a reason.
+    Noise correlated over tenths of a second does not show in the scatter between neighbouring rows. The median of all
+    recordings is taken, about their trends: while an arm settles, its currents change for a reason.
     """
     stds = []
     for recording in recordings:
@@ -60,10 +61,10 @@ def still_noise(recordings: Sequence[Recording]) -> Array:
 
 
 def quiet_noise(residual: Array, known: NDArray[np.bool_], block: NDArray[np.intp]) -> Array:
-    """(n,) deviation of residual currents (m, n) about straight lines in the quietest fifth of their blocks; 0 for too few ``known`` rows.
+    """(n,) std of residual currents (m, n) about straight lines in the quietest fifth of their blocks.
 
-    What is correlated for longer than an arm stands, no stand tells of. What something wrong does to a current is louder in some seconds than in
-    others; noise is there in the quietest.
+    0 for too few ``known`` rows. Noise correlated over longer than the initial standstill cannot be estimated from it.
+    The effect of an error on a current varies from second to second; noise is present in the quietest.
     """
     noise = np.zeros(residual.shape[1])
     for j in range(residual.shape[1]):
@@ -79,7 +80,7 @@ def quiet_noise(residual: Array, known: NDArray[np.bool_], block: NDArray[np.int
 
 
 def _about_trend(values: Array) -> Array:
-    """(n,) standard deviation of (m, n) values about straight lines through them: what a servo that settles does is no noise."""
+    """(n,) std of (m, n) values about straight lines through them: the settling of a servo is not noise."""
     x = np.linspace(-1.0, 1.0, len(values))
     detrended = values - np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x, values, 1)).T
     deviation: Array = detrended.std(axis=0)

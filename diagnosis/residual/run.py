@@ -1,8 +1,8 @@
-"""Recordings seen through the model: what current the model expects for the motion that was measured, and what is left.
+"""Residual generation: the current that a model predicts for the measured motion, and measured less predicted current.
 
-Every signal is smoothed by the same zero-phase filters on both sides of the equation, then thinned to ``ROWS_PER_SECOND``. The residual is
-the measured motor current less the expected one, in A; partial derivatives of the expected current by angle, speed and acceleration
-turn whatever disturbs an angle into what it does to the currents of all joints.
+Every signal is smoothed by the same zero-phase filters on both sides of the equation, then thinned to
+``ROWS_PER_SECOND``. The residual is the measured motor current less the predicted one, in A. Partial derivatives of the
+predicted current by angle, speed and acceleration turn an error of an angle into changes of the currents of all joints.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from diagnosis.residual.noise import angle_noise, scatter
 
 ROWS_PER_SECOND = 100
 CREEP = 0.02
-"""rad/s (m/s): below it, what friction does depends on more than the velocity."""
+"""rad/s (m/s): below it friction depends on more than the velocity."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One recording seen through one model. m rows at ROWS_PER_SECOND, n joints.
+    """The residual of one recording under one model; m rows at ROWS_PER_SECOND, n joints.
 
     raw: t (k,) s and q (k, n) rad as recorded, events taken out; t (m,) s from the start of the recording; q, v, a (m, n) rad and per
     second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
@@ -84,7 +84,9 @@ class Run:
 
     @cached_property
     def along(self) -> Array:
-        """(m, n) A: the current that the arm wants, by first-order laws, for the very motion that columns are made of."""
+        """(m, n) A: the current that the arm needs, by first-order laws, for the motion from which columns are
+        computed.
+        """
         return inverse_dynamics(self.arm, self.q, self.v, self.a) / self.arm.joint_array("drive_constant")
 
     @cached_property
@@ -132,9 +134,10 @@ class Run:
 def residual_run(
     name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True, still: Array | float = 0.0
 ) -> Run:
-    """A recording t (m,) s, q (m, n) rad, i (m, n) A, uniformly sampled and without gaps, seen through ``arm``.
+    """The residual of a recording t (m,) s, q (m, n) rad, i (m, n) A, uniformly sampled and without gaps, under
+    ``arm``.
 
-    still (n,) A: what the currents do while the arm stands, where that is known (``noise.still_noise``).
+    still (n,) A: std of the currents at standstill, where that is known (``noise.still_noise``).
     """
     rate = 1.0 / float(np.median(np.diff(t)))
     angle = true_angle(arm, q)

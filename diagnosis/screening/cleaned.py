@@ -1,4 +1,4 @@
-"""All recordings of a diagnosis as one model sees them: events in raw rows found and taken out, the rest turned into ``evidence.Run``."""
+"""Recordings screened and turned into residuals: events in raw rows are found and removed, the rest becomes ``Run``."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from diagnosis.screening.mains_hum import mains_hum, without_hum
 Samples = tuple[Array, Array, Array]
 
 OWN_LIMIT = 0.02
-"""Share by which a limit that is seen may differ from that of the model and be the same."""
+"""Relative difference below which an observed limit is the model's own."""
 
 
 @dataclass(frozen=True)
 class Residuals:
     """Events; every recording as a run without them, and its samples t (k,) s, q (k, n) rad, i (k, n) A without them.
 
-    periods s between rows; still (n,) A: what the currents do while the arm stands.
+    periods s between rows; still (n,) A: std of the currents at standstill.
     """
 
     events: list[Event]
@@ -90,9 +90,10 @@ def residuals_of(arm: Arm, screened: Screened, progress: Callable[[str], None] =
 
 
 def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
-    """The recordings that lost edges put right, as far as lags beside the effects ``terms`` tell; the same sight where none did.
+    """The recordings with dropped triggers corrected; the same object where there are none.
 
-    Strong effects that are not in the model yet hide a change of lag: it is looked for again behind them.
+    terms: effects conditional on which the lags are estimated. Strong effects that are not yet in the model hide a
+    change of lag, so that it is searched for again once they are known.
     """
     runs = list(sight.runs)
     if terms:
@@ -111,7 +112,7 @@ def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
 
 
 def _gain_of_realignment(original: Run, corrected: Run, terms: Sequence[EffectTerm]) -> Gain:
-    """What currents in the rows where they belong explain, at the joint where that is most."""
+    """What realigned currents explain, at the joint where that is most."""
     before, after = (rms_where(residual_with(run, terms), comparable_rows(run)) for run in (original, corrected))
     most = int(np.argmax((before**2 - after**2) / corrected.noise**2))
     return Gain(before=float(before[most]), after=float(after[most]), unit="A", joint=most + 1)
@@ -132,7 +133,7 @@ def check(arm: Arm, recordings: Sequence[Recording]) -> None:
         if r.joints != len(arm):
             raise InputError(r.path, f"has {r.joints} joints, the model {arm.name} has {len(arm)}")
         if len(r) < 3 / r.dt:
-            raise InputError(r.path, f"is {len(r) * r.dt:.1f} s long; at least 3 s are wanted")
+            raise InputError(r.path, f"is {len(r) * r.dt:.1f} s long; at least 3 s are needed")
         for name, values in (("position", r.q), ("current", r.i)):
             missing = np.isnan(values).any(axis=0)
             if missing.any():

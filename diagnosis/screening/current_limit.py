@@ -1,4 +1,4 @@
-"""Currents that are clipped: they pile up at one extreme value of raw rows."""
+"""Clipped currents: rows accumulate at one extreme value of the raw current."""
 
 from __future__ import annotations
 

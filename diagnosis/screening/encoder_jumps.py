@@ -1,6 +1,7 @@
-"""Angles that jump between two rows: counts that an encoder lost or made up, and rows of the counters that are missing.
+"""Angles that jump between two rows: counts that an encoder lost or added, and missing rows of the counters.
 
-Looked for in the raw rows of every recording, before any filter would smear it, and taken out before the rest is judged.
+Searched for in the raw rows of every recording, before a filter would smear them, and removed before the residual is
+computed.
 """
 
 from __future__ import annotations
@@ -28,9 +29,11 @@ JUMP_OVER_OTHERS = 2.4
 
 
 def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
-    """Angles that jump by several steps of the encoder between two rows and stay there; one event a joint, told by its largest jump.
+    """Angles that jump by several encoder steps between two rows and keep the offset; one event per joint, from its
+    largest jump.
 
-    Where all angles that move jump as far as they turn in a whole number of rows, rows are missing and no counts (``lost_edges``).
+    Where all moving angles jump as far as they turn in a whole number of rows, rows are missing and no counts
+    (``dropped_triggers``).
     """
     jumps_of = [[_jump(r, j) for j in range(r.joints)] for r in recordings]
     missing = [_rows_missing(r, of_joint) for r, of_joint in zip(recordings, jumps_of)]
@@ -101,7 +104,7 @@ def _as_elsewhere(
 
 
 def _dropped_triggers(recordings: Sequence[Recording], missing: Sequence[tuple[int, int] | None]) -> Event:
-    """Rows of the counters that are missing, told by the first recording that misses some."""
+    """Missing rows of the counters, with the parameters of the first recording that misses some."""
     instants = [(index, *instant) for index, instant in enumerate(missing) if instant is not None]
     index, row, count = instants[0]
     names = ", ".join(f"{recordings[k].path.name} {n} at {recordings[k].t[at]:.3f} s" for k, at, n in instants)

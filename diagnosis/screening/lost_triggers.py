@@ -1,7 +1,9 @@
-"""Edges of the trigger that one group of channels lost: from one row on its currents belong to later rows, and the lag against the angles changes.
+"""Triggers that one group of channels dropped: from one row on its currents belong to later rows, and their lag
+changes.
 
-The lag is looked for second by second, joint by joint: what the residual has of the derivative of the current. A lag that is there all the
-time is time skew and stays; one that changes at one instant, by whole rows, alike at all joints that can tell, is lost edges.
+The lag against the angles is estimated per second and per joint: the projection of the residual on the derivative of
+the current. A constant lag is time skew and remains. A lag that changes at one instant by whole rows, equally at all
+joints that determine it, is dropped triggers.
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ BALANCED = 0.03
 APART = 2e-4
 """s by which other things that are wrong make the lags of the joints differ."""
 FEWEST = 6
-"""Pieces wanted on either side of the change."""
+"""Pieces needed on either side of the change."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,11 @@ class Change:
 
 @dataclass(frozen=True)
 class DroppedTriggers:
-    """Edges that one recording (by its index) lost: ``row`` (standard deviation ``row_std``) after which currents (angles, for a negative
-    ``count``) belong to rows ``count`` (``count_std``) later; period s between rows."""
+    """Triggers that one recording (by its index) dropped.
+
+    row (std ``row_std``): after it, currents (angles, for a negative ``count``) belong to rows ``count``
+    (``count_std``) later; period s between rows.
+    """
 
     recording: int
     row: float
@@ -62,7 +67,7 @@ class DroppedTriggers:
 
 
 def dropped_triggers(runs: Sequence[Run], periods: Sequence[float]) -> list[DroppedTriggers]:
-    """Recordings that lost edges: ``periods`` s between the rows of each."""
+    """Recordings that dropped triggers; ``periods`` s between the rows of each."""
     changes: dict[int, tuple[Change, int]] = {}
     for index, (run, period) in enumerate(zip(runs, periods)):
         change = change_of_lag(run)
@@ -84,7 +89,7 @@ def dropped_triggers(runs: Sequence[Run], periods: Sequence[float]) -> list[Drop
 
 
 def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
-    """All losses as one event, told by the one whose row is known best."""
+    """All dropped triggers as one event, with the parameters of the recording whose row is most certain."""
     best = min(losses, key=lambda loss: loss.row_std)
     places = [
         f"{runs[loss.recording].name} from row {loss.row:.0f} ({loss.row * loss.period:.2f} s) on: "
@@ -120,7 +125,7 @@ def change_of_lag(run: Run) -> Change | None:
     at, step, _ = best
     after = (np.arange(len(lag)) >= at)[:, None]
     residual = lag - step * after - _means(lag - step * after, weight)
-    # each joint's own scatter: what else is wrong there is in it
+    # scatter per joint: it includes other errors there
     scatter = np.sum(weight * residual**2, axis=0) / max(len(lag) - 2, 1)
     per_joint = _steps_by_joint(lag, weight, at)
     inverse_variance = _seen_on_both_sides(weight, at) / np.maximum(scatter * _leverage(weight, at), 1e-300)
@@ -138,7 +143,7 @@ def _agreed(per_joint: Array, inverse_variance: Array) -> bool:
     best = int(np.argmax(inverse_variance))
     others = np.delete(inverse_variance, best)
     if not np.any(others > 0.0):
-        return False  # nobody to agree with
+        return False  # no other joint determines the step
     step, std = (
         float(np.sum(np.delete(inverse_variance * per_joint, best)) / np.sum(others)),
         float(1.0 / np.sqrt(np.sum(others))),

@@ -17,7 +17,7 @@ from diagnosis.screening.event import Event, Gain
 MAINS = (50.0, 60.0)
 """Hz: what the grids of the world run at, to within 1 Hz."""
 HUM_BAND = (45.0, 65.0)
-"""Hz: where the floor beside the line is taken."""
+"""Hz: band in which the floor around the line is estimated."""
 HIGH_PASS = 30.0
 """Hz: lower edge of the band in which the line is fitted, so that the motion does not enter it."""
 HUM_OVER_FLOOR = 40.0

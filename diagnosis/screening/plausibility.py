@@ -1,4 +1,6 @@
-"""Recordings that were mixed up rather than a model that is wrong: nothing that moves, degrees, currents of the other sign or in another unit."""
+"""Recordings that were mixed up, as opposed to a wrong model: no motion, degrees, currents of opposite sign or other
+unit.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ ALIKE, OPPOSITE = 0.8, -0.5
 OTHER_UNIT = 5.0
 """Times what is expected."""
 ABOVE_NOISE = 10.0
-"""Times the noise that a current swings by, to be compared at all."""
+"""Std of a current over its noise, above which it is compared."""
 
 
 def check_motion(arm: Arm, recordings: Sequence[Recording], words: str) -> None:
@@ -32,7 +34,7 @@ def check_motion(arm: Arm, recordings: Sequence[Recording], words: str) -> None:
                     r.path, f"joint {j + 1} reads up to {most:.3g} rad, far beyond its limits; are these degrees?"
                 )
     if all(np.ptp(r.q, axis=0).max() < STANDSTILL for r in recordings):
-        raise InputError(recordings[0].path, f"no joint moves in the {words} recordings; a motion is wanted")
+        raise InputError(recordings[0].path, f"no joint moves in the {words} recordings; a motion is needed")
 
 
 def mixed_up(runs: Sequence[Run]) -> tuple[str, ...]:

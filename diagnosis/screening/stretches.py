@@ -1,7 +1,8 @@
-"""Long recordings reduced to stretches of time, evenly spread, so that a diagnosis needs bounded memory and time whatever their length.
+"""Long recordings reduced to stretches of time, evenly spread: bounded memory and time whatever their length.
 
-The search holds what each of several hundred candidates would add to every row, 2 kB a joint and row. An hour of the same arm says little that
-three minutes spread over it do not: what a model leaves unexplained repeats with the motion, and slow changes show between the stretches.
+The search holds what each of several hundred candidates adds to every row, 2 kB per joint and row. An hour of the same
+arm adds little to four minutes spread over it: what a model leaves unexplained repeats with the motion, and slow
+changes show between the stretches.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ def examined(
     kept = sum(duration(recording) for recording in [*fit_stretches, *held_out_stretches])
     note = (
         f"of {total:.0f} s of recordings, {kept:.0f} s in {len(fit_stretches) + len(held_out_stretches)} stretches, evenly spread, were examined; events between "
-        "them were not looked for, and a drift of friction starts anew in each"
+        "them were not searched for, and a drift of friction starts anew in each"
     )
     return fit_stretches, held_out_stretches, note
 

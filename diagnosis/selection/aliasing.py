@@ -1,6 +1,7 @@
-"""What columns can show, before any fit: survival, smallest detectable amplitude, confusability.
+"""Detectability and aliasing of columns before any fit: survival, smallest detectable amplitude, confusability.
 
-With W the columns that are free and P = I - Q Q^T the projector off their span, an effect phi can only be seen by P phi.
+With W the columns that are free and P = I - Q Q^T the projector off their span, only P phi of an effect phi is
+detectable.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def span_of(columns: Array, tolerance: float = 1e-9) -> Span:
 
 
 def survival(span: Span, column: Array) -> float:
-    """|P phi| / |phi| of one column (n,): 0 is exactly in the span and cannot be seen, 1 is untouched by it."""
+    """P phi| / |phi| of one column (n,): 0 lies in the span and is not detectable, 1 is orthogonal to it."""
     norm = float(np.linalg.norm(column))
     return float(np.linalg.norm(span.remove(column))) / norm if norm > 0 else 0.0
 
@@ -60,7 +61,7 @@ def smallest_detectable(
 
 
 def confusability(span: Span, one: Array, other: Array) -> float:
-    """Largest canonical correlation of P one (n, m1) and P other (n, m2): 1 means that the data cannot tell them apart."""
+    """Largest canonical correlation of P one (n, m1) and P other (n, m2): at 1 they are indistinguishable."""
     a, b = span_of(span.remove(_two_dimensional(one))), span_of(span.remove(_two_dimensional(other)))
     if a.q.shape[1] == 0 or b.q.shape[1] == 0:
         return 0.0

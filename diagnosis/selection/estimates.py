@@ -25,7 +25,7 @@ def estimates(
 
     covariance (k + s, k + s): of the coefficients, then of the ``nonlinear`` parameters (default: ``candidate.searched()``), where these were
     estimated.
-    systematic: relative std of the measurement model, beside that of the data; default: the model error of the effect.
+    systematic: relative std of the measurement model, in addition to that of the data; default: the model error of the effect.
     """
     c, effect = np.asarray(coefficients, float), candidate.definition
     by_coefficient = [_derivative(candidate, c, k) for k in range(len(c))]

@@ -103,7 +103,7 @@ def gain_of(pair: Pair, fitted: Fitted, held_out: Dataset) -> tuple[Array, Array
 
 
 def residual_with(pair: Pair, c: Array, fitted: Fitted, held_out: Dataset) -> Array:
-    """(M,) held-out residual with columns of coefficients c (k,) beside those fitted, which give way to them."""
+    """(M,) held-out residual with columns of coefficients c (k,) added, the fitted ones refitted conditional on them."""
     inside = pair.fit.dot(fitted.basis).T @ c
     after: Array = fitted.held_out - pair.held_out.spread(c, len(held_out.y)) + fitted.to_held_out @ inside
     return after

@@ -1,4 +1,6 @@
-"""Functions of one variable (or of two angles) that a residual may hang on, where no effect of the catalogue says how."""
+"""Functions of one variable (or of two angles) that a residual may depend on, where no effect of the catalogue states
+how.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ KNOTS = 16
 PLACES = 100
 """Over the range of a joint, of the function that shows what is at one place only."""
 CYCLES = (0.5, 40.0)
-"""Cycles a motor revolution between which a ripple is looked for."""
+"""Cycles per motor revolution between which a ripple is searched for."""
 BINS_PER_TURN = 256
 UNMIXED = ("velocity", "acceleration", "current")
 """Variables whose functions are not multiplied by the direction or the velocity: they contain it, or it means nothing."""
@@ -75,7 +77,7 @@ def shapes_of(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint:
         # half where the rows are, half evenly: the ends of a range are passed rarely, and matter
         knots = (np.quantile(x, np.linspace(0.0, 1.0, KNOTS)) + np.linspace(x.min(), x.max(), KNOTS)) / 2
         if np.any(np.diff(knots) <= 0.0):
-            continue  # as good as constant
+            continue  # practically constant
         in_range = (x_held_out >= knots[0]) & (x_held_out <= knots[-1])
         splines = _splines(x, knots), _splines(x_held_out, knots) * in_range[:, None]
         for kinds in ((0,), (1,), (2,), (0, 1)):
@@ -159,7 +161,7 @@ def _ripple(weighted: Array, motor: Array) -> float | None:
 
 
 def _plane_wave(weighted: Array, own: Array, other: Array) -> tuple[float, float]:
-    """c and d, rad/rad, of the strongest wave sin(c own + d other) that hangs on both."""
+    """c and d, rad/rad, of the strongest wave sin(c own + d other) that depends on both angles."""
     c, d = np.arange(-8.0, 8.01, 0.5), np.arange(0.5, 8.01, 0.5)
     c = c[c != 0.0]
     power = np.abs((np.exp(1j * np.outer(c, own)) * weighted) @ np.exp(1j * np.outer(other, d)))
@@ -168,9 +170,11 @@ def _plane_wave(weighted: Array, own: Array, other: Array) -> tuple[float, float
 
 
 def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Shape]:
-    """What hangs on where the current came from: play operators of it, from a tenth of its range to a 250th wide (Prandtl and Ishlinskii).
+    """Functions of the history of the current: play operators from a tenth of its range to a 250th (Prandtl and
+    Ishlinskii).
 
-    Of the current that the model expects for the smoothed motion: the measured one has the residual in it, and would explain itself.
+    The current is the one that the model predicts for the smoothed motion: the measured one contains the residual and
+    would explain itself.
     """
     currents = [[_expected(run, arm, joint) for run in side.runs] for side in (fit, held_out)]
     travel = max(float(np.ptp(current)) for current in currents[0])

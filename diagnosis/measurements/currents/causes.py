@@ -1,4 +1,4 @@
-"""Causes that the currents show: those of the search, events in raw rows, and those of one axis seen finely."""
+"""Causes that the currents show: those of the search, events in raw rows, and those of a finely measured single axis."""
 
 from __future__ import annotations
 

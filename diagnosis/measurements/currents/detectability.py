@@ -1,4 +1,4 @@
-"""What this data could not have shown, whatever is wrong, and which experiment would."""
+"""Effects that this data could not have shown, and the experiment that would show each."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.units import unit_at
 
 STANDSTILL = 0.005
-"""rad (m): a joint that moved less stood still."""
+"""rad (m): smaller motion of a joint is standstill."""
 SHOWS_FROM = 1 / 3
-"""Times the noise: the least change of the currents that is called visible."""
+"""Effect-to-noise ratio of the currents above which an effect is detectable."""
 BY_CURRENTS = frozenset({Instrument.CURRENT, Instrument.SINGLE_AXIS, Instrument.LAG})
 """What shows nothing where the model expects no currents ..."""
 BY_ROWS = frozenset({Instrument.RAW, Instrument.DEMAND})
@@ -38,7 +38,7 @@ def not_visible(
 ) -> list[Undetectable]:
     """Effects whose largest typical magnitude changes the held-out currents by less than a third of the noise; none of ``known`` ones.
 
-    lines: ripples, whose columns are in the library only where they were heard: a motor that made no whole turn shows none.
+    lines: ripples, whose columns are in the library only where they exceed the noise: a motor that made no whole turn shows none.
     """
     strongest: dict[EffectKey, float] = {c.key: 0.0 for c in lines if c.joint and _turns(held_out, arm, c.joint) < 1.0}
     for candidate, pair in library.items():
@@ -74,7 +74,7 @@ def felt(candidate: Candidate, columns: Columns, rows: int) -> float:
 
 
 def times_noise(strength: float) -> str:
-    """``0.2 times the noise``; what is as good as nothing is called so."""
+    """``0.2 times the noise``; a negligible ratio is said to be so."""
     return "as good as nothing" if strength < 0.005 else f"{strength:.2g} times the noise"
 
 
@@ -125,7 +125,10 @@ def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Undetectable]:
 
 
 def _typical(candidate: Candidate) -> float:
-    """Coefficient of an effect of the largest typical size: 1 of one that is told by its shape alone, 0 if that is beyond all that is typical."""
+    """Coefficient of an effect of the largest typical size.
+
+    1 for an effect that is given by its shape alone; 0 if that shape is beyond all typical ones.
+    """
     effect = candidate.definition
     if candidate.unit_amplitude:
         ranges = {p.name: p.typical for p in effect.parameters}

@@ -1,4 +1,4 @@
-"""Parameters of the causes of the currents, with standard deviations that coloured residuals do not flatter."""
+"""Parameters of the causes of the currents, with standard deviations that allow for coloured residuals."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from identification.selection.cluster_covariance import cluster_covariance
 def estimates_of(state: State) -> list[list[Estimate]]:
     """Parameters of every chosen candidate.
 
-    The covariance is that of clusters of a block each, with a column more for every nonlinear parameter (derivative of its columns). Beside
-    the residual, the share ``Limits.systematic`` of what is explained is in doubt in every block for itself.
+    The covariance is clustered by block, with one more column for every nonlinear parameter (derivative of its
+    columns). In addition to the residual, the share ``Limits.systematic`` of what is explained is uncertain,
+    independently in every block.
     """
     if not state.chosen:
         return []

@@ -16,7 +16,7 @@ from identification.selection import Limits
 class CurrentLimits(Limits):
     """Gains are shares of one joint's noise energy.
 
-    large_gain, relaxed_fdr  a gain above the first may enter at the second: what is active in few blocks has no more of them to be sure by, and
+    large_gain, relaxed_fdr  a gain above the first may enter at the second: an effect active in few blocks cannot be more significant, and
                              without an effect gains stay below a fiftieth
     coefficients             the least gain holds for every so many coefficients: many coefficients follow something
     leakage                  share of what is explained at a joint that columns of the first order may leave for every coefficient of another
@@ -28,7 +28,7 @@ class CurrentLimits(Limits):
     corrections              evaluations of the exact model per round: the second-order part of a strong effect is a tenth of it, that of the
                              rest a hundredth
     worse                    times the first-order residual: an exact model that leaves more is outside of its range
-    pair_share               share of what is left of a joint that two effects must explain to enter together
+    pair_share               share of the residual energy of a joint that two effects must explain to enter together
     many, makeshift          causes of a joint with so many coefficients together are a makeshift for one function of one variable that leaves
                              ``many_leave`` more than they do; and four or more whose energies exceed their sum's by ``makeshift`` (what is
                              there adds up: hidden triples to 1.0) for one that leaves ``makeshift_leave`` of what they explain more

@@ -1,7 +1,8 @@
-"""Two effects at one joint that hide each other: alone neither explains what is held out, for it is fitted to what the other does; together they do.
+"""Two effects at one joint that hide each other: alone neither predicts the held-out residual, together they do.
 
-Forward selection stalls before such a pair (a gain of the current and friction by the load, both odd in the load, of opposite sign). Where it has
-stalled and the residual of a joint is no noise, all pairs of effects at that joint are looked at.
+Alone, each is fitted to what the other does. Forward selection stalls before such a pair (a gain of the current and
+friction by the load, both odd in the load, of opposite sign). Where it has stalled and the residual of a joint exceeds
+the noise, all pairs of effects at that joint are scored.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Which orders of the motor's angle can be heard in a residual: ripples are candidates at these orders only, as there are sixty for every joint."""
+"""Orders of the motor angle that exceed the noise of a residual: ripples are candidates at these only, of sixty per
+joint.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,8 @@ from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 
 STRONGEST = 5
-"""Orders kept for each way in which a ripple is heard: as a torque, by the acceleration that it forces on the link, by the load it lifts."""
+"""Orders kept for each way in which a ripple acts: as a torque, by the acceleration of the link, by the load it lifts.
+"""
 FEW = 4
 """Effects of so few orders are candidates at all of them."""
 
@@ -25,10 +28,10 @@ def order_of(candidate: Candidate) -> int | None:
 
 
 def detectable_orders(side: Dataset, residual: Array, arm: Arm, joint: int, highest: int) -> set[int]:
-    """The loudest orders 1..highest at a joint in ``residual`` (n * rows,), whitened.
+    """The strongest orders 1..highest at a joint in ``residual`` (n * rows,), whitened.
 
-    The gain of a column w sin(k motor + phase) is |sum r w exp(i k motor)|^2 / (sum w^2 / 2), with w what the effect's law puts before the sine,
-    as far as the filters let it through.
+    The gain of a column w sin(k motor + phase) is |sum r w exp(i k motor)|^2 / (sum w^2 / 2), with w the factor of the
+    sine in the effect's law, attenuated by the filters.
     """
     j, ratio = joint - 1, arm.joints[joint - 1].ratio
 

@@ -25,14 +25,14 @@ from identification.selection import eliminate, select
 
 @dataclass(frozen=True)
 class Found:
-    """What was chosen, and the unexplained structure beside it."""
+    """The chosen candidates, and the unexplained structure conditional on them."""
 
     state: State
     unexplained: Unexplained
 
 
 def search(model: Currents, progress: Callable[[str], None]) -> Found:
-    """Candidates that explain the residual together, and what they leave."""
+    """Candidates that explain the residual together, and the structure that they leave unexplained."""
     state = simplified(gauss_newton_refined(select(model, progress)))
     if len(fewer := eliminate(model, state).chosen) < len(state.chosen):
         state = model.refitted(fewer, state.rivals)
@@ -77,7 +77,7 @@ def _superfluous(found: Found) -> list[Candidate]:
 
 
 def _outdone(state: State) -> list[Candidate]:
-    """The causes of a joint that a function of one variable explains better than all of them together."""
+    """The causes of a joint that one function of one variable explains better than all of them together."""
     model, limits, held_out = state.model, state.model.limits, state.data.held_out
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
         own = [c for c in state.chosen if c.joint == joint]

@@ -1,4 +1,4 @@
-"""How much of a residual is structure still: the share of it that position, velocity and load predict, whatever the cause may be."""
+"""Share of a residual that is predictable structure: from position, velocity and load, whatever the cause may be."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from diagnosis.selection.design import Dataset
 FROM = ("position", "velocity", "load torque")
 KNOTS = 12
 RIDGE = 1e-3
-"""Of the rows a knot has on average: keeps knots that no row comes near at nothing."""
+"""Ridge penalty relative to the mean Gram diagonal; shrinks knots without data to zero."""
 
 
 def predictable(fit: Dataset, held_out: Dataset, fit_residual: Array, held_out_residual: Array, arm: Arm) -> Array:
@@ -25,7 +25,7 @@ def predictable(fit: Dataset, held_out: Dataset, fit_residual: Array, held_out_r
         values_of = [dict(variables(side, arm, joint)) for side in (fit, held_out)]
         knots = [np.unique(np.quantile(values_of[0][name], np.linspace(0.0, 1.0, KNOTS))) for name in FROM]
         if any(len(places) < KNOTS for places in knots):
-            continue  # it stood
+            continue  # standstill
         x, x_held = (_hats(values, knots, side, joint) for values, side in zip(values_of, (fit, held_out)))
         inside = np.all([(values_of[1][n] >= k[0]) & (values_of[1][n] <= k[-1]) for n, k in zip(FROM, knots)], axis=0)
         gram = x.T @ x

@@ -1,9 +1,11 @@
-"""What no effect of the catalogue explains, and what it depends on: smooth functions of one variable beside the named causes.
+"""Structure that no effect of the catalogue explains: smooth functions of one variable, conditional on the named
+causes.
 
-For every joint and every variable that a torque or a reading could hang on, a spline of the variable (also times the
-direction, or times the velocity, of the joint) is fitted beside the causes and judged on the held-out recordings like a cause. What enters is
-structure that the catalogue does not know. A cause that such a function makes superfluous was the nearest name for something else, and
-loses it: a spring that is part of a wavy torque over position is no spring.
+For every joint and every variable that a torque or a reading could depend on, a spline of the variable (also times the
+direction, or times the velocity, of the joint) is fitted together with the causes and scored on the held-out recordings
+like a cause. What enters is structure that the catalogue does not contain. A cause that such a function makes
+superfluous was the nearest name for something else, and is removed: a spring that is part of a wavy torque over
+position is no spring.
 """
 
 from __future__ import annotations
@@ -29,14 +31,17 @@ OF_EXPLAINED = 0.02
 CERTAIN = 5e-3
 """Probability at which structure may be called by chance: there is no second look at it, as there is at a cause."""
 ABOVE_NOISE = 2.5
-"""Times the deviation: what is left above it is no noise, whatever it hangs on. Noise correlated for longer than an arm stands is told
-half as large as it is."""
+"""Residual-to-noise ratio above which a residual is not noise, whatever it depends on.
+
+Noise correlated over longer than the initial standstill is underestimated by a factor of two.
+"""
 FAR_ABOVE_NOISE = 6.0
-"""Times the deviation: louder than any noise that is told too small."""
+"""Residual-to-noise ratio that underestimated noise does not reach."""
 PROBABLE, HALF = 0.05, 0.5
-"""Of a residual that is no noise: probability at which a variable may be told, and the share that its function must explain."""
+"""For a residual above the noise: p-value below which a variable is reported, and share that its function must explain.
+"""
 MOST = 3
-"""Structures looked for at one joint."""
+"""Structures searched for at one joint."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,7 @@ class Unexplained:
 
 
 def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm) -> Unexplained:
-    """Structures beside what is ``fitted``, joint by joint, the strongest first."""
+    """Structures conditional on what is ``fitted``, joint by joint, the strongest first."""
     structures_found: list[Structure] = []
     pairs: list[Pair] = []
     for joint in range(1, len(arm) + 1):
@@ -77,7 +82,7 @@ def _left_at(joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm) -> tupl
 
 
 def _most_likely(shapes: Sequence[Shape], fitted: Fitted, held_out: Dataset, joint: int, ratio: float) -> Structure:
-    """What a residual that is no noise hangs on most probably: only which variable it is, not whether there is one, is left to chance."""
+    """Most likely explanatory variable of a residual already known to exceed the noise."""
     before = float(np.sum(fitted.held_out[held_out.of(joint)] ** 2))
     gains = [held_out.by_block(gain_of(shape.pair, fitted, held_out)[1]) for shape in shapes]
     significant = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > HALF * before]
@@ -88,7 +93,7 @@ def _most_likely(shapes: Sequence[Shape], fitted: Fitted, held_out: Dataset, joi
 
 
 def joints_above_noise(fitted: Fitted, held_out: Dataset, arm: Arm) -> list[int]:
-    """Joints where what is left of the currents is no noise, the loudest first."""
+    """Joints whose residual exceeds the noise, the largest residual-to-noise ratio first."""
     by_joint = {joint: noise_ratio(fitted.held_out, held_out, joint) for joint in range(1, len(arm) + 1)}
     return sorted(
         (joint for joint, value in by_joint.items() if value > ABOVE_NOISE), key=lambda joint: -by_joint[joint]
@@ -96,9 +101,11 @@ def joints_above_noise(fitted: Fitted, held_out: Dataset, arm: Arm) -> list[int]
 
 
 def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
-    """Rms of what is ``left`` (n * rows,) of a joint over its deviation, where that is the instruments' and the joint moves; 1 where it may be noise.
+    """Residual-to-noise ratio of a joint: rms of ``residual`` (n * rows,) over the noise std, where the joint moves; 1 for
+    noise.
 
-    Noise that is correlated for longer than an arm stands is told too small. It is as loud in the quietest seconds as in all others.
+    Only rows count in which the noise is that of the instruments. Noise correlated over longer than the initial
+    standstill is underestimated; it is as large in the quietest seconds as in all others, and then the ratio is 1.
     """
     sure = np.concatenate([(run.deviation[:, joint - 1] < 3.0 * run.noise[joint - 1]) for run in side.runs])
     if not sure.any():
@@ -116,7 +123,7 @@ def better_than_causes(
 
     A complete cause is never beaten: a function of one variable can only come near it. One that is not the cause at all is.
     allowed: squared error by which the function may leave more, where the causes are too many to be believed; the velocity, on which
-    several effects hang, is no such variable.
+    several effects depend, is no such variable.
     """
     fit, held_out = data
     rows = held_out.of(joint)
@@ -150,7 +157,7 @@ def _strongest(
 
 
 def with_columns(fitted: Fitted, more: Sequence[Pair]) -> Fitted:
-    """What is fitted, with more columns fitted to what it left."""
+    """The fit with more columns, fitted to its residual."""
     for pair in more:
         x, x_held_out = pair.fit.dense(len(fitted.fit)), pair.held_out.dense(len(fitted.held_out))
         inside = fitted.basis.T @ x

@@ -1,1 +1,1 @@
-"""Effects that show in the measured angles beside the demanded ones."""
+"""Effects that show in measured against demanded angles."""

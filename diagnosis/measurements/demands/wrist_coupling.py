@@ -1,8 +1,9 @@
-"""Motors of the wrist that turn with those of other axes: the coupling of the wrist's gears.
+"""Coupling of the wrist's gears: motors of the wrist that turn with those of other axes.
 
-In the wrist of a Puma the motors of axes 5 and 6 turn with those of 4 and 5. Where the controller knows it and the model does not, the recorded
-motor angle of an axis departs from its own demand by what the others turn: q_j - qref_j = -sum_k c_jk q_k. What the servo errs goes with the
-axis's own demand, its speed, acceleration and direction: only what goes with another motor instead, in held-out recordings, is a coupling.
+In the wrist of a Puma the motors of axes 5 and 6 turn with those of 4 and 5. Where the controller compensates it and
+the model does not, the recorded motor angle of an axis departs from its own demand by what the others turn: q_j -
+qref_j = -sum_k c_jk q_k. The error of the servo depends on the axis's own demand, its speed, acceleration and
+direction. Only what depends on another motor instead, in held-out recordings, is a coupling.
 """
 
 from __future__ import annotations
@@ -39,8 +40,11 @@ OWN = 4
 
 @dataclass(frozen=True)
 class CoupledAxis:
-    """One axis whose motor turns with others. coefficients, std (m,) for ``motors``; before, after: rms rad of the held-out difference of motor and
-    demand without and with the coupling; p: probability that the gain is chance."""
+    """One axis whose motor turns with others; coefficients and std (m,) of ``motors``.
+
+    before, after: rms rad of the held-out difference of motor and demand without and with the coupling; p: probability
+    that the gain is chance.
+    """
 
     axis: int
     motors: tuple[int, ...]
@@ -65,9 +69,10 @@ class _Rows:
 
 
 def wrist_coupling(fit: Sequence[Recording], held_out: Sequence[Recording]) -> list[Event]:
-    """The coupling of the wrist, seen in motor angles against demands; empty where there is none, or no demand to hold angles against.
+    """The coupling of the wrist, from motor angles against demands; empty where there is none, or no demand is
+    recorded.
 
-    Where both are parts of the same recordings, each is predicted from the other.
+    Where both sets are parts of the same recordings, each is predicted from the other.
     """
     with_demand = [
         [r for r in side if r.qref is not None and r.joints >= 6 and not np.isnan(r.qref).any()]
@@ -110,7 +115,7 @@ def wrist_coupling(fit: Sequence[Recording], held_out: Sequence[Recording]) -> l
 
 
 def _coupled_axis(fit: Sequence[Recording], held_out: Sequence[Recording], axis: int) -> CoupledAxis | None:
-    """What turns the motor of an axis; None where held-out recordings do not show that anything does."""
+    """The motors that turn the motor of an axis; None where held-out recordings show none."""
     motors = tuple(motor for turned, motor in PAIRS if turned == axis)
     sides = _rows(fit, axis, motors), _rows(held_out, axis, motors)
     parts = bool({r.path for r in fit} & {r.path for r in held_out})
@@ -125,7 +130,7 @@ def _coupled_axis(fit: Sequence[Recording], held_out: Sequence[Recording], axis:
     values = _solved(source.columns, source.difference)
     turns = float(np.std(source.columns[:, OWN:] @ values[OWN:]))
     noise = float(np.mean([angle_noise(r.q)[axis - 1] for r in fit]))
-    # each way by itself: what one part shows and the other refutes is none
+    # in each direction separately: what one part shows and the other refutes is no coupling
     both_ways = all(
         np.sum(after_**2) < (1.0 - EXPLAINED) * np.sum(without_rows**2)
         for without_rows, after_ in zip(without, residual)

@@ -1,4 +1,7 @@
-"""What the two encoders of a joint say: causes with parameters, groups and evidence, and what no effect explains (``model.LinkEncoders``)."""
+"""Causes from the two encoders of a joint, with parameters, ambiguity groups and evidence, and unexplained structure.
+
+The measurement model is ``model.LinkEncoders``.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +26,19 @@ from identification.selection import BLOCK_SECONDS, select
 from identification.selection.cluster_covariance import cluster_covariance
 
 OFFSET = 1e-3
-"""rad (m): a constant between two encoders that is worth a name; below, it is how they were zeroed."""
+"""rad (m): a constant between two encoders that is named; below, it is how they were zeroed."""
 PREDICTED = 0.3
-"""Share of what is left that one variable must predict to be reported."""
+"""Share of the residual energy that one variable must predict to be reported."""
 BINS = 16
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinkSide:
-    """Causes, structure left; seen: the held-out rows; without, left (m, k): their difference less its constant, and after all causes;
-    remarks: what is left above the scatter, joint by joint."""
+    """Causes and unexplained structure of the link-encoder differences.
+
+    held_out: the held-out rows; without, residual (m, k): their difference less its constant, and after all causes;
+    remarks: residuals above the scatter, per joint.
+    """
 
     causes: list[Cause]
     unexplained: list[Structure]
@@ -155,10 +161,11 @@ def _parameters(candidate: Candidate, chosen: Chosen, model: LinkEncoders, arm: 
 
 
 def _damping(candidate: Candidate, chosen: Chosen, model: LinkEncoders, stiffness: float) -> tuple[float, float]:
-    """Damping N m s/rad (N s/m) of a spring and its standard deviation: by k d + c d' = load its twist is late by c / k,
-    d = load / k - c / k^2 load'; the stamps of two encoders agree to half a row at best.
+    """Damping N m s/rad (N s/m) of a spring and its standard deviation.
 
-    Where it cannot be told from nothing it is its deviation: a spring without any would swing for ever.
+    By k d + c d' = load the twist lags by c / k: d = load / k - c / k^2 load'. The stamps of two encoders agree to half
+    a row at best. A damping that is not significantly different from zero is set to its standard deviation: a spring
+    without damping would oscillate for ever.
     """
     rows = model.whole
     k = int(np.flatnonzero(rows.joints == candidate.joint)[0])
@@ -184,7 +191,7 @@ def _fitted(chosen: Chosen, model: LinkEncoders) -> tuple[Array, Array]:
 
 
 def delays_by_joint(others: Chosen, model: LinkEncoders) -> Array:
-    """(k,) s: the delay that each joint alone would have beside the other causes."""
+    """(k,) s: the delay of each joint alone, conditional on the other causes."""
     delays = []
     for k, joint in enumerate(int(j) for j in model.whole.joints):
         own = [s for s in others if s.joint == joint]
@@ -210,7 +217,7 @@ def _skew_sentence(others: Chosen, model: LinkEncoders) -> str:
 
 
 def _best_instead(others: Chosen, model: LinkEncoders) -> str:
-    """What the effects that such a loop is taken for would predict in its place, at best at any joint."""
+    """Largest share that the effects confused with such a loop would predict in its place, at any joint."""
     best: dict[str, float] = {}
     taken_for = late().definition.confused_with
     for candidate in model.best(others):
@@ -263,7 +270,7 @@ def _offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
 
 
 def _remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
-    """What is left above the scatter from row to row; with the order of a wave over motor angle that both model show alike."""
+    """Residuals above the scatter from row to row, with the order of a wave over motor angle that both sets show."""
     residuals = [model.residual(chosen, side, side) for side in (model.rows.fit, model.rows.held_out)]
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
         rms = float(np.sqrt(np.mean(residuals[1][:, k] ** 2)))
@@ -283,7 +290,7 @@ def _remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
 
 
 def _structure(chosen: Chosen, model: LinkEncoders) -> list[Structure]:
-    """Joints whose difference is still above the noise and predictable from a variable, and from which one best."""
+    """Joints whose residual exceeds the noise and is predictable from a variable, with the best variable."""
     structures = []
     residuals = [model.residual(chosen, model.rows.fit, side) for side in (model.rows.fit, model.rows.held_out)]
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):

@@ -36,7 +36,7 @@ ENDS = 0.1
 DRAGS = (0.0, 0.1, 0.2, 0.3, 0.4)
 """Friction between motor and gear that is tried, as a share of the largest measured torque; where the load is not known from masses."""
 HIGHEST_ORDER = 60
-"""Cycles a motor turn that are heard."""
+"""Highest order, cycles per motor turn, that is searched."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def joints_with_both(recordings: Sequence[Recording]) -> Index:
 
 
 def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
-    """The rows of ``recordings``, thinned to MOST_ROWS; uniformly sampled positions without holes are wanted."""
+    """The rows of ``recordings``, thinned to MOST_ROWS; positions must be uniformly sampled and without gaps."""
     parts: list[tuple[Array, ...]] = []
     noises = []
     k = joints - 1
