@@ -109,7 +109,7 @@ def _allowed(bench: Bench, case: Case, place: int, found: Separation, most: int)
     cause = case.result.causes[place]
     members = " or ".join(map(in_words, cause.group))
     bench.say(f"experiment {len(case.experiments) + 1} of at most {most}, for {title(cause)}: is it {members}?")
-    bench.say(f"  {found.words}; recorded twice; predictions then differ by {found.distance:.0f} standard deviations")
+    bench.say(f"  {found.words}; recorded twice; discrimination distance {found.distance:.0f} standard deviations")
     problems = check_motion(bench.rig, found.experiment)
     if problems:
         bench.say(f"  not run: {problems[0]}")
@@ -121,15 +121,15 @@ def _allowed(bench: Bench, case: Case, place: int, found: Separation, most: int)
         bench.say(f"  before it: {needed}")
     if (bench.yes and not needed) or (sys.stdin.isatty() and _confirmed()):
         return True
-    why = "it wants a person at the arm" if bench.yes else "a real arm moves only where somebody says so (--yes)"
-    bench.say(f"  not run: {why}; its file is written, for 'armscope record'")
+    why = "it needs a person at the arm" if bench.yes else "moving a real arm must be confirmed (--yes)"
+    bench.say(f"  not run: {why}; the experiment file is written, for 'armscope record'")
     return False
 
 
 def _confirmed() -> bool:
     import typer
 
-    return typer.confirm("  Is the way free, and may the arm move?", default=False, err=True)
+    return typer.confirm("  Is the workspace clear, and may the arm move?", default=False, err=True)
 
 
 def _recorded(bench: Bench, found: Separation, case: Case) -> list[Path]:
@@ -150,6 +150,6 @@ def _recorded(bench: Bench, found: Separation, case: Case) -> list[Path]:
         if ending["reason"] in ("stopped", "terminated"):
             raise KeyboardInterrupt
         if result["ledger"]["lost"]:
-            bench.say(f"  {path}: {result['ledger']['lost']} rows were lost; it is not diagnosed")
+            bench.say(f"  {path}: {result['ledger']['lost']} rows were lost; it is not used for diagnosis")
             case.lost = True
     return paths

@@ -23,28 +23,28 @@ DONE, UNUSABLE_INPUT, DEVICE_FAILED, SAMPLES_LOST = 0, 2, 3, 4
 
 COMMANDS: dict[str, str] = {
     "init": "a commented starter project: rig, model, experiments, and what to edit",
-    "doctor": "finds, identifies and checks every device of a rig; what to do about each fault",
-    "daemon": "the service of a rig: opens its devices, samples, publishes over Zenoh, answers commands",
-    "record": "one experiment to one file, through a running daemon or with an embedded one",
-    "status": "what the daemon of a rig is doing",
-    "stop": "ends the run of a daemon with its rows so far, or disarms it",
-    "disarm": "takes an armed daemon back to idle",
-    "fetch": "brings a recording from the folder of a daemon on another machine",
-    "replay": "a recording over Zenoh once more, at its own pace",
-    "view": "live view for Foxglove and PlotJuggler, of a running daemon or of a recording",
-    "info": "what is in a recording: rows, losses, gaps, calibration, provenance",
-    "recover": "everything that can be read of an unfinished or damaged recording, and what was lost",
-    "import": "measured data from elsewhere (CSV) becomes a recording",
-    "export": "a recording becomes a table (CSV), same columns",
-    "plot": "a picture of one recording, or of several on one another",
-    "model": "what a model file says, its equations as text, LaTeX, Python or C, and URDF in and out",
-    "simulate": "the model run on an experiment, or on the demands of a recording",
-    "excite": "the motion that shows an arm's parameters best, as an experiment to record",
-    "identify": "parameters of an arm from recordings, with their uncertainty and held-out error",
-    "diagnose": "what the simulation gets wrong, why, the extended model, and the gain on held-out recordings",
-    "calibrate": "kinematic parameters from the tracker, the poses to measure, and corrected targets",
-    "sim-devices": "a simulator of every device of a rig, on its own protocol, until stopped",
-    "demo": "the whole experience without hardware: record a simulated Puma, identify it, look at it",
+    "doctor": "check every device of a rig and suggest a remedy for each fault",
+    "daemon": "run the service of a rig: open its devices, sample, publish over Zenoh, answer commands",
+    "record": "run one experiment and record it to one file, through a running daemon or an embedded one",
+    "status": "show the state of a rig's daemon",
+    "stop": "end the run of a daemon and keep the rows recorded so far; disarm an armed daemon",
+    "disarm": "return an armed daemon to idle",
+    "fetch": "copy a recording from a daemon on another machine, or list its recordings",
+    "replay": "publish a recording over Zenoh in real time or faster",
+    "view": "serve a live view to Foxglove and PlotJuggler, of a running daemon or of a recording",
+    "info": "summarise a recording: rows, losses, gaps, calibration, provenance",
+    "recover": "recover all readable rows of an unfinished or damaged recording, and list the losses",
+    "import": "convert measured data (CSV) to a recording",
+    "export": "convert a recording to a table (CSV) with the same columns",
+    "plot": "plot one recording, or several overlaid",
+    "model": "summarise a model file, print its equations (text, LaTeX, Python, C), convert from and to URDF",
+    "simulate": "simulate a model on an experiment, or on the demands of a recording",
+    "excite": "design an exciting motion for identification, as an experiment to record",
+    "identify": "estimate the parameters of an arm from recordings, with uncertainty and held-out error",
+    "diagnose": "detect and isolate errors of a model, extend the model, report the gain on held-out recordings",
+    "calibrate": "estimate kinematic parameters from tracker data, plan poses, correct targets",
+    "sim-devices": "simulate every device of a rig on its own protocol, until stopped",
+    "demo": "run through everything without hardware: record a simulated Puma, identify it, plot the result",
 }
 """Command -> one line of help, in the order in which they are listed."""
 
@@ -64,7 +64,7 @@ def run(arguments: list[str]) -> int:
         return DONE
     name = arguments[0]
     if name not in COMMANDS:
-        return _refuse(f"{name}: no such command; one of {', '.join(COMMANDS)} is wanted")
+        return _refuse(f"{name}: no such command; must be one of {', '.join(COMMANDS)}")
     try:
         check_arguments(arguments[1:])
         return _call(name, with_shipped(arguments[1:]))
@@ -149,7 +149,7 @@ def with_shipped(arguments: list[str]) -> list[str]:
         option, equals, value = argument.rpartition("=") if argument.startswith("--") else ("", "", argument)
         shipped = None if "--out" in (option, previous) else shipped_file(value)
         if shipped is not None:
-            print(f"note: there is no {value} here; armscope's own is taken", file=sys.stderr)
+            print(f"note: there is no {value} here; using the file shipped with armscope", file=sys.stderr)
             value = str(shipped)
         resolved.append(f"{option}{equals}{value}")
     return resolved
@@ -167,10 +167,10 @@ def _help() -> str:
         [
             "armscope: instruments a robot arm and tells the truth about its model.",
             "",
-            "usage: armscope COMMAND [OPTIONS]   (armscope COMMAND --help says more)",
+            "usage: armscope COMMAND [OPTIONS]   (details: armscope COMMAND --help)",
             "",
             *lines,
             "",
-            "exit status: 0 done, 2 unusable input, 3 a device failed, 4 done but samples were lost",
+            "exit status: 0 done, 2 invalid input, 3 a device failed, 4 done but samples were lost",
         ]
     )

@@ -236,8 +236,8 @@ def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure], arm
     told = {one.joint for one in structures}
     by_joint = {joint: noise_ratio(left, fit, joint) for joint in range(1, len(arm) + 1) if joint not in told}
     return tuple(
-        f"in the fitted recordings the current of joint {joint} is left at {loud:.1f} times the noise; the held-out ones do not show it: "
-        "hold out a recording that moves it the same way"
+        f"the residual current of joint {joint} is {loud:.1f} times the noise in the fitted recordings, but not in the held-out ones: "
+        "hold out a recording with a similar motion of this joint"
         for joint, loud in by_joint.items()
         if loud > ABOVE_NOISE
     )
@@ -247,7 +247,7 @@ def _of_width(arm: Arm, base: Arm) -> tuple[str, ...]:
     """Says where friction was taken to turn round faster than the model has it."""
     wide, narrow = (one.joints[0].sign_velocity for one in (arm, base))
     return (
-        () if narrow == wide else (f"friction was taken to turn round within {narrow:.2g}, not {wide:.2g} m/s (rad/s)",)
+        () if narrow == wide else (f"Coulomb smoothing velocity set to {narrow:.2g} instead of {wide:.2g} m/s (rad/s)",)
     )
 
 
@@ -256,13 +256,13 @@ def _beside_causes(axis: AxisSide, arm: Arm) -> tuple[str, ...]:
     said = []
     if axis.causes:
         left = f"{axis.causes[-1].after:.3g} {arm.joints[0].current_unit} rms"
-        said.append(f"{left} of the held-out current below 60 Hz is left that no effect was named for")
+        said.append(f"{left} of the held-out current below 60 Hz remain unexplained")
     if axis.wave:
         drive = arm.joints[0]
         length = f"{axis.wave.length:.4g} rad" if drive.revolute else f"{1e3 * axis.wave.length:.2f} mm"
         said.append(
             f"a wave of {axis.wave.amplitude:.2g} {unit_at(drive, 'N m')} every {length}, the same at all speeds and in both directions, is "
-            f"{axis.wave.share:.0%} of what is left; whether another run has it at the same places, only another run tells: it is not named"
+            f"{axis.wave.share:.0%} of the residual; it is not named because a second recording must show it at the same positions"
         )
     return tuple(said)
 

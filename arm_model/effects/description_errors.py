@@ -153,8 +153,8 @@ BASE_TILT = Effect(
     name="base_tilt",
     place=Place.GEOMETRY,
     parameters=(
-        Parameter("roll", "rad", (0.002, 0.05), True, "turn of the base about its x axis", signed=True),
-        Parameter("pitch", "rad", (0.002, 0.05), True, "turn of the base about its y axis", signed=True),
+        Parameter("roll", "rad", (0.002, 0.05), True, "rotation of the base about its x axis", signed=True),
+        Parameter("pitch", "rad", (0.002, 0.05), True, "rotation of the base about its y axis", signed=True),
     ),
     equation="g is not along the base's z",
     shows="torque of joint 1 as sin(q1 + phi)",
@@ -187,7 +187,7 @@ JOINT_ZERO_OFFSET = Effect(
             "rad",
             (0.002, 0.1),
             True,
-            "what the encoder reads where the link stands at 0",
+            "encoder reading with the link at 0",
             signed=True,
             chain="theta",
         ),
@@ -200,7 +200,7 @@ JOINT_ZERO_OFFSET = Effect(
         # which of the two encoders is off they cannot say
         Instrument.LINK_ENCODER: Observation(of_arm=False),
         Instrument.TRACKER: Observation(
-            shows="the tracked point is turned by one angle about the axis",
+            shows="the tracked point is rotated by a constant angle about the axis",
             # d_theta is the zero's error with its sign turned
             aliases=("link_geometry",),
         ),
@@ -212,10 +212,10 @@ JOINT_ZERO_OFFSET = Effect(
 CURRENT_LIMIT = Effect(
     name="current_limit",
     place=Place.MECHANICS,
-    parameters=(Parameter("limit", "A", (0.5, 20.0), False, "largest current that the drive gives"),),
+    parameters=(Parameter("limit", "A", (0.5, 20.0), False, "largest current of the drive"),),
     equation="|i| <= limit",
     shows="current flat while the error grows",
-    confused_with={"current_nonlinearity": "is the motion clipped too?"},
+    confused_with={"current_nonlinearity": "whether the motion is clipped too"},
     observed_by={Instrument.RAW: Observation()},
     excited_by=Excitation.CURRENT,
     limit=lambda p, s: p.limit,

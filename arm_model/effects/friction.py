@@ -30,7 +30,9 @@ COULOMB_FRICTION = Effect(
     name="coulomb_friction",
     place=Place.MECHANICS,
     parameters=(
-        Parameter("coulomb", "N m", (0.1, 15.0), True, "missing Coulomb friction, both directions alike", signed=True),
+        Parameter(
+            "coulomb", "N m", (0.1, 15.0), True, "missing Coulomb friction, equal in both directions", signed=True
+        ),
     ),
     equation="tau = F sign(q')",
     shows="a step where the velocity changes sign",
@@ -86,13 +88,13 @@ STRIBECK_FRICTION = Effect(
     ),
     equation="tau = (Fs - Fc) exp(-(q'/vs)^2) sign(q')",
     shows="a hump at low speed",
-    confused_with={"hydrodynamic_drag": "a ladder of speeds", "presliding_friction": "a ladder of speeds"},
+    confused_with={"hydrodynamic_drag": "a series of speeds", "presliding_friction": "a series of speeds"},
     observed_by={
         Instrument.CURRENT: Observation(against=Variable.VELOCITY),
         Instrument.SINGLE_AXIS: Observation(
             against=Variable.VELOCITY,
             shows=lambda p, unit: (
-                f"below some {p.stribeck_velocity:.2g} {unit['stribeck_velocity']} there is up to {abs(p.breakaway):.3g} "
+                f"below about {p.stribeck_velocity:.2g} {unit['stribeck_velocity']} there is up to {abs(p.breakaway):.3g} "
                 f"{unit['breakaway']} {'more' if p.breakaway > 0.0 else 'less'} friction than Coulomb's"
             ),
         ),
@@ -162,14 +164,19 @@ FRICTION_DRIFT = Effect(
     place=Place.MECHANICS,
     parameters=(
         Parameter(
-            "fraction", "1", (0.05, 0.5), True, "share of the Coulomb friction that goes as the arm warms up", most=1.0
+            "fraction",
+            "1",
+            (0.05, 0.5),
+            True,
+            "share of the Coulomb friction that disappears as the arm warms up",
+            most=1.0,
         ),
         Parameter(
             "time_constant",
             "s",
             (3.0, 600.0),
             False,
-            "time constant of the warming",
+            "time constant of the warm-up",
             search=geometric(3.0, 600.0, 6),
         ),
     ),

@@ -16,7 +16,7 @@ GRAVITY_SPRING = Effect(
             "rad",
             (-3.0, 3.0),
             False,
-            "joint angle at which it is slack",
+            "joint angle at which its torque is zero",
             signed=True,
             # slack a turn and more beyond every place that a joint can reach, it is a constant torque and no spring
             most=9.0,
@@ -37,7 +37,7 @@ COGGING = Effect(
     place=Place.MECHANICS,
     parameters=(
         Parameter("amplitude", "N m", (0.05, 5.0), True, "amplitude at the joint"),
-        Parameter("pole_pairs", "1", (1, 60), False, "cycles a motor revolution", whole=True, search=integers(1, 60)),
+        Parameter("pole_pairs", "1", (1, 60), False, "cycles per motor revolution", whole=True, search=integers(1, 60)),
         Parameter(
             "phase",
             "rad",
@@ -51,7 +51,7 @@ COGGING = Effect(
     equation="tau = A sin(Np q_motor + phi)",
     shows="a fixed order of the motor angle, also without load",
     confused_with={
-        "gear_ripple": "the motor off its gear: the torque of uneven teeth is gone then, that of magnets is not"
+        "gear_ripple": "the motor off its gear: then the torque of uneven teeth vanishes, that of magnets does not"
     },
     observed_by={
         Instrument.CURRENT: Observation(against=Variable.MOTOR_ANGLE),

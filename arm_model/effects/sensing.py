@@ -16,7 +16,7 @@ ENCODER_RIPPLE = Effect(
             "1",
             (1, 2),
             False,
-            "cycles a motor revolution (or line, times the lines)",
+            "cycles per motor revolution (or line, times the lines)",
             whole=True,
             search=integers(1, 2),
         ),
@@ -29,12 +29,12 @@ ENCODER_RIPPLE = Effect(
         Instrument.CURRENT: Observation(against=Variable.MOTOR_ANGLE),
         Instrument.LINK_ENCODER: Observation(
             shows=lambda p, unit: (
-                f"motor less link encoder repeats {p.order:.0f} times a turn of the joint: the link encoder is off centre"
+                f"motor minus link encoder repeats {p.order:.0f} times per turn of the joint: the link encoder is eccentric"
             ),
             of_arm=False,
         ),
         Instrument.TRACKER: Observation(
-            shows="the tracked point is ahead and behind by orders of the motor's angle", aliases=("gear_ripple",)
+            shows="the tracked point leads and lags at orders of the motor angle", aliases=("gear_ripple",)
         ),
     },
     excited_by=Excitation.SPEED,
@@ -117,7 +117,7 @@ MAINS_HUM = Effect(
     ),
     equation="i_read = i + a sin(2 pi f t + phi)",
     shows="a line at 50 or 60 Hz, also at rest",
-    confused_with={"gear_ripple": "stand still", "cogging": "stand still"},
+    confused_with={"gear_ripple": "standstill", "cogging": "standstill"},
     observed_by={Instrument.RAW: Observation()},
     current=lambda p, s: p.amplitude * scalar.sin(6.283185307179586 * p.frequency * s.t + p.phase) + 0.0 * s.current,
 )
@@ -126,7 +126,7 @@ TIME_SKEW = Effect(
     name="time_skew",
     place=Place.TIMING,
     parameters=(
-        Parameter("delay", "s", (1e-4, 5e-3), False, "by which currents are late against angles", signed=True),
+        Parameter("delay", "s", (1e-4, 5e-3), False, "delay of the currents relative to the angles", signed=True),
     ),
     equation="i_read(t) = i(t - d)",
     shows="error follows the derivative of the signal, the same delay on every axis",
@@ -155,7 +155,7 @@ DROPPED_TRIGGER = Effect(
     place=Place.TIMING,
     parameters=(
         Parameter("row", "1", (1, 1e5), False, "first row that is shifted", whole=True),
-        Parameter("count", "1", (1, 10), False, "rows by which the later ones are early", whole=True),
+        Parameter("count", "1", (1, 10), False, "rows by which later rows are early", whole=True),
         Parameter("period", "s", (1e-5, 0.1), False, "time between rows"),
     ),
     equation="i_read(t) = i(t + n T) from row m on",

@@ -65,20 +65,18 @@ BACKLASH = Effect(
         ),
     ),
     equation="q_motor - q = +b where the load pushes, -b where it pulls",
-    shows="lost motion at reversal and where the load changes sign: a current jump, felt by resting neighbours",
+    shows="lost motion at reversal and where the load changes sign: a current jump, also at resting neighbours",
     confused_with={
         "joint_compliance": "a load bias closes the gap; compliance stays",
-        "joint_zero_offset": "the joint slowly through the place where its load changes sign: play jumps there, a zero stays",
+        "joint_zero_offset": "the joint slowly through the position where its load changes sign: backlash jumps there, an offset does not",
     },
     observed_by={
         Instrument.CURRENT: Observation(against=Variable.LOAD),
         Instrument.LINK_ENCODER: Observation(
-            shows="motor less link encoder jumps between two values where the load or the motion turns round"
+            shows="motor minus link encoder jumps between two values where the load or the motion reverses"
         ),
-        Instrument.TRACKER: Observation(
-            shows="the tracked point gives way where the load changes sign, about the axis"
-        ),
-        Instrument.CLOSED_LOOP: Observation(shows="a transmission with play"),
+        Instrument.TRACKER: Observation(shows="the tracked point jumps about the axis where the load changes sign"),
+        Instrument.CLOSED_LOOP: Observation(shows="a transmission with backlash"),
     },
     excited_by=Excitation.LOAD_REVERSAL,
     # a gap is inferred from the flight through it; the spring of the teeth is not known
@@ -113,9 +111,11 @@ JOINT_COMPLIANCE = Effect(
     },
     observed_by={
         Instrument.CURRENT: Observation(against=Variable.LOAD),
-        Instrument.LINK_ENCODER: Observation(against=Variable.LOAD, shows="motor less link encoder follows the load"),
-        Instrument.TRACKER: Observation(shows="the tracked point gives way with the torque, about the axis"),
-        Instrument.CLOSED_LOOP: Observation(shows="a transmission that swings behind its spring"),
+        Instrument.LINK_ENCODER: Observation(
+            against=Variable.LOAD, shows="motor minus link encoder is proportional to the load"
+        ),
+        Instrument.TRACKER: Observation(shows="the tracked point rotates about the axis in proportion to the torque"),
+        Instrument.CLOSED_LOOP: Observation(shows="a resonance of an elastic transmission"),
     },
     excited_by=Excitation.LOAD,
     deflection=lambda p, s: s.load / p.stiffness,
@@ -127,7 +127,7 @@ GEAR_RIPPLE = Effect(
     place=Place.TRANSMISSION,
     parameters=(
         Parameter("amplitude", "rad", (1e-5, 2e-3), True, "amplitude of the link's position error"),
-        Parameter("order", "1", (1, 60), False, "cycles a motor revolution", whole=True, search=integers(1, 60)),
+        Parameter("order", "1", (1, 60), False, "cycles per motor revolution", whole=True, search=integers(1, 60)),
         Parameter(
             "phase",
             "rad",
@@ -148,7 +148,7 @@ GEAR_RIPPLE = Effect(
     observed_by={
         Instrument.CURRENT: Observation(against=Variable.MOTOR_ANGLE),
         Instrument.LINK_ENCODER: Observation(
-            shows=lambda p, unit: f"motor less link encoder repeats {p.order:.4g} times a motor turn",
+            shows=lambda p, unit: f"motor minus link encoder repeats {p.order:.4g} times per motor revolution",
             # of the motor's encoder
             aliases=("encoder_ripple",),
         ),

@@ -53,7 +53,7 @@ HYDRODYNAMIC_DRAG = Effect(
     ),
     equation="dF = rho C_d R |v| v dl across the link (Morison); D |q'| q' on a joint that moves alone, or has no cylinder",
     shows="error with the square of velocity",
-    confused_with={"stribeck_friction": "a ladder of speeds; air against water"},
+    confused_with={"stribeck_friction": "a series of speeds; air against water"},
     observed_by={Instrument.CURRENT: Observation(against=Variable.VELOCITY)},
     excited_by=Excitation.SPEED,
     change=_drag,

@@ -115,7 +115,7 @@ def fit_and_held_out(
         if any(_same(one, other) for other in fitted):
             raise InputError(
                 one.path,
-                "is both fitted and held out: nothing would be judged; without held-out recordings each is split by time",
+                "is both fitted and held out; must be one of the two (without held-out recordings each is split by time)",
             )
     from diagnosis.screening import examined, split
 

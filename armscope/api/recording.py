@@ -210,7 +210,7 @@ def text_of(result: Table) -> str:
         lines.append(f"  lost: {loss['rows']} from trigger {loss['first']} on: {loss['sentence']}{detail}")
     lines.append(f"  ended because {ending['sentence']}")
     if result.get("fetched"):
-        lines.append(f"  brought to {result['fetched']}")
+        lines.append(f"  copied to {result['fetched']}")
     elif "fetched" in result:
-        lines.append(f"  it lies at the daemon on {result['endpoint']}: 'armscope fetch' brings it")
+        lines.append(f"  the file is on the machine of the daemon ({result['endpoint']}); 'armscope fetch' copies it")
     return "\n".join(lines + [f"  note: {note}" for note in result["notes"]])

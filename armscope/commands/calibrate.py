@@ -25,7 +25,9 @@ MANY = ("--held-out", "--tracker")
 def command(
     model: Annotated[
         Path,
-        typer.Option(metavar="MODEL.toml", help="the nominal arm; joints placed as in URDF are given D-H parameters"),
+        typer.Option(
+            metavar="MODEL.toml", help="nominal arm; joints placed as in URDF are converted to D-H parameters"
+        ),
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder for kinematics.json, report.html and model.toml")],
     run: Annotated[
@@ -33,7 +35,7 @@ def command(
     ] = None,
     held_out: Annotated[
         list[Path] | None,
-        typer.Option("--held-out", metavar="RUN.mcap", help="a recording to judge by; may be repeated"),
+        typer.Option("--held-out", metavar="RUN.mcap", help="held-out recording; may be repeated"),
     ] = None,
     tracker: Annotated[
         list[Path] | None,
@@ -43,18 +45,20 @@ def command(
     ] = None,
     target: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,Z", help="the target in the frame of the last link, m; default: the rig's"),
+        typer.Option(
+            metavar="X,Y,Z", help="position of the target in the frame of the last link, m; default: the rig's"
+        ),
     ] = None,
-    target_std: Annotated[float, typer.Option(metavar="M", help="how well the target's place is known, m")] = 1e-4,
-    unknown_frame: Annotated[bool, typer.Option("--unknown-frame", help="estimate where the tracker stands")] = False,
+    target_std: Annotated[float, typer.Option(metavar="M", help="std of the target position, m")] = 1e-4,
+    unknown_frame: Annotated[bool, typer.Option("--unknown-frame", help="estimate the pose of the tracker")] = False,
     geometry_only: Annotated[
-        bool, typer.Option("--geometry-only", help="do not try sag, encoder errors and delays")
+        bool, typer.Option("--geometry-only", help="geometric parameters only: no sag, encoder errors or delays")
     ] = False,
     poses: Annotated[
         int | None, typer.Option(metavar="N", help="also write DIR/poses.toml: the N best poses, for 'record'")
     ] = None,
     memory: Annotated[
-        int | None, typer.Option(metavar="ROWS", help="the tracker's memory, which the poses must fit into")
+        int | None, typer.Option(metavar="ROWS", help="capacity of the tracker's memory, which limits the poses")
     ] = None,
     cube: Annotated[
         bool,
@@ -69,9 +73,11 @@ def command(
     check_folder(out)
     arm, last_link = nominal_arm(model)
     if not run and poses is None and not cube:
-        raise InputError("RUN.mcap", "is missing; recordings with tracker points are wanted, or --poses N, or --cube")
+        raise InputError(
+            "RUN.mcap", "is missing; must be recordings with tracker points, unless --poses N or --cube is given"
+        )
     if not 0 < target_std < 10:
-        raise InputError("--target-std", f"wants a length in m above 0, is {target_std:g}")
+        raise InputError("--target-std", f"must be a length in m above 0 (is {target_std:g})")
     point = None if target is None else point_of(target, "--target")
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
         calibration = None
@@ -112,7 +118,7 @@ def _target_of(calibration: Calibration | None) -> tuple[float, float, float]:
     place = None if calibration is None else calibration.runs[0].target
     if place is None:
         raise InputError(
-            "--target", "is missing: where the tracker's target sits in the frame of the last link, X,Y,Z in m"
+            "--target", "is missing: position of the tracker's target in the frame of the last link, X,Y,Z in m"
         )
     return place
 
@@ -125,11 +131,15 @@ def _write_poses(
 
     noise = float(written.get("noise", 1e-4))
     plan = select_poses(arm, target, count, noise=noise)
-    enough = f"{plan.enough} of them are enough for the tracker's noise" if plan.enough else "more would still help"
+    enough = (
+        f"{plan.enough} of them are enough for the tracker's noise"
+        if plan.enough
+        else "more poses would reduce the error further"
+    )
     heading = (
         f"{count} D-optimal poses for {arm.name}: {plan.identifiable} parameters identifiable; {enough}.\n"
-        f"Expected model error {1e3 * plan.error[-1]:.4f} mm rms a coordinate, {1e3 * plan.random:.4f} mm with random poses, "
-        f"for points good to {1e3 * noise:.4f} mm.\nWatch the first run: only the floor and the arm's column were kept clear."
+        f"Expected model error {1e3 * plan.error[-1]:.4f} mm rms per coordinate, {1e3 * plan.random:.4f} mm with random poses, "
+        f"for a tracker noise of {1e3 * noise:.4f} mm.\nSupervise the first run: only collisions with the floor and the arm's column are avoided."
     )
     experiment = experiment_of(arm, plan, rows=memory)
     write_experiment(out / "poses.toml", experiment, heading=heading)

@@ -25,10 +25,10 @@ FIT, HELD_OUT = "excitation", "iso_cube"
 
 def command(
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="where to put everything; default: a new folder")
+        Path | None, typer.Option(metavar="DIR", help="folder for all results; default: a new folder")
     ] = None,
     fit: Annotated[str, typer.Option(help="experiment of config/experiments to identify from")] = FIT,
-    held_out: Annotated[str, typer.Option(help="experiment to judge by")] = HELD_OUT,
+    held_out: Annotated[str, typer.Option(help="held-out experiment")] = HELD_OUT,
 ) -> None:
     folder = out or Path(time.strftime("armscope_demo_%Y%m%d_%H%M%S"))
     check_folder(folder)
@@ -45,10 +45,10 @@ def command(
     )
     _tell("doctor", str(rig_file))
     with _Daemon(rig_file) as daemon:
-        _say("2. The daemon has the devices open. A second program listens to all that it publishes over Zenoh.")
+        _say("2. The daemon has the devices open. A second program subscribes to everything it publishes over Zenoh.")
         listener = _Listener(daemon.rig)
         for number, (name, run) in enumerate(runs.items(), 3):
-            purpose = "to identify the arm from" if name == fit else "to judge by: another motion"
+            purpose = "to identify the arm from" if name == fit else "held out: another motion"
             _say(f"{number}. Recording '{name}', {purpose}.")
             experiment = shipped_folder() / f"experiments/{name}.toml"
             _tell("record", "--rig", str(rig_file), "--experiment", str(experiment), "--out", str(run))
@@ -59,7 +59,7 @@ def command(
     error = result["relative_error"]
     _say(
         f"   {len(result['parameters'])} parameters; the torque is explained to {error['fit']:.1%} on '{fit}'"
-        + (f" and {error['held_out']:.1%} on '{held_out}', which it never saw." if error.get("held_out") else "."),
+        + (f" and {error['held_out']:.1%} on '{held_out}', which was held out." if error.get("held_out") else "."),
         f"   The report: {folder / 'identified/report.html'}",
     )
     _say("6. The identified model, simulated on the same demands, against what was measured.")
@@ -82,7 +82,7 @@ def _write_rig(folder: Path) -> Path:
         "model": str(shipped_folder() / "models/puma560.toml"),
         "zenoh": {"endpoint": endpoint},
     }
-    write_toml(folder / "rig.toml", table, heading="config/puma560_sim.toml, with a name and an endpoint of its own")
+    write_toml(folder / "rig.toml", table, heading="config/puma560_sim.toml, with its own name and endpoint")
     return folder / "rig.toml"
 
 
@@ -124,7 +124,7 @@ class _Listener:
         self._ended = True
         self._thread.join()
         self._session.close()
-        return f"The listener heard {self._heard} rows in {self._runs} runs and missed {self._missed}."
+        return f"The subscriber received {self._heard} rows in {self._runs} runs and missed {self._missed}."
 
     def _listen(self) -> None:
         while not self._ended or not self._subscriber.tally.complete:

@@ -30,24 +30,25 @@ def command(
     fit: Annotated[list[Path], typer.Option(metavar="A.mcap ...", help="recordings to find causes in")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder for diagnosis.json, report.html, model.toml")],
     model: Annotated[
-        Path | None, typer.Option(metavar="MODEL.toml", help="the model whose simulation is judged; default: the rig's")
+        Path | None, typer.Option(metavar="MODEL.toml", help="nominal model to be diagnosed; default: the rig's")
     ] = None,
     held_out: Annotated[
         list[Path] | None,
-        typer.Option("--held-out", metavar="B.mcap ...", help="to judge by; without any, the last 40 % of each"),
+        typer.Option(
+            "--held-out", metavar="B.mcap ...", help="held-out recordings; default: the last 40 % of each recording"
+        ),
     ] = None,
     rig: Annotated[
         Path | None,
-        typer.Option(
-            metavar="RIG.toml", help="record on it what separates causes that the recordings cannot tell apart"
-        ),
+        typer.Option(metavar="RIG.toml", help="record experiments on this rig that discriminate ambiguity groups"),
     ] = None,
-    max_experiments: Annotated[int, typer.Option(min=0, help="at most so many, with --rig")] = 3,
-    yes: Annotated[bool, typer.Option("--yes", help="move a real arm without asking, with --rig")] = False,
+    max_experiments: Annotated[int, typer.Option(min=0, help="maximum number of experiments (with --rig)")] = 3,
+    yes: Annotated[bool, typer.Option("--yes", help="move a real arm without confirmation (with --rig)")] = False,
     distort: Annotated[
         str | None,
         typer.Option(
-            metavar="PARAMETER", help="let this one parameter (joint2.viscous) vary in time instead, and see with what"
+            metavar="PARAMETER",
+            help="instead: estimate this parameter (joint2.viscous) as time-varying and report what it correlates with",
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print diagnosis.json and nothing else")] = False,
@@ -72,7 +73,10 @@ def command(
         else:
             table = _kept(case, out, status)
     if not held_out:
-        print("warning: no recording is held out; the last 40 % of each is judged by, a weaker test", file=sys.stderr)
+        print(
+            "warning: no recording is held out; the last 40 % of each is held out instead, a weaker test",
+            file=sys.stderr,
+        )
     if as_json:
         print(json.dumps(table))
     else:
@@ -98,7 +102,7 @@ def _model(model: Path | None, rig: Path | None) -> Path:
 
     path = model if model is not None or rig is None else read_rig(rig, drivers=False).model_path
     if path is None:
-        raise InputError("--model", "is missing; the model whose simulation is judged is wanted")
+        raise InputError("--model", "is missing; must be the model to be diagnosed")
     return path
 
 

@@ -20,10 +20,10 @@ from drivers.protocols import Device, EdgeSource, Identity, Latched, Plan, Polle
 TRIAL = 0.3  # s of rows from every device that makes them without the start line
 MOST_DOUBTFUL = 0.1  # share of a column's values
 WORRIES = {
-    Quality.MISSING: "look at its cable and supply",
-    Quality.STALE: "it is asked more often than it measures",
-    Quality.SATURATED: "look at what is wired there, and its range",
-    Quality.QUADRATURE_ERROR: "look at the encoder's two lines and their shield",
+    Quality.MISSING: "check its cable and supply",
+    Quality.STALE: "it is polled faster than it measures",
+    Quality.SATURATED: "check its wiring and range",
+    Quality.QUADRATURE_ERROR: "check the encoder's two lines and their shield",
 }
 
 
@@ -82,7 +82,7 @@ def _try_out(device: Device, plan: Plan) -> list[str]:
         device.disarm()
     quality = [block.quality for block in blocks if len(block)]
     if not quality:
-        return [f"made no rows in {TRIAL:g} s: is its clock running?"]
+        return [f"made no rows in {TRIAL:g} s: check its clock"]
     rows = np.concatenate(quality)
     share = {flag: (rows & np.uint8(flag) != 0).mean(axis=0) for flag in WORRIES}
     return [

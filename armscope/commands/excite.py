@@ -19,19 +19,21 @@ class Criterion(StrEnum):
 def command(
     out: Annotated[Path, typer.Option(metavar="EXP.toml", help="the experiment file to write")],
     model: Annotated[
-        Path | None, typer.Option(metavar="MODEL.toml", help="the arm, with its limits; left out: the rig's model")
+        Path | None, typer.Option(metavar="MODEL.toml", help="the arm, with its limits; default: the rig's model")
     ] = None,
     rig: Annotated[
-        Path | None, typer.Option(metavar="RIG.toml", help="stay inside this rig's limits too, so that record takes it")
+        Path | None, typer.Option(metavar="RIG.toml", help="also observe the limits of this rig, as record requires")
     ] = None,
-    duration: Annotated[float, typer.Option(min=2.0, help="s; whole periods of the fundamental are wise")] = 20.0,
-    fundamental: Annotated[float, typer.Option(min=0.01, help="Hz")] = 0.1,
-    harmonics: Annotated[int, typer.Option(min=1, max=20)] = 5,
+    duration: Annotated[
+        float, typer.Option(min=2.0, help="duration, s (preferably whole periods of the fundamental)")
+    ] = 20.0,
+    fundamental: Annotated[float, typer.Option(min=0.01, help="fundamental frequency, Hz")] = 0.1,
+    harmonics: Annotated[int, typer.Option(min=1, max=20, help="number of harmonics per joint")] = 5,
     criterion: Annotated[
-        Criterion, typer.Option(help="d: smallest doubt; condition: no direction neglected")
+        Criterion, typer.Option(help="d: D-optimal; condition: minimum condition number")
     ] = Criterion.d,
-    candidates: Annotated[int, typer.Option(min=32, help="motions to try")] = 1600,
-    seed: Annotated[int, typer.Option(help="the same seed gives the same motion")] = 1,
+    candidates: Annotated[int, typer.Option(min=32, help="number of candidate motions")] = 1600,
+    seed: Annotated[int, typer.Option(help="seed of the random candidates; the same seed gives the same motion")] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:
     """Designs an excitation."""
@@ -75,5 +77,5 @@ def command(
         told = {"file": str(out), "duration": duration, "joints": len(arm), "harmonics": harmonics, "rate": found.rate}
         print(json.dumps(told))
     else:
-        sampled = f", {found.rate:g} rows/s: no multiple of the setpoints' rate" if found.rate else ""
+        sampled = f", {found.rate:g} rows/s (not a multiple of the setpoint rate)" if found.rate else ""
         print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints{sampled}")

@@ -20,7 +20,7 @@ def command(
     data = open_long(recording)
     columns = write_csv(out, data)
     if data.layout.points == "tracker" and data.base_from_tracker is None:
-        print("the tracker's points stay out: the rig does not say how it stands to the base", file=sys.stderr)
+        print("the tracker points are left out: the rig file has no base_from_tracker", file=sys.stderr)
     if as_json:
         print(json.dumps({"file": str(out), "rows": len(data), "columns": columns, "lost": data.ledger.lost}))
     else:

@@ -23,10 +23,10 @@ Table = dict[str, Any]
 def command(
     rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="the rig whose daemon has the recording")],
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="of the recording; left out: lists what is there")
+        str | None, typer.Argument(metavar="NAME", help="name of the recording; default: list all recordings")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="where to; default: NAME in the working directory")
+        Path | None, typer.Option(metavar="FILE", help="file to write; default: NAME in the working directory")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:

@@ -36,31 +36,30 @@ class Friction(StrEnum):
 
 def command(
     run: Annotated[list[Path], typer.Argument(metavar="RUN.mcap...", help="recordings to fit")],
-    model: Annotated[
-        Path, typer.Option(metavar="MODEL.toml", help="geometry and drives, and the values to start from")
-    ],
+    model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="geometry, drives and initial values")],
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="folder for identification.json, report.html, model.toml")
     ] = None,
     held_out: Annotated[
         list[Path] | None,
-        typer.Option("--held-out", metavar="RUN.mcap", help="a recording to judge by; may be repeated"),
+        typer.Option("--held-out", metavar="RUN.mcap", help="held-out recording; may be repeated"),
     ] = None,
     method: Annotated[
         Method,
         typer.Option(
-            help="ols, wls, irls: least squares on the inverse dynamics; iv, didim: against the simulated closed loop; motor-link: one"
-            " joint a run; sequence: one joint a run, tip first; friction: tuned in the simulated closed loop"
+            help="ols, wls, irls: least squares on the inverse dynamics; iv: instrumental variables; didim: closed-loop output error;"
+            " motor-link: one joint per run; sequence: one joint per run, tip first; friction: friction only, tuned in closed loop"
         ),
     ] = Method.wls,
     friction: Annotated[
         Friction | None,
         typer.Option(
-            help="asymmetric: viscous and Coulomb friction of their own for each direction; left out: as the model has viscous friction"
+            help="asymmetric: direction-dependent viscous and Coulomb friction; default: as the viscous friction of the model"
         ),
     ] = None,
     only_check: Annotated[
-        bool, typer.Option("--check", help="only say how fit the recordings are: rows, excitation, saturation, lag")
+        bool,
+        typer.Option("--check", help="only check the recordings, without fitting: rows, excitation, saturation, lag"),
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print identification.json and nothing else")] = False,
 ) -> None:
@@ -71,7 +70,7 @@ def command(
     from armscope.api.identification import check, identify
 
     if out is None and not only_check:
-        raise InputError("--out", "is missing: a folder for the results; or --check to judge the recordings only")
+        raise InputError("--out", "is missing: a folder for the results; or give --check to check the recordings only")
     if out is not None:
         check_folder(out)
     chosen: dict[str, Any] = {
@@ -107,12 +106,12 @@ def _print_readiness(ready: Readiness, as_json: bool) -> None:
             "travel",
             "top speed",
             "noise",
-            "rows that count",
-            "left out",
-            "torque late by",
-            "of the limit",
+            "rows used",
+            "rows excluded",
+            "torque delay",
+            "share of limit",
         ):
-            table.add_column(heading, justify="left" if heading == "left out" else "right", no_wrap=True)
+            table.add_column(heading, justify="left" if heading == "rows excluded" else "right", no_wrap=True)
         for joint in run.joints:
             table.add_row(
                 str(joint.joint),

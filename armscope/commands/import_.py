@@ -18,10 +18,10 @@ from daq.rig import read_rig
 def command(
     table: Annotated[Path, typer.Argument(help="CSV: t, q1.., i1.., and qref, ql, v, temp by joint, x, y, z")],
     out: Annotated[Path, typer.Option(help="the recording to write (replaced if it is there)")],
-    rig: Annotated[Path | None, typer.Option(help="rig file with the joints; without it the columns tell")] = None,
+    rig: Annotated[Path | None, typer.Option(help="rig file with the joints; default: joints from the columns")] = None,
     keep_extra: Annotated[bool, typer.Option("--keep-extra", help="keep columns with unknown names")] = False,
     time_unit: Annotated[
-        TimeUnit | None, typer.Option("--time-unit", help="of the column t; asked for where it does not look like s")
+        TimeUnit | None, typer.Option("--time-unit", help="unit of the column t; required if it does not look like s")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:

@@ -17,9 +17,7 @@ _LONGEST = 10
 
 def command(
     recording: Annotated[Path, typer.Argument(help="RUN.mcap, or RUN.mcap.active")],
-    verify: Annotated[
-        bool, typer.Option("--verify", help="hold every record of the file against its checksum")
-    ] = False,
+    verify: Annotated[bool, typer.Option("--verify", help="verify the checksum of every record")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print everything as JSON")] = False,
 ) -> int:
     table = summary(open_long(recording, damaged=True))
@@ -86,7 +84,7 @@ def _rate(table: dict[str, Any]) -> str | None:
 
 
 def _ledger(ledger: dict[str, Any]) -> str:
-    balance = "" if ledger["balanced"] else "; THE ACCOUNT DOES NOT BALANCE"
+    balance = "" if ledger["balanced"] else "; THE LEDGER DOES NOT BALANCE"
     return f"{ledger['triggers']} triggers = {ledger['recorded']} recorded + {ledger['lost']} lost{balance}"
 
 

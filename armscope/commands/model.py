@@ -44,7 +44,7 @@ def command(
         Formulation | None, typer.Option(help="with --equations: the torques of the rigid links, by this formulation")
     ] = None,
     formulations: Annotated[
-        bool, typer.Option(help="compare Newton-Euler, Lagrange and Kane: operations, generation, agreement")
+        bool, typer.Option(help="compare Newton-Euler, Lagrange and Kane: operation count, generation time, difference")
     ] = False,
     effects: Annotated[
         bool, typer.Option(help="list the effects that a model may have, with their parameters; needs no model")
@@ -61,7 +61,7 @@ def command(
     if out is not None:
         _write(out, arm)
     if by is not None and equations is None:
-        raise InputError("--by", "says whose equations to print; give --equations text, latex, python or c with it")
+        raise InputError("--by", "needs --equations text, latex, python or c")
     if equations is not None:
         print(_equations(arm, equations, by), end="")
         return
@@ -189,7 +189,7 @@ def _catalogue(as_json: bool) -> None:
         )
         return
     for effect in CATALOGUE.values():
-        print(f"{effect.name} ({effect.place}, {'of a joint' if effect.per_joint else 'of the whole arm'})")
+        print(f"{effect.name} ({effect.place}, {'per joint' if effect.per_joint else 'whole arm'})")
         print(f"    {effect.equation}")
         for p in effect.parameters:
             low, high = p.typical
@@ -216,9 +216,7 @@ def _compare(arm: Arm, as_json: bool) -> None:
         system = f"{row.system_operations} op"
         print(f"{row.name:<23}{torque:>15}{system:>19}{row.seconds * 1e3:>11.1f} ms{row.difference:>12.1e}")
     if len(arm) > SYMPY_JOINTS:
-        print(
-            f"(sympy's own methods are compared on arms of up to {SYMPY_JOINTS} joints; beyond that they take minutes)"
-        )
+        print(f"(sympy's methods are compared for up to {SYMPY_JOINTS} joints only; for more they take minutes)")
 
 
 def _equations(arm: Arm, form: Form, by: Formulation | None) -> str:

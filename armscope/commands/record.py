@@ -24,9 +24,11 @@ def command(
     experiment: Annotated[Path, typer.Option(metavar="EXP.toml", help="the motion")],
     out: Annotated[
         Path,
-        typer.Option(metavar="RUN.mcap", help="the recording to write; a plain name if the daemon has --recordings"),
+        typer.Option(
+            metavar="RUN.mcap", help="the recording to write; a file name without folder if the daemon has --recordings"
+        ),
     ],
-    fetch: Annotated[bool, typer.Option("--fetch", help="bring the recording here from a daemon's folder")] = False,
+    fetch: Annotated[bool, typer.Option("--fetch", help="copy the recording here from the daemon's folder")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> int:
     from daq.rig import read_rig

@@ -22,16 +22,18 @@ MAY_BE_INFINITE = ("--speed", "--wait")
 
 def command(
     recording: Annotated[Path, typer.Argument(metavar="RUN.mcap", help="the recording, finished or not")],
-    speed: Annotated[float, typer.Option(metavar="X", help="times its own pace; inf: as fast as it is taken")] = 1.0,
+    speed: Annotated[
+        float, typer.Option(metavar="X", help="speed relative to real time; inf: as fast as subscribers receive")
+    ] = 1.0,
     rig: Annotated[
         Path | None, typer.Option(metavar="RIG.toml", help="the endpoint of this rig; default: loopback")
     ] = None,
     endpoint: Annotated[str, typer.Option(help="another loopback endpoint")] = "tcp/127.0.0.1:7447",
-    wait: Annotated[float, typer.Option(metavar="S", help="wait at most so long for a first subscriber")] = 2.0,
+    wait: Annotated[float, typer.Option(metavar="S", help="maximum time to wait for the first subscriber, s")] = 2.0,
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:
     if not speed > 0:
-        raise InputError("--speed", f"wants a number above 0, or inf; has {speed:g}")
+        raise InputError("--speed", f"must be above 0, or inf (is {speed:g})")
     run = open_long(recording, damaged=True)
     table = _rig(run.rig.get("name") or "replay", run.layout.joints, endpoint) if rig is None else read_rig(rig)
     with open_session(table, listen=True) as session:
@@ -51,7 +53,7 @@ def command(
     if as_json:
         print(json.dumps(figures | {"watched": watched, "lost": run.ledger.lost}))
     else:
-        nobody = "" if watched else "; nobody listened when it began"
+        nobody = "" if watched else "; no subscriber at the start"
         print(f"{publisher.rows} rows in {publisher.blocks} blocks, {seconds:.2f} s{nobody}")
 
 
@@ -75,5 +77,5 @@ def _rig(name: str, joints: tuple[str, ...], endpoint: str) -> Rig:
         Rig,
     )
     if not rig.zenoh.loopback:
-        raise InputError("--endpoint", "is not loopback; that wants --rig with a secured endpoint")
+        raise InputError("--endpoint", "is not loopback; must be given by --rig, with a secured endpoint")
     return rig

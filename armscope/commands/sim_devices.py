@@ -25,7 +25,7 @@ PREFIX, SIMULATORS = "drivers.", "sim_backend.protocol."
 
 
 def command(
-    rig: Annotated[Path, typer.Argument(help="RIG.toml; its devices' addresses have to be on this machine")],
+    rig: Annotated[Path, typer.Argument(help="RIG.toml; the addresses of its devices must be on this machine")],
 ) -> None:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

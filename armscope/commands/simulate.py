@@ -15,10 +15,13 @@ from arm_io.plain_data import point_of
 def command(
     model: Annotated[Path, typer.Option(help="the arm (config/models/*.toml)")],
     out: Annotated[Path, typer.Option(help="the recording to write (replaced if it is there)")],
-    experiment: Annotated[Path | None, typer.Option(help="what the arm is to do")] = None,
-    like: Annotated[Path | None, typer.Option(help="a recording whose demanded positions the arm is to follow")] = None,
+    experiment: Annotated[Path | None, typer.Option(help="experiment file with the motion")] = None,
+    like: Annotated[Path | None, typer.Option(help="recording whose demands (qref) the arm follows")] = None,
     rate: Annotated[float | None, typer.Option(help="rows/s; default: the experiment's, else 1000")] = None,
-    target: Annotated[str | None, typer.Option(help="x,y,z m of a tracker's target on the last link: adds xyz")] = None,
+    target: Annotated[
+        str | None,
+        typer.Option(help="x,y,z of a tracker target in the frame of the last link, m; adds xyz to the recording"),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:
     from armscope.api.simulation import simulate

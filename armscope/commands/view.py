@@ -23,11 +23,11 @@ def command(
     source: Annotated[
         Path, typer.Argument(metavar="RIG.toml|RUN.mcap", help="a rig whose daemon runs, or a recording")
     ],
-    port: Annotated[int, typer.Option(help="of the WebSocket on 127.0.0.1; 0: any")] = 8765,
-    speed: Annotated[float, typer.Option(metavar="X", help="of a recording, times its own pace")] = 1.0,
+    port: Annotated[int, typer.Option(help="port of the WebSocket on 127.0.0.1; 0: any free port")] = 8765,
+    speed: Annotated[float, typer.Option(metavar="X", help="speed of a recording relative to real time")] = 1.0,
 ) -> None:
     if not speed > 0:
-        raise InputError("--speed", f"wants a number above 0; has {speed:g}")
+        raise InputError("--speed", f"must be above 0 (is {speed:g})")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     if source.suffix == ".toml":
         rig = read_rig(source, drivers=False)

@@ -77,7 +77,8 @@ def named_parameter(arm: Arm, name: str) -> tuple[str, int]:
     found = re.fullmatch(r"(link|joint)(\d+)\.(.+)", name)
     if not found:
         raise InputError(
-            "--distort", f"{name!r} is no parameter; joint2.viscous, link3.mass or joint1.torque_constant are"
+            "--distort",
+            f"{name!r} is not a parameter; must be one such as joint2.viscous, link3.mass or joint1.torque_constant",
         )
     kind, number, rest = found.groups()
     own = f"joint{number}.{rest}" if kind == "link" and rest in JOINT_SIDE else name
@@ -95,7 +96,7 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
     steps = [_steps(residual, column) for residual, column in zip(residuals, columns)]
     information = float(sum(seen.sum() for _, seen in steps))
     if information <= 0.0:
-        raise InputError("--distort", f"{own} does not show in these recordings; a motion that excites it is wanted")
+        raise InputError("--distort", f"{own} does not affect these recordings; must be excited by the motion")
     constant = float(sum(score.sum() for score, _ in steps)) / information
     ratio, scale = strength(steps)
     enough = LIMITS.min_gain * sum(int(np.any(column != 0.0, axis=1).sum()) for column in columns)
@@ -202,13 +203,13 @@ def sentence(result: Distortion) -> str:
     if not result.varies:
         return (
             f"{result.parameter} does not vary: {value:.4g} ± {2 * std:.2g}{unit} throughout (the model has {result.model:.4g}); "
-            "no variation foretells more of the residual."
+            "no variation predicts more of the residual."
         )
     low, high = np.quantile(np.concatenate([p.value[p.seen] for p in result.paths]), [0.05, 0.95])
     first = f"{result.parameter} would have to vary between {low:.4g} and {high:.4g}{unit} (the model has {result.model:.4g})"
     real = [one for one in result.shares if one.p < CERTAIN and one.share > 0.1]
     if not real:
-        return f"{first}, with none of {', '.join(one.against for one in result.shares)} in particular."
+        return f"{first}; it correlates with none of {', '.join(one.against for one in result.shares)}."
     others = "".join(f", {one.against} {one.share:.0%}" for one in real[1:])
-    rest = f" (by itself{others})" if others else ""
-    return f"{first}; {real[0].against} explains {real[0].share:.0%} of that variance{rest}, beyond what it would by chance (p = {real[0].p:.2g})."
+    rest = f" (others{others.replace(',', ':', 1)})" if others else ""
+    return f"{first}; {real[0].against} explains {real[0].share:.0%} of that variance{rest}, beyond chance (p = {real[0].p:.2g})."

@@ -145,16 +145,16 @@ def _means(x: Array, value: Array, std: Array) -> tuple[Array, Array, Array]:
 
 def _page(result: Distortion) -> str:
     rows = [(escape(one.against), f"{one.share:.0%}", f"{one.chance:.0%}", f"{one.p:.2g}") for one in result.shares]
-    head = ("varies with", "share of its variance", "by chance alone", "p")
+    head = ("variable", "share of variance explained", "by chance", "p")
     body = [
         verdict(sentence(result)),
         note(
             "The smallest variation of this one parameter that makes the model match the measured currents (Butterfield &amp;"
-            " Thomas, 1986): a random walk, smoothed forwards and backwards. It names no cause; what it varies with hints at one."
+            " Thomas, 1986): a random walk, smoothed forwards and backwards. No cause is named; the variables it correlates with hint at one."
         ),
         image(*over_time(result)),
-        "<h2>What it varies with</h2>",
+        "<h2>Correlation with other variables</h2>",
         image(*against(result)),
         table(rows, head, (1, 2, 3)) if rows else "",
     ]
-    return page(f"{result.parameter}, allowed to vary", body)
+    return page(f"{result.parameter}, time-varying", body)

@@ -105,7 +105,7 @@ def _best(
             stage = stage_of(result, joints, rig, visited=False)
         for trial, distances in _tried(question, stage, joints, kind):
             tried += 1
-            progress(f"separating experiment: {tried} motions tried")
+            progress(f"discriminating experiment: {tried} motions tried")
             far = [distance for distance in distances.values() if distance >= ENOUGH]
             together = tuple(pair for pair, distance in distances.items() if distance < ENOUGH)
             found = _Found(len(far), min(far or distances.values()), kind, visited, trial, together)
@@ -136,14 +136,14 @@ def _told(found: _Found, trial: Trial, tried: int) -> Separation:
     if not found.visited:
         words = further(words)
     if found.together:
-        pairs = ", ".join(f"{in_words(one)} from {in_words(other)}" for one, other in found.together)
-        words += f"; it does not tell {pairs}"
+        pairs = ", ".join(f"{in_words(one)} and {in_words(other)}" for one, other in found.together)
+        words += f"; it does not discriminate {pairs}"
     return Separation(trial.experiment.model_copy(update={"description": words}), found.distance, words, tried)
 
 
 def further(words: str) -> str:
     """Said of a motion that leaves where the arm was seen to move freely."""
-    return f"{words}; this goes further than the recordings did: see that the way is free"
+    return f"{words}; this exceeds the recorded positions: make sure that the workspace is clear"
 
 
 def stage_of(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visited: bool) -> Stage:
@@ -182,4 +182,4 @@ def separated_by(group: Sequence[EffectKey]) -> str:
     """What the catalogue knows to separate the members of a group; none of it is a motion."""
     names = [effect for effect, _ in group]
     said = [CATALOGUE[a].confused_with[b] for a in names for b in names if b in CATALOGUE[a].confused_with]
-    return "; ".join(dict.fromkeys(said)) or "nothing that is known to the catalogue"
+    return "; ".join(dict.fromkeys(said)) or "no experiment in the catalogue"

@@ -60,7 +60,7 @@ def shown_by(
         if one.joint is None or (one.effect, one.joint) not in known:
             found.append(Showing(one))
             continue
-        progress(f"what would show {one.effect.replace('_', ' ')} of joint {one.joint}")
+        progress(f"detection experiment for {one.effect.replace('_', ' ')} of joint {one.joint}")
         at = one.joint, _family(one.effect)
         if at not in tried:
             alike: set[EffectKey] = {(e.effect, e.joint) for e in result.not_visible if e.joint == at[0]}

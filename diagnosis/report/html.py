@@ -33,8 +33,8 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
     ]
     for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
         body += [f"<h2 id=cause{number}>{number}. {escape(title(cause))}</h2>", *_section(result, cause, row)]
-    body += ["<h2>What this data could not show</h2>", unseen(table)]
-    body += ["<h2>What is left</h2>", left(table), *_left_pictures(result)]
+    body += ["<h2>Not detectable in these recordings</h2>", unseen(table)]
+    body += ["<h2>Unexplained structure</h2>", left(table), *_left_pictures(result)]
     body += ["<h2>The simulation before and after</h2>", *_simulated(result), errors(table, bool(result.causes))]
     if result.judged:
         body += ["<h2>Joint by joint</h2>", rough(result, table), *_joints(result, held_out)]
@@ -42,14 +42,14 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
 
 
 _HOW = (
-    "<p class=note>How to read this. From the measured motion the model tells which current every motor should draw; what the transducers show"
-    " besides is the residual. It is given in units of the noise: within the grey band (twice the noise) the instruments alone explain it. Gaps: the"
-    " joint hardly moves, and friction leaves its current open. Everything is judged on recordings that were held out: the causes were found, and"
-    " their parameters fitted, on others. ± is two standard deviations.</p>"
+    "<p class=note>How to read this. The model predicts the current of every motor from the measured motion; the residual is measured minus predicted"
+    " current, in units of the noise std. Within the grey band (two std) it is instrument noise. Gaps: near standstill stiction makes the current"
+    " indeterminate. All residuals are those of held-out recordings: causes were found, and their parameters fitted, on others. ± is two standard"
+    " deviations.</p>"
 )
 _HOW_ENCODERS = (
-    "<p class=note>How to read this. The model has gear ratios only. Held against it is the angle of each motor over its gear less that of the"
-    " link's own encoder: zero on a stiff arm whose encoders are read at one instant. ± is two standard deviations.</p>"
+    "<p class=note>How to read this. The model has gear ratios only. The residual is the motor angle over the gear ratio minus the angle of the link"
+    " encoder: zero for a stiff arm with simultaneously sampled encoders. ± is two standard deviations.</p>"
 )
 MOST_PICTURES = {"held_out": 2, "fit": 1}
 """Recordings of a side that are drawn; the tables have all."""
@@ -61,16 +61,16 @@ def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
     if set(table["fit"]) & set(table["held_out"]):
         names = f"{_counted(len(result.fit))}, split by time: the first part fitted, the second held out"
     if not result.judged:
-        return f"Asked: what do two encoders a joint show that gear ratios do not? {names}."
+        return f"Question: what do two encoders per joint show that the gear ratios do not predict? {names}."
     return (
-        f"Asked: what is missing from this model? Its masses, inertias and constants were trusted, not fitted anew; one that is wrong is named as a"
-        f" cause like any other. {names}."
+        f"Question: what is missing from this model? Its masses, inertias and constants are taken as given, not re-estimated; a wrong one is named as"
+        f" a cause like any other. {names}."
     )
 
 
 def _next(result: Diagnosis, table: dict[str, Any]) -> str:
     """What lies beside this page, and what it is for."""
-    said = ["Beside this page: <code>diagnosis.json</code> (every number)"]
+    said = ["In the same folder: <code>diagnosis.json</code> (every number)"]
     if result.causes:
         said.append(
             "<code>model.toml</code> (the model with these causes as effects, for <code>armscope simulate</code> and <code>identify</code>)"
@@ -78,10 +78,10 @@ def _next(result: Diagnosis, table: dict[str, Any]) -> str:
     chosen = [Path(row["separate_by"]).name for row in table["causes"] if row.get("separation")]
     if chosen:
         said.append(
-            f"<code>{', '.join(map(escape, chosen))}</code> (to <code>armscope record</code>: what decides a cause that comes as a group)"
+            f"<code>{', '.join(map(escape, chosen))}</code> (discriminating experiments for ambiguity groups, for <code>armscope record</code>)"
         )
     if any("show_" in one["experiment"] for one in table["not_visible"]):
-        said.append("<code>show_K.toml</code> (motions that would show what these recordings could not)")
+        said.append("<code>show_K.toml</code> (detection experiments for effects that were not detectable)")
     return "; ".join(said) + "."
 
 
@@ -150,26 +150,28 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
     ]
     factor, unit = small(cause.unit, (cause.before, cause.after))
     less = f", {cause.before / cause.after:.3g} times less" if 0.0 < cause.after < cause.before else ""
-    sure = "" if len(cause.group) == 1 else " that it is this or what it cannot be told from"
+    sure = "" if len(cause.group) == 1 else " that this cause, or one indistinguishable from it, is present"
     parts = [
         f"<p><code>{escape(equation)}</code></p>",
         f"<p>{escape(cause.evidence[:1].upper() + cause.evidence[1:])}.</p>",
         image(*plots.cause_figure(result, cause)),
-        arm_report.table(rows, ("parameter", "value", "2 std", "unit", "what it is"), (1, 2)),
+        arm_report.table(rows, ("parameter", "value", "2 std", "unit", "meaning"), (1, 2)),
         f"<p>Held-out error of {where}: {factor * cause.before:.3g} {unit} without it, {factor * cause.after:.3g} {unit} with it{less}. "
         f"Confidence {cause.confidence:.0%}{sure}.</p>",
     ]
     if len(cause.group) > 1:
         others = ", ".join(map(in_words, cause.group[1:]))
-        parts.append(f"<p class=warning>This data cannot tell it from {escape(others)}. {_separated_by(row)}</p>")
+        parts.append(
+            f"<p class=warning>Indistinguishable in these recordings from {escape(others)}. {_separated_by(row)}</p>"
+        )
     return parts
 
 
 def _separated_by(row: dict[str, Any]) -> str:
     chosen = row.get("separation")
     if chosen is None:
-        return f"No motion that was tried separates them. What does: {escape(str(row['separate_by']))}."
+        return f"No motion that was tried discriminates them. Discriminated by: {escape(str(row['separate_by']))}."
     return (
-        f"To separate them: {escape(chosen['motion'])}. Their predictions then differ by at least {chosen['distance']:.0f} standard "
-        f"deviations of the noise; the best of {chosen['tried']} motions, ready to record as {escape(Path(row['separate_by']).name)}."
+        f"Discriminated by: {escape(chosen['motion'])}. Discrimination distance {chosen['distance']:.0f} standard deviations of the noise, the"
+        f" largest of {chosen['tried']} motions; experiment file {escape(Path(row['separate_by']).name)}."
     )

@@ -28,14 +28,14 @@ def summary(result: Diagnosis) -> str:
         values = "<br>".join(escape(estimate(p)) for p in cause.parameters)
         rows.append((link, values, escape(gain(cause)).replace("-&gt;", "&rarr;"), f"{cause.confidence:.0%}"))
     head = ("cause", "parameters", "held-out error without &rarr; with it", "confidence")
-    note = "<p class=note>Confidence: that it is there, it or what is named beside it.</p>"
+    note = "<p class=note>Confidence: probability that this cause, or another of its group, is present.</p>"
     return arm_report.table(rows, head, (2, 3)) + note
 
 
 def errors(table: dict[str, Any], extended: bool) -> str:
     """Errors of simulated currents and positions on the held-out recordings."""
     if not table["signals"]:
-        return "<p>The recordings hold no demands, or the model no controller: nothing to run in closed loop.</p>"
+        return "<p>No closed-loop simulation: the recordings have no demands, or the model has no controller.</p>"
     rows, nan = [], float("nan")
     for s in table["signals"]:
         held = s["error_rms"].get("held_out", {})
@@ -52,13 +52,13 @@ def _what_is_compared(table: dict[str, Any]) -> str:
     said = ["Root mean square below 20 Hz on the held-out recordings, where friction is known."]
     if "demands" in along:
         said.append(
-            "Model and arm were given the same demands. Noise is that of the residual along the measured motion, which hears the steps of the"
-            " encoders twice differentiated; a closed loop hears none of these, and may come below it."
+            "Model and arm were given the same demands. Noise is that of the residual along the measured motion, which contains encoder"
+            " quantisation differentiated twice; the closed loop contains none, so its error may be smaller."
         )
     elif "measured motion" in along:
         said.append(
-            "The controller of the model is not that of this arm: its errors would be the controller's. Currents are those that the model"
-            " wants along the measured motion."
+            "The controller of the model is not that of this arm, so a closed-loop comparison would show errors of the controller. Currents are"
+            " those that the model predicts along the measured motion."
         )
     return f"<p class=note>{' '.join(said)}</p>"
 
@@ -91,9 +91,9 @@ def rough(result: Diagnosis, table: dict[str, Any]) -> str:
                 *(_change(t, bool(result.causes)) for t in each),
             ]
         )
-    note = "Root mean square of the residual over the noise, where friction near standstill leaves it sure"
+    note = "Rms of the residual over the noise std, standstill excluded"
     note += ", without &rarr; with the causes" if result.causes else ""
-    note += "; last, the share of its held-out variance that smooth functions of these, fitted to the other recordings, predict"
+    note += "; last row: share of the held-out variance explained by smooth functions of these variables, fitted to the other recordings"
     head = ["recording", *(f"joint {j}" for j in joints)]
     return f"<p class=note>{note}.</p>{arm_report.table(rows, head, range(1, len(head)))}"
 
@@ -105,7 +105,7 @@ def _change(told: Sequence[str], extended: bool) -> str:
 def unseen(table: dict[str, Any]) -> str:
     """Effects that these recordings could not show, joint by joint, and what would."""
     if not table["not_visible"]:
-        return "<p>Every effect of the catalogue, at its largest typical size, would have shown.</p>"
+        return "<p>Every effect of the catalogue would have been detectable at its largest typical size.</p>"
     alike: dict[tuple[str, str, str], list[str]] = {}
     for one in table["not_visible"]:
         key = str(one["joint"] or ""), one["why"], one["experiment"]
@@ -122,21 +122,22 @@ def unseen(table: dict[str, Any]) -> str:
             told[1] = here[1]
         rows.append([told[0], ", ".join(several), escape(why), told[1] or "as above"])
         last = here
-    return "<p>These were neither found nor ruled out. Sizes are the largest that are typical.</p>" + arm_report.table(
-        rows, ("effect", "joint", "why not", "what would show it"), (1,)
+    return (
+        "<p>These effects were neither found nor excluded. Sizes are the largest typical ones.</p>"
+        + arm_report.table(rows, ("effect", "joint", "reason", "detection experiment"), (1,))
     )
 
 
 def left(table: dict[str, Any]) -> str:
     """Structure that no effect explains, and the share of what is left that it is."""
     if not table["unexplained"]:
-        return "<p>Nothing that position, velocity, load, time or the other joints would predict.</p>"
+        return "<p>None: position, velocity, load, time and the other joints predict nothing of the residual.</p>"
     rows = [
         (escape(place(one["signal"], one["joint"])), escape(one["against"]), f"{one['share']:.0%}")
         for one in table["unexplained"]
     ]
     note = (
-        "<p class=note>No effect of the catalogue does this. <code>armscope diagnose --distort PARAMETER</code> lets one parameter vary until"
-        " the model matches, and shows with what it varies.</p>"
+        "<p class=note>No effect of the catalogue explains it. <code>armscope diagnose --distort PARAMETER</code> estimates one parameter as"
+        " time-varying and shows what it correlates with.</p>"
     )
-    return arm_report.table(rows, ("signal", "against", "share of what is left there"), (2,)) + note
+    return arm_report.table(rows, ("signal", "against", "share of the residual variance"), (2,)) + note

@@ -195,7 +195,7 @@ def _add_showing(out: Path, table: dict[str, Any], showing: Sequence[Showing]) -
 def _heading(cause: Cause, found: Separation) -> str:
     members = ", ".join(map(in_words, cause.group))
     return (
-        f"Tells apart: {members}.\n{found.words[:1].upper()}{found.words[1:]}.\n"
-        f"Their predictions then differ by at least {found.distance:.0f} standard deviations of the noise;\n"
-        f"chosen from {found.tried} motions."
+        f"Discriminates {members}.\n{found.words[:1].upper()}{found.words[1:]}.\n"
+        f"Discrimination distance: {found.distance:.0f} standard deviations of the noise,\n"
+        f"the largest of {found.tried} motions."
     )

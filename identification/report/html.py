@@ -16,22 +16,23 @@ if TYPE_CHECKING:
 METHODS = {
     "ols": "ordinary least squares on the inverse dynamics",
     "wls": "least squares on the inverse dynamics, joints weighted by their noise",
-    "irls": "robust least squares on the inverse dynamics: rows far off are weighted down",
+    "irls": "iteratively reweighted (robust) least squares on the inverse dynamics",
     "iv": "instrumental variables from the simulated closed loop",
-    "didim": "the simulated closed loop's torque fitted to the measured one",
+    "didim": "closed-loop output error: torque of the simulated closed loop fitted to the measured one",
     "motor-link": "each joint as one motor and one link",
-    "sequence": "link after link from the tip, each step keeping what earlier ones found",
-    "friction": "friction tuned until the simulated motors draw the measured current",
+    "sequence": "link after link from the tip, each step keeping the parameters found before",
+    "friction": "friction tuned until the simulated currents match the measured ones",
 }
 ERRORS = (
-    "What the model's torque misses of the measured one (current times drive constant), as root mean square and as a share of the measured torque,"
-    " both through the same filter. <i>While it moves</i>: held-out rows without a reversal or standstill near, where friction obeys Coulomb's law."
-    " <i>Accounted for</i>: rms error expected from the noise of the fitted runs and the standard deviations of the parameters; three times as much is marked."
+    "Measured torque (current times drive constant) minus predicted torque, as rms and relative to the measured torque, both through the same"
+    " filter. <i>Sliding</i>: held-out rows away from reversals and standstill, where friction obeys Coulomb's law."
+    " <i>Expected</i>: rms error expected from the noise of the fitted runs and the standard deviations of the parameters; more than three times as"
+    " much is reported above."
 )
-GAPS = "Gaps are rows left out: a joint stands, samples are missing or clipped, or the run begins or ends."
+GAPS = "Gaps are excluded rows: standstill, missing or clipped samples, begin and end of the run."
 DEVIATIONS = (
-    "± is two standard deviations, from leaving out one block of time after the other, so that residuals may be coloured; so are those from drawing"
-    " blocks anew (bootstrap). The textbook formula counts every row as independent and is too optimistic. Only these sums move the joints:"
+    "± is two standard deviations from a block jackknife, valid for coloured residuals, as is the block bootstrap."
+    " The textbook formula counts every row as independent and is too small. Only these linear combinations are identifiable:"
     " <i>link2.mx</i> is mass times the x of the centre of mass, <i>link2.ixx</i> the inertia about the link frame's origin, <i>offset</i> a constant"
     " torque or half the difference of Coulomb friction between the directions. Grey: not identifiable from these runs."
 )
@@ -51,8 +52,8 @@ def report(result: Identification) -> str:
         *(image(figure, alt) for figure, alt in plots.predictions(result)),
         "<h2>Recordings</h2>",
         note(
-            "Rows of each joint that count, and why others do not; how late the torque is against the motion; the largest"
-            " torque as a share of the drive's limit."
+            "Rows used per joint, and reasons for exclusion; delay of the torque relative to the motion; largest torque as a"
+            " share of the drive's limit."
         ),
         _recordings(result),
         "<h2>Parameters</h2>",
@@ -75,7 +76,7 @@ def _what(result: Identification) -> str:
     names = ", ".join(Path(path).name for path in result.fit)
     judged = "" if isinstance(result.held_out, str) else ", ".join(Path(path).name for path in result.held_out)
     how = METHODS.get(result.method, result.method)
-    return f"Parameters from {names}{f', judged on {judged}' if judged else ''}: {how}; {result.friction} friction."
+    return f"Parameters from {names}{f', validated on {judged}' if judged else ''}: {how}; {result.friction} friction."
 
 
 def _refuted(result: Identification) -> bool:
@@ -86,21 +87,21 @@ def verdict(result: Identification) -> str:
     """The one sentence; training error alone validates nothing."""
     fit, held = result.relative_error(False), result.relative_error(True)
     if held != held:
-        return f"Relative error {fit:.2%} on what was fitted. Not validated: no recording was held out."
+        return f"Relative error {fit:.2%} on the fitted runs. Not validated: no recording was held out."
     if result.held_out == "split":
         return (
-            f"Relative error {fit:.2%} on what was fitted, {held:.2%} on the last part of the same runs, predicted from the first."
+            f"Relative error {fit:.2%} on the fitted runs, {held:.2%} on the last part of the same runs, predicted from the first."
             " Not validated: no other recording was held out."
         )
-    sentence = f"Relative error {fit:.2%} on what was fitted, {held:.2%} on held-out recordings."
+    sentence = f"Relative error {fit:.2%} on the fitted runs, {held:.2%} on held-out recordings."
     if far := result.joints_above_expected():
         off = ((j, _size(result.rms(True, j, sliding=True), result.torque_unit(j))) for j in far)
         joints = ", ".join(
             f"joint {j + 1} ({size} off, {_size(result.expected_rms(j), '')}expected)" for j, size in off
         )
-        return f"{sentence} The model does not carry over at {joints}: something in the held-out runs is not in it."
+        return f"{sentence} Not validated at {joints}: the held-out runs contain effects that are not in the model."
     return (
-        sentence + " The model carries over to motions it was not fitted to: while joints move, noise and the"
+        sentence + " Validated on motions that were not fitted: while joints move, noise and the"
         " standard deviations of the parameters account for the residual."
     )
 
@@ -121,7 +122,7 @@ def _errors(result: Identification) -> str:
     for name, (fit, held_out) in (total | result.compared).items():
         rows.append([escape(name), "", _percent(fit), "", _percent(held_out), *empty])
     head = ["joint", "fitted, rms", "relative", "held out, rms", "relative"]
-    head += ["while it moves", "accounted for"] if explained else []
+    head += ["sliding, rms", "expected"] if explained else []
     return table(rows, head, range(1, len(head)))
 
 
@@ -144,7 +145,9 @@ def _recordings(result: Identification) -> str:
                 ]
             )
     return table(
-        rows, ("", "travel", "top speed", "rows", "left out", "torque late by", "of the limit"), (1, 2, 3, 5, 6)
+        rows,
+        ("", "travel", "top speed", "rows used", "rows excluded", "torque delay", "share of limit"),
+        (1, 2, 3, 5, 6),
     )
 
 

@@ -23,7 +23,7 @@ def text(result: Identification) -> str:
     sums = [value for value in result.base if value.name not in names]
     lines = _table(named, "parameter")
     if sums and base:
-        lines += _table(sums, "only together")
+        lines += _table(sums, "combination")
     lines += [f"warning: {warning}" for warning in result.warnings]
     return "\n".join([*lines, verdict(result)])
 

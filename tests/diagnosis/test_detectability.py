@@ -76,7 +76,7 @@ def test_the_motion_asked_for_shows_it(one_joint: Run, arm: Arm) -> None:
     stage = Stage(arm, one_joint.q[0], one_joint.q[:1], room(arm))
     for showing in shown_by(cast(Diagnosis, Judged(arm, (one_joint,), asked))):
         assert showing.experiment is not None
-        assert "the way is free" in showing.experiment.description
+        assert "the workspace is clear" in showing.experiment.description
         moved = foreseen(Trial("", showing.experiment, (2,)), stage, one_joint.noise)
         assert moved is not None
         key = showing.invisible.effect, showing.invisible.joint

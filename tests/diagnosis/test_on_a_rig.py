@@ -77,8 +77,8 @@ def _is_a_report(path: Path, cause: str) -> None:
     headings = [
         "class=verdict",
         "<h2 id=cause1",
-        "<h2>What this data could not show",
-        "<h2>What is left",
+        "<h2>Not detectable in these recordings",
+        "<h2>Unexplained structure",
         "<h2>The simulation before and after",
         "<h2>Joint by joint",
     ]

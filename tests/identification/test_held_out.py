@@ -64,8 +64,8 @@ def judged(runs: dict[str, Recording], arm: Arm, by: str) -> Identification:
 def test_true_model_carries_over_to_stops_and_reversals(arm: Arm, runs: dict[str, Recording]) -> None:
     result = judged(runs, arm, "same")
     assert result.joints_above_expected() == []
-    assert "carries over" in verdict(result)
-    assert "accounted for" in report(result)
+    assert "Validated on" in verdict(result)
+    assert ">expected<" in report(result)
     # Around stops and reversals friction is not Coulomb's law: there the same model errs more, and is not blamed.
     assert result.relative_error(True) > 2 * result.relative_error(False)
     assert result.rms(True, 0) > 2 * result.rms(True, 0, sliding=True)
@@ -75,7 +75,7 @@ def test_what_is_not_in_the_model_is_named_by_joint(arm: Arm, runs: dict[str, Re
     result = judged(runs, arm, "heavier")
     assert result.joints_above_expected() == [0, 1, 2]
     said = verdict(result)
-    assert "does not carry over at joint 1 (" in said and "joint 2 (" in said
+    assert "Not validated at joint 1 (" in said and "joint 2 (" in said
     sliding = result.to_json()["joints"][1]["sliding"]
     assert sliding["held_out"] > 20 * sliding["held_out_expected"] > 0
 

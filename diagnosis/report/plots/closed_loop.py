@@ -32,8 +32,8 @@ def loop_figure(pairs: Sequence[tuple[Compared, Compared]], joint: int, unit: st
         axis.semilogy(frequency, density, color=colour, lw=1.2, label=label)
     axis.axvspan(*BAND, color=SHADE, lw=0.0)
     axis.set_xlim(0.0, 1.2 * BAND[1])
-    axis.set_xlabel("frequency, Hz (shaded: what is judged)")
-    axis.set_ylabel(f"what the closed loop of joint {joint}\ndoes not follow, {unit}/sqrt(Hz)")
+    axis.set_xlabel("frequency, Hz (shaded: band compared)")
+    axis.set_ylabel(f"closed-loop current error\nof joint {joint}, {unit}/sqrt(Hz)")
     axis.legend(fontsize="small")
     axis.grid(color=GRID, which="both")
     return figure, f"spectrum of the current error of joint {joint} in closed loop, without and with the causes"

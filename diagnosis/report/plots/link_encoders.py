@@ -34,7 +34,7 @@ def link_overview(link: LinkSide, arm: Arm) -> tuple[Figure, str]:
         axis.grid(color=GRID)
     axes[0].legend(loc="upper right", ncols=2, fontsize="small")
     axes[-1].set_xlabel("held-out recordings, s")
-    figure.suptitle("motor less link encoder", x=0.01, ha="left", fontsize="medium")
+    figure.suptitle("motor minus link encoder", x=0.01, ha="left", fontsize="medium")
     return figure, "held-out difference of motor and link encoders before and after"
 
 
@@ -58,6 +58,6 @@ def link_figure(link: LinkSide, arm: Arm, effect: str, joint: int) -> tuple[Figu
             axis.plot(x, values[:, k] * 1e3, ".", ms=1.6, color=colour, label=when)
         axis.set_xlabel(f"{name} of joint {joint}, {unit_at(drive, unit)}")
         axis.grid(color=GRID)
-    axes[0].set_ylabel(f"motor less link encoder\nof joint {joint}, m{unit_at(drive, 'rad')}")
+    axes[0].set_ylabel(f"motor minus link encoder\nof joint {joint}, m{unit_at(drive, 'rad')}")
     axes[0].legend(loc="best", fontsize="small", markerscale=5)
-    return figure, f"motor less link encoder of joint {joint} against {panels[-1][1]}"
+    return figure, f"motor minus link encoder of joint {joint} against {panels[-1][1]}"

@@ -54,7 +54,9 @@ def overview(result: Diagnosis) -> tuple[Figure, str]:
             axis.axvline(edge, color=EDGE, lw=0.8)
     axes[0].legend(loc="upper right", ncols=3, fontsize="small")
     axes[-1].set_xlabel("held-out recordings one after the other, s")
-    figure.suptitle("measured less expected current, times the noise", x=0.01, y=0.995, ha="left", fontsize="medium")
+    figure.suptitle(
+        "measured minus predicted current, in units of the noise std", x=0.01, y=0.995, ha="left", fontsize="medium"
+    )
     return figure, "held-out residuals of all joints before and after"
 
 
@@ -100,6 +102,6 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
         axis.set_title(title, loc="left", fontsize="medium")
         axis.set_xlabel(f"{name} of joint {joint}, {unit_of(result, joint, name)}")
         axis.grid(color=GRID)
-    axes[0].set_ylabel(f"measured less expected\ncurrent of joint {joint}, {unit}")
+    axes[0].set_ylabel(f"measured minus predicted\ncurrent of joint {joint}, {unit}")
     axes[1].legend(loc="upper right", fontsize="small")
     return figure, f"residual current of joint {joint} against {name}"

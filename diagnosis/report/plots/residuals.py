@@ -70,7 +70,10 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
     _limit(axes[0], (before if result.causes else after)[sure])
     axes[0].legend(loc="upper right", ncols=2, fontsize="small")
     figure.suptitle(
-        f"joint {joint}: measured less expected current, times the noise", x=0.01, ha="left", fontsize="medium"
+        f"joint {joint}: measured minus predicted current, in units of the noise std",
+        x=0.01,
+        ha="left",
+        fontsize="medium",
     )
     return figure, f"residual of joint {joint} against time, position, motor angle, velocity, direction and load"
 
@@ -90,10 +93,10 @@ def left_against(result: Diagnosis, joint: int, name: str) -> tuple[Figure, str]
     _cloud(axis, found[name][sure], after[sure], PALE_AFTER, AFTER, "mean in bins")
     _limit(axis, after[sure])
     axis.set_xlabel(_with_unit(result, joint, name))
-    axis.set_ylabel(f"left of joint {joint}, times the noise")
+    axis.set_ylabel(f"residual of joint {joint}, in units of the noise std")
     axis.grid(color=GRID)
     axis.legend(loc="upper right", fontsize="small")
-    return figure, f"what is left of joint {joint} against {name}"
+    return figure, f"remaining residual of joint {joint} against {name}"
 
 
 def _panels(side: Dataset, result: Diagnosis, joint: int, held_out: Sequence[Recording]) -> Iterator[tuple[str, Array]]:
@@ -179,7 +182,7 @@ def side_by_side(before: Compared, after: Compared, extended: bool, units: Seque
             axis.locator_params(nbins=5)
     band = f"below {COMPARE_BAND:g} Hz"
     axes[0, 0].set_title(f"motor current {band}, {' or '.join(units)}", loc="left", fontsize="medium")
-    axes[0, 1].set_title(f"measured less simulated angle {band}, mrad (mm)", loc="left", fontsize="medium")
+    axes[0, 1].set_title(f"measured minus simulated angle {band}, mrad (mm)", loc="left", fontsize="medium")
     axes[0, 0].legend(loc="upper right", ncols=3, fontsize="x-small")
     for axis in axes[-1]:
         axis.set_xlabel("time, s")

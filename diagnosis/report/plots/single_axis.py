@@ -48,7 +48,7 @@ def axis_figure(axis: AxisSide, effect: str, drive: Joint) -> tuple[Figure, str]
         panel.grid(color=GRID)
     top = 1.1 * float(np.quantile(np.abs(cause.without[shown]), 0.995))
     panels[0].set_ylim(-top, top)
-    panels[0].set_ylabel(f"measured less expected\nbelow 60 Hz, {drive.current_unit}")
+    panels[0].set_ylabel(f"measured minus predicted\nbelow 60 Hz, {drive.current_unit}")
     return figure, f"held-out residual without {effect.replace('_', ' ')} and with it"
 
 
@@ -70,8 +70,8 @@ def wave_figure(axis: AxisSide, drive: Joint) -> tuple[Figure, str]:
         panel.plot((edges[1:] + edges[:-1]) / 2, mean, "-", lw=2.0, color=colour, label=f"{name}, mean")
     top = 1.1 * float(np.quantile(np.abs(axis.residual), 0.98))
     panel.set_ylim(-top, top)
-    panel.set_xlabel(f"place within {length:.4g} {unit}, {unit}")
-    panel.set_ylabel(f"left by all causes,\n{drive.current_unit}")
+    panel.set_xlabel(f"position modulo {length:.4g} {unit}, {unit}")
+    panel.set_ylabel(f"residual with all causes,\n{drive.current_unit}")
     panel.grid(color=GRID)
     panel.legend(loc="upper right", fontsize="small")
-    return figure, f"what is left, laid over {length:.4g} {unit}"
+    return figure, f"residual with all causes against position modulo {length:.4g} {unit}"

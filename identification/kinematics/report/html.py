@@ -44,7 +44,7 @@ def page(
         parts += ["<p>Sweeps without a circle: " + "; ".join(html.escape(r) for r in calibration.refused) + "</p>"]
     for cube in cubes:
         parts += ["<h2>ISO cube</h2>", _cube(cube)]
-    parts += ["<h2>What the poses show</h2>", _observability(table)]
+    parts += ["<h2>Observability of the poses</h2>", _observability(table)]
     return arm_report.page(f"{name}: kinematic calibration", parts)
 
 
@@ -58,7 +58,7 @@ def _headline(table: dict[str, Any]) -> str:
     )
     return verdict(
         f"On {where} the position error {change} rms per coordinate ({better:.2f} % better)."
-        f" The points' own noise is {_mm(table['noise'])}.",
+        f" The noise of the points is {_mm(table['noise'])}.",
         refuted=better <= 0,
     )
 
@@ -106,8 +106,8 @@ def _parameter_table(table: dict[str, Any]) -> str:
     text += (
         f"<p>Base at ({', '.join(f'{1e3 * v:.3f}' for v in base[:3, 3])}) mm; "
         f"target at ({', '.join(f'{1e3 * v:.3f}' for v in tool[:3, 3])}) mm in the frame of the last link.</p>"
-        "<small>A value without a deviation was not free: other parameters do the same thing. What the data cannot separate (the last "
-        "link and the target's place; turning the base and joint 1's zero) is decided by what is known beforehand.</small>"
+        "<small>A value without a std was held: it is aliased with other parameters. Aliased parameters (last link and target position; "
+        "rotation of the base and offset of joint 1) are decided by prior knowledge.</small>"
     )
     return _table(["", "theta", "alpha", "beta", "a", "d"], rows) + text
 
@@ -131,9 +131,9 @@ def _effects(table: dict[str, Any]) -> str:
         )
         found.append(f"<li>{effect['effect']}{place}: {html.escape(values)}</li>")
     return (
-        "<h2>Beyond geometry</h2><p>Each was tried on blocks of points that the fit had not seen; the best is listed, until none "
-        "is worth its parameters.</p>"
-        + _table(["effect", "unseen rms before", "after", "gain / its error", ""], rows)
+        "<h2>Beyond geometry</h2><p>Each effect was cross-validated on blocks of points; the best of each step is listed, until none "
+        "improves the held-out error.</p>"
+        + _table(["effect", "held-out rms before", "after", "gain / std error", ""], rows)
         + (f"<ul>{''.join(found)}</ul>" if found else "")
     )
 
@@ -145,9 +145,9 @@ def _circles_text(table: dict[str, Any]) -> str:
         turn = f"{1e3 * wave['amplitude']:.3f} mrad ({100 * wave['share']:.0f} %)" if wave["share"] > 0.3 else "-"
         rows.append([f"joint {c['joint']}", _mm(c["radius"]), f"{np.degrees(c['arc']):.0f}°", f"{1e6 * c['std']['axis']:.0f} µrad",
                      _mm(r["across"]), _mm(r["radial"]), _mm(r["tangential"]), turn])  # fmt: skip
-    return _table(["", "radius", "arc", "axis ±", "across", "radial", "tangential", "once a turn"], rows) + (
-        "<small>Tangential: the encoder's angle against the angle on the circle. Once a turn there: encoder eccentricity, or gravity "
-        "sag of a joint about a horizontal axis; the least-squares fit separates them. An encoder cannot cause across and radial residuals.</small>"
+    return _table(["", "radius", "arc", "axis ±", "across", "radial", "tangential", "once per turn"], rows) + (
+        "<small>Tangential: encoder angle against the angle on the circle. Once per turn: encoder eccentricity, or gravity "
+        "sag of a joint about a horizontal axis; the least-squares fit discriminates them. Encoders do not affect across and radial residuals.</small>"
     )
 
 
@@ -166,7 +166,7 @@ def _observability(table: dict[str, Any]) -> str:
     o = table["observability"]
     rows = [[name.upper(), f"{o[name]:.4g}"] for name in ("o1", "o2", "o3", "o4", "o5")]
     return (
-        f"<p>{table['identifiable']} independent combinations of parameters show in these poses; "
+        f"<p>{table['identifiable']} combinations of parameters are identifiable from these poses; "
         f"{table['correlated_points']:.1f} neighbouring points count as one in the deviations.</p>"
         + _table(["index", ""], rows)
     )

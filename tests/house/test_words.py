@@ -1,0 +1,92 @@
+"""Messages and documents use the field's terms (CONTRIBUTING.md, glossary): none of the idioms and metaphors that they replaced."""
+
+import ast
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = (
+    "arm_io", "arm_model", "arm_report", "armscope", "daq", "diagnosis", "drivers", "experiment", "identification", "sim_backend",
+)  # fmt: skip
+INSTEAD = {
+    r"wants?( to be)?\b(?! to (know|use|read))": "must be, needs",
+    r"(is|are) wanted\b": "must be, is required",
+    r"told from\b": "distinguished from",
+    r"seen through\b": "residual under",
+    r"as good as (nothing|invisible)": "negligible",
+    r"nobody\b": "no client, no subscriber",
+    r"what swings\b": "transmission resonance",
+    r"strangers\b": "out-of-catalogue effects",
+    r"loud(er|ness)?\b": "residual-to-noise ratio",
+    r"twins\b": "aliased effects",
+    r"weeded\b": "eliminated",
+    r"fore(tell|tells|told)\b": "predict",
+    r"(encoders|velocities|axis|run|value|names?|parameters?|recordings?|cycles|errors?) a joint\b": "per joint",
+    r"way is free\b": "the workspace is clear",
+}
+"""Pattern of an old word -> what to write."""
+OLD = re.compile("|".join(rf"\b{pattern}" for pattern in INSTEAD), re.IGNORECASE)
+SHOWN = {
+    "InputError",
+    "DeviceFault",
+    "print",
+    "Option",
+    "Argument",
+    "warn",
+    "note",
+    "verdict",
+    "warning",
+    "say",
+    "_say",
+    "progress",
+}
+"""Functions whose string arguments a user reads."""
+
+
+def literals(tree: ast.AST) -> list[tuple[int, str]]:
+    """Line and text of every string that a user reads: arguments of the functions above, yielded sentences, constants of reports."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if name not in SHOWN:
+                continue
+            parts = [*node.args, *(keyword.value for keyword in node.keywords)]
+        elif isinstance(node, ast.Yield) and node.value is not None:
+            parts = [node.value]
+        else:
+            continue
+        inside = [leaf for part in parts for leaf in ast.walk(part)]
+        found += [
+            (leaf.lineno, leaf.value)
+            for leaf in inside
+            if isinstance(leaf, ast.Constant) and isinstance(leaf.value, str)
+        ]
+    return found
+
+
+def test_messages() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}: {word.group()!r} in {text!r}"
+        for package in PACKAGES
+        for path in sorted((ROOT / package).rglob("*.py"))
+        for line, text in literals(ast.parse(path.read_text(encoding="utf-8")))
+        if (word := OLD.search(text))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_documents() -> None:
+    documents = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+    wrong = [
+        f"{path.relative_to(ROOT)}:{number}: {word.group()!r}"
+        for path in documents
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if (word := OLD.search(re.sub(r"`[^`]*`|^    .*", "", line)))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_an_old_word_is_found() -> None:
+    tree = ast.parse('raise InputError(path, f"{name} wants a number")\nprint("two encoders a joint")\nx = "nobody"')
+    assert [bool(OLD.search(text)) for _, text in literals(tree) if " " in text] == [True, True]
