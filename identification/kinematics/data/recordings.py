@@ -79,7 +79,7 @@ def _points(recording: Recording) -> tuple[Array, bool]:
             return np.where(np.any(flagged, axis=0)[:, None] if flagged else False, np.nan, points), known
     raise InputError(
         recording.path,
-        "has no tracker points; columns x, y, z are wanted, or the tracker's own file with --tracker FILE.csv",
+        "has no tracker points; must have columns x, y, z, or be given the tracker's own file with --tracker FILE.csv",
     )
 
 
