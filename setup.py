@@ -1,4 +1,7 @@
-"""What pyproject.toml cannot say: ``config/`` is installed as ``armscope/config``, where ``armscope.shipped`` finds it."""
+"""What pyproject.toml cannot say.
+
+``config/`` is installed as ``armscope/config``, where ``armscope.shipped`` finds it.
+"""
 
 from pathlib import Path
 from shutil import copy2

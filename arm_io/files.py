@@ -1,6 +1,7 @@
 """Files from outside, opened so that nothing waits and nothing surprises: regular files only, whole, of bounded size.
 
-A FIFO or a terminal named as an input would make the program wait for ever; a file of ``/proc`` or ``/dev`` may have no end.
+A FIFO or a terminal named as an input would make the program wait for ever; a file of ``/proc`` or ``/dev`` may have no
+end.
 """
 
 from __future__ import annotations
@@ -12,7 +13,10 @@ from pathlib import Path
 from arm_io.errors import InputError
 
 MOST_TEXT = 64 << 20
-"""Bytes of a text that is read at once. The largest rig file of a laboratory has 10 kB, a day of setpoints at 1 Hz 6 MB."""
+"""Bytes of a text that is read at once.
+
+The largest rig file of a laboratory has 10 kB, a day of setpoints at 1 Hz 6 MB.
+"""
 
 
 def open_regular(path: str | Path) -> int:
@@ -35,7 +39,10 @@ def open_regular(path: str | Path) -> int:
 
 
 def read_file(path: str | Path, *, most: int = MOST_TEXT) -> bytes:
-    """All bytes of a regular file. InputError as ``open_regular``, and where it is larger than ``most`` bytes or reading fails."""
+    """All bytes of a regular file.
+
+    InputError as ``open_regular``, and where it is larger than ``most`` bytes or reading fails.
+    """
     with os.fdopen(open_regular(path), "rb", buffering=0) as file:
         parts: list[bytes] = []
         left = most + 1

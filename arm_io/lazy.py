@@ -7,8 +7,8 @@ A package's ``__init__`` lists the names that it offers under ``if TYPE_CHECKING
     else:
         __getattr__ = lazy(__name__)
 
-Type checkers see the imports; at run time each happens when its name is first asked for. One name, one place: the list is read
-from the source.
+Type checkers see the imports; at run time each happens when its name is first asked for. One name, one place: the list
+is read from the source.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ from pathlib import Path
 
 
 def lazy(package: str) -> Callable[[str], object]:
-    """The ``__getattr__`` of the package: imports a name listed under its ``if TYPE_CHECKING:``; AttributeError for any other."""
+    """The ``__getattr__`` of the package: imports a name listed under its ``if TYPE_CHECKING:``.
+
+    AttributeError for any other.
+    """
     homes: dict[str, tuple[str, str]] = {}
 
     def get(name: str) -> object:

@@ -1,7 +1,8 @@
 """Plain data from outside (TOML, JSON) before anyone uses it: finite numbers, text, bounded nesting.
 
-Every reader of a table comes through ``check_plain``. What a table means is checked after it, by the reader's own model; there every
-comparison may then rely on numbers being ordered (a comparison with NaN is false, whatever the limit).
+Every reader of a table comes through ``check_plain``. What a table means is checked after it, by the reader's own
+model; there every comparison may then rely on numbers being ordered (a comparison with NaN is false, whatever the
+limit).
 """
 
 from __future__ import annotations
@@ -22,8 +23,10 @@ _UNWRITABLE = re.compile("[\0\ud800-\udfff]")
 
 
 def check_plain(where: str | Path, data: Any) -> None:
-    """Raises InputError naming the first entry that is not plain: a number that is not finite or larger than ``LARGEST``, an integer of
-    more than 64 bits, text that is no UTF-8 or holds a NUL, anything nested more than ``DEEPEST`` deep.
+    """Raises InputError naming the first entry that is not plain.
+
+    a number that is not finite or larger than ``LARGEST``, an integer of more than 64 bits, text that is no UTF-8 or
+    holds a NUL, anything nested more than ``DEEPEST`` deep.
 
     data  tables (dict), lists, text, numbers, truth values, None and dates; ``where`` names their source
     """

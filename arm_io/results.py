@@ -17,7 +17,9 @@ LONGEST_NAME = 230
 
 
 def check_file(path: str | Path) -> None:
-    """Raises InputError where no regular file can be at ``path``: a name that is empty, too long or none, a folder, a device, a pipe.
+    """Raises InputError where no regular file can be at ``path``.
+
+    a name that is empty, too long or none, a folder, a device, a pipe.
 
     For ahead of long work; makes nothing. A file that is there is no error: who must not replace it asks for itself.
     """
@@ -37,7 +39,10 @@ def check_file(path: str | Path) -> None:
 
 
 def check_folder(path: str | Path) -> None:
-    """Raises InputError where ``path`` neither is a folder to write in nor can become one; for ahead of long work, leaves nothing."""
+    """Raises InputError where ``path`` neither is a folder to write in nor can become one.
+
+    For ahead of long work, leaves nothing.
+    """
     path = Path(path)
     nearest = path.absolute()
     while (mode := _mode(nearest)) is None:
@@ -79,7 +84,9 @@ def write_text(path: str | Path, text: str) -> None:
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[IO[str]]:
-    """A text file to write, lines as they are given; there when the block ends well (temporary file, then rename), else not at all.
+    """A text file to write, lines as they are given.
+
+    There when the block ends well (temporary file, then rename), else not at all.
 
     InputError where it cannot be written.
     """

@@ -1,4 +1,7 @@
-"""What every table of a file is checked by: unknown entries and numbers that are not finite are refused, and nothing changes later."""
+"""What every table of a file is checked by.
+
+Unknown entries and numbers that are not finite are refused, and nothing changes later.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,6 @@ Rate = Annotated[float, Field(ge=1e-3, le=1e7)]
 
 
 class Table(BaseModel):
-    """Base of the pydantic models of files. (Not imported by ``arm_io`` itself: pydantic takes its time.)"""
+    """Base of the pydantic models of files. (Not imported by ``arm_io`` itself: pydantic takes its time.)."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

@@ -18,7 +18,10 @@ M = TypeVar("M", bound="BaseModel")
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """The table in a TOML file. Raises InputError where it is absent, unreadable, not TOML (with line and column), or not plain."""
+    """The table in a TOML file.
+
+    Raises InputError where it is absent, unreadable, not TOML (with line and column), or not plain.
+    """
     return toml_of(read_text(path), path)
 
 

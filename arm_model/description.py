@@ -3,15 +3,16 @@
 Conventions (all SI, angles rad; prismatic joints m and N where revolute ones have rad and N m):
 
 * Joint j moves link j relative to link j-1; link 0 is the base. The pose of link frame j in link frame j-1 is
-  before_j J(q_j) after_j, where J turns about (slides along) z. Every common description is a choice of the two constants:
+  before_j J(q_j) after_j, where J turns about (slides along) z. Every common description is a choice of the two
+  constants:
   standard Denavit-Hartenberg  Rot(z, theta + q) Trans(z, d) Trans(x, a) Rot(x, alpha) Rot(y, beta)   (before = 1);
   modified (Craig)             Rot(x, alpha) Trans(x, a) Rot(y, beta) Rot(z, theta + q) Trans(z, d)   (after = 1);
   placed (URDF)                Trans(xyz) Rot(rpy), then about ``axis``, which is given in the turned frame.
   beta is Hayati's parameter for nearly parallel axes (Hayati, Proc. 22nd IEEE CDC, 1983).
-* ``gear`` is signed as in the published tables, but q and the motor current i are signed so that a positive current drives the
-  joint in the positive direction: joint torque = abs(gear) torque_constant i.
-* rotor_inertia, viscous, coulomb and offset are at the MOTOR; at the joint they are gear^2, gear^2, abs(gear) and abs(gear)
-  times as large. For a drive without a gear (gear 1) both are the same.
+* ``gear`` is signed as in the published tables, but q and the motor current i are signed so that a positive current
+  drives the joint in the positive direction: joint torque = abs(gear) torque_constant i.
+* rotor_inertia, viscous, coulomb and offset are at the MOTOR; at the joint they are gear^2, gear^2, abs(gear) and
+  abs(gear) times as large. For a drive without a gear (gear 1) both are the same.
 """
 
 from __future__ import annotations
@@ -40,11 +41,13 @@ STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 @dataclass(frozen=True, config=STRICT)
 class Cylinder:
-    """The body of one link as the water meets it, and what the water does to it (``arm_model.rigid_body.hydrodynamics``).
+    """The body of one link as the water meets it, and what the water does to it.
 
-    start, end (3,) m in the link's frame; radius m; density kg/m3 of the water. The coefficients are of Morison's equation: drag C_d of
-    rho C_d R |v| v, added mass C_a of rho C_a pi R^2 a, both per length and across the axis; buoyancy: the share of the displaced
-    water's weight that carries the link, 1 where it is immersed.
+    See ``arm_model.rigid_body.hydrodynamics``).
+
+    start, end (3,) m in the link's frame; radius m; density kg/m3 of the water. The coefficients are of Morison's
+    equation: drag C_d of rho C_d R |v| v, added mass C_a of rho C_a pi R^2 a, both per length and across the axis;
+    buoyancy: the share of the displaced water's weight that carries the link, 1 where it is immersed.
     """
 
     start: Vector
@@ -66,8 +69,9 @@ class Cylinder:
 class Joint:
     """One joint, the link behind it and the drive that moves it.
 
-    mass kg; com (3,) m and inertia (xx, yy, zz, xy, yz, xz) kg m2 about the com, both in the link's frame. What surrounds the link is
-    given by its ``cylinder``, or in one number by ``drag``: the torque D |q'| q' on it, whatever the other joints do.
+    mass kg; com (3,) m and inertia (xx, yy, zz, xy, yz, xz) kg m2 about the com, both in the link's frame. What
+    surrounds the link is given by its ``cylinder``, or in one number by ``drag``: the torque D |q'| q' on it, whatever
+    the other joints do.
     """
 
     type: Literal["revolute", "prismatic"] = "revolute"
@@ -134,14 +138,17 @@ class Joint:
 
 @dataclass(frozen=True, config=STRICT)
 class Controller:
-    """Independent-joint servos. Per servo tick, on the motor angle over gear ratio qm, and its difference v, low-passed:
+    """Independent-joint servos.
+
+    Per servo tick, on the motor angle over gear ratio qm, and its difference v, low-passed:
 
         current = position_gain (r - qm) + integral_gain int (r - qm) dt + velocity_gain (velocity_reference r' - v)
 
-    clipped at torque_limit / (abs(gear) k), behind a current loop of first order. Gains come either per joint as they stand
-    (kind "gains", A/rad, A/(rad s), A s/rad; V and m for the EMPS), as a cascade (kind "cascade": velocity_gain, and
-    position_gain in 1/s that makes the velocity demand), or from a bandwidth (kind "bandwidth": J = diagonal of the mass
-    matrix at inertia_pose plus reflected rotors, Kp = wn^2 J, Kd = 2 zeta wn J, Ki = integral_rate Kp, over abs(gear) k).
+    clipped at torque_limit / (abs(gear) k), behind a current loop of first order. Gains come either per joint as they
+    stand (kind "gains", A/rad, A/(rad s), A s/rad; V and m for the EMPS), as a cascade (kind "cascade": velocity_gain,
+    and position_gain in 1/s that makes the velocity demand), or from a bandwidth (kind "bandwidth": J = diagonal of the
+    mass matrix at inertia_pose plus reflected rotors, Kp = wn^2 J, Kd = 2 zeta wn J, Ki = integral_rate Kp, over
+    abs(gear) k).
     """
 
     setpoint_period: Positive = 0.028  # s between the host's setpoints; the servo interpolates linearly
@@ -173,7 +180,10 @@ class Controller:
 
 @dataclass(frozen=True, config=STRICT)
 class EffectTerm:
-    """One effect of the catalogue (``arm_model.effects``) as it acts in one arm: its joint from 1, or None for the whole arm."""
+    """One effect of the catalogue (``arm_model.effects``) as it acts in one arm.
+
+    Its joint from 1, or None for the whole arm.
+    """
 
     name: str
     joint: Annotated[int, Field(ge=1)] | None = None
@@ -182,8 +192,11 @@ class EffectTerm:
 
 @dataclass(frozen=True, config=STRICT)
 class Arm:
-    """A serial arm. ``base``: pose of link frame 0 in the base frame, in which gravity (m/s2) and tracker points are given;
-    ``tool``: pose of the tool in the frame of the last link."""
+    """A serial arm.
+
+    ``base``: pose of link frame 0 in the base frame, in which gravity (m/s2) and tracker points are given; ``tool``:
+    pose of the tool in the frame of the last link.
+    """
 
     name: str
     joints: tuple[Joint, ...] = Field(min_length=1)

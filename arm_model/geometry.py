@@ -1,4 +1,7 @@
-"""The arm whose links are where its effects of geometry put them: other equations, not other numbers in the same ones."""
+"""The arm whose links are where its effects of geometry put them.
+
+Other equations, not other numbers in the same ones.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,9 @@ from arm_model.servo import fixed_gains
 
 
 def relinked(arm: Arm, *, zeros: bool = False) -> Arm:
-    """The arm with its ``link_geometry`` carried into its joints (``zeros``: its ``joint_zero_offset`` too); its servos stay those of the arm
-    as it was described.
+    """The arm with its ``link_geometry`` carried into its joints (``zeros``: its ``joint_zero_offset`` too).
+
+    Its servos stay those of the arm as it was described.
 
     InputError where a link is placed (URDF) and so has no D-H parameters to be wrong.
     """

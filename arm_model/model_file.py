@@ -35,7 +35,10 @@ _NEEDED = ("type", "mass", "com", "inertia")
 
 
 def read_model(path: str | Path) -> Arm:
-    """The arm in a model file. InputError (one line: file, entry, what would be right) for anything wrong or unphysical."""
+    """The arm in a model file.
+
+    InputError (one line: file, entry, what would be right) for anything wrong or unphysical.
+    """
     return arm_of(read_toml(path), path)
 
 

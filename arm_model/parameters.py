@@ -1,9 +1,10 @@
 """Parameters of an arm by name, as identification, diagnosis and batches of simulations speak of them.
 
-link{j}.mass .mx .my .mz .ixx .ixy .ixz .iyy .iyz .izz     barycentric, in the link frame about its origin (kg, kg m, kg m2);
-                                                           changing one leaves the other nine as they are
+link{j}.mass .mx .my .mz .ixx .ixy .ixz .iyy .iyz .izz     barycentric, in the link frame about its origin (kg, kg m, kg
+                                                           m2); changing one leaves the other nine as they are
 joint{j}.rotor_inertia .offset                             at the JOINT side (kg m2, N m)
-joint{j}.viscous_positive .viscous_negative .viscous       at the JOINT side (N m s/rad); the last sets both, and reads as the mean
+joint{j}.viscous_positive .viscous_negative .viscous       at the JOINT side (N m s/rad); the last sets both, and reads
+                                                           as the mean
 joint{j}.coulomb_positive .coulomb_negative .coulomb       likewise (N m)
 link{j}.drag_coefficient .added_mass_coefficient .buoyancy  of its cylinder in water (1), where the model describes one
 joint{j}.drag                                              N m s2/rad2
@@ -71,7 +72,8 @@ def parameter(arm: Arm, name: str) -> float:
 def with_parameters(arm: Arm, values: Mapping[str, float]) -> Arm:
     """The arm with these parameters changed; InputError for a name it has not.
 
-    Nothing is checked for being physical. The controller keeps its gains: better knowledge of the arm does not change its servos.
+    Nothing is checked for being physical. The controller keeps its gains: better knowledge of the arm does not change
+    its servos.
     """
     arm = fixed_gains(arm)
     joints = list(arm.joints)

@@ -15,14 +15,20 @@ from arm_model.motion import Motion
 
 @dataclass(frozen=True)
 class Readings:
-    """q (..., R, n) rad: motor encoder over gear ratio, as ``Motion.qm``; current (..., R, n) A: as the transducer shows it."""
+    """q (..., R, n) rad: motor encoder over gear ratio, as ``Motion.qm``.
+
+    Current (..., R, n) A: as the transducer shows it.
+    """
 
     q: Array
     current: Array
 
 
 def recorded(arm: Arm, motion: Motion) -> Readings:
-    """What a recording of ``motion`` holds. Delayed currents are interpolated between rows (cubic; the first row stays before it)."""
+    """What a recording of ``motion`` holds.
+
+    Delayed currents are interpolated between rows (cubic; the first row stays before it).
+    """
     q, current = motion.qm.copy(), motion.current.copy()
     terms = [
         (CATALOGUE[term.name], term.joint, values_of(CATALOGUE[term.name], term.parameters)) for term in arm.effects

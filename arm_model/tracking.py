@@ -1,4 +1,7 @@
-"""Where a tracker sees its target: on links that may hang, late, and now and then wrong, by the laws of ``arm_model.effects``."""
+"""Where a tracker sees its target: on links that may hang, late, and now and then wrong.
+
+By the laws of ``arm_model.effects``.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,9 @@ from arm_model.rigid_body.numeric import rigid_torque
 
 
 def target_at(arm: Arm, q: Array, point: Sequence[float] | Array) -> Array:
-    """(R, 3) m in the base frame: a ``point`` (3,) m of the last link's frame, at link-side joint angles q (R, n) rad (m).
+    """(R, 3) m in the base frame.
+
+    a ``point`` (3,) m of the last link's frame, at link-side joint angles q (R, n) rad (m).
 
     With the arm's geometry as its effects make it, and its links hanging (effects with a ``bend``) under their weight.
     """
@@ -36,7 +41,8 @@ def latency(arm: Arm) -> float:
 def tracked(arm: Arm, t: Array, q: Array, point: Sequence[float] | Array, *, seed: int = 0) -> Array:
     """(R, 3) m in the base frame: what a tracker says of ``target_at`` over a motion q (R, n) at t (R,) s.
 
-    Late points are those of earlier angles, interpolated (cubic; the first row stays before it). Wrong ones are drawn from ``seed``.
+    Late points are those of earlier angles, interpolated (cubic; the first row stays before it). Wrong ones are drawn
+    from ``seed``.
     """
     delay = latency(arm)
     if delay and len(t) > 1:

@@ -1,6 +1,9 @@
-"""URDF in and out: the kinematics, inertias, limits and joint friction of one serial chain (http://wiki.ros.org/urdf/XML).
+"""URDF in and out: the kinematics, inertias, limits and joint friction of one serial chain.
 
-URDF knows no motors: gears, torque constants and controllers do not go through it. Friction and damping are at the joint.
+See http://wiki.ros.org/urdf/XML).
+
+URDF knows no motors: gears, torque constants and controllers do not go through it. Friction and damping are at the
+joint.
 """
 
 from __future__ import annotations
@@ -24,8 +27,8 @@ _LIMITS = ("lower", "upper")
 def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
     """The arm in a URDF file, from its root link to link ``tip`` (needed where the tree branches).
 
-    What is fixed to a link is merged into it; what is fixed behind the last joint and ``tip`` itself make the tool. InputError for
-    anything that is not a serial chain of revolute, continuous and prismatic joints with physical links.
+    What is fixed to a link is merged into it; what is fixed behind the last joint and ``tip`` itself make the tool.
+    InputError for anything that is not a serial chain of revolute, continuous and prismatic joints with physical links.
     """
     text = read_file(path)
     try:
@@ -179,7 +182,9 @@ def _origin_of(pose: Array) -> dict[str, str]:
 
 
 def write_urdf(path: str | Path, arm: Arm) -> None:
-    """Writes the arm as URDF: link frames sit on the joints' axes; joint-side friction; the tool as a fixed link "tool".
+    """Writes the arm as URDF: link frames sit on the joints' axes; joint-side friction.
+
+    The tool as a fixed link "tool".
 
     Rotor inertias, torque constants, effects and the controller have no place in URDF and are left out.
     """

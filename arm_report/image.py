@@ -14,7 +14,10 @@ DPI = 100
 
 
 def image(figure: Figure, alt: str) -> str:
-    """The figure as an <img> that carries its own data; ``alt`` says in words what it shows. On a narrow screen it scrolls."""
+    """The figure as an <img> that carries its own data; ``alt`` says in words what it shows.
+
+    On a narrow screen it scrolls.
+    """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)
     data = base64.b64encode(buffer.getvalue()).decode()

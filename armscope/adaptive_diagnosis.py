@@ -1,4 +1,7 @@
-"""``armscope diagnose --rig``: goes on where the verdict is a group. Shows the separating experiment, records it twice, diagnoses again."""
+"""``armscope diagnose --rig``: goes on where the verdict is a group.
+
+Shows the separating experiment, records it twice, diagnoses again.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,10 @@ SIDES = ("fit", "held_out")
 
 @dataclass
 class Case:
-    """What is known so far: recordings of both sides, the diagnosis of them, what would separate its groups, and what was recorded for it."""
+    """What is known so far: recordings of both sides, the diagnosis of them.
+
+    What would separate its groups, and what was recorded for it.
+    """
 
     fit: list[Recording]
     held_out: list[Recording]
@@ -40,7 +46,10 @@ class Case:
 
 @dataclass(frozen=True)
 class Bench:
-    """The rig that experiments are recorded on; ``yes``: a real arm may be moved without asking; ``keep``: writes what is known so far."""
+    """The rig that experiments are recorded on; ``yes``: a real arm may be moved without asking.
+
+    ``keep``: writes what is known so far.
+    """
 
     file: Path
     rig: Rig
@@ -67,7 +76,10 @@ def rig_of(path: Path, joints: int) -> Rig:
 
 
 def limits_of(rig: Rig, drive_constant: np.ndarray) -> Limits:
-    """What the rig file allows: position rad, speed rad/s, torque N m by the current at ``drive_constant`` (n,) N m/A; infinite where open."""
+    """What the rig file allows: position rad, speed rad/s, torque N m by the current at ``drive_constant`` (n,) N m/A.
+
+    Infinite where open.
+    """
     none = np.full(rig.joints, np.inf)
     limits = rig.limits
     position = np.column_stack([-none, none]) if limits.position is None else np.array(limits.position, float)
@@ -77,9 +89,12 @@ def limits_of(rig: Rig, drive_constant: np.ndarray) -> Limits:
 
 
 def go_on(bench: Bench, case: Case, most: int, progress: Say) -> Case:
-    """Experiments until every group that a motion separates is decided, or ``most`` were recorded; the last stage is kept already.
+    """Experiments until every group that a motion separates is decided, or ``most`` were recorded.
 
-    DeviceFault where a run fails, KeyboardInterrupt where it is stopped: what was known before stands, and so do the recordings.
+    The last stage is kept already.
+
+    DeviceFault where a run fails, KeyboardInterrupt where it is stopped: what was known before stands, and so do the
+    recordings.
     """
     limits = limits_of(bench.rig, case.result.arm.joint_array("drive_constant"))
     while True:

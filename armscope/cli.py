@@ -1,8 +1,9 @@
 """The front door: finds the command, and turns the ways it can end into one line and the exit status of the contract.
 
-0 done; 2 unusable input; 3 a device failed; 4 done, but samples were lost, also in a recording that the command read: what is missing in
-those is said on standard error, here and for every command. A command is a function ``command`` in
-``armscope/commands/NAME.py``, with typer's annotations; it returns None or an exit status. Only the chosen one is imported.
+0 done; 2 unusable input; 3 a device failed; 4 done, but samples were lost, also in a recording that the command read:
+what is missing in those is said on standard error, here and for every command. A command is a function ``command`` in
+``armscope/commands/NAME.py``, with typer's annotations; it returns None or an exit status. Only the chosen one is
+imported.
 """
 
 from __future__ import annotations

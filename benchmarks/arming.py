@@ -1,8 +1,10 @@
-"""Time from ``armscope record`` to armed, on the simulated rig: a fresh process each time, embedded and through a daemon.
+"""Time from ``armscope record`` to armed, on the simulated rig.
 
-Armed means that every device is armed and the recording begun: its file ``RUN.mcap.active`` is there. One run beforehand lets Python
-keep its bytecode, as it does on any machine that is used more than once. The excitation is then repeated for a minute, an hour and a
-day: seconds, and the largest resident memory of the process until it is armed.
+a fresh process each time, embedded and through a daemon.
+
+Armed means that every device is armed and the recording begun: its file ``RUN.mcap.active`` is there. One run
+beforehand lets Python keep its bytecode, as it does on any machine that is used more than once. The excitation is then
+repeated for a minute, an hour and a day: seconds, and the largest resident memory of the process until it is armed.
 """
 
 from __future__ import annotations
@@ -84,13 +86,27 @@ def time_to_armed(rig: Path, out: Path) -> float:
 
 
 def armed(rig: Path, out: Path, experiment: Path) -> tuple[float, float]:
-    """Seconds from starting the process to the file's appearance, and MB of memory that it had at most; the run is then ended."""
+    """Seconds from starting the process to the file's appearance, and MB of memory that it had at most.
+
+    The run is then ended.
+    """
     active = out.with_name(out.name + ACTIVE)
     begin = time.perf_counter()
     process = subprocess.Popen(
-        [sys.executable, "-m", "armscope", "record", "--rig", str(rig), "--experiment", str(experiment), "--out", str(out)],
+        [
+            sys.executable,
+            "-m",
+            "armscope",
+            "record",
+            "--rig",
+            str(rig),
+            "--experiment",
+            str(experiment),
+            "--out",
+            str(out),
+        ],
         stdout=subprocess.DEVNULL,
-    )  # fmt: skip
+    )
     while not active.exists():
         assert process.poll() is None, "the recording ended before it began"
         time.sleep(0.001)

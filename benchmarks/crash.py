@@ -1,7 +1,7 @@
 """Killed a hundred times: processes that record at 5 kHz get SIGKILL at a random moment; what is left of their files.
 
-Each child stamps its rows with the time at which they were made, in blocks of 10 ms, as the sampler does. Missing is the
-time from the last row in the file to the kill.
+Each child stamps its rows with the time at which they were made, in blocks of 10 ms, as the sampler does. Missing is
+the time from the last row in the file to the kill.
 
 * killed_recoverable_share: files that recover reads, with every row right (1 wanted)
 * killed_told_share: files whose missing rows recover reports, to the row (1 wanted)

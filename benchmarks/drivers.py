@@ -1,11 +1,12 @@
 """Rates of the drivers against the limits of their wires: ``python -m benchmarks.drivers [--json] [NAME ...]``.
 
-Each device is simulated in a process of its own, at the pace of its wire. NAME_rate_vs_wire is good rows made over the rows that the
-wire could carry in the same time (NAME_median_rate_vs_wire: by the median interval of rows, for devices that are asked one row at a
-time, which a busy machine keeps waiting); NAME_rate_vs_transport its rows over those of a bare loop on the same line, in turns of a
-quarter of a second: what of a request-and-reply line's rate the driver leaves; NAME_cpu the share of one core that the driver took
-for it; NAME_edge_to_row_us the median time from a row's trigger to the row in the program, and ..._p99_us its 99th percentile: those
-of devices that are read in blocks, every 10 ms here, are of the blocks. ``*_decode`` are parsers alone, in memory.
+Each device is simulated in a process of its own, at the pace of its wire. NAME_rate_vs_wire is good rows made over the
+rows that the wire could carry in the same time (NAME_median_rate_vs_wire: by the median interval of rows, for devices
+that are asked one row at a time, which a busy machine keeps waiting); NAME_rate_vs_transport its rows over those of a
+bare loop on the same line, in turns of a quarter of a second: what of a request-and-reply line's rate the driver
+leaves; NAME_cpu the share of one core that the driver took for it; NAME_edge_to_row_us the median time from a row's
+trigger to the row in the program, and ..._p99_us its 99th percentile: those of devices that are read in blocks, every
+10 ms here, are of the blocks. ``*_decode`` are parsers alone, in memory.
 """
 
 from __future__ import annotations
@@ -87,7 +88,10 @@ def free_port() -> int:
 
 
 def measure(name: str, take: Callable[[], Block], limit: float, every: float) -> dict[str, float]:
-    """``take`` every so many s, or (0) again and again, for SECONDS: good rows per second against ``limit``, CPU, latency."""
+    """``take`` every so many s, or (0) again and again, for SECONDS.
+
+    Good rows per second against ``limit``, CPU, latency.
+    """
     take()
     begun, cpu = time.monotonic(), _cpu()
     rows, ages, took = 0, [], []
@@ -185,8 +189,10 @@ def us_digital_ad4b() -> dict[str, float]:
 
 
 def in_turns(driver: Callable[[], bool], bare: Callable[[], bool], turn: float = 0.25) -> float:
-    """Rows of ``driver`` over those of ``bare`` in the same time, taken in turns, so that a busy machine keeps both waiting. Each
-    says whether it made one."""
+    """Rows of ``driver`` over those of ``bare`` in the same time.
+
+    They are taken in turns, so that a busy machine keeps both waiting. Each says whether it made one.
+    """
     rows = {driver: 0, bare: 0}
     for _ in range(round(2 * SECONDS / turn)):
         for once in (driver, bare):
@@ -197,9 +203,12 @@ def in_turns(driver: Callable[[], bool], bare: Callable[[], bool], turn: float =
 
 
 def cia406() -> dict[str, float]:
-    """One encoder at 125 kbit/s and six at 500 kbit/s, on a bus of Unix sockets whose frames take as long as their bits: asked row by row, which
-    leaves the wire idle while the host turns round, and by the SYNCs of a node (X_synced), at 99 % of the wire, where a busy
-    machine's simulated node leaves some out (X_synced_good: the share of good rows among those of the SYNCs that it made)."""
+    """One encoder at 125 kbit/s and six at 500 kbit/s.
+
+    The bus is one of Unix sockets whose frames take as long as their bits: asked row by row, which leaves the wire idle
+    while the host turns round, and by the SYNCs of a node (X_synced), at 99 % of the wire, where a busy machine's
+    simulated node leaves some out (X_synced_good: the share of good rows among those of the SYNCs that it made).
+    """
     figures = {}
     for name, nodes, bitrate in (("cia406", [1], 125_000), ("cia406_6_nodes", [1, 2, 3, 4, 5, 6], 500_000)):
         with tempfile.TemporaryDirectory() as folder:
@@ -230,8 +239,11 @@ def by_syncs(name: str, encoders: Any) -> dict[str, float]:
 
 
 def isabellenhuette_ivts() -> dict[str, float]:
-    """Six sensors with a result every ms, the fastest there is, over a bus of Unix sockets; polled 1000 times a second for the newest.
-    ivts_rate_vs_sent: results taken over those that the sensors make in the time; ivts_taken_vs_sent by the counters in the frames."""
+    """Six sensors with a result every ms, the fastest there is, over a bus of Unix sockets.
+
+    Polled 1000 times a second for the newest. ivts_rate_vs_sent: results taken over those that the sensors make in the
+    time; ivts_taken_vs_sent by the counters in the frames.
+    """
     sensors = [{"command": 0x411 + k, "reply": 0x451 + k, "result": 0x521 + 16 * k} for k in range(6)]
     options = {"sensors": sensors, "period": 1, "timeout": 1.0, "interface": "unix"}
     with tempfile.TemporaryDirectory() as folder, device("isabellenhuette_ivts", channel=folder, **options) as currents:

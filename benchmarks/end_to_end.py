@@ -1,11 +1,11 @@
 """The whole service under load: simulated rig -> sampler -> file and Zenoh, at 1, 5 and 20 kHz for 60 s each.
 
-3 counters, 8 analogue inputs and the tracker of ``config/puma560_sim_20khz.toml``, six joints moving; a subscriber in another process
-counts every row. Rows lost: triggers without a row in the file, and rows that the subscriber missed.
+3 counters, 8 analogue inputs and the tracker of ``config/puma560_sim_20khz.toml``, six joints moving; a subscriber in
+another process counts every row. Rows lost: triggers without a row in the file, and rows that the subscriber missed.
 
-The simulation runs in the same process, because its devices do. Its cost is taken where it arises: every call into a simulated
-device is timed with its thread's CPU clock, and subtracted from the CPU time of the process (all threads: sampler, recorder, zstd,
-fsync, Zenoh). What remains is what a rig of real cards would cost, without their drivers.
+The simulation runs in the same process, because its devices do. Its cost is taken where it arises: every call into a
+simulated device is timed with its thread's CPU clock, and subtracted from the CPU time of the process (all threads:
+sampler, recorder, zstd, fsync, Zenoh). What remains is what a rig of real cards would cost, without their drivers.
 
 ``--seconds S`` shortens the runs.
 """

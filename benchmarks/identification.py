@@ -2,20 +2,25 @@
 
 python -m benchmarks.identification [--json] [--runs N]
 
-EMPS and Panda need the measured data (``ARMSCOPE_SHARED``, else ../shared); FIGAROH 1.0.2 (PyPI) its own environment, whose Python is
-named by ``FIGAROH_PYTHON``; ``mujoco.sysid`` the extra ``mujoco[sysid]``. What is not there is left out of the figures, and named on standard error.
+EMPS and Panda need the measured data (``ARMSCOPE_SHARED``, else ../shared); FIGAROH 1.0.2 (PyPI) its own environment,
+whose Python is named by ``FIGAROH_PYTHON``; ``mujoco.sysid`` the extra ``mujoco[sysid]``. What is not there is left out
+of the figures, and named on standard error.
 
-coverage_*   a simulated six-joint Puma (one excitation, its motion from the compiled closed loop), N times through encoders and the
-             current chain with fresh noise and the rig's own clock: share of (run, identifiable base parameter) pairs within two stated
-             deviations of the truth; the same by the textbook formula; the share of parameters for which at least 90 % of the runs are;
-             bias (rms over parameters) and spread (median) over the stated deviation
+coverage_*   a simulated six-joint Puma (one excitation, its motion from the compiled closed loop), N times through
+             encoders and the current chain with fresh noise and the rig's own clock: share of (run, identifiable base
+             parameter) pairs within two stated deviations of the truth; the same by the textbook formula; the share of
+             parameters for which at least 90 % of the runs are; bias (rms over parameters) and spread (median) over the
+             stated deviation
 coverage_1000hz_*  the same at 28 samples a setpoint, where servo ripple is folded onto the motion
-fit_vs_PEER  time of one fit of that regressor (base parameters and their expressions' factors, joints weighted by their noise): FIGAROH's, and
-             that of numpy's lstsq on all columns, which names nothing, over ours; more is better
-solve_vs_plain_least_squares  the base parameters known (they are the arm's, not the run's): lstsq on all columns over our weighted fit
+fit_vs_PEER  time of one fit of that regressor (base parameters and their expressions' factors, joints weighted by their
+             noise): FIGAROH's, and that of numpy's lstsq on all columns, which names nothing, over ours; more is better
+solve_vs_plain_least_squares  the base parameters known (they are the arm's, not the run's): lstsq on all columns over
+                              our weighted fit
 *_held_out   relative error on another noise of another motion
-emps_split_*  the first 70 % of the EMPS recording fitted, the rest held out, by us and by ``mujoco.sysid`` (benchmarks/sysid_peer.py): the four
-             parameters, the relative error of the force that they give to the held-out rows, and the whole time from samples to parameters
+emps_split_*  the first 70 % of the EMPS recording fitted, the rest held out, by us and by ``mujoco.sysid``
+              (benchmarks/sysid_peer.py): the four
+             parameters, the relative error of the force that they give to the held-out rows, and the whole time from
+             samples to parameters
 """
 
 from __future__ import annotations
@@ -158,7 +163,10 @@ def sampled(arm: Arm, experiment: Experiment, seed: int, rate: float) -> Simulat
 
 
 def recorded(arm: Arm, run: Simulated, seed: int) -> Motion:
-    """What a rig records of a simulated run: encoder counts from a random start, current by turns, transducer and twelve bits."""
+    """What a rig records of a simulated run.
+
+    Encoder counts from a random start, current by turns, transducer and twelve bits.
+    """
     random = np.random.default_rng(seed)
     counts = np.array([4 * (joint.encoder_lines or 250) * joint.ratio / (2 * np.pi) for joint in arm.joints])
     q = np.floor(run.qm * counts + random.uniform(0, 1, len(arm))) / counts

@@ -3,8 +3,8 @@
     python -m benchmarks.kinematics [--json] [--pybotics PYTHON] [--arms N]
 
 pybotics pins numpy < 2, so it runs in an environment of its own: PYTHON is that environment's interpreter (made by
-``python -m venv E && E/bin/pip install pybotics``); without it its figures are left out. It knows modified D-H only and minimises
-distances, so both calibrate the same Puma in modified D-H from the same 100 poses.
+``python -m venv E && E/bin/pip install pybotics``); without it its figures are left out. It knows modified D-H only and
+minimises distances, so both calibrate the same Puma in modified D-H from the same 100 poses.
 """
 
 from __future__ import annotations
@@ -53,7 +53,8 @@ data = {k: np.array(v) for k, v in json.load(sys.stdin).items()}
 robot = Robot.from_parameters(data["mdh"])
 robot.tool.position = data["target"]
 start = time.perf_counter()
-handler = OptimizationHandler(robot, kinematic_chain_mask=True, tool_mask=[True] * 3 + [False] * 3, world_mask=[True] * 6)
+masks = dict(kinematic_chain_mask=True, tool_mask=[True] * 3 + [False] * 3, world_mask=[True] * 6)
+handler = OptimizationHandler(robot, **masks)
 found = scipy.optimize.least_squares(fun=optimize_accuracy, x0=handler.generate_optimization_vector(),
                                      args=(handler, data["q"], data["xyz"]))
 seconds = time.perf_counter() - start
@@ -174,8 +175,11 @@ def against_pybotics(python: str) -> dict[str, float]:
 
 
 def thesis_arm(nominal: Arm) -> Arm:
-    """Errors of the size of the thesis's table 6.1, on joints 1 to 3 (deg, mm): theta -1.3037 0.1481 2.751, alpha -0.0013 -0.1343
-    -0.002, a2 +0.30, a3 +0.32, d2 -0.03, d4 +0.15, beta -0.2942 on the link between the parallel axes."""
+    """Errors of the size of the thesis's table 6.1, on joints 1 to 3 (deg, mm).
+
+    theta -1.3037 0.1481 2.751, alpha -0.0013 -0.1343 -0.002, a2 +0.30, a3 +0.32, d2 -0.03, d4 +0.15, beta -0.2942 on
+    the link between the parallel axes.
+    """
     theta, alpha = np.radians([-1.3037, 0.1481, 2.751]), np.radians([-0.0013, -0.1343, -0.002])
     a, d = [0.0, 0.30e-3, 0.32e-3], [0.0, -0.03e-3, 0.0]
     joints = list(nominal.joints)
@@ -194,11 +198,14 @@ def thesis_arm(nominal: Arm) -> Arm:
 
 
 def thesis_run() -> dict[str, float]:
-    """Table 6.1's kind of run: joints 1 to 3 swept once each, judged at the five points of the ISO cube; what each cause costs.
+    """Table 6.1's kind of run: joints 1 to 3 swept once each, judged at the five points of the ISO cube.
 
-    Circle points alone stop short because the target sits elsewhere than thought (by 2, -1.5, 2 mm): the zero of the last swept joint
-    and its place along its axis are read off the target. Sag (4e-5 rad/(N m) on joints 2 and 3) adds a little. Least squares on
-    poses in which the wrist moves estimates both; on the three sweeps alone it cannot tell the target from the links.
+    What each cause costs.
+
+    Circle points alone stop short because the target sits elsewhere than thought (by 2, -1.5, 2 mm): the zero of the
+    last swept joint and its place along its axis are read off the target. Sag (4e-5 rad/(N m) on joints 2 and 3) adds a
+    little. Least squares on poses in which the wrist moves estimates both; on the three sweeps alone it cannot tell the
+    target from the links.
     """
     nominal, generator = read_model(MODEL), np.random.default_rng(2)
     true, offset, sag = thesis_arm(nominal), np.array([2e-3, -1.5e-3, 2e-3]), 4e-5

@@ -1,8 +1,10 @@
-"""Makes a recording of any length in seconds: one motion of the simulated Puma, recorded once and written again and again.
+"""Makes a recording of any length in seconds.
 
-The first 21 s are a true recording of the whole chain (``armscope record`` on ``config/puma560_sim.toml`` at its fast pace; at other rates
-than 1 kHz the trigger is the analogue card's timer, and the card is fast enough). The motion ends where it begins, so its rows can follow
-themselves: trigger numbers and clocks go on, everything else repeats.
+One motion of the simulated Puma, recorded once and written again and again.
+
+The first 21 s are a true recording of the whole chain (``armscope record`` on ``config/puma560_sim.toml`` at its fast
+pace; at other rates than 1 kHz the trigger is the analogue card's timer, and the card is fast enough). The motion ends
+where it begins, so its rows can follow themselves: trigger numbers and clocks go on, everything else repeats.
 
 ``python -m benchmarks.long_recording OUT.mcap MINUTES HZ``
 """
@@ -65,10 +67,18 @@ def repeat(motion: Recording, out: Path, rows: int) -> None:
     attachments = Attachments(**texts, calibration=motion.calibration, provenance=motion.provenance)
     counted = {"number": 1, **{name: _step(motion, name) for name in ("host_ns", "wall_ns", "tick")}}
     columns = {
-        "number": motion.number, "host_ns": motion.host_ns, "wall_ns": motion.wall_ns, "tick": motion.tick,
-        "counts": motion.counts, "volts": motion.volts, "quality": motion.quality, "position": motion.q,
-        "current": motion.i, "points": motion.points, "demand": motion.qref,
-    }  # fmt: skip
+        "number": motion.number,
+        "host_ns": motion.host_ns,
+        "wall_ns": motion.wall_ns,
+        "tick": motion.tick,
+        "counts": motion.counts,
+        "volts": motion.volts,
+        "quality": motion.quality,
+        "position": motion.q,
+        "current": motion.i,
+        "points": motion.points,
+        "demand": motion.qref,
+    }
     with Recorder(out, motion.layout, attachments, live=False) as recorder:
         for first in range(0, rows, BLOCK):
             number = np.arange(first, min(first + BLOCK, rows))

@@ -1,9 +1,11 @@
-"""Our publisher and subscriber beside Lab Streaming Layer (pylsl), which laboratories use today: the same channels, the same rate.
+"""Our publisher and subscriber beside Lab Streaming Layer (pylsl), which laboratories use today.
 
-14 channels (3 counters, 8 inputs, a point), float64, one sending and one receiving process over loopback, blocks of 10 ms. Paced: 20 kHz for
-10 s, CPU of both processes together as a share of one core, and samples lost. Sustained: 2 million samples as fast as they are
-taken. Rounds of both alternate; medians are compared. LSL carries the samples and a time a sample; ours also number, wall time and
-what was missed.
+The same channels, the same rate.
+
+14 channels (3 counters, 8 inputs, a point), float64, one sending and one receiving process over loopback, blocks of 10
+ms. Paced: 20 kHz for 10 s, CPU of both processes together as a share of one core, and samples lost. Sustained: 2
+million samples as fast as they are taken. Rounds of both alternate; medians are compared. LSL carries the samples and a
+time a sample; ours also number, wall time and what was missed.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Writing and reading MCAP: our recorder and reader against other people's, on the same messages.
 
-Every writer writes the same rows of a six-joint rig as the same four ROS 2 messages a row (the raw row with 6 counters and 8
-inputs, joint states, motor currents, demands), zstd-compressed with its own defaults, to the same disk, until the file is
-closed. Ours waits for the disk after every chunk, the others do not. Every reader decodes all messages into arrays by column.
+Every writer writes the same rows of a six-joint rig as the same four ROS 2 messages a row (the raw row with 6 counters
+and 8 inputs, joint states, motor currents, demands), zstd-compressed with its own defaults, to the same disk, until the
+file is closed. Ours waits for the disk after every chunk, the others do not. Every reader decodes all messages into
+arrays by column.
 
 * mcap-ros2-support: ``Writer.write_message`` with message objects; ``read_ros2_messages``
 * template: the mcap package's writer, with message bytes prepared once and only the numbers packed into them
@@ -67,7 +68,10 @@ def write_ours(path: Path, rows: Rows) -> None:
 
 
 def fields(rows: Rows) -> list[dict[str, list]]:
-    """The numbers of each topic's messages by field, as Python lists: converted at once, which is the fastest way for the others."""
+    """The numbers of each topic's messages by field, as Python lists.
+
+    Converted at once, which is the fastest way for the others.
+    """
     step = np.diff(rows.wall_ns, prepend=rows.wall_ns[:1] - 1) * 1e-9
     velocity = np.diff(rows.position, axis=0, prepend=rows.position[:1]) / step[:, None]
     own = {name: getattr(rows, name).tolist() for name in ("number", "host_ns", "tick", "counts", "volts", "quality")}

@@ -1,4 +1,6 @@
-"""Table 3.1 of the thesis: 5 s of a cart with a double pendulum under its own weight, ours beside what else computes it.
+"""Table 3.1 of the thesis.
+
+5 s of a cart with a double pendulum under its own weight, ours beside what else computes it.
 
 The equations of the peers come from sympy's Lagrange method, not from our generator.
 """

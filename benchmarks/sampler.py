@@ -1,7 +1,7 @@
 """The sampler's own cost: 3 counters, 8 analogue inputs and a tracker, from the devices' blocks to calibrated rows.
 
-The devices hand over rows that were computed beforehand, on a time of their own: what is measured is reading, indexing, joining,
-extending, calibrating and watching limits, without recorder, publisher or simulation.
+The devices hand over rows that were computed beforehand, on a time of their own: what is measured is reading, indexing,
+joining, extending, calibrating and watching limits, without recorder, publisher or simulation.
 
 * sampler_core_share_1khz, _5khz, _20khz: processor time over sampled time (a few per cent at 20 kHz wanted)
 * sampler_rows_per_s: rows per second of processor time, at 20 kHz

@@ -1,7 +1,10 @@
-"""Memory and time of every command that reads recordings, over their length: six joints, 1 and 20 kHz, minutes to an hour.
+"""Memory and time of every command that reads recordings, over their length.
 
-Each command runs in a process of its own; ``rss_mb`` is the largest resident set that the operating system saw of it (as ``/usr/bin/time`` has
-it, mapped pages of files included), ``seconds`` its wall time. Recordings are made by ``benchmarks.long_recording``.
+Six joints, 1 and 20 kHz, minutes to an hour.
+
+Each command runs in a process of its own; ``rss_mb`` is the largest resident set that the operating system saw of it
+(as ``/usr/bin/time`` has it, mapped pages of files included), ``seconds`` its wall time. Recordings are made by
+``benchmarks.long_recording``.
 
     python -m benchmarks.scaling [--json] [--cases 1:2 1:20 1:60 20:2 20:10] [--commands info export ...] [--folder DIR]
 
@@ -89,9 +92,12 @@ def measure(case: Case, commands: list[str]) -> dict[str, float]:
 
 
 def run(arguments: list[str | Path]) -> tuple[float, float]:
-    """Runs ``armscope`` with the arguments: MB of the largest resident set, and seconds. Raises where the command fails.
+    """Runs ``armscope`` with the arguments: MB of the largest resident set, and seconds.
 
-    The operating system counts this process's memory in, until the command has begun: so nothing heavy is imported here.
+    Raises where the command fails.
+
+    The operating system counts this process's memory in, until the command has begun: so nothing heavy is imported
+    here.
     """
     began = time.perf_counter()
     process = subprocess.Popen([sys.executable, "-m", "armscope", *arguments], cwd=ROOT, stdout=subprocess.DEVNULL)

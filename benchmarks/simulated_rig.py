@@ -1,7 +1,9 @@
-"""How much faster than real time the simulated Puma is: its devices alone, through the sampler, and recorded to MCAP files.
+"""How much faster than real time the simulated Puma is.
 
-CPU time of one process; six joints' dynamics, encoders and transducers are computed at every rate. NAME_times_real_time: seconds of the
-rig's time a second of CPU time.
+Its devices alone, through the sampler, and recorded to MCAP files.
+
+CPU time of one process; six joints' dynamics, encoders and transducers are computed at every rate.
+NAME_times_real_time: seconds of the rig's time a second of CPU time.
 """
 
 from __future__ import annotations

@@ -2,9 +2,10 @@
 
     python -m benchmarks.simulation [--json]
 
-NAME_x_real_time: simulated seconds (of all parameter sets together) a second of wall time. ours_vs_PEER: ratios of these.
-differs_PEER: largest difference of a joint angle from ours, rad. Wants the extra "bench"; peers that do not import are left out.
-MuJoCo's batch (mujoco.rollout, two threads) runs open loop without friction, which is the most it can do at once in C.
+NAME_x_real_time: simulated seconds (of all parameter sets together) a second of wall time. ours_vs_PEER: ratios of
+these. differs_PEER: largest difference of a joint angle from ours, rad. Wants the extra "bench"; peers that do not
+import are left out. MuJoCo's batch (mujoco.rollout, two threads) runs open loop without friction, which is the most it
+can do at once in C.
 """
 
 from __future__ import annotations

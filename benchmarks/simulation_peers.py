@@ -1,7 +1,10 @@
-"""The same servoed arm in other simulators: Pinocchio and MuJoCo stepped from Python, numba and JAX on our printed equations.
+"""The same servoed arm in other simulators.
 
-Every peer gets the demands at the servo's ticks and returns the motor angles there, so that they can be held against ours.
-Servo as ``arm_model.description.Controller`` says; classical Runge-Kutta, one step a tick, except MuJoCo (its own semi-implicit step).
+Pinocchio and MuJoCo stepped from Python, numba and JAX on our printed equations.
+
+Every peer gets the demands at the servo's ticks and returns the motor angles there, so that they can be held against
+ours. Servo as ``arm_model.description.Controller`` says; classical Runge-Kutta, one step a tick, except MuJoCo (its own
+semi-implicit step).
 """
 
 from __future__ import annotations
@@ -234,9 +237,17 @@ def numba_loops(arm: Arm, code: Printed) -> tuple[Callable[[Array], Array], Call
     import numba
 
     space: dict[str, Any] = {
-        "sin": math.sin, "cos": math.cos, "sqrt": math.sqrt, "exp": math.exp, "minimum": min, "maximum": max,
-        "array": np.array, "empty": np.empty, "zeros": np.zeros, "prange": numba.prange,
-    }  # fmt: skip
+        "sin": math.sin,
+        "cos": math.cos,
+        "sqrt": math.sqrt,
+        "exp": math.exp,
+        "minimum": min,
+        "maximum": max,
+        "array": np.array,
+        "empty": np.empty,
+        "zeros": np.zeros,
+        "prange": numba.prange,
+    }
     exec(code.source + _LOOP, space)
     space["rates"] = numba.njit(fastmath={"contract"}, error_model="numpy")(space["rates"])
     space["loop"] = numba.njit(error_model="numpy")(space["loop"])

@@ -1,10 +1,13 @@
-"""MuJoCo's own system identification (``mujoco.sysid``, in the wheel of mujoco 4; wants its extra ``sysid``) on the EMPS recording.
+"""MuJoCo's own system identification (``mujoco.sysid``, in the wheel of mujoco 4.
 
-It simulates the closed loop and turns a model's numbers until simulated sensors look like measured ones (Gauss-Newton by finite differences).
-What it can fit: whatever an MJCF model has, so masses, inertias, damping, frictionloss and armature inside bounds that a person gives, and
-here the constant term of an actuator as an offset. What it cannot: friction that differs by direction (an MJCF joint has one frictionloss and
-one damping), base parameters (which sums the data shows is the user's to find: what it does not show ends up at a bound), gears and encoders that
-ripple; its intervals take residuals for white. It needs the demand and a controller; the regression here needs neither.
+Wants its extra ``sysid``) on the EMPS recording.
+
+It simulates the closed loop and turns a model's numbers until simulated sensors look like measured ones (Gauss-Newton
+by finite differences). What it can fit: whatever an MJCF model has, so masses, inertias, damping, frictionloss and
+armature inside bounds that a person gives, and here the constant term of an actuator as an offset. What it cannot:
+friction that differs by direction (an MJCF joint has one frictionloss and one damping), base parameters (which sums the
+data shows is the user's to find: what it does not show ends up at a bound), gears and encoders that ripple; its
+intervals take residuals for white. It needs the demand and a controller; the regression here needs neither.
 """
 
 from __future__ import annotations
@@ -36,7 +39,9 @@ def installed() -> bool:
 def fit_drive(
     arm: Arm, t: Array, q: Array, force: Array, demand: Array
 ) -> tuple[dict[str, float], dict[str, float], float]:
-    """Parameters ``NAMES`` of a one-joint ``arm`` with cascade control, the half widths of their intervals at 95 %, and s taken.
+    """Parameters ``NAMES`` of a one-joint ``arm`` with cascade control.
+
+    The half widths of their intervals at 95 %, and s taken.
 
     t, q, force, demand (m,): s from a start at rest, m, N, m.
     """
@@ -77,9 +82,9 @@ def fit_drive(
 def drive(arm: Arm, dt: float) -> str:
     """MJCF of one slide and its servo, with sensors of position and of the drive's force.
 
-    force = clip(K Kv (Kp (demand - q) - v)); the offset is a second actuator's constant term, because MJCF joints have none.
-    Euler's steps, since implicit ones would soften the sampled servo, and friction as stiff as the solver allows: with MuJoCo's defaults
-    the mass comes out 15 % low.
+    force = clip(K Kv (Kp (demand - q) - v)); the offset is a second actuator's constant term, because MJCF joints have
+    none. Euler's steps, since implicit ones would soften the sampled servo, and friction as stiff as the solver allows:
+    with MuJoCo's defaults the mass comes out 15 % low.
     """
     joint, loop = arm.joints[0], arm.controller
     assert loop is not None and loop.kind == "cascade"

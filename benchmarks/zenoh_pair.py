@@ -1,9 +1,10 @@
 """Our subscriber against a bare Zenoh pair that carries the same bytes.
 
-Two processes over loopback TCP; blocks of 200 rows (10 ms at 20 kHz) of 3 counters, 8 inputs, a tracker and 6 joints, encoded
-beforehand and sent as fast as the receiver takes them (congestion control BLOCK, so that nothing is dropped). The bare
-receiver takes the bytes of each message and counts them; ours makes arrays of them and accounts for every row. Rounds alternate;
-rates and ratios are medians over the rounds. Beside it: the whole pair, with our publisher encoding every block and sending JointStates.
+Two processes over loopback TCP; blocks of 200 rows (10 ms at 20 kHz) of 3 counters, 8 inputs, a tracker and 6 joints,
+encoded beforehand and sent as fast as the receiver takes them (congestion control BLOCK, so that nothing is dropped).
+The bare receiver takes the bytes of each message and counts them; ours makes arrays of them and accounts for every row.
+Rounds alternate; rates and ratios are medians over the rounds. Beside it: the whole pair, with our publisher encoding
+every block and sending JointStates.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""What a diagnosis says: causes with parameters, structure that no effect explains, effects that are not detectable. A leaf: it imports no measurement."""
+"""What a diagnosis says: causes with parameters, structure that no effect explains, effects that are not detectable.
+
+A leaf: it imports no measurement.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,10 @@ EffectKey = tuple[str, int | None]
 """An effect of the catalogue and its joint (from 1); None: of the whole arm."""
 
 MAX_CONFIDENCE = 0.98
-"""Confidence that no recording lifts a cause above: of 120 names on a bank of cases that were as sure of themselves, 117 were right."""
+"""Confidence that no recording lifts a cause above.
+
+Of 120 names on a bank of cases that were as sure of themselves, 117 were right.
+"""
 
 
 class Signal(StrEnum):
@@ -42,8 +48,10 @@ class Cause:
 
     joint          from 1; None: of the whole arm
     confidence     that it is there, it or another of its ``group``
-    before, after  rms of its joint's held-out residual in ``signal`` without and with it, in ``unit``; of tracked points, per coordinate
-    group          ambiguity group: effects and joints that this data cannot distinguish from it, itself first; separate_by: what would
+    before, after  rms of its joint's held-out residual in ``signal`` without and with it, in ``unit``; of tracked
+                   points, per coordinate
+    group          ambiguity group: effects and joints that this data cannot distinguish from it, itself first;
+                   separate_by: what would
     felt_at        the joint (from 1) with the largest fall of the residual; None: tracked points only
     of_arm         False for a fact about the instruments that the model has no place for
     """
@@ -75,8 +83,10 @@ class Cause:
 
 @dataclass(frozen=True)
 class Structure:
-    """Unexplained structure: ``share`` of the variance of a joint's held-out residual (of tracked points: joint None) that is predictable
-    from ``against``."""
+    """Unexplained structure: ``share`` of the variance of a joint's held-out residual (of tracked points.
+
+    Joint None) that is predictable from ``against``.
+    """
 
     signal: Signal
     joint: int | None
@@ -108,7 +118,8 @@ def confidence_of(p: float) -> float:
 def merge(causes: Sequence[Cause], tracked: Sequence[Cause]) -> list[Cause]:
     """Causes of the currents and those of the tracker, each named once.
 
-    A cause that both name has the tracker's parameters; a group of the tracker's that contains what the currents name is that cause.
+    A cause that both name has the tracker's parameters; a group of the tracker's that contains what the currents name
+    is that cause.
     """
     named = {cause.key: cause for cause in causes}
     alone = []

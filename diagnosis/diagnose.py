@@ -2,7 +2,8 @@
 
 screen   events in raw rows are found and removed (``screening``)
 measure  what tracker, link encoders and setpoints show without the currents (``measurements``)
-select   what the currents show conditional on it (``find_causes``): residuals, columns of every effect, stepwise selection, unexplained structure
+select   what the currents show conditional on it (``find_causes``): residuals, columns of every effect, stepwise
+         selection, unexplained structure
 verify   the extended model in closed loop and along the measured motion (``closed_loop``)
 extend   all causes together, the extended model, and what these recordings could not show
 """
@@ -236,7 +237,8 @@ def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure], arm
     told = {one.joint for one in structures}
     by_joint = {joint: noise_ratio(left, fit, joint) for joint in range(1, len(arm) + 1) if joint not in told}
     return tuple(
-        f"the residual current of joint {joint} is {loud:.1f} times the noise in the fitted recordings, but not in the held-out ones: "
+        f"the residual current of joint {joint} is {loud:.1f} times the noise in the fitted recordings, but not in "
+        "the held-out ones: "
         "hold out a recording with a similar motion of this joint"
         for joint, loud in by_joint.items()
         if loud > ABOVE_NOISE
@@ -261,8 +263,10 @@ def _beside_causes(axis: AxisSide, arm: Arm) -> tuple[str, ...]:
         drive = arm.joints[0]
         length = f"{axis.wave.length:.4g} rad" if drive.revolute else f"{1e3 * axis.wave.length:.2f} mm"
         said.append(
-            f"a wave of {axis.wave.amplitude:.2g} {unit_at(drive, 'N m')} every {length}, the same at all speeds and in both directions, is "
-            f"{axis.wave.share:.0%} of the residual; it is not named because a second recording must show it at the same positions"
+            f"a wave of {axis.wave.amplitude:.2g} {unit_at(drive, 'N m')} every {length}, the same at all speeds "
+            "and in both directions, is "
+            f"{axis.wave.share:.0%} of the residual; it is not named because a second recording must show it at the "
+            "same positions"
         )
     return tuple(said)
 
@@ -270,7 +274,10 @@ def _beside_causes(axis: AxisSide, arm: Arm) -> tuple[str, ...]:
 def _shown_in_loop(
     cause: Cause, extended: Arm, having: Sequence[Compared], recordings: Sequence[Recording], runs: Sequence[Run]
 ) -> Cause:
-    """A cause that shows in a closed loop only (a limit: the motion obeys it, and along it nothing is missing) with the errors of that loop."""
+    """A cause that shows in a closed loop only (a limit.
+
+    The motion obeys it, and along it nothing is missing) with the errors of that loop.
+    """
     joint = cause.felt_at
     if joint is None or cause.before != cause.after or len(having) != len(recordings):
         return cause

@@ -1,7 +1,9 @@
-"""From recordings, seen through what is known of an arm, to causes: the search, what it must bear, and what only closed loops show.
+"""From recordings, seen through what is known of an arm, to causes.
 
-A cause that the search found is given up where it is not told from nothing, or where the model's closed loop errs more with it than without; what
-it stood for is then searched for again.
+The search, what it must bear, and what only closed loops show.
+
+A cause that the search found is given up where it is not told from nothing, or where the model's closed loop errs more
+with it than without; what it stood for is then searched for again.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ class Named:
 
     arm, sight  the model with all that is known of it, and the residuals of the recordings under it
     base        the arm that the causes extend
-    library     every candidate's columns; ripples: candidates that have columns only where they stand out of the residual
+    library     every candidate's columns; ripples: candidates that have columns only where they stand out of the
+                residual
     found       what the search chose; axis: what a single axis with a fine encoder shows
     causes      of the search or of the axis; resonance: a spring or a gap found in closed loop, which ``arm`` has
     """
@@ -61,7 +64,10 @@ Progress = Callable[[str], None]
 def named_causes(
     model: Arm, known: Sequence[Cause], recordings: Recordings, screened: Screened, progress: Progress
 ) -> Named:
-    """Names what the currents show conditional on the ``known`` causes of encoders and tracker: by the search, and by resonances in closed loop."""
+    """Names what the currents show conditional on the ``known`` causes of encoders and tracker.
+
+    By the search, and by resonances in closed loop.
+    """
     excluded = {cause.key for cause in known if not cause.by_tracker}
     arm = extend(model, known) if known else model
     sight = residuals_of(arm, screened, progress)
@@ -120,7 +126,10 @@ def _datasets(runs: Sequence[Run], first: int, two_fold: bool) -> Split[Dataset]
 def _tenable(
     model: Currents, recordings: Sequence[Recording], runs: Sequence[Run], progress: Progress
 ) -> tuple[Found, list[Cause]]:
-    """What the search finds and closed loops on held-out ``recordings`` do not refute; in the place of what they refute, it searches again."""
+    """What the search finds and closed loops on held-out ``recordings`` do not refute.
+
+    In the place of what they refute, it searches again.
+    """
     refused: list[EffectKey] = []
     found = search(model, progress)
     while True:
@@ -140,7 +149,10 @@ def _tenable(
 
 
 def _resonance(named: Named, recordings: Recordings) -> Cause | None:
-    """A spring or a gap that closed loops show, in the place of one that the search named or beside all that it named."""
+    """A spring or a gap that closed loops show.
+
+    It stands in the place of one that the search named, or beside all that it named.
+    """
     springs: list[Cause | None] = [one for one in named.causes if one.effect in resonance.transmissions()]
     for spring in springs or [None]:
         arm = with_smoothing_velocities(
@@ -166,7 +178,9 @@ def _of_search(found: Found) -> list[Cause]:
 
 
 def _indistinct(causes: Sequence[Cause]) -> int | None:
-    """The first cause without a linear parameter that differs significantly from zero: it follows something, but is not there.
+    """The first cause without a linear parameter that differs significantly from zero.
+
+    It follows something, but is not there.
 
     A link's many parameters need not differ from zero one by one: together they do.
     """

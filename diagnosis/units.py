@@ -5,12 +5,22 @@ from __future__ import annotations
 from arm_model import Joint
 
 SLIDING = {
-    "rad": "m", "rad/s": "m/s", "rad/s2": "m/s2", "N m": "N", "N m/rad": "N/m", "N m s/rad": "N s/m", "N m s2/rad2": "N s2/m2", "kg m2": "kg",
-}  # fmt: skip
+    "rad": "m",
+    "rad/s": "m/s",
+    "rad/s2": "m/s2",
+    "N m": "N",
+    "N m/rad": "N/m",
+    "N m s/rad": "N s/m",
+    "N m s2/rad2": "N s2/m2",
+    "kg m2": "kg",
+}
 
 
 def unit_at(joint: Joint, unit: str, name: str = "") -> str:
-    """A unit of the catalogue, which is written for revolute joints driven by currents, at a joint; ``name`` of the parameter: a phase stays one."""
+    """A unit of the catalogue, which is written for revolute joints driven by currents, at a joint.
+
+    ``name`` of the parameter: a phase stays one.
+    """
     if unit in ("A", "1/A2"):
         own = joint.current_unit if " " not in joint.current_unit else f"({joint.current_unit})"
         return joint.current_unit if unit == "A" else unit.replace("A", own)

@@ -1,7 +1,8 @@
 """A CAN bus that several drivers of one rig share: one python-can bus, a mailbox a listener.
 
-Whoever waits for a frame reads the bus himself, and puts into their mailboxes what comes for others: an answer that a thread of
-the bus received would have to wait for one more thread to be scheduled. The bus's own thread receives while no other thread does.
+Whoever waits for a frame reads the bus himself, and puts into their mailboxes what comes for others: an answer that a
+thread of the bus received would have to wait for one more thread to be scheduled. The bus's own thread receives while
+no other thread does.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ Frame = tuple[int, int, bytes]
 class CanConfig(Table):
     """Where the bus is, in python-can's words: interface "socketcan" and channel "can0" for a Linux adapter.
 
-    "unix" (a folder as channel, ``drivers.can_unix``) and "virtual" (within one process) carry the same frames without any wire.
-    ValueError for an interface that listens to the network: CAN frames carry neither sender nor secret.
+    "unix" (a folder as channel, ``drivers.can_unix``) and "virtual" (within one process) carry the same frames without
+    any wire. ValueError for an interface that listens to the network: CAN frames carry neither sender nor secret.
     """
 
     interface: str = "socketcan"
@@ -53,13 +54,18 @@ class CanConfig(Table):
 
 
 def frame_bits(data_bytes: int) -> int:
-    """Bits of a base-format data frame at its longest: 47 with interframe space, the data, and a stuff bit after every fourth
-    of the 34 + 8 n stuffable bits (ISO 11898-1)."""
+    """Bits of a base-format data frame at its longest.
+
+    47 with interframe space, the data, and a stuff bit after every fourth of the 34 + 8 n stuffable bits (ISO 11898-1).
+    """
     return 47 + 8 * data_bytes + (34 + 8 * data_bytes - 1) // 4
 
 
 class Mailbox:
-    """Frames with some identifiers, in the order of arrival: (host ns, identifier, data). The last ``MOST`` are kept."""
+    """Frames with some identifiers, in the order of arrival: (host ns, identifier, data).
+
+    The last ``MOST`` are kept.
+    """
 
     def __init__(self, bus: CanBus) -> None:
         self._bus = bus
@@ -190,16 +196,21 @@ class CanBus:
                 self._receive(ATTENDED, ATTENDED)
 
     def read(self, seconds: float, box: Mailbox | None = None) -> None:
-        """Puts into the mailboxes what has come; ``seconds`` above 0: waits as long for a frame, or until another thread that reads
-        may have brought one for ``box``."""
+        """Puts into the mailboxes what has come.
+
+        ``seconds`` above 0: waits as long for a frame, or until another thread that reads may have brought one for
+        ``box``.
+        """
         self._attended = time.monotonic()
         if not self.is_open:
             time.sleep(min(seconds, TURN))
         self._receive(seconds, min(seconds, TURN), box)
 
     def _receive(self, seconds: float, turn: float, box: Mailbox | None = None) -> None:
-        """The next frame within ``seconds`` s; for 0, all that have come. Waits ``turn`` s at most for another thread that reads, which
-        may have put into ``box`` what is wanted."""
+        """The next frame within ``seconds`` s; for 0, all that have come.
+
+        Waits ``turn`` s at most for another thread that reads, which may have put into ``box`` what is wanted.
+        """
         if not self._reading.acquire(timeout=turn):
             return
         try:
@@ -239,7 +250,10 @@ def _python_can(config: CanConfig) -> Any:
 
 
 def _arrival(stamp: float) -> int:
-    """Host ns (monotonic) of a frame stamped with so many s of Unix time, as the kernel does; now, for a stamp of another kind."""
+    """Host ns (monotonic) of a frame stamped with so many s of Unix time, as the kernel does.
+
+    Now, for a stamp of another kind.
+    """
     age = time.time_ns() - int(stamp * 1e9)
     now = time.monotonic_ns()  # read later, so that what holds this thread up here makes no frame older than it is
     return now - age if 0 <= age < OLDEST * 1e9 else now

@@ -1,11 +1,15 @@
-"""A CAN bus that stays on this machine: a python-can interface over Unix sockets, for simulators and rigs without a CAN adapter.
+"""A CAN bus that stays on this machine.
 
-The channel is a folder of this user's alone (mode 0700). Whoever is on the bus listens there on a socket of its own (SOCK_SEQPACKET) and
-connects to every other one to send: there is no hub whose end would be the bus's. A link is one way, its frames stay whole and in
-order. As on a CAN adapter, a receiver that does not read loses frames (some hundred fit into its socket) and delays no other node. A socket
-that a killed process left behind is removed by the next one to send. Frames are stamped when they are sent.
+a python-can interface over Unix sockets, for simulators and rigs without a CAN adapter.
 
-python-can finds it as interface "unix" (entry point ``can.interface``): ``python -m can.viewer -i unix -c /tmp/armscope/can``.
+The channel is a folder of this user's alone (mode 0700). Whoever is on the bus listens there on a socket of its own
+(SOCK_SEQPACKET) and connects to every other one to send: there is no hub whose end would be the bus's. A link is one
+way, its frames stay whole and in order. As on a CAN adapter, a receiver that does not read loses frames (some hundred
+fit into its socket) and delays no other node. A socket that a killed process left behind is removed by the next one to
+send. Frames are stamped when they are sent.
+
+python-can finds it as interface "unix" (entry point ``can.interface``): ``python -m can.viewer -i unix -c
+/tmp/armscope/can``.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """National Instruments Lab-PC under comedi: the thesis's own analogue card, which Linux still drives (``ni_labpc``).
 
-12 bit, 8 inputs, one converter multiplexed over the channels at 83 333 samples/s; two analogue outputs, one digital port. A
-scan begins on each edge at EXTCONV (source ``tracker``) or on the card's own timer. Its counters count pulses, not quadrature: the encoders
-need another card. Needs comedilib's Python binding (module ``comedi``), which is not on PyPI: it comes with comedilib.
+12 bit, 8 inputs, one converter multiplexed over the channels at 83 333 samples/s; two analogue outputs, one digital
+port. A scan begins on each edge at EXTCONV (source ``tracker``) or on the card's own timer. Its counters count pulses,
+not quadrature: the encoders need another card. Needs comedilib's Python binding (module ``comedi``), which is not on
+PyPI: it comes with comedilib.
 """
 
 from __future__ import annotations
@@ -118,9 +119,8 @@ class NiLabPc:
         command.scan_end_src, command.scan_end_arg = c.TRIG_COUNT, self.config.inputs
         command.stop_src, command.stop_arg = c.TRIG_NONE, 0
         command.chanlist, command.chanlist_len = channels, self.config.inputs
-        for _ in range(
-            2
-        ):  # the first test rounds the times to what the card can do, the second must find nothing to change
+        # the first test rounds the times to what the card can do, the second must find nothing to change
+        for _ in range(2):
             verdict = c.comedi_command_test(self._card, command)
         if verdict != 0 or c.comedi_command(self._card, command) < 0:
             raise self._fault(f"the card refuses the scan (comedi_command_test: step {verdict})")

@@ -32,7 +32,9 @@ def extend(raw: NDArray[np.int64], width: int, last: int) -> NDArray[np.int64]:
 
 
 def fell_to_zero(count: int, last: int, elapsed_ns: int) -> bool:
-    """Whether a counter may have lost its power between two rows: it shows exactly 0, and came there faster than an arm stops.
+    """Whether a counter may have lost its power between two rows.
+
+    It shows exactly 0, and came there faster than an arm stops.
 
     count, last  raw counts of this row and of the one before it, signed
     elapsed_ns   between them

@@ -1,7 +1,7 @@
 """Encoder counters of the Linux counter subsystem (104-QUAD-8, STM32, TI eQEP ...), read through sysfs.
 
-Documented in the kernel under Documentation/ABI/testing/sysfs-bus-counter. Every channel is latched at its own read: the skew
-between channels is measured when the device is opened, and stated.
+Documented in the kernel under Documentation/ABI/testing/sysfs-bus-counter. Every channel is latched at its own read:
+the skew between channels is measured when the device is opened, and stated.
 """
 
 from __future__ import annotations
@@ -149,7 +149,10 @@ class LinuxCounter:
             self._write(number, "enable", "1")
 
     def preset(self, channel: int, value: int) -> None:
-        """Writes the count, and reads back whether it was taken: some counters ignore it, others are caught in the middle."""
+        """Writes the count, and reads back whether it was taken.
+
+        Some counters ignore it, others are caught in the middle.
+        """
         check_channel(self.name, channel, len(self.width))
         number, mask = self.config.counts[channel], (1 << self.width[channel]) - 1
         caught = f"count{number} does not take the count {value}: does its hardware have a preset?"

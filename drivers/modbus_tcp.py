@@ -1,7 +1,8 @@
 """Modbus TCP, as far as measuring instruments need it: read (3) and write (16) of holding registers, sans-IO.
 
-Frame: transaction u16, protocol u16 (0), length u16 (of what follows), unit u8, function u8, body; all big-endian (MODBUS
-Messaging on TCP/IP Implementation Guide V1.0b, 3.1.3). A reply belongs to the request that carries its transaction number.
+Frame: transaction u16, protocol u16 (0), length u16 (of what follows), unit u8, function u8, body; all big-endian
+(MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 3.1.3). A reply belongs to the request that carries its
+transaction number.
 """
 
 from __future__ import annotations
@@ -22,7 +23,10 @@ EXCEPTIONS = {
 
 
 class FrameError(OSError):
-    """Bytes that are no Modbus TCP frame; on a stream there is no way to find the next one, so the connection is to be closed."""
+    """Bytes that are no Modbus TCP frame.
+
+    On a stream there is no way to find the next one, so the connection is to be closed.
+    """
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ latched by triggers, as numpy arrays; nothing loops over samples in Python. Two 
 * ``Latched`` devices have ``read``: the hardware latches on each edge of its trigger line; rows arrive in blocks.
 * ``Polled`` devices have ``poll``: one row now. ``daq`` drives them on each edge or tick and makes the blocks.
 
-Raw values only: register counts as the hardware has them (wrapped at ``width`` bits; the sampler extends them to 64 bit with
-``drivers.counting.extend``), volts at the converter's input. Calibration belongs to ``daq``.
+Raw values only: register counts as the hardware has them (wrapped at ``width`` bits; the sampler extends them to 64 bit
+with ``drivers.counting.extend``), volts at the converter's input. Calibration belongs to ``daq``.
 """
 
 from __future__ import annotations
@@ -97,7 +97,10 @@ class Identity:
 
 @dataclass(frozen=True)
 class Plan:
-    """What the sampler is about to ask for; devices refuse it in ``arm`` (DeviceFault: what, and what would be right)."""
+    """What the sampler is about to ask for.
+
+    Devices refuse it in ``arm`` (DeviceFault: what, and what would be right).
+    """
 
     source: EdgeSource
     rate: float  # rows/s expected
@@ -132,7 +135,10 @@ class Block:
 
 @runtime_checkable
 class HostClock(Protocol):
-    """The host's time. The real one is ``drivers.clock.SystemClock``; a simulation running faster than the wall brings its own."""
+    """The host's time.
+
+    The real one is ``drivers.clock.SystemClock``; a simulation running faster than the wall brings its own.
+    """
 
     def monotonic_ns(self) -> int: ...
     def wall_ns(self) -> int: ...
@@ -165,7 +171,10 @@ class Latched(Protocol):
 
 @runtime_checkable
 class Polled(Protocol):
-    """No latch: ``poll`` reads every channel now and returns one row (number -1; host time halfway through the reading)."""
+    """No latch: ``poll`` reads every channel now and returns one row (number -1.
+
+    Host time halfway through the reading).
+    """
 
     def poll(self) -> Block: ...
 
@@ -174,8 +183,8 @@ class Polled(Protocol):
 class Reconnecting(Protocol):
     """A Latched device that retries a lost connection itself (for hardware on a cable).
 
-    While it is ``seeking``, ``read`` gives no rows and the run continues; the driver raises DeviceFault when it gives up.
-    When it is back, its numbers go on with those of the triggers: the gap in them is what was lost.
+    While it is ``seeking``, ``read`` gives no rows and the run continues; the driver raises DeviceFault when it gives
+    up. When it is back, its numbers go on with those of the triggers: the gap in them is what was lost.
     """
 
     seeking: bool
@@ -185,8 +194,8 @@ class Reconnecting(Protocol):
 class ClockReadings(Protocol):
     """A device whose clock the host can read at any time, not only with a row.
 
-    ``clock_readings`` gives the readings since arming, (tick, host ns) pairs in order: where there are such, the clocks are related
-    by them, for the host times of the rows have been worked out from the same ticks already.
+    ``clock_readings`` gives the readings since arming, (tick, host ns) pairs in order: where there are such, the clocks
+    are related by them, for the host times of the rows have been worked out from the same ticks already.
     """
 
     def clock_readings(self) -> list[tuple[int, int]]: ...
@@ -208,8 +217,8 @@ class TriggerInput(Protocol):
 class QuadratureCounter(Protocol):
     """Quadrature counter channels, numbered from 0. LinuxCNC hostmot2's semantics of raw count, latch and index.
 
-    width[c] bits; counts run from the moment a channel is configured; ``preset`` sets the register; ``index_enable`` arms a
-    reset (or latch) at the next index pulse and ``index_seen`` returns whether it came, and at which raw count.
+    width[c] bits; counts run from the moment a channel is configured; ``preset`` sets the register; ``index_enable``
+    arms a reset (or latch) at the next index pulse and ``index_seen`` returns whether it came, and at which raw count.
     """
 
     width: tuple[int, ...]
@@ -250,14 +259,19 @@ class AnalogOutput(Protocol):
 
 @runtime_checkable
 class OwnWatchdog(Protocol):
-    """A device that brings its own outputs into their safe state when no command has come for ``watchdog`` s; 0: it never does."""
+    """A device that brings its own outputs into their safe state when no command has come for ``watchdog`` s.
+
+    0: it never does.
+    """
 
     watchdog: float
 
 
 @runtime_checkable
 class PositionTracker(Protocol):
-    """External tracker: points in its own frame come by ``read`` (Latched) or, after the run, by ``recall`` from its memory.
+    """External tracker: points in its own frame come by ``read`` (Latched).
+
+    After the run they come by ``recall`` from its memory.
 
     It cannot be triggered; it raises the trigger line once a sample. ``recall`` returns what its memory holds.
     """
@@ -270,11 +284,13 @@ class PositionTracker(Protocol):
 
 @runtime_checkable
 class ArmController(Protocol):
-    """The arm's own controller. ``load`` takes an ``experiment.Experiment`` and refuses (DeviceFault) what it cannot do.
+    """The arm's own controller.
 
-    ``start`` begins the motion (or arms it for the start line); ``stop`` ends it at once, controlled, and is always allowed;
-    ``finished`` says whether the motion has ended; ``demand`` returns the reference joint positions (n, joints) rad at
-    times (n,) s since the start, or None where the controller does not report it.
+    ``load`` takes an ``experiment.Experiment`` and refuses (DeviceFault) what it cannot do.
+
+    ``start`` begins the motion (or arms it for the start line); ``stop`` ends it at once, controlled, and is always
+    allowed; ``finished`` says whether the motion has ended; ``demand`` returns the reference joint positions (n,
+    joints) rad at times (n,) s since the start, or None where the controller does not report it.
     """
 
     joints: int

@@ -13,10 +13,12 @@ Columns = tuple[int, int]  # counters, inputs
 
 
 class Reconnect:
-    """Tries after 0.1 s, then ever less often (doubling, at most every 2 s), for ``patience`` s; then the device is given up.
+    """Tries after 0.1 s, then ever less often (doubling, at most every 2 s), for ``patience`` s.
 
-    ``close`` lets go of it once it is lost, so that what comes back can have its old name. There is no clock inside: ``now`` is
-    the host's monotonic time, ns.
+    Then the device is given up.
+
+    ``close`` lets go of it once it is lost, so that what comes back can have its old name. There is no clock inside:
+    ``now`` is the host's monotonic time, ns.
     """
 
     FIRST, LONGEST = 100_000_000, 2_000_000_000  # ns
@@ -44,7 +46,9 @@ class Reconnect:
     def poll(
         self, clock: HostClock, reopen: Callable[[], None], row: Callable[[int], Block], columns: Columns
     ) -> Block:
-        """One row of a Polled device: ``row(now)``; without any value where the device is lost, as it is when that raises OSError.
+        """One row of a Polled device: ``row(now)``.
+
+        Without any value where the device is lost, as it is when that raises OSError.
 
         ``columns`` are its counters and inputs. ``now`` is read after reopening, which takes its time.
         """
@@ -60,8 +64,8 @@ class Reconnect:
     def there(self, now: int, reopen: Callable[[], None]) -> bool:
         """True where the device is there, or where it was lost and ``reopen`` has just brought it back.
 
-        ``reopen`` is called only where a try is due; it raises OSError or DeviceFault where the device does not answer yet. Raises
-        DeviceFault, with what was wrong at the last try and the advice, once the patience is over.
+        ``reopen`` is called only where a try is due; it raises OSError or DeviceFault where the device does not answer
+        yet. Raises DeviceFault, with what was wrong at the last try and the advice, once the patience is over.
         """
         if self._lost_at is None:
             return True
@@ -83,7 +87,10 @@ class Reconnect:
 
 @contextmanager
 def or_fault(device: str, advice: str, undo: Callable[[], None] | None = None) -> Iterator[None]:
-    """What fails inside with an OSError is a DeviceFault of this device, with the advice; ``undo`` is done first, for any fault."""
+    """What fails inside with an OSError is a DeviceFault of this device, with the advice.
+
+    ``undo`` is done first, for any fault.
+    """
     try:
         yield
     except (OSError, DeviceFault) as error:

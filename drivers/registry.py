@@ -1,13 +1,13 @@
 """Finds a driver by the import path in the rig file and makes its device.
 
 A driver module offers ``Config`` (a pydantic model of the device's table, without ``name`` and ``driver``) and
-``make(name, config, world) -> Device``, which touches no hardware. It may offer ``find(config) -> list[str]``: what there is of its
-kind on this machine, which ``doctor`` names where a device does not answer.
+``make(name, config, world) -> Device``, which touches no hardware. It may offer ``find(config) -> list[str]``: what
+there is of its kind on this machine, which ``doctor`` names where a device does not answer.
 
-``world`` is one dict a rig. ``daq.rig.rig_file.make_world`` puts into it ``simulation`` (the rig file's table of that name), ``model``
-(path of the arm's model, or None) and ``folder`` (of the rig file). Drivers that share something (one simulated arm, one TCP
-connection) keep it there under their own key. A backend that runs on a time of its own leaves a ``HostClock`` at
-``world["host_clock"]``, at the latest when its devices have been opened.
+``world`` is one dict a rig. ``daq.rig.rig_file.make_world`` puts into it ``simulation`` (the rig file's table of that
+name), ``model`` (path of the arm's model, or None) and ``folder`` (of the rig file). Drivers that share something (one
+simulated arm, one TCP connection) keep it there under their own key. A backend that runs on a time of its own leaves a
+``HostClock`` at ``world["host_clock"]``, at the latest when its devices have been opened.
 """
 
 from __future__ import annotations
@@ -44,7 +44,10 @@ def check_config(path: str, table: dict[str, Any], where: str) -> BaseModel:
 
 
 def find_devices(path: str, table: dict[str, Any], where: str) -> list[str]:
-    """Where such a device may be instead of where the rig file says: what the driver's ``find(config)`` sees, if it has one."""
+    """Where such a device may be instead of where the rig file says.
+
+    What the driver's ``find(config)`` sees, if it has one.
+    """
     module = find_driver(path, where)
     found: list[str] = module.find(check_config(path, table, where)) if hasattr(module, "find") else []
     return found

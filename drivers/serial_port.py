@@ -1,4 +1,7 @@
-"""A serial port, read without waiting; a thin layer over pyserial that distinguishes an unplugged cable from silence."""
+"""A serial port, read without waiting.
+
+a thin layer over pyserial that distinguishes an unplugged cable from silence.
+"""
 
 from __future__ import annotations
 
@@ -60,8 +63,10 @@ class SerialPort:
             return os.read(port.fileno(), waiting) if waiting else b""
 
     def wait_for(self, take: Callable[[bytes], T | None], seconds: float) -> T | None:
-        """Feeds what arrives to ``take`` until it returns something; None after ``seconds``. A host that comes back later than
-        that looks once more: what came in time is taken."""
+        """Feeds what arrives to ``take`` until it returns something; None after ``seconds``.
+
+        A host that comes back later than that looks once more: what came in time is taken.
+        """
         file = self._alive().fileno()
         deadline = time.monotonic() + seconds
         left = seconds

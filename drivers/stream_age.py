@@ -1,8 +1,9 @@
 """How old the newest byte of a stream is that a device sends at an even pace without stamping it.
 
-What was sent at an even pace and has not come in by its time is still under way: in an adapter, in the kernel, on a wire. The delay
-of the newest byte follows Lindley's recursion for a queue: it grows with the time that passes, shrinks by what the bytes that came
-took to send, and is never below 0. It is known against the quickest byte so far, whose own delay is unknown.
+What was sent at an even pace and has not come in by its time is still under way: in an adapter, in the kernel, on a
+wire. The delay of the newest byte follows Lindley's recursion for a queue: it grows with the time that passes, shrinks
+by what the bytes that came took to send, and is never below 0. It is known against the quickest byte so far, whose own
+delay is unknown.
 """
 
 from __future__ import annotations

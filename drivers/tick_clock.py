@@ -13,9 +13,11 @@ Reading = tuple[int, int, int]  # tick, host ns, round trip in ns
 
 
 class TickClock:
-    """Line through the latest readings (tick, host ns), each as good as it was quick: what it took longer than the quickest one was spent
-    in either direction, so the error is at most half of that. The rate begins as the nominal one, known to
-    ``CRYSTAL``; how soon the readings overrule it follows from both uncertainties (least squares).
+    """Line through the latest readings (tick, host ns), each as good as it was quick.
+
+    What it took longer than the quickest one was spent in either direction, so the error is at most half of that. The
+    rate begins as the nominal one, known to ``CRYSTAL``; how soon the readings overrule it follows from both
+    uncertainties (least squares).
 
     daq relates ``readings`` to the host's clock once more, over the whole run.
     """
@@ -45,8 +47,8 @@ class TickClock:
     def host(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
         """Host ns at ``ticks`` (n,), which rise from call to call; at least one reading must have been added.
 
-        Host times rise with the ticks, too: where a better reading shows that those told so far were late, time goes on at half its
-        pace until the line has caught up with them.
+        Host times rise with the ticks, too: where a better reading shows that those told so far were late, time goes on
+        at half its pace until the line has caught up with them.
         """
         (tick, host, _), offset, slope = self._line = self._line or self._fitted()
         line = host + np.rint((ticks - tick) * slope + offset).astype(np.int64)
@@ -63,7 +65,8 @@ class TickClock:
         tick, host, trip = (np.array([r[k] - best[k] for r in latest], np.float64) for k in range(3))
         passed = tick * self._ns
         sigma = 1.0 + JITTER * best[2] + 0.5 * trip
-        # Unknown are the offset and the rate's deviation from nominal; the last row says how large that is likely to be.
+        # Unknown are the offset and the rate's deviation from nominal; the last row says how large that is likely to
+        # be.
         rows = np.vstack([np.column_stack([1 / sigma, passed / sigma]), [0.0, 1 / CRYSTAL]])
         (offset, deviation), *_ = np.linalg.lstsq(rows, np.append((host - passed) / sigma, 0.0), rcond=None)
         return best, float(offset), self._ns * (1 + float(deviation))

@@ -1,11 +1,13 @@
-"""One joint at a time, the others not blocked: the result that M. Abderrahim's thesis (section 5.3, table 5.2) had to reject, and why.
+"""One joint at a time, the others not blocked: the result that M.
+
+Abderrahim's thesis (section 5.3, table 5.2) had to reject, and why.
 
     python -m examples.coupling [--out DIR]
 
-A Puma is simulated in closed loop: joints 1 to 3 each on its own, the others held by their servos; and all together. The motor-link pair of
-every joint is fitted to both; the second gives wrong inertia and friction, negative friction among it. The diagnosis takes the
-torque of the other links, by the model, out of the torque first: it is what the pair could not explain, and without it the values return.
-The whole arm identified from the same run needs none of that.
+A Puma is simulated in closed loop: joints 1 to 3 each on its own, the others held by their servos; and all together.
+The motor-link pair of every joint is fitted to both; the second gives wrong inertia and friction, negative friction
+among it. The diagnosis takes the torque of the other links, by the model, out of the torque first: it is what the pair
+could not explain, and without it the values return. The whole arm identified from the same run needs none of that.
 """
 
 from __future__ import annotations
@@ -58,7 +60,10 @@ def together(seed: int) -> Experiment:
 
 
 def recorded(arm: Arm, experiment: Experiment, folder: Path) -> Recording:
-    """The model's closed loop on an experiment, through a file: angles in steps of the encoders, currents with a Hall transducer's noise."""
+    """The model's closed loop on an experiment, through a file.
+
+    Angles in steps of the encoders, currents with a Hall transducer's noise.
+    """
     name = experiment.name.replace(" ", "_")
     write_experiment(folder / f"{name}.toml", experiment)
     simulate(model=MODEL, experiment=folder / f"{name}.toml", out=folder / f"{name}.mcap")

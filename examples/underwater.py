@@ -2,11 +2,11 @@
 
     python -m examples.underwater [--out DIR]
 
-Free: 1 N m on joint 1 from 0 to 1 s and on joint 2 from 5 to 6 s; in air, with drag only, with added mass only, with both. The
-water is in the model file (config/models/underwater.toml), and all runs are the compiled engine's.
-Controlled: the arm folds and turns, with computed torque that knows nothing of the water, with the same and disturbance decoupling,
-and with computed torque that has the water in its model; once with drives strong enough for it, once with drives that are not:
-there the demand is slowed as well.
+Free: 1 N m on joint 1 from 0 to 1 s and on joint 2 from 5 to 6 s; in air, with drag only, with added mass only, with
+both. The water is in the model file (config/models/underwater.toml), and all runs are the compiled engine's.
+Controlled: the arm folds and turns, with computed torque that knows nothing of the water, with the same and disturbance
+decoupling, and with computed torque that has the water in its model; once with drives strong enough for it, once with
+drives that are not: there the demand is slowed as well.
 """
 
 from __future__ import annotations

@@ -1,11 +1,13 @@
 """What a stretch of a demand can ask for at most, without looking at every instant of it.
 
-A check looks at a demand every ``STEP``: positions q(t), speeds |q(t + STEP) - q(t)| / STEP, and accelerations over ``FELT``, by which
-shorter corners are rounded: |q(t + 2 FELT) - 2 q(t + FELT) + q(t)| / FELT^2. The bounds are never below what such a look finds:
+A check looks at a demand every ``STEP``: positions q(t), speeds |q(t + STEP) - q(t)| / STEP, and accelerations over
+``FELT``, by which shorter corners are rounded: |q(t + 2 FELT) - 2 q(t + FELT) + q(t)| / FELT^2. The bounds are never
+below what such a look finds:
 
     speed         sup |q'|; a jump by J adds J / STEP
-    acceleration  the second difference is the mean of q'' weighted by a triangle 2 FELT wide and 1 / FELT high: at most sup |q''|, and
-                  D / FELT more where the speed jumps by D in the window, J / FELT^2 where the position does
+    acceleration  the second difference is the mean of q'' weighted by a triangle 2 FELT wide and 1 / FELT high: at most
+                  sup |q''|, and D / FELT more where the speed jumps by D in the window, J / FELT^2 where the position
+                  does
 """
 
 from __future__ import annotations
@@ -20,7 +22,10 @@ from arm_io.types import Array
 STEP = 1e-3
 """s between two looks at a demand."""
 FELT = 0.02
-"""s: an arm does not follow corners of a demand that are shorter; its acceleration is that between instants so far apart."""
+"""s: an arm does not follow corners of a demand that are shorter.
+
+Its acceleration is that between instants so far apart.
+"""
 
 
 @dataclass(frozen=True)

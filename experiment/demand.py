@@ -1,7 +1,7 @@
 """Segments -> demanded joint positions over time.
 
-The demand is a continuous function of time, evaluated on whole arrays. Nothing is expanded: what is repeated a million times takes no more
-memory than what is repeated twice.
+The demand is a continuous function of time, evaluated on whole arrays. Nothing is expanded: what is repeated a million
+times takes no more memory than what is repeated twice.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ SHOWN = 3
 class Demand:
     """Demanded joint positions of one experiment: ``demand(t)`` for t (n,) s gives (n, joints) rad or m.
 
-    Before 0 it stands at the start, after ``duration`` at ``end`` (joints,). It is a ``Piece`` of pieces that follow one another,
-    from ``starts`` (pieces,) s on.
+    Before 0 it stands at the start, after ``duration`` at ``end`` (joints,). It is a ``Piece`` of pieces that follow
+    one another, from ``starts`` (pieces,) s on.
     """
 
     duration: float
@@ -82,10 +82,12 @@ class Demand:
 
 @dataclass(frozen=True)
 class Repeated:
-    """A motion ``times`` times over: the ``first`` pass, then ``steady`` ones, each from where the one before has ended.
+    """A motion ``times`` times over.
 
-    A joint that some segment sends to a position is there again after every pass; one that is only driven by distances goes on by
-    the same way each time.
+    The ``first`` pass, then ``steady`` ones, each from where the one before has ended.
+
+    A joint that some segment sends to a position is there again after every pass; one that is only driven by distances
+    goes on by the same way each time.
     """
 
     first: Demand

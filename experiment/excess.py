@@ -1,8 +1,8 @@
 """Where a demand asks for more than some limits allow, found without looking at every instant of it.
 
-Branch and bound: a stretch whose bounds keep all limits is not looked at; one that may break them is halved, and looked at instant by
-instant once it is short. What is found is what a look at every instant finds, at the cost of those few that matter: a day's motion
-takes milliseconds, and as much memory as half a minute's.
+Branch and bound: a stretch whose bounds keep all limits is not looked at; one that may break them is halved, and looked
+at instant by instant once it is short. What is found is what a look at every instant finds, at the cost of those few
+that matter: a day's motion takes milliseconds, and as much memory as half a minute's.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ def excesses(
 ) -> list[Excess]:
     """What a demand asks for beyond limits (n,) each, in the order of ``Kind`` within a joint; None: any is allowed.
 
-    Positions, speeds and accelerations as ``experiment.bounds`` looks at them. A position that is not finite is beyond every limit.
+    Positions, speeds and accelerations as ``experiment.bounds`` looks at them. A position that is not finite is beyond
+    every limit.
     """
     n = len(demand.end)
     free = np.full(n, np.finfo(float).max)
@@ -67,7 +68,10 @@ def excesses(
 
 
 def _beyond(demand: Demand, limits: Array) -> Array:
-    """(4, n) the largest -position, position, speed and acceleration where they are beyond ``limits`` (4, n), else some value within."""
+    """(4, n) the largest -position, position, speed and acceleration beyond ``limits`` (4, n).
+
+    Where they are not beyond them, some value within.
+    """
     most = limits.copy()
     waiting = list(_stretches(demand))[::-1]
     while waiting:
@@ -99,7 +103,10 @@ def instants_of(demand: Demand) -> int:
 
 
 def _looked_at(demand: Demand, first: int, last: int) -> Array:
-    """(4, n) largest -position, position, speed, acceleration at instants first ... last - 1, each with what follows it until the end."""
+    """(4, n) largest -position, position, speed, acceleration at instants first ... last - 1.
+
+    Each with what follows it until the end.
+    """
     q = demand(np.arange(first, min(last + 2 * WINDOW, instants_of(demand)), dtype=float) * STEP)
     rows = last - first
     bend = q[2 * WINDOW :] - 2 * q[WINDOW:-WINDOW] + q[: -2 * WINDOW]

@@ -1,4 +1,7 @@
-"""The experiment file (``config/experiments/*.toml``): what ``record`` and ``simulate`` run and experiment design writes."""
+"""The experiment file (``config/experiments/*.toml``).
+
+What ``record`` and ``simulate`` run and experiment design writes.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,10 @@ from experiment.demand import demand_of
 from experiment.segments import Chirp, Drive, Fourier, Move, Repeat, Segment, Setpoints
 
 DEEPEST_REPEAT = 5
-"""Of repeats in one another. Every one may double what is kept of the motion inside (``experiment.demand.Repeated``)."""
+"""Of repeats in one another.
+
+Every one may double what is kept of the motion inside (``experiment.demand.Repeated``).
+"""
 
 
 class Payload(Table):

@@ -1,7 +1,7 @@
 """The pieces of a demand: what each kind of segment asks for, as a function of the time within it, with its bounds.
 
-Trapezoidal moves: with distance D, speed v and acceleration a, ramps of v / a each where D >= v^2 / a, else a triangle of peak speed
-sqrt(a D).
+Trapezoidal moves: with distance D, speed v and acceleration a, ramps of v / a each where D >= v^2 / a, else a triangle
+of peak speed sqrt(a D).
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ SAMPLES = 512
 class Piece(Protocol):
     """A motion of n joints that lasts ``duration`` s and leads to ``end`` (n,) rad or m.
 
-    Called with times (k,) s from 0 to ``duration`` it gives (k, n) positions. ``bounds`` holds from start to stop, s, which may reach
-    beyond both ends, where the piece rests.
+    Called with times (k,) s from 0 to ``duration`` it gives (k, n) positions. ``bounds`` holds from start to stop, s,
+    which may reach beyond both ends, where the piece rests.
     """
 
     @property
@@ -124,7 +124,10 @@ class Series:
 
     @cached_property
     def _period(self) -> list[tuple[Array, Array]]:
-        """Lowest and highest value of the series, its rate and its curvature: of samples over one period, and what is between them."""
+        """Lowest and highest value of the series, its rate and its curvature.
+
+        Of samples over one period, and what is between them.
+        """
         amplitudes = np.abs(np.array(self.segment.sine, float)) + np.abs(np.array(self.segment.cosine, float))
         harmonics = np.arange(1, amplitudes.shape[1] + 1)
         period, pulsation = 1 / self.segment.fundamental, 2 * np.pi * self.segment.fundamental
@@ -224,7 +227,10 @@ class Polyline:
 
     @cached_property
     def _corners(self) -> Array:
-        """(rows + 1, n) sums up to each row, exclusive, of the jumps of speed at it; it rests before the first and behind the last."""
+        """(rows + 1, n) sums up to each row, exclusive, of the jumps of speed at it.
+
+        It rests before the first and behind the last.
+        """
         slopes = np.diff(self.positions, axis=0) / np.diff(self.times)[:, None]
         still = np.zeros((1, self.positions.shape[1]))
         jumps = np.abs(np.diff(np.concatenate([still, slopes, still]), axis=0))

@@ -1,4 +1,7 @@
-"""The segments of an experiment, as a person writes them. Angles rad (m for prismatic joints), times s, joints from 1."""
+"""The segments of an experiment, as a person writes them.
+
+Angles rad (m for prismatic joints), times s, joints from 1.
+"""
 
 from __future__ import annotations
 
@@ -47,8 +50,8 @@ class Move(Table):
 class Fourier(Table):
     """Finite Fourier series about the present position: sum over h of a[j][h] sin(h w t) + b[j][h] (cos(h w t) - 1).
 
-    w = 2 pi ``fundamental``. The sum is multiplied by a quintic step of ``fade`` seconds at both ends: it starts and ends at rest
-    (Swevers et al., IEEE T-RA 13(5), 1997, without the fade).
+    w = 2 pi ``fundamental``. The sum is multiplied by a quintic step of ``fade`` seconds at both ends: it starts and
+    ends at rest (Swevers et al., IEEE T-RA 13(5), 1997, without the fade).
     """
 
     type: Literal["fourier"]
@@ -68,7 +71,10 @@ class Fourier(Table):
 
 
 class Chirp(Table):
-    """One joint: amplitude sin(phase), the frequency going linearly from ``frequency`` to ``to_frequency``; faded at both ends."""
+    """One joint: amplitude sin(phase), the frequency going linearly from ``frequency`` to ``to_frequency``.
+
+    Faded at both ends.
+    """
 
     type: Literal["chirp"]
     joint: Annotated[int, Field(ge=1)]

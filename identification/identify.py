@@ -60,7 +60,10 @@ def check_runs(
     sparse: bool = False,
     progress: Progress = lambda _: None,
 ) -> Readiness:
-    """How fit recordings are to identify ``arm``, before anything is fitted; ``sparse``: runs of one joint each. InputError: not at all."""
+    """How fit recordings are to identify ``arm``, before anything is fitted; ``sparse``: runs of one joint each.
+
+    InputError: not at all.
+    """
     problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress, sparse=sparse)
     return Readiness(problem.runs, excitation_of(problem), problem.warnings)
 
@@ -89,7 +92,8 @@ def tuned(
     warnings = [warning for run in runs for warning in run.warnings if "never moves" not in warning]
     if not held_out:
         warnings.append(
-            "no recording is held out: give --held-out recordings of another motion before calling this friction validated"
+            "no recording is held out: give --held-out recordings of another motion before calling this friction "
+            "validated"
         )
     predictions: list[Prediction] = []
     for recording, motion in zip([*fit, *held_out], [*motions, *held_motions]):

@@ -1,4 +1,7 @@
-"""The outcome of an identification: numbers with their uncertainty, what they are worth on other data, and the arm they make."""
+"""The outcome of an identification.
+
+Numbers with their uncertainty, what they are worth on other data, and the arm they make.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +30,11 @@ EXCESSIVE = 3.0
 
 @dataclass(frozen=True)
 class Value:
-    """One parameter. ``std`` from leaving out blocks of time, with other sources of uncertainty; ``std_bootstrap`` from drawing blocks anew,
-    ``std_formula`` as if residuals were white; None where these data do not determine it."""
+    """One parameter.
+
+    ``std`` from leaving out blocks of time, with other sources of uncertainty; ``std_bootstrap`` from drawing blocks
+    anew, ``std_formula`` as if residuals were white; None where these data do not determine it.
+    """
 
     name: str
     value: float
@@ -44,9 +50,9 @@ class Value:
 class Prediction:
     """Measured and predicted torque of one run: t (k,), joint (k,) from 0, measured, predicted (k,) N m or N.
 
-    sliding (k,): rows with no reversal or standstill near, where Coulomb's law is no law; None: all. Of held-out runs, None where not known:
-    prediction_std (k,): of the predicted torque, from that of the parameters; noise (k,): rms error of the joint on sliding rows of
-    the fitted runs through the filter of this one.
+    sliding (k,): rows with no reversal or standstill near, where Coulomb's law is no law; None: all. Of held-out runs,
+    None where not known: prediction_std (k,): of the predicted torque, from that of the parameters; noise (k,): rms
+    error of the joint on sliding rows of the fitted runs through the filter of this one.
     """
 
     run: str
@@ -119,7 +125,10 @@ class Identification:
         return figure
 
     def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
-        """Writes identification.json, report.html and model.toml into ``folder``; returns what identification.json says."""
+        """Writes identification.json, report.html and model.toml into ``folder``.
+
+        Returns what identification.json says.
+        """
         from identification.report.write import write_identification
 
         return write_identification(folder, self)
@@ -145,7 +154,10 @@ class Identification:
         return "N m" if self.arm.joints[joint].revolute else "N"
 
     def expected_rms(self, joint: int) -> float:
-        """Rms error of a joint (from 0) on sliding held-out rows that is expected from its noise in the fitted runs and the standard deviations of the parameters."""
+        """Rms error of a joint (from 0) on sliding held-out rows.
+
+        It is that expected from its noise in the fitted runs and the standard deviations of the parameters.
+        """
         known = [p for p in self.rows(True) if p.prediction_std is not None and p.noise is not None]
         if not known:
             return self.rms(False, joint, sliding=True)

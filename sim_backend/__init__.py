@@ -1,1 +1,4 @@
-"""The simulated rig: arm, controller, encoders, transducers and tracker, behind the shapes of the drivers (docs/simulated_rig.md)."""
+"""The simulated rig: arm, controller, encoders, transducers and tracker, behind the shapes of the drivers.
+
+See docs/simulated_rig.md.
+"""

@@ -1,7 +1,10 @@
-"""The analogue card of the thesis, Lab-PC: eight inputs of 12 bit, one converter; two analogue outputs, TTL lines, timer B2.
+"""The analogue card of the thesis, Lab-PC: eight inputs of 12 bit, one converter.
 
-The converter goes through the inputs one after the other: input c of a row is converted c / conversion_rate after the edge. The trigger
-input counts edges; with the timer as their source, counter B2 of this card makes them, from the rise of the ``start`` line on.
+Two analogue outputs, TTL lines, timer B2.
+
+The converter goes through the inputs one after the other: input c of a row is converted c / conversion_rate after the
+edge. The trigger input counts edges; with the timer as their source, counter B2 of this card makes them, from the rise
+of the ``start`` line on.
 """
 
 from __future__ import annotations
@@ -27,7 +30,10 @@ START = "start"
 
 
 class Config(Table):
-    """One card. joints: the joint whose current transducer is wired to each input; 0 for an input left open (it reads 0 V)."""
+    """One card. joints: the joint whose current transducer is wired to each input.
+
+    0 for an input left open (it reads 0 V).
+    """
 
     joints: list[Annotated[int, Field(ge=0)]] = Field(default=[1, 2, 3, 4, 5, 6, 0, 0], min_length=1, max_length=16)
     bits: Annotated[int, Field(ge=8, le=24)] = 12
@@ -77,7 +83,8 @@ class Card:
         if plan.rate > self._max_rate():
             raise DeviceFault(
                 self.name,
-                f"converts {self.config.conversion_rate:g} values/s: {len(self._skew)} inputs at most {self._max_rate():.0f}"
+                f"converts {self.config.conversion_rate:g} values/s: {len(self._skew)} inputs at most "
+                f"{self._max_rate():.0f}"
                 f" times per second, not {plan.rate:g}; lower the rate",
             )
         self._latch.arm(plan)

@@ -1,7 +1,9 @@
-"""The counter card of the thesis, MIT C12: three quadrature channels of 24 bit and one of 32, all latched on one trigger input.
+"""The counter card of the thesis, MIT C12.
 
-Modes x1, x2 and x4; presets; reset on the next index pulse (once a motor revolution). Six joints need two cards. Rows are numbered by
-the card's own count of edges; its ticks are of its 1 MHz timer.
+Three quadrature channels of 24 bit and one of 32, all latched on one trigger input.
+
+Modes x1, x2 and x4; presets; reset on the next index pulse (once a motor revolution). Six joints need two cards. Rows
+are numbered by the card's own count of edges; its ticks are of its 1 MHz timer.
 """
 
 from __future__ import annotations
@@ -177,7 +179,10 @@ class Card:
         return _from(at, since, begin) & ~_from(at, since, begin + period)
 
     def _find_index(self, channel: int, until: int) -> None:
-        """Looks for the channel's index pulse, where its motor passes a whole revolution, and resets the register there."""
+        """Looks for the channel's index pulse, where its motor passes a whole revolution.
+
+        Resets the register there.
+        """
         joint = self.config.joints[channel]
         begin = self._index.get(channel)
         if begin is None or until <= begin or not joint:

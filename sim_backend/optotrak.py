@@ -1,8 +1,11 @@
-"""The external tracker of the thesis, Optotrak: the position of one retroreflector on the last link, in the tracker's own frame.
+"""The external tracker of the thesis, Optotrak.
 
-It cannot be triggered: from the rise of the start line on it samples at its own rate, raises the trigger line once a sample, and keeps
-the first ``memory`` points, which are recalled after the run. With a ``stream`` it also sends points as it goes, as many as its
-link carries: at 1000 samples/s and 350 points/s, every third; a row without a point is marked missing.
+The position of one retroreflector on the last link, in the tracker's own frame.
+
+It cannot be triggered: from the rise of the start line on it samples at its own rate, raises the trigger line once a
+sample, and keeps the first ``memory`` points, which are recalled after the run. With a ``stream`` it also sends points
+as it goes, as many as its link carries: at 1000 samples/s and 350 points/s, every third; a row without a point is
+marked missing.
 """
 
 from __future__ import annotations

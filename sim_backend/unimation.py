@@ -1,4 +1,7 @@
-"""The arm's controller, as its host sees it: takes an experiment, moves when the start line rises, stops in a controlled way."""
+"""The arm's controller, as its host sees it.
+
+Takes an experiment, moves when the start line rises, stops in a controlled way.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,10 @@ from sim_backend.rig.world import World, world_of
 
 
 class Config(Table):
-    """waits_for_start_line: the motion begins when the line rises (if it is low at ``start``), else at ``start`` itself."""
+    """waits_for_start_line: the motion begins when the line rises (if it is low at ``start``).
+
+    Else at ``start`` itself.
+    """
 
     waits_for_start_line: bool = True
 

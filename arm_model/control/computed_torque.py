@@ -20,10 +20,12 @@ class Reference:
 
 @dataclass(frozen=True)
 class ComputedTorque:
-    """tau = M(q) (q''_d + 2 zeta w (q'_d - q') + w^2 (q_d - q)) + h(q, q') + g(q) + friction + what water the model has.
+    """Computed torque: the inverse dynamics of the demanded acceleration and of what is missing of the demand.
 
-    With a true model and no limit every joint's error obeys e'' + 2 zeta w e' + w^2 e = 0 (Markiewicz, JPL TM 33-601, 1973).
-    ``arm`` is what the controller believes; natural_frequency w rad/s.
+    tau = M(q) (q''_d + 2 zeta w (q'_d - q') + w^2 (q_d - q)) + h(q, q') + g(q) + friction + what water the model has.
+
+    With a true model and no limit every joint's error obeys e'' + 2 zeta w e' + w^2 e = 0 (Markiewicz, JPL TM 33-601,
+    1973). ``arm`` is what the controller believes; natural_frequency w rad/s.
     """
 
     arm: Arm

@@ -1,24 +1,25 @@
 """Disturbance decoupling: computed torque, and an observer that finds and cancels whatever the model leaves out.
 
-The generalised momentum p = M(q) q' of the modelled arm changes by p' = tau + M' q' - h(q, q') - g(q) - friction + d, where d is the torque
-of all that is not in the model: the water's drag and added mass, a payload, wrong friction. With
+The generalised momentum p = M(q) q' of the modelled arm changes by p' = tau + M' q' - h(q, q') - g(q) - friction + d,
+where d is the torque of all that is not in the model: the water's drag and added mass, a payload, wrong friction. With
 
     r = K (p - p(0) - int (tau + M' q' - h - g - friction + r) dt)       r' = K (d - r)
 
-r is d through a low-pass of bandwidth K, without differentiating a velocity (De Luca and Mattone, "Actuator failure detection and
-isolation using generalized momenta", ICRA 2003). The drives are commanded tau - r. tau in the observer is what the drives gave,
-cut by their limits.
+r is d through a low-pass of bandwidth K, without differentiating a velocity (De Luca and Mattone, "Actuator failure
+detection and isolation using generalized momenta", ICRA 2003). The drives are commanded tau - r. tau in the observer is
+what the drives gave, cut by their limits.
 
 What it guarantees where motions are slow against the sampling period T:
 
-* r follows d with r' = K (d - r), sampled r + K T (d - r), at all times: limits that cut the torque do not wind it up, since what they
-  cut is not taken for a disturbance. Wants K T < 1.
-* While no limit cuts, each joint's error obeys e'' + 2 zeta w e' + w^2 e = -(M^-1 (d - r))_j: a constant disturbance leaves no error, one
-  that changes is felt with d'/K.
-* While a limit cuts, nothing is promised of the error, by this or any controller at the demanded pace: the demand has to slow down
-  (``arm_model.control.time_scaling``).
+* r follows d with r' = K (d - r), sampled r + K T (d - r), at all times: limits that cut the torque do not wind it up,
+  since what they cut is not taken for a disturbance. Wants K T < 1.
+* While no limit cuts, each joint's error obeys e'' + 2 zeta w e' + w^2 e = -(M^-1 (d - r))_j: a constant disturbance
+  leaves no error, one that changes is felt with d'/K.
+* While a limit cuts, nothing is promised of the error, by this or any controller at the demanded pace: the demand has
+  to slow down (``arm_model.control.time_scaling``).
 
-Added mass that the model lacks is in d as -Ma q''; that of the thesis's arm is three times the links' own, and is borne.
+Added mass that the model lacks is in d as -Ma q''; that of the thesis's arm is three times the links' own, and is
+borne.
 """
 
 from __future__ import annotations
@@ -36,7 +37,10 @@ STEP = 1e-5
 
 
 class DisturbanceDecoupling:
-    """Computed torque less the observed disturbance. ``bandwidth`` K 1/s; ``period`` s between two calls of ``torque``."""
+    """Computed torque less the observed disturbance.
+
+    ``bandwidth`` K 1/s; ``period`` s between two calls of ``torque``.
+    """
 
     def __init__(self, computed: ComputedTorque, *, bandwidth: float, period: float) -> None:
         if not 0 < bandwidth * period < 1:

@@ -1,12 +1,12 @@
 """A demanded motion slowed where the drives cannot follow it, so that limits cost time and not accuracy.
 
-The demand is run along s instead of t, with s' = sigma <= 1: q_d(s), its rate sigma q_d', its acceleration sigma^2 q_d'' + x q_d' with
-x = sigma'. The controller's torque is affine in x; of the x that keep every joint within its limit the one nearest to the reference
-(1 - sigma) / recovery is taken (Dahl and Nielsen, "Torque-limited path following by online trajectory time scaling", IEEE
-Trans. Robotics and Automation 6(5), 1990). Where no x does, the motion is slowed.
+The demand is run along s instead of t, with s' = sigma <= 1: q_d(s), its rate sigma q_d', its acceleration sigma^2
+q_d'' + x q_d' with x = sigma'. The controller's torque is affine in x; of the x that keep every joint within its limit
+the one nearest to the reference (1 - sigma) / recovery is taken (Dahl and Nielsen, "Torque-limited path following by
+online trajectory time scaling", IEEE Trans. Robotics and Automation 6(5), 1990). Where no x does, the motion is slowed.
 
-It does not look ahead: it suits motions that drag or friction helps to brake, as in water. At rest x moves nothing: the demand
-has to set out, and turn round, with accelerations that the drives can give.
+It does not look ahead: it suits motions that drag or friction helps to brake, as in water. At rest x moves nothing: the
+demand has to set out, and turn round, with accelerations that the drives can give.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from arm_model.control.torque_control import TorqueController
 class TimeScaling:
     """Runs ``demand`` through ``controller`` no faster than ``limits`` (n,) N m (N) allow; called every ``period`` s.
 
-    recovery: s in which the motion comes back to its full speed. ``share`` of the limits is planned with: the rest is for
-    errors of the model and for feedback. ``reference``: positions demanded so far, one (n,) a tick.
+    recovery: s in which the motion comes back to its full speed. ``share`` of the limits is planned with: the rest is
+    for errors of the model and for feedback. ``reference``: positions demanded so far, one (n,) a tick.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class TimeScaling:
         self.controller.observe(q, qd, applied)
 
     def _pace(self, tau: Array, inertial: Array) -> float:
-        """x within what stops in one tick and what brings the full speed back in one, and within the limits if possible."""
+        """x within what one tick can stop or bring to full speed, and within the limits if possible."""
         low, high = -self.speed / self.period, (1.0 - self.speed) / self.period
         with np.errstate(divide="ignore", invalid="ignore"):
             ends = np.stack([(-self.limits - tau) / inertial, (self.limits - tau) / inertial])

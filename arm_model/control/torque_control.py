@@ -1,4 +1,7 @@
-"""An arm under a torque controller, simulated by the compiled engine: in air or water, with all effects of its model."""
+"""An arm under a torque controller, simulated by the compiled engine.
+
+In air or water, with all effects of its model.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,10 @@ class TorqueController(Protocol):
 
 @dataclass(frozen=True)
 class Run:
-    """(R,) s, and (R, n) each: motor angle over gear, its rate, torque given from then on, demanded position; rad, rad/s, N m."""
+    """(R,) s, and (R, n) each: motor angle over gear, its rate, torque given from then on, demanded position.
+
+    rad, rad/s, N m.
+    """
 
     t: Array
     q: Array
@@ -43,10 +49,12 @@ def controlled(
     period: float,
     start: Array | None = None,
 ) -> Run:
-    """The arm under a controller that is called every ``period`` s with what the motors' encoders tell, from rest at ``start``.
+    """The arm under a controller that is called every ``period`` s with what the motors' encoders tell.
 
-    Torques are cut at each joint's torque_limit and held for a period, a whole number of the engine's steps. The servos of the
-    model, if it has any, are out of play.
+    It starts from rest at ``start``.
+
+    Torques are cut at each joint's torque_limit and held for a period, a whole number of the engine's steps. The servos
+    of the model, if it has any, are out of play.
     """
     n = len(arm)
     stepper = Stepper(replace(arm, controller=None), demand(0.0).q if start is None else np.asarray(start, float))

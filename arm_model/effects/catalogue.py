@@ -28,7 +28,10 @@ def observed_by(instrument: Instrument) -> tuple[Effect, ...]:
 
 
 def same_columns(effect: Effect) -> tuple[str, ...]:
-    """Effects that name it as it names them: whatever is recorded, their columns are the same, and both together explain anything."""
+    """Effects that name it as it names them.
+
+    Whatever is recorded, their columns are the same, and both together explain anything.
+    """
     return tuple(name for name in effect.aliases if effect.name in CATALOGUE[name].aliases)
 
 

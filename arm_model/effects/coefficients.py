@@ -1,8 +1,10 @@
-"""Between an effect's parameters and the coefficients of its columns: an estimator fits coefficients, a model has parameters.
+"""Between an effect's parameters and the coefficients of its columns.
 
-``units`` are the parameter values at which the law is evaluated for a column each; ``solved`` turns the coefficients of these columns back into
-parameters. What lies between is said by ``Parameter.linear`` and ``Parameter.span``: the law at ``solved(effect, held, c)`` is the sum of
-c_k times the law at ``units(effect, held)[k]``.
+An estimator fits coefficients, a model has parameters.
+
+``units`` are the parameter values at which the law is evaluated for a column each; ``solved`` turns the coefficients of
+these columns back into parameters. What lies between is said by ``Parameter.linear`` and ``Parameter.span``: the law at
+``solved(effect, held, c)`` is the sum of c_k times the law at ``units(effect, held)[k]``.
 """
 
 from __future__ import annotations
@@ -15,7 +17,10 @@ from arm_model.effects.observation import Span
 
 
 def units(effect: Effect, held: Mapping[str, float]) -> list[Values]:
-    """Parameter values, one set per column: each linear parameter at 1 in turn, a spanned one at each of its values; ``held``: all others."""
+    """Parameter values, one set per column: each linear parameter at 1 in turn, a spanned one at each of its values.
+
+    ``held``: all others.
+    """
     spanned = [(p.name, p.span.values) for p in effect.nonlinear if p.span is not None and p.span.values]
     sets = []
     for values in itertools.product(*(values for _, values in spanned)):
@@ -30,7 +35,10 @@ def units(effect: Effect, held: Mapping[str, float]) -> list[Values]:
 
 
 def solved(effect: Effect, held: Mapping[str, float], coefficients: Sequence[float]) -> dict[str, float]:
-    """Parameter values (SI) that the coefficients (k,) of an effect's columns stand for; ``held``: of parameters that are no coefficient."""
+    """Parameter values (SI) that the coefficients (k,) of an effect's columns stand for.
+
+    ``held``: of parameters that are no coefficient.
+    """
     c = [float(value) for value in coefficients]
     if effect.delay is not None:
         return {effect.parameters[0].name: c[0]}

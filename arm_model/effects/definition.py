@@ -1,24 +1,28 @@
 """What an effect is: one definition that serves simulation, estimation, plot labels and report equations.
 
-The law of an effect is written once, with the functions of ``arm_model.rigid_body.scalar``: called with numpy arrays it evaluates recorded data, with
-nodes of the expression tape it becomes part of the compiled simulation, with sympy symbols it becomes the printed equation.
+The law of an effect is written once, with the functions of ``arm_model.rigid_body.scalar``: called with numpy arrays it
+evaluates recorded data, with nodes of the expression tape it becomes part of the compiled simulation, with sympy
+symbols it becomes the printed equation.
 
 An effect has exactly one law, and which one says where in the chain it sits:
 
-torque      torque(p, s): what the drive must provide in addition, N m (N) at the joint. With ``rate`` it has an internal state
-            ``s.state`` whose rate is rate(p, s); at standstill the state is 0.
-deflection  deflection(p, s): motor angle (over gear) minus link angle, rad (m), as a function of the transmitted torque ``s.load`` or
-            of the motor angle; ``spring(p, s)`` is the transmitted torque over ``s.twist`` and ``s.twist_rate`` for the two-mass
-            simulation of elastic transmissions (None: the relation is kinematic, simulated as it stands).
+torque      torque(p, s): what the drive must provide in addition, N m (N) at the joint. With ``rate`` it has an
+            internal state ``s.state`` whose rate is rate(p, s); at standstill the state is 0.
+deflection  deflection(p, s): motor angle (over gear) minus link angle, rad (m), as a function of the transmitted torque
+            ``s.load`` or of the motor angle; ``spring(p, s)`` is the transmitted torque over ``s.twist`` and
+            ``s.twist_rate`` for the two-mass simulation of elastic transmissions (None: the relation is kinematic,
+            simulated as it stands).
 angle       angle(p, s): added to the motor angle over gear that the instrument records, rad (m).
 current     current(p, s): added to the motor current that the instrument records, A.
 delay       delay(p, s): s by which the recorded currents are late against the recorded angles.
 change      change(arm, joint, p): another arm; for effects that are wrong numbers in the description.
-coupling    parameters named cij: turn of axis i for a turn of motor j, in the relation link angles = (1 + C) motor angles.
-bend        bend(p, s): rad by which the link turns away from its joint's angle where a tracker looks; ``s.q`` is that angle, ``s.load`` the
-            torque that holds the joint against gravity.
+coupling    parameters named cij: turn of axis i for a turn of motor j, in the relation link angles = (1 + C) motor
+            angles.
+bend        bend(p, s): rad by which the link turns away from its joint's angle where a tracker looks; ``s.q`` is that
+            angle, ``s.load`` the torque that holds the joint against gravity.
 late        late(p, s): s by which tracked points are late against the recorded angles.
-stray       stray(p, s): m by which a tracked point is wrong, in any direction; ``s.state`` is a number in 0..1 drawn for its row.
+stray       stray(p, s): m by which a tracked point is wrong, in any direction; ``s.state`` is a number in 0..1 drawn
+            for its row.
 limit       limit(p, s): the largest magnitude of motor current that the drive gives, A.
 """
 
@@ -46,7 +50,10 @@ class Place(StrEnum):
 
 
 SYSTEMATIC = 0.02
-"""Relative error of a first-order column, as a share of the value estimated by it; ``Effect.model_error`` where more is known."""
+"""Relative error of a first-order column, as a share of the value estimated by it.
+
+``Effect.model_error`` where more is known.
+"""
 
 
 def geometric(low: float, high: float, count: int) -> tuple[float, ...]:
@@ -69,12 +76,14 @@ class Parameter:
     search         values that a search begins with; (): it is a coefficient, is spanned, or is derived
     fixed          the recordings hardly show it: it stays at its first search value and is not reported
     span           why no search is needed: see ``Span``
-    derived        follows from the joint where it is not given (``arm_model.system.step_size``); searched in closed loop only
+    derived        follows from the joint where it is not given (``arm_model.system.step_size``); searched in closed
+                   loop only
     inverse        the effect is largest where this is least
     most           largest magnitude that is physically admissible
     scale, shares  on an axis of any size and unit, the search is at these shares of that scale instead
     chain          value of the kinematic chain that it changes: theta, alpha, a, d or beta of its joint
-    tracker_prior  prior standard deviation where only tracked points show it, in ``unit`` (``inverse``: of its reciprocal)
+    tracker_prior  prior standard deviation where only tracked points show it, in ``unit`` (``inverse``: of its
+                   reciprocal)
     """
 
     name: str
@@ -141,19 +150,22 @@ Law = Callable[[Values, Signals], Any]
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect of the vocabulary. ``equation`` is what a report prints; the laws are described in the module's docstring.
+    """One effect of the vocabulary.
+
+    ``equation`` is what a report prints; the laws are described in the module's docstring.
 
     per_joint        False: it belongs to the arm (or the instrument) as a whole
     shows            what a person sees in the residual
     confused_with    effects that a recording may fail to tell from it, each with what separates them
     observed_by      the instruments that show it, and how each does
     excited_by       what a joint must do for it to show
-    aliases          effects that may as well be it, whatever is recorded; two that name each other have the same columns
+    aliases          effects that may as well be it, whatever is recorded; two that name each other have the same
+                     columns
     special_cases    simpler effects of the catalogue that it contains
     near_cases       simpler effects that it nearly contains, while poses differ little
     model_error      relative error of its first-order column
-    link_parameters  its columns are this many barycentric parameters of its joint's link (of the last one, for the whole arm): mass, first
-                     moments, inertia about the frame's origin; 0: they follow from its law
+    link_parameters  its columns are this many barycentric parameters of its joint's link (of the last one, for the
+                     whole arm): mass, first moments, inertia about the frame's origin; 0: they follow from its law
     own_joint        a change of the description that only the current of its own joint shows
     driven           its law looks at ``s.driver``
     sparse           acts at a few instants of a recording: may also be judged by when these are
@@ -217,7 +229,10 @@ class Effect:
         return tuple(p for p in self.parameters if not p.linear)
 
     def shown(self, instrument: Instrument, values: Mapping[str, float], unit: Mapping[str, str]) -> str:
-        """What a person sees of it in an instrument's signal, at parameter ``values`` (SI) with the ``unit`` of each at its joint."""
+        """What a person sees of it in an instrument's signal.
+
+        ``values`` are its parameters (SI), with the ``unit`` of each at its joint.
+        """
         shows = self.observed_by[instrument].shows or self.shows
         return shows if isinstance(shows, str) else shows(Values(values), unit)
 

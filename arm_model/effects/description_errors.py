@@ -22,7 +22,10 @@ def _with_joint(arm: Arm, joint: int | None, **changes: object) -> Arm:
 
 
 def _merged(link: Joint, mass: float, moment: np.ndarray, about_origin: np.ndarray) -> dict[str, object]:
-    """Mass, com and inertia of a link after adding mass kg, first moment (3,) kg m and inertia (3, 3) about the frame's origin."""
+    """Mass, com and inertia of a link.
+
+    What is added: mass kg, first moment (3,) kg m and inertia (3, 3) about the frame's origin.
+    """
     xx, yy, zz, xy, yz, xz = link.inertia
     com = np.array(link.com)
     total = link.mass + mass

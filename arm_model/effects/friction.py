@@ -1,4 +1,8 @@
-"""Friction. All laws are torques that oppose the motion; what the model's own viscous and Coulomb friction already says is not repeated."""
+"""Friction.
+
+All laws are torques that oppose the motion; what the model's own viscous and Coulomb friction already says is not
+repeated.
+"""
 
 from __future__ import annotations
 
@@ -94,7 +98,8 @@ STRIBECK_FRICTION = Effect(
         Instrument.SINGLE_AXIS: Observation(
             against=Variable.VELOCITY,
             shows=lambda p, unit: (
-                f"below about {p.stribeck_velocity:.2g} {unit['stribeck_velocity']} there is up to {abs(p.breakaway):.3g} "
+                f"below about {p.stribeck_velocity:.2g} {unit['stribeck_velocity']} there is up to "
+                f"{abs(p.breakaway):.3g} "
                 f"{unit['breakaway']} {'more' if p.breakaway > 0.0 else 'less'} friction than Coulomb's"
             ),
         ),
@@ -134,7 +139,8 @@ PRESLIDING_FRICTION = Effect(
             fixed=True,
         ),
     ),
-    equation="tau = s0 z + s1 z' - F sign(q'),  z' = q' - s0 |q'| z / F   (Canudas de Wit et al., IEEE TAC 40(3), 1995)",
+    equation="tau = s0 z + s1 z' - F sign(q'),  z' = q' - s0 |q'| z / F   (Canudas de Wit et al., IEEE TAC 40(3), "
+    "1995)",
     shows="a loop of torque over position after each reversal",
     confused_with={"backlash": "slow small torque ramps", "joint_compliance": "slow small torque ramps"},
     observed_by=_AGAINST_VELOCITY,

@@ -84,7 +84,10 @@ class Observation:
 
 
 class Span(StrEnum):
-    """A nonlinear parameter whose whole family of laws lies in a plane: columns at two values, or one column more, replace its search."""
+    """A nonlinear parameter whose whole family of laws lies in a plane.
+
+    Columns at two values, or one column more, replace its search.
+    """
 
     PHASE = "phase"
     """a sin(x + phi) = c0 sin x + c1 sin(x + pi / 2): a = hypot(c0, c1), phi = atan2(c1, c0)."""

@@ -29,7 +29,8 @@ ENCODER_RIPPLE = Effect(
         Instrument.CURRENT: Observation(against=Variable.MOTOR_ANGLE),
         Instrument.LINK_ENCODER: Observation(
             shows=lambda p, unit: (
-                f"motor minus link encoder repeats {p.order:.0f} times per turn of the joint: the link encoder is eccentric"
+                f"motor minus link encoder repeats {p.order:.0f} times per turn of the joint: the link encoder is "
+                "eccentric"
             ),
             of_arm=False,
         ),
@@ -141,7 +142,8 @@ TIME_SKEW = Effect(
         Instrument.SINGLE_AXIS: Observation(
             against=Variable.CURRENT_RATE,
             shows=lambda p, unit: (
-                f"the command as recorded {'leads' if p.delay < 0.0 else 'lags'} the motion by {abs(1e3 * p.delay):.2f} ms"
+                f"the command as recorded {'leads' if p.delay < 0.0 else 'lags'} the motion by "
+                f"{abs(1e3 * p.delay):.2f} ms"
             ),
         ),
         Instrument.LINK_ENCODER: Observation(against=Variable.VELOCITY, of_arm=False),

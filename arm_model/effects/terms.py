@@ -1,4 +1,7 @@
-"""Effect terms of an arm (``[[effect]]`` in its model file): checked, and those that are another description carried out."""
+"""Effect terms of an arm (``[[effect]]`` in its model file).
+
+Checked, and those that are another description carried out.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +17,10 @@ DERIVED = frozenset({"contact_stiffness", "contact_damping"})
 
 
 def check_terms(arm: Arm, where: str | Path | None = None) -> None:
-    """InputError (one line) where an effect term of the arm names no effect, or its joint or parameters do not fit;
-    ``where`` is named in it, by default the arm."""
+    """InputError (one line) where an effect term of the arm names no effect, or its joint or parameters do not fit.
+
+    ``where`` is named in it, by default the arm.
+    """
     where = arm.name if where is None else where
     for number, term in enumerate(arm.effects, 1):
         here = f"effect[{number}]"
@@ -57,7 +62,10 @@ def _must_be_positive(parameter: Parameter) -> bool:
 
 
 def described(arm: Arm) -> Arm:
-    """The arm with those effects put into its description that are just other numbers in it (a payload, a tilted base)."""
+    """The arm with those effects put into its description that are just other numbers in it.
+
+    Such as a payload or a tilted base).
+    """
     bent = arm
     for term in arm.effects:
         effect = CATALOGUE[term.name]

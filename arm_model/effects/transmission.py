@@ -1,4 +1,7 @@
-"""Between motor and link: lost motion, elasticity, gear errors. Motor angle over gear minus link angle is the deflection."""
+"""Between motor and link: lost motion, elasticity, gear errors.
+
+Motor angle over gear minus link angle is the deflection.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,9 @@ from arm_model.rigid_body import scalar
 
 
 def across_gap(half_gap: Any, twist: Any, rate: Any, spring: Callable[[Any, Any], Any]) -> Any:
-    """Torque of a gap in series with ``spring`` (twist beyond the gap, its rate): contact on either side that pushes, never pulls.
+    """Torque of a gap in series with ``spring`` (twist beyond the gap, its rate).
+
+    Contact on either side that pushes, never pulls.
 
     Bodies that part faster than the spring unloads are let go. The rate counts from a hundredth of the gap on.
     """
@@ -68,7 +73,8 @@ BACKLASH = Effect(
     shows="lost motion at reversal and where the load changes sign: a current jump, also at resting neighbours",
     confused_with={
         "joint_compliance": "a load bias closes the gap; compliance stays",
-        "joint_zero_offset": "the joint slowly through the position where its load changes sign: backlash jumps there, an offset does not",
+        "joint_zero_offset": "the joint slowly through the position where its load changes sign: backlash jumps "
+        "there, an offset does not",
     },
     observed_by={
         Instrument.CURRENT: Observation(against=Variable.LOAD),

@@ -1,4 +1,7 @@
-"""Water that a description knows nothing of, or too little: Morison's forces along a link (``arm_model.rigid_body.hydrodynamics``)."""
+"""Water that a description knows nothing of, or too little.
+
+Morison's forces along a link (``arm_model.rigid_body.hydrodynamics``).
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,10 @@ def _with_joint(arm: Arm, joint: int, changed: Joint) -> Arm:
 
 
 def _drag(arm: Arm, joint: int | None, p: Values) -> Arm:
-    """Spread along the link's cylinder as Morison has it; on the joint as a whole where the model describes no cylinder that drags."""
+    """Spread along the link's cylinder as Morison has it.
+
+    On the joint as a whole where the model describes no cylinder that drags.
+    """
     assert joint is not None
     link, unit = arm.joints[joint - 1], own_drag(arm, joint)
     if link.cylinder is None or unit == 0.0:
@@ -51,7 +57,8 @@ HYDRODYNAMIC_DRAG = Effect(
             "torque over square of velocity while the joint moves alone, all strips of the link together",
         ),
     ),
-    equation="dF = rho C_d R |v| v dl across the link (Morison); D |q'| q' on a joint that moves alone, or has no cylinder",
+    equation="dF = rho C_d R |v| v dl across the link (Morison); D |q'| q' on a joint that moves alone, or has no "
+    "cylinder",
     shows="error with the square of velocity",
     confused_with={"stribeck_friction": "a series of speeds; air against water"},
     observed_by={Instrument.CURRENT: Observation(against=Variable.VELOCITY)},

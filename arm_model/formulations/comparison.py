@@ -1,8 +1,8 @@
 """The three formulations side by side: what they cost, how long they take to generate, and that they agree.
 
-Each gives the torques tau(q, q', q'') and, for simulation, mass matrix and bias; operations are counted on the tape (every common part
-once), for sympy after sympy.cse. Counted are + - * / and functions, of the rigid links with those of their constants that are
-not zero.
+Each gives the torques tau(q, q', q'') and, for simulation, mass matrix and bias; operations are counted on the tape
+(every common part once), for sympy after sympy.cse. Counted are + - * / and functions, of the rigid links with those of
+their constants that are not zero.
 """
 
 from __future__ import annotations
@@ -32,9 +32,11 @@ Torques = Callable[[Symbols], list[Expr]]
 
 @dataclass(frozen=True)
 class Formulation:
-    """One line of the table. torque_operations: of tau(q, q', q''), None where it is not what the method gives;
-    system_operations: of mass matrix and bias together; seconds: to generate both; difference: largest |tau - tau_0| over the
-    largest |tau_0| of the random states, tau_0 by the numerical Newton-Euler recursion."""
+    """One line of the table. torque_operations: of tau(q, q', q''), None where it is not what the method gives.
+
+    system_operations: of mass matrix and bias together; seconds: to generate both; difference: largest |tau - tau_0|
+    over the largest |tau_0| of the random states, tau_0 by the numerical Newton-Euler recursion.
+    """
 
     name: str
     torque_operations: int | None
@@ -44,7 +46,10 @@ class Formulation:
 
 
 def compare(arm: Arm, *, with_sympy: bool | None = None, states: int = 100, seed: int = 0) -> list[Formulation]:
-    """Newton-Euler, Lagrange and Kane of an arm, on ``states`` random states; sympy's own too, by default up to SYMPY_JOINTS joints."""
+    """Newton-Euler, Lagrange and Kane of an arm, on ``states`` random states.
+
+    sympy's own too, by default up to SYMPY_JOINTS joints.
+    """
     rng = np.random.default_rng(seed)
     q, qd, qdd = (scale * rng.normal(size=(states, len(arm))) for scale in (1.5, 1.5, 5.0))
     wanted = rigid_torque(dry(described(arm)), q, qd, qdd)

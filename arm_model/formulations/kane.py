@@ -1,8 +1,8 @@
 """Kane's equations: active and inertia forces of the links projected on their partial velocities.
 
-With the generalised speeds u = q': tau_r = sum_j f_j . dv_j/du_r + n_j . dw_j/du_r, where f_j and n_j are force and moment about
-the origin of joint frame j that move link j against gravity (Kane and Levinson, "The use of Kane's dynamical equations in
-robotics", IJRR 2(3), 1983). Partial velocities and accelerations are derivatives on the tape.
+With the generalised speeds u = q': tau_r = sum_j f_j . dv_j/du_r + n_j . dw_j/du_r, where f_j and n_j are force and
+moment about the origin of joint frame j that move link j against gravity (Kane and Levinson, "The use of Kane's
+dynamical equations in robotics", IJRR 2(3), 1983). Partial velocities and accelerations are derivatives on the tape.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ def _partial(velocity: Vector, speed: Expr) -> Vector:
 
 
 def _wrench(symbols: Symbols, body: tuple[Expr, ...], link: Link) -> tuple[Vector, Vector]:
-    """f = m a + w' x m c + w x (w x m c), n = I w' + w x I w + m c x a, with a the origin's acceleration less gravity."""
+    """f = m a + w' x m c + w x (w x m c), n = I w' + w x I w + m c x a.
+
+    a is the origin's acceleration less gravity.
+    """
     moving = [*zip(symbols.q, symbols.qd), *zip(symbols.qd, symbols.qdd)]
     mass, moment, inertia, w = body[0], np.array(body[1:4]), tensor(body), link.spin
     spin_rate = np.array([rate(component, moving) for component in w])

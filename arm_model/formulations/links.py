@@ -1,8 +1,8 @@
 """What Lagrange's and Kane's equations start from: velocities of the links and gravity, on a tape, in the joint frames.
 
-Inputs of the tape: q{j}, qd{j}, qdd{j} (from 0; rad, rad/s, rad/s2, or m) and the arm's numbers, body{j}.{k} and gravity{k}, as
-``arm_model.system.kernel_inputs`` names them. What is zero in the arm is the constant zero, as in the equations that are compiled. Vectors are
-(3,) numpy arrays of expressions.
+Inputs of the tape: q{j}, qd{j}, qdd{j} (from 0; rad, rad/s, rad/s2, or m) and the arm's numbers, body{j}.{k} and
+gravity{k}, as ``arm_model.system.kernel_inputs`` names them. What is zero in the arm is the constant zero, as in the
+equations that are compiled. Vectors are (3,) numpy arrays of expressions.
 """
 
 from __future__ import annotations
@@ -63,7 +63,10 @@ def symbols_of(arm: Arm) -> Symbols:
 
 @dataclass(frozen=True)
 class Link:
-    """One link in its joint frame: angular velocity, velocity of the frame's origin, gravity, and g.p of the origin p."""
+    """One link in its joint frame.
+
+    Angular velocity, velocity of the frame's origin, gravity, and g.p of the origin p.
+    """
 
     spin: Vector
     speed: Vector
@@ -72,7 +75,10 @@ class Link:
 
 
 def links(symbols: Symbols) -> list[Link]:
-    """Velocities from the base outwards: w_j = A^T w + q' z, v_j = A^T (v + w x r), A and r the joint's rotation and shift."""
+    """Velocities from the base outwards.
+
+    w_j = A^T w + q' z, v_j = A^T (v + w x r), A and r the joint's rotation and shift.
+    """
     tape, chain = symbols.tape, symbols.chain
     still = np.array([tape.constant(0.0)] * 3)
     last, found = Link(still, still, np.array(symbols.gravity), tape.constant(0.0)), []

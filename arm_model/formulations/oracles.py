@@ -1,7 +1,9 @@
-"""Lagrange's and Kane's equations by sympy.physics.mechanics: an oracle that shares nothing with our own but the model file.
+"""Lagrange's and Kane's equations by sympy.physics.mechanics.
 
-The arm is given to sympy as the file has it: masses, centres of mass and inertias about them, in the frames of the links. sympy's
-expressions are trees; beyond three joints or so they take minutes.
+An oracle that shares nothing with our own but the model file.
+
+The arm is given to sympy as the file has it: masses, centres of mass and inertias about them, in the frames of the
+links. sympy's expressions are trees; beyond three joints or so they take minutes.
 """
 
 from __future__ import annotations

@@ -1,16 +1,21 @@
-"""What water adds to the torques of an arm: Morison's equation on strips along the cylinders that its links are (``Cylinder``).
+"""What water adds to the torques of an arm.
 
-A strip dl of a cylinder of radius R, with the velocity v and acceleration a of its centre across the cylinder's axis, is held back by
+Morison's equation on strips along the cylinders that its links are (``Cylinder``).
 
-    dF = (rho C_d R |v| v + rho C_a pi R^2 a + b rho pi R^2 g) dl          drag, added mass; buoyancy, b = 1 where it is immersed
+A strip dl of a cylinder of radius R, with the velocity v and acceleration a of its centre across the cylinder's axis,
+is held back by
 
-in water at rest (Morison et al., "The force exerted by surface waves on piles", Petroleum Trans. AIME 189, 1950). Flow along the
-axis and round the ends does nothing. C_a is the coefficient of a; potential flow has 1, the thesis's arm 2. v and a are linear in the
-place along the cylinder: added mass and buoyancy are integrated exactly, and so is the drag of a flow in one plane that does not turn
-round. Elsewhere the strips leave up to 2e-4 of the drag that the cylinder has at the speed of its faster end.
+    dF = (rho C_d R |v| v + rho C_a pi R^2 a + b rho pi R^2 g) dl          drag, added mass; buoyancy, b = 1 where it is
+        immersed
 
-Everything is written in the joint frames of ``arm_model.rigid_body.newton_euler``, and once, for arrays and tape expressions alike; torques are
-what the drives must give in addition, N m (N) at the joints.
+in water at rest (Morison et al., "The force exerted by surface waves on piles", Petroleum Trans. AIME 189, 1950). Flow
+along the axis and round the ends does nothing. C_a is the coefficient of a; potential flow has 1, the thesis's arm 2. v
+and a are linear in the place along the cylinder: added mass and buoyancy are integrated exactly, and so is the drag of
+a flow in one plane that does not turn round. Elsewhere the strips leave up to 2e-4 of the drag that the cylinder has at
+the speed of its faster end.
+
+Everything is written in the joint frames of ``arm_model.rigid_body.newton_euler``, and once, for arrays and tape
+expressions alike; torques are what the drives must give in addition, N m (N) at the joints.
 """
 
 from __future__ import annotations
@@ -35,8 +40,10 @@ COEFFICIENTS = ("drag_coefficient", "added_mass_coefficient", "buoyancy")
 
 @dataclass(frozen=True)
 class Water:
-    """What the water does to one cylinder, scalars of any kind: resistance rho C_d R, kg/m2; added mass rho C_a pi R^2, kg/m; and
-    displaced, b rho pi R^2 L, kg."""
+    """What the water does to one cylinder, scalars of any kind: resistance rho C_d R, kg/m2.
+
+    Added mass rho C_a pi R^2, kg/m; and displaced, b rho pi R^2 L, kg.
+    """
 
     resistance: Scalar
     added: Scalar
@@ -62,7 +69,10 @@ def water_of(cylinder: Cylinder) -> Water:
 
 @dataclass(frozen=True)
 class Shape:
-    """A cylinder in its link's joint frame: middle (3,) m, length m, and rows across (2) and along (1) its axis, right-handed."""
+    """A cylinder in its link's joint frame.
+
+    Middle (3,) m, length m, and rows across (2) and along (1) its axis, right-handed.
+    """
 
     middle: Triple
     length: float
@@ -101,8 +111,10 @@ Bodies = Mapping[int, tuple[Shape, Water]]
 
 @dataclass(frozen=True)
 class _Lever:
-    """Motion of a cylinder per unit rate of one joint: of its middle, (3,) m/rad, across (2) and along its axis; and the two parts
-    across by which points further along the axis are faster, 1/rad."""
+    """Motion of a cylinder per unit rate of one joint: of its middle, (3,) m/rad, across (2) and along its axis.
+
+    And the two parts across by which points further along the axis are faster, 1/rad.
+    """
 
     middle: Triple
     turn: tuple[Scalar, Scalar]
@@ -148,8 +160,10 @@ def torques(
 def _wrench(
     shape: Shape, water: Water, motion: Motion, weight: Triple, dragged: tuple[list[Scalar], list[Scalar]]
 ) -> tuple[list[Scalar], list[Scalar]]:
-    """Force across (2) and along the cylinder, and the moments (2) that turn it, both about its middle; ``weight``: gravity in the joint
-    frame, ``dragged``: the integrals of ``_drag``."""
+    """Force across (2) and along the cylinder, and the moments (2) that turn it, both about its middle.
+
+    ``weight``: gravity in the joint frame, ``dragged``: the integrals of ``_drag``.
+    """
     pulled = plus(motion.acceleration, apply(motion.gyration, shape.middle))
     turned = apply(motion.gyration, shape.along)
     force: list[Scalar] = [mul(water.displaced, part) for part in apply((*shape.across, shape.along), weight)]
@@ -183,7 +197,10 @@ def _drag(shape: Shape, levers: Sequence[_Lever], qd: Sequence[Scalar]) -> tuple
 
 
 def points(length: float) -> tuple[list[float], list[float]]:
-    """Places from the middle and widths, m, by which ``STRIPS`` strips of a cylinder are summed up: two Gauss points each."""
+    """Places from the middle and widths, m, by which ``STRIPS`` strips of a cylinder are summed up.
+
+    Two Gauss points each.
+    """
     width = length / STRIPS
     middles = (np.arange(STRIPS) - (STRIPS - 1) / 2) * width
     places = np.sort(np.concatenate([middles - width / np.sqrt(12), middles + width / np.sqrt(12)]))
@@ -228,8 +245,11 @@ def dry(arm: Arm) -> Arm:
 
 
 def own_drag(arm: Arm, joint: int) -> float:
-    """N m s2/rad2 (N s2/m2) for C_d = 1: drag of the cylinder of link ``joint`` (from 1) over q'^2 while its joint moves alone; 0 where
-    it moves along itself, or the link has none."""
+    """N m s2/rad2 (N s2/m2) for C_d = 1.
+
+    Drag of the cylinder of link ``joint`` (from 1) over q'^2 while its joint moves alone; 0 where it moves along
+    itself, or the link has none.
+    """
     cylinder = arm.joints[joint - 1].cylinder
     if cylinder is None:
         return 0.0

@@ -1,8 +1,8 @@
 """Inertial parameters of one rigid body, about its frame's origin (barycentric), and what makes them physical.
 
-The order everywhere is PARAMETERS: mass, first moment (mx, my, mz) = mass com, and the inertia tensor about the ORIGIN of the
-frame, ixx, ixy, ixz, iyy, iyz, izz with ixy = -int x y dm (the tensor's own entries, not products of inertia with the
-opposite sign). The torques of an arm are linear in them. Units kg, kg m, kg m2.
+The order everywhere is PARAMETERS: mass, first moment (mx, my, mz) = mass com, and the inertia tensor about the ORIGIN
+of the frame, ixx, ixy, ixz, iyy, iyz, izz with ixy = -int x y dm (the tensor's own entries, not products of inertia
+with the opposite sign). The torques of an arm are linear in them. Units kg, kg m, kg m2.
 """
 
 from __future__ import annotations
@@ -47,7 +47,10 @@ def barycentric(mass: float, com: tuple[float, ...], inertia: tuple[float, ...])
 
 
 def about_com(parameters: Array) -> tuple[float, tuple[float, float, float], tuple[float, ...]]:
-    """mass, com, inertia about the com (xx, yy, zz, xy, yz, xz) from (10,); the com of a massless body is its origin."""
+    """mass, com, inertia about the com (xx, yy, zz, xy, yz, xz) from (10,).
+
+    The com of a massless body is its origin.
+    """
     mass, moment = float(parameters[0]), parameters[1:4]
     com = moment / mass if mass != 0.0 else np.zeros(3)
     centred = tensor(parameters[4:]) - mass * _parallel_axis(com)
@@ -76,9 +79,9 @@ def transform_matrix(pose: Array) -> Array:
 def unphysical(mass: float, inertia: tuple[float, ...], tolerance: float = 1e-6) -> str | None:
     """What is impossible about mass and inertia about the com (xx, yy, zz, xy, yz, xz), or None.
 
-    A body is possible where its second moments int x x^T dm about the com, trace(I) / 2 - I, are positive semidefinite: the same
-    as a positive pseudo-inertia and as principal inertias that obey the triangle inequality (Wensing, Kim, Slotine, RA-L 2018).
-    ``tolerance`` is relative to the trace.
+    A body is possible where its second moments int x x^T dm about the com, trace(I) / 2 - I, are positive semidefinite:
+    the same as a positive pseudo-inertia and as principal inertias that obey the triangle inequality (Wensing, Kim,
+    Slotine, RA-L 2018). ``tolerance`` is relative to the trace.
     """
     matrix = np.zeros((3, 3))
     for value, (i, j) in zip(inertia, _ABOUT_COM):
@@ -91,7 +94,10 @@ def unphysical(mass: float, inertia: tuple[float, ...], tolerance: float = 1e-6)
     if principal[0] < -slack:
         return f"inertia is not positive: principal inertias {shown} kg m2"
     if principal[2] > principal[0] + principal[1] + slack:
-        return f"inertia breaks the triangle inequality: of the principal inertias {shown} kg m2 the largest exceeds the sum"
+        return (
+            f"inertia breaks the triangle inequality: of the principal inertias {shown} kg m2 the "
+            "largest exceeds the sum"
+        )
     if mass == 0.0 and principal[2] > slack:
         return "inertia without mass: give the link a mass"
     return None

@@ -10,7 +10,10 @@ from arm_model.description import Arm, Joint
 
 
 def _exact(angle: float) -> tuple[float, float]:
-    """cos and sin; multiples of a quarter turn come out exactly, so that a right angle leaves no dust in the equations."""
+    """cos and sin.
+
+    Multiples of a quarter turn come out exactly, so that a right angle leaves no dust in the equations.
+    """
     quarter = 2 * angle / np.pi
     nearest = round(quarter)
     if abs(quarter - nearest) < 1e-12:
@@ -100,7 +103,9 @@ def forward(arm: Arm, q: Array) -> Array:
 
 
 def jacobian(arm: Arm, q: Array, point: Array | None = None) -> Array:
-    """(..., 6, n) geometric Jacobian in the base frame: linear velocity of the tool (first three rows), angular (last three).
+    """(..., 6, n) geometric Jacobian in the base frame.
+
+    Linear velocity of the tool (first three rows), angular (last three).
 
     ``point`` (3,) m: another point, in the frame of the last link, instead of the tool's origin.
     """
@@ -125,7 +130,8 @@ def inverse(
 ) -> Array:
     """(n,) q with forward(arm, q) = ``pose`` (4, 4), near ``start`` (n,): damped Gauss-Newton (Levenberg-Marquardt).
 
-    orientation False asks for the position only. Joint limits are not enforced. Raises InputError where nothing is found.
+    orientation False asks for the position only. Joint limits are not enforced. Raises InputError where nothing is
+    found.
     """
     q = _check(arm, start).copy()
     rows = 6 if orientation else 3

@@ -1,9 +1,10 @@
 """The recursive Newton-Euler equations, once, for numbers, arrays and symbols alike.
 
-Luh, Walker, Paul, "On-line computational scheme for mechanical manipulators", J. DSMC 102, 1980; the mass matrix by composite
-bodies: Walker and Orin, J. DSMC 104, 1982. Everything is written in the JOINT frames: frame j of this file has its z axis along
-joint j's axis and moves with link j. ``Chain`` holds the constants; the variable entries are scalars of any kind that adds and
-multiplies: floats, (N,) arrays of N samples, expressions of ``arm_model.symbolic.tape``, sympy symbols.
+Luh, Walker, Paul, "On-line computational scheme for mechanical manipulators", J. DSMC 102, 1980; the mass matrix by
+composite bodies: Walker and Orin, J. DSMC 104, 1982. Everything is written in the JOINT frames: frame j of this file
+has its z axis along joint j's axis and moves with link j. ``Chain`` holds the constants; the variable entries are
+scalars of any kind that adds and multiplies: floats, (N,) arrays of N samples, expressions of
+``arm_model.symbolic.tape``, sympy symbols.
 """
 
 from __future__ import annotations
@@ -74,8 +75,11 @@ def back(rotation: Array, turn: tuple[Scalar, Scalar], v: Triple) -> Triple:
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion of one link in its joint frame: angular velocity, its rate, ``gyration`` = [w'x] + [wx][wx] (3 x 3), and the
-    acceleration of the frame's origin less gravity."""
+    """Motion of one link in its joint frame.
+
+    Angular velocity, its rate, ``gyration`` = [w'x] + [wx][wx] (3 x 3), and the acceleration of the frame's origin less
+    gravity.
+    """
 
     spin: Triple
     spin_rate: Triple
@@ -115,7 +119,10 @@ def motions(
     qdd: Sequence[Scalar],
     gravity: Sequence[Scalar],
 ) -> list[Motion]:
-    """Outward recursion: the motion of every link. ``gravity`` (3,) m/s2 in the base frame enters as the base's acceleration."""
+    """Outward recursion: the motion of every link.
+
+    ``gravity`` (3,) m/s2 in the base frame enters as the base's acceleration.
+    """
     still: Triple = (0.0, 0.0, 0.0)
     falling = (sub(0.0, gravity[0]), sub(0.0, gravity[1]), sub(0.0, gravity[2]))
     last, found = Motion(still, still, (still, still, still), falling), []
@@ -140,8 +147,10 @@ def motions(
 def jacobians(
     chain: Chain, turn: Sequence[tuple[Scalar, Scalar]], q: Sequence[Scalar], links: int
 ) -> list[list[tuple[Triple, Triple]]]:
-    """For each of the first ``links`` links, in its joint frame: angular velocity, and velocity of the frame's origin, per unit rate of
-    each joint up to its own."""
+    """For each of the first ``links`` links, in its joint frame: angular velocity.
+
+    And velocity of the frame's origin, per unit rate of each joint up to its own.
+    """
     last: list[tuple[Triple, Triple]] = []
     found = []
     for j in range(links):

@@ -22,7 +22,10 @@ BLOCK = 4096  # rows
 
 
 def link_parameters(arm: Arm) -> Array:
-    """(n, 10) barycentric inertial parameters of every link, in its link frame (order: arm_model.rigid_body.inertia.PARAMETERS)."""
+    """(n, 10) barycentric inertial parameters of every link, in its link frame (order.
+
+    arm_model.rigid_body.inertia.PARAMETERS).
+    """
     return np.array([barycentric(joint.mass, joint.com, joint.inertia) for joint in arm.joints])
 
 
@@ -41,9 +44,9 @@ def _bodies(base: Pose, joints: tuple[Joint, ...]) -> tuple[tuple[float, ...], .
 def drive_torque(joint: Joint, qd: Any, qdd: Any) -> Any:
     """Joint torque that the drive itself takes: reflected rotor inertia, viscous and Coulomb friction, offset.
 
-    Coulomb friction: with s = v / sqrt(v^2 + sign_velocity^2), (F+ + F-)/2 s + (F+ - F-)/2 s^2: F+ forwards, -F- backwards,
-    nothing at rest. Viscous friction: (B+ + B-)/2 v + (B+ - B-)/2 |v|: B+ v forwards, B- v backwards. ``qd`` and
-    ``qdd`` are scalars of any kind, of the motor over the gear ratio.
+    Coulomb friction: with s = v / sqrt(v^2 + sign_velocity^2), (F+ + F-)/2 s + (F+ - F-)/2 s^2: F+ forwards, -F-
+    backwards, nothing at rest. Viscous friction: (B+ + B-)/2 v + (B+ - B-)/2 |v|: B+ v forwards, B- v backwards. ``qd``
+    and ``qdd`` are scalars of any kind, of the motor over the gear ratio.
     """
     ratio = joint.ratio
     forwards, backwards = (ratio**2 * viscous for viscous in joint.viscous)
@@ -68,8 +71,11 @@ def samples(arm: Arm, *arrays: Array) -> list[Array]:
 
 
 def in_blocks(compute: Callable[..., Array], *arrays: Array) -> Array:
-    """``compute``, which treats each row alike, of arrays (N, ...) or (1, ...), BLOCK rows at a time: its hundreds of intermediate results then
-    stay in the cache, where those of all rows would take a hundred times the memory of the result."""
+    """``compute``, which treats each row alike, of arrays (N, ...) or (1, ...), BLOCK rows at a time.
+
+    Its hundreds of intermediate results then stay in the cache, where those of all rows would take a hundred times the
+    memory of the result.
+    """
     rows = max(map(len, arrays))
     if rows <= BLOCK:
         return compute(*arrays)
@@ -105,8 +111,10 @@ def _rigid_torque(arm: Arm, gravity: bool, q: Array, qd: Array, qdd: Array) -> A
 
 
 def mass_matrix(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
-    """(N, n, n) mass matrix, with the water's added mass, and with the reflected rotor inertias on the diagonal unless ``rotors`` is
-    False."""
+    """(N, n, n) mass matrix, with the water's added mass.
+
+    The reflected rotor inertias are on the diagonal unless ``rotors`` is False.
+    """
     return in_blocks(partial(_mass_matrix, arm, rotors), *samples(arm, q))
 
 
@@ -123,7 +131,9 @@ def _mass_matrix(arm: Arm, rotors: bool, q: Array) -> Array:
 
 def energy(arm: Arm, q: Array, qd: Array) -> Array:
     """(N,) kinetic (links and rotors) plus potential energy, J; potential zero where the base frame's origin is.
-    With the energies of the water, added mass and buoyancy."""
+
+    With the energies of the water, added mass and buoyancy.
+    """
     q, qd = samples(arm, q, qd)
     kinetic = 0.5 * np.einsum("ni,nij,nj->n", qd, mass_matrix(arm, q), qd)
     frames = link_frames(arm, q)[:, 1:]

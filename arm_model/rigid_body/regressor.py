@@ -22,7 +22,10 @@ Friction = Literal["asymmetric", "symmetric"]
 
 
 def parameter_names(arm: Arm, *, friction: Friction = "asymmetric") -> list[str]:
-    """Names in the order of the regressor's columns: ten a link, then the drive's of each joint, then what water there is."""
+    """Names in the order of the regressor's columns.
+
+    Ten a link, then the drive's of each joint, then what water there is.
+    """
     directions = ("_positive", "_negative") if friction == "asymmetric" else ("",)
     rubbing = [f"{kind}{direction}" for kind in ("viscous", "coulomb") for direction in directions]
     drive = ("rotor_inertia", *rubbing, "offset")
@@ -42,8 +45,11 @@ def _described_water(arm: Arm) -> Iterator[tuple[str, float]]:
 
 
 def parameter_vector(arm: Arm, *, friction: Friction = "asymmetric") -> Array:
-    """(p,) the arm's values in that order: barycentric inertial parameters in the link frame about its origin; rotor inertia,
-    viscous, Coulomb and offset at the JOINT side. ``friction`` "symmetric" gives the means of the two directions."""
+    """(p,) the arm's values in that order: barycentric inertial parameters in the link frame about its origin.
+
+    Rotor inertia, viscous, Coulomb and offset at the JOINT side. ``friction`` "symmetric" gives the means of the two
+    directions.
+    """
     values = [link_parameters(arm).ravel()]
     for joint in arm.joints:
         n = joint.ratio
@@ -115,7 +121,7 @@ def _link_columns(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
 
 
 def _unit_wrenches(motion: newton_euler.Motion, count: int) -> tuple[Array, Array]:
-    """(N, 3, 10) force and moment about the joint frame's origin for each unit inertial parameter in the joint frame."""
+    """(N, 3, 10) force and moment about the origin of the joint frame, for each unit inertial parameter in it."""
     force, moment = np.zeros((count, 3, 10)), np.zeros((count, 3, 10))
     for k in range(10):
         unit = tuple(1.0 if k == i else 0.0 for i in range(10))

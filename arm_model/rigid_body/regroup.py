@@ -1,8 +1,9 @@
 """Inertial parameters moved inwards through the joints that do not see them: the same torques from fewer numbers.
 
-A revolute joint turns about z: what is symmetric about its axis and has no moment of inertia about it (mass, mz, and Iyy taken
-from both Ixx and Iyy) acts on the links before it only. A prismatic joint never turns: all moments of inertia do. Khalil and
-Dombre, "Modeling, identification and control of robots", 2002, section 9.4. What reaches the base is dropped.
+A revolute joint turns about z: what is symmetric about its axis and has no moment of inertia about it (mass, mz, and
+Iyy taken from both Ixx and Iyy) acts on the links before it only. A prismatic joint never turns: all moments of inertia
+do. Khalil and Dombre, "Modeling, identification and control of robots", 2002, section 9.4. What reaches the base is
+dropped.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Functions of a scalar of any kind: floats and arrays through numpy, tape expressions and sympy symbols through their own.
+"""Functions of a scalar of any kind.
+
+Floats and arrays through numpy, tape expressions and sympy symbols through their own.
 
 Friction laws, effects and the Newton-Euler recursion are written once with these and +, -, *, /.
 """

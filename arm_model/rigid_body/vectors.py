@@ -1,4 +1,6 @@
-"""Vectors of three scalars of any kind: floats, (N,) arrays of N samples, expressions of ``arm_model.symbolic.tape``, sympy symbols.
+"""Vectors of three scalars of any kind.
+
+Floats, (N,) arrays of N samples, expressions of ``arm_model.symbolic.tape``, sympy symbols.
 
 Products by the float 0 vanish, which keeps the generated equations short and numpy from multiplying zeros.
 """

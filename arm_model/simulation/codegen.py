@@ -1,7 +1,8 @@
 """Tape expressions as LLVM vector code: every value is a vector of ``width`` lanes, one lane per parameter set.
 
-sin, cos and exp are branch-free: range reduction by a magic addition (Cody and Waite, Software Manual for the Elementary Functions,
-1980) and the polynomials of Cephes / fdlibm, right to about 1 unit in the last place for arguments up to 1e5.
+sin, cos and exp are branch-free: range reduction by a magic addition (Cody and Waite, Software Manual for the
+Elementary Functions, 1980) and the polynomials of Cephes / fdlibm, right to about 1 unit in the last place for
+arguments up to 1e5.
 """
 
 from __future__ import annotations
@@ -18,10 +19,22 @@ DOUBLE, INT = ir.DoubleType(), ir.IntType(64)
 FUSE = ("contract",)  # a b + c may become one fused operation
 
 _MAGIC = 1.5 * 2.0**52  # adding it leaves the rounded integer in the low bits
-_SINE = (-1.66666666666666307295e-1, 8.33333333332211858878e-3, -1.98412698295895385996e-4,
-         2.75573136213857245213e-6, -2.50507477628578072866e-8, 1.58962301576546568060e-10)  # fmt: skip
-_COSINE = (4.16666666666665929218e-2, -1.38888888888730564116e-3, 2.48015872888517045348e-5,
-           -2.75573141792967388112e-7, 2.08757008419747316778e-9, -1.13585365213876817300e-11)  # fmt: skip
+_SINE = (
+    -1.66666666666666307295e-1,
+    8.33333333332211858878e-3,
+    -1.98412698295895385996e-4,
+    2.75573136213857245213e-6,
+    -2.50507477628578072866e-8,
+    1.58962301576546568060e-10,
+)
+_COSINE = (
+    4.16666666666665929218e-2,
+    -1.38888888888730564116e-3,
+    2.48015872888517045348e-5,
+    -2.75573141792967388112e-7,
+    2.08757008419747316778e-9,
+    -1.13585365213876817300e-11,
+)
 _HALF_PI = (1.57079632673412561417, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
 _LOG2 = (6.93147180369123816490e-1, 1.90821492927058770002e-10)
 
@@ -116,7 +129,10 @@ class Vector:
         return self.mul(mantissa, build.bitcast(exponent, self.type))
 
     def rsqrt(self, x: Any) -> Any:
-        """1 / sqrt(x), x normal and positive: guess from the exponent, then Newton steps; to 1e-15 relative, no slow division."""
+        """1 / sqrt(x), x normal and positive: guess from the exponent, then Newton steps.
+
+        To 1e-15 relative, no slow division.
+        """
         build = self.builder
         half_bits = build.lshr(build.bitcast(x, self.int_type), self.integer(1))
         guess = build.bitcast(build.sub(self.integer(0x5FE6EB50C7B537A9), half_bits), self.type)

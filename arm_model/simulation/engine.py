@@ -1,8 +1,8 @@
 """Compiles generated systems, keeps the machine code, and runs it on all cores.
 
-Machine code is kept in the user's cache folder (ARMSCOPE_CACHE, else XDG_CACHE_HOME/armscope, else ~/.cache/armscope) under a
-hash of everything that it depends on: the system's tape, this package's generator, llvmlite and the processor. It may be deleted at
-any time. No compiler and no compiler's run-time library are needed on the machine.
+Machine code is kept in the user's cache folder (ARMSCOPE_CACHE, else XDG_CACHE_HOME/armscope, else ~/.cache/armscope)
+under a hash of everything that it depends on: the system's tape, this package's generator, llvmlite and the processor.
+It may be deleted at any time. No compiler and no compiler's run-time library are needed on the machine.
 """
 
 from __future__ import annotations
@@ -165,7 +165,9 @@ def run_blocks(
     rows: tuple[NDArray[np.int64], Array],
     out: Array,
 ) -> None:
-    """Runs all blocks (leading axis of everything but timing and rows; demands with one block are shared), on all cores.
+    """Runs all blocks (leading axis of everything but timing and rows.
+
+    Demands with one block are shared), on all cores.
 
     states, memories and currents are advanced in place; out (blocks, rows, states + joints, width) is filled.
     """

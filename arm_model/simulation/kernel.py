@@ -1,12 +1,15 @@
-"""One compiled function that runs a generated system: servo ticks, Runge-Kutta substeps, rows of output, for blocks of lanes.
+"""One compiled function that runs a generated system.
+
+Servo ticks, Runge-Kutta substeps, rows of output, for blocks of lanes.
 
     run(first, last, timing, params, states, memories, currents, demands, demand_stride,
         rows, row_substep, row_weights, out)
 
-Per block of ``width`` lanes and everything contiguous in lanes: params (P), states (X), memories (C), currents (2 n: flowing,
-commanded), demands (ticks, n), out (rows, X + n). A tick evaluates the servo once; ``substeps`` classical Runge-Kutta steps follow,
-during which the currents approach the commands with the exact solution of their first-order lag. Output rows lie anywhere in
-a substep: states by the cubic Hermite polynomial of both ends (error h^4/384 of the fourth derivative), currents exactly.
+Per block of ``width`` lanes and everything contiguous in lanes: params (P), states (X), memories (C), currents (2 n:
+flowing, commanded), demands (ticks, n), out (rows, X + n). A tick evaluates the servo once; ``substeps`` classical
+Runge-Kutta steps follow, during which the currents approach the commands with the exact solution of their first-order
+lag. Output rows lie anywhere in a substep: states by the cubic Hermite polynomial of both ends (error h^4/384 of the
+fourth derivative), currents exactly.
 """
 
 from __future__ import annotations
@@ -29,7 +32,10 @@ ROW = 5
 
 
 def module_of(system: System, params: tuple[Expr, ...], width: int) -> ir.Module:
-    """The LLVM module with the function ``run``; ``params``: nodes that are given per lane (``arm_model.simulation.kernel_layout``)."""
+    """The LLVM module with the function ``run``.
+
+    ``params``: nodes that are given per lane (``arm_model.simulation.kernel_layout``).
+    """
     return _Kernel(system, params, width).module
 
 

@@ -18,11 +18,13 @@ from arm_model.simulation.simulation import Demand, simulate_batch, single
 def sensitivities(
     arm: Arm, demand: Demand, steps: Mapping[str, float], times: Array, *, start: Array | None = None
 ) -> tuple[Motion, Motion]:
-    """The motion, and its derivatives by the parameters that ``steps`` names (``arm_model.parameters``), in their order on the leading axis
-    of every entry of the second Motion but t and demand: rad/(N m s/rad), A/kg, ...
+    """The motion, and its derivatives by the parameters that ``steps`` names.
 
-    Central differences over +-step, in the parameter's unit; their error is of the order of step^2. times, start: as in ``simulate_batch``.
-    InputError: a step that is not positive.
+    The names are of ``arm_model.parameters``, in their order on the leading axis of every entry of the second Motion
+    but t and demand: rad/(N m s/rad), A/kg, ...
+
+    Central differences over +-step, in the parameter's unit; their error is of the order of step^2. times, start: as in
+    ``simulate_batch``. InputError: a step that is not positive.
     """
     for name, step in steps.items():
         if not step > 0:

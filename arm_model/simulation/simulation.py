@@ -1,4 +1,7 @@
-"""Simulations of an arm under its servos: one, many at once (lanes = parameter sets), or block by block for a simulated rig."""
+"""Simulations of an arm under its servos.
+
+One, many at once (lanes = parameter sets), or block by block for a simulated rig.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +73,8 @@ class Sampled:
 def references(arm: Arm, demand: Demand, first: int, count: int) -> Array:
     """(count, n) references of the servos at ticks first, first + 1, ...
 
-    The host sends demand(k setpoint_period); the servos interpolate linearly in between. A ``Sampled`` demand is taken at the ticks themselves.
+    The host sends demand(k setpoint_period); the servos interpolate linearly in between. A ``Sampled`` demand is taken
+    at the ticks themselves.
     """
     times: Array = np.arange(first, first + count, dtype=np.float64) * servo_period(arm)
     if arm.controller is None or isinstance(demand, Sampled):
@@ -170,14 +174,17 @@ def _prepared(arm: Arm, variations: Mapping[str, Array] | None, start: Array, su
 def needed_substeps(arm: Arm, inputs: Mapping[str, Array], period: float) -> int:
     """Runge-Kutta steps per servo tick: as many as the fastest spring or bristle of the arm asks for (1 without any).
 
-    A spring k between inertias a and b with damper c swings at sqrt(k (1/a + 1/b)) and decays at c (1/a + 1/b); the step keeps
-    both products with it below 0.4 and 1. A bristle of stiffness s on friction F relaxes at s v / F at speed v: below 1.
+    A spring k between inertias a and b with damper c swings at sqrt(k (1/a + 1/b)) and decays at c (1/a + 1/b); the
+    step keeps both products with it below 0.4 and 1. A bristle of stiffness s on friction F relaxes at s v / F at speed
+    v: below 1.
     """
     return max(1, math.ceil(period * fastest(arm, inputs)))
 
 
 def _advance(run: _Run, demands: Array, times: Array) -> Array:
-    """Runs len(demands) ticks; ``times`` (R,) s from the start, within them. Returns (lanes, R, X + n): states, then currents.
+    """Runs len(demands) ticks; ``times`` (R,) s from the start, within them.
+
+    Returns (lanes, R, X + n): states, then currents.
 
     ``demands`` (ticks, n) for all lanes or (lanes, ticks, n).
     """
@@ -256,11 +263,13 @@ def simulate_batch(
     start: Array | None = None,
     substeps: int | None = None,
 ) -> Motion:
-    """One simulation per lane, all of the same demand: ``parameters`` maps names (``arm_model.parameters``) to (lanes,) values.
+    """One simulation per lane, all of the same demand.
 
-    times (R,) s of the rows, increasing, from 0 on; the arm starts at rest at ``start`` (n,) or (lanes, n) rad, by default demand(0), held
-    by its motors. ``substeps``: Runge-Kutta steps per servo tick; default: as many as the fastest part needs.
-    Returns a Motion with a leading axis of lanes.
+    ``parameters`` maps names (``arm_model.parameters``) to (lanes,) values.
+
+    times (R,) s of the rows, increasing, from 0 on; the arm starts at rest at ``start`` (n,) or (lanes, n) rad, by
+    default demand(0), held by its motors. ``substeps``: Runge-Kutta steps per servo tick; default: as many as the
+    fastest part needs. Returns a Motion with a leading axis of lanes.
     """
     times = np.asarray(times, float)
     period = servo_period(arm)
@@ -287,7 +296,9 @@ def simulate(
     start: Array | None = None,
     substeps: int | None = None,
 ) -> Motion:
-    """One simulation of ``duration`` s with rows at ``rate`` per second, or at ``times`` (R,) s; see ``simulate_batch``.
+    """One simulation of ``duration`` s with rows at ``rate`` per second, or at ``times`` (R,) s.
+
+    See ``simulate_batch``.
 
     InputError where it diverges (a batch gives NaN).
     """
@@ -340,9 +351,12 @@ class Stepper:
         return other
 
     def advance(self, demands: Array, times: Array) -> Motion:
-        """Runs len(demands) ticks with the servos given ``demands`` (ticks, n) rad (``references``), and returns rows at ``times``.
+        """Runs len(demands) ticks with the servos given ``demands`` (ticks, n) rad (``references``).
 
-        times (R,) s from the start of the simulation, increasing, from tick period up to (tick + len(demands)) period, exclusive.
+        Returns rows at ``times``.
+
+        times (R,) s from the start of the simulation, increasing, from tick period up to (tick + len(demands)) period,
+        exclusive.
         """
         demands, times = np.asarray(demands, float), np.asarray(times, float)
         if demands.ndim != 2 or demands.shape[1] != len(self.arm):

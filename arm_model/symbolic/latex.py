@@ -40,7 +40,10 @@ _OF_JOINT = {
 
 
 def symbol(name: str) -> str:
-    """The symbol of an input of a generated system (names: ``arm_model.system.closed_loop_system``, ``arm_model.system.kernel_inputs``, ``arm_model.formulations``)."""
+    """The symbol of an input of a generated system (names.
+
+    ``arm_model.system.closed_loop_system``, ``arm_model.system.kernel_inputs``, ``arm_model.formulations``).
+    """
     if name == "time":
         return "t"
     if name.startswith("gravity"):

@@ -18,8 +18,12 @@ _SUM, _PRODUCT, _ATOM = 1, 2, 4
 
 
 def shown(name: str) -> str:
-    """A name of a generated system (``arm_model.system.closed_loop_system``, ``arm_model.system.kernel_inputs``), which counts from 0, as people read it: joints and
-    effects from 1, parameters of bodies and axes of gravity by their letters. theta0 -> theta1, body1.4 -> body2.ixx."""
+    """A name of a generated system.
+
+    It counts from 0 (``arm_model.system.closed_loop_system``, ``arm_model.system.kernel_inputs``); people read joints
+    and effects from 1, parameters of bodies and axes of gravity by their letters. theta0 -> theta1, body1.4 ->
+    body2.ixx.
+    """
     if body := re.fullmatch(r"body(\d+)\.(\d)", name):
         return f"body{int(body[1]) + 1}.{PARAMETERS[int(body[2])]}"
     if gravity := re.fullmatch(r"gravity(\d)", name):
@@ -108,7 +112,10 @@ def python_function(
 def c_function(
     name: str, arguments: Sequence[str], tape: Tape, outputs: Sequence[Expr], names: Mapping[str, str] | None = None
 ) -> str:
-    """Source of a C function (C99, <math.h>) that writes the outputs to ``double *out``; ``arguments`` are declarations."""
+    """Source of a C function (C99, <math.h>) that writes the outputs to ``double *out``.
+
+    ``arguments`` are declarations.
+    """
     lines, values = assignments(tape, {str(k): expr for k, expr in enumerate(outputs)}, C, names)
     body = [*lines, *(f"out[{k}] = {value};" for k, value in values.items())]
     head = f"void {name}({', '.join([*arguments, 'double *out'])})\n{{\n"

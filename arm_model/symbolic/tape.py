@@ -1,8 +1,9 @@
 """Expressions as a tape of single operations, each written once however often it is used (hash-consing).
 
-An ``Expr`` behaves like a number: the Newton-Euler recursion, friction laws and effects are run on it once, and what they computed
-stands on the tape, to be evaluated with numpy (``evaluate``), compiled (``arm_model.simulation.codegen``) or printed. Products by 0 and 1,
-sums with 0 and constants among themselves fold; operands of + and * are sorted, so that a b and b a are one operation.
+An ``Expr`` behaves like a number: the Newton-Euler recursion, friction laws and effects are run on it once, and what
+they computed stands on the tape, to be evaluated with numpy (``evaluate``), compiled (``arm_model.simulation.codegen``)
+or printed. Products by 0 and 1, sums with 0 and constants among themselves fold; operands of + and * are sorted, so
+that a b and b a are one operation.
 """
 
 from __future__ import annotations

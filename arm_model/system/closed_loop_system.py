@@ -1,15 +1,16 @@
 """An arm under its servos as a system of expressions: rates of the states, the servo's tick, what comes out.
 
-Coordinates: theta_j the motor's angle over its gear ratio; phi_j the output of the transmission, the same unless the joint has a
-two-mass transmission; q = f(phi) the joint angles, the same unless the gear or the wrist distorts it, with F = df/dphi. Then
+Coordinates: theta_j the motor's angle over its gear ratio; phi_j the output of the transmission, the same unless the
+joint has a two-mass transmission; q = f(phi) the joint angles, the same unless the gear or the wrist distorts it, with
+F = df/dphi. Then
 
     (F^T M F + Jr) phi'' = tau - drag - F^T (h(q, q', F' phi') + tau_link)          rigid transmission
     F^T M F phi'' = tau_s - F^T (...),   Jr theta'' = tau - drag - tau_s            two masses
 
-with tau = drive i the motor's torque at the joint side, drag and tau_link as in ``arm_model.system.mechanics``, and in M and h the water
-that the links' cylinders are in (``arm_model.rigid_body.hydrodynamics``). Friction that grows with the transmitted torque depends on the
-accelerations: they are solved for once with the torque at rest, and again with that torque corrected, which leaves an error of
-the order mu^2.
+with tau = drive i the motor's torque at the joint side, drag and tau_link as in ``arm_model.system.mechanics``, and in
+M and h the water that the links' cylinders are in (``arm_model.rigid_body.hydrodynamics``). Friction that grows with
+the transmitted torque depends on the accelerations: they are solved for once with the torque at rest, and again with
+that torque corrected, which leaves an error of the order mu^2.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ from arm_model.system.mechanics import Drag, Joints, Matrix, Mechanics
 class System:
     """A generated arm. Values per lane: states, then memories of the servo; all on one tape.
 
-    rates[k] is the derivative of states[k]; a servo tick maps memories to ``next_memories`` and gives ``commands`` (A); q, qd are what
-    the joints do, in terms of the states.
+    rates[k] is the derivative of states[k]; a servo tick maps memories to ``next_memories`` and gives ``commands`` (A);
+    q, qd are what the joints do, in terms of the states.
     """
 
     tape: Tape
@@ -41,9 +42,8 @@ class System:
     commands: tuple[Expr, ...]
     q: tuple[Expr, ...]
     qd: tuple[Expr, ...]
-    carried: tuple[
-        Expr, ...
-    ]  # torque of the links on each transmission's output, accelerations apart, N m at the joint side
+    # torque of the links on each transmission's output, accelerations apart, N m at the joint side
+    carried: tuple[Expr, ...]
     drag: tuple[Expr, ...]  # torque that resists each motor, likewise
     passed: tuple[Expr, ...]  # torque that each transmission passes on
     flexible: tuple[int, ...] = ()  # joints (from 0) with two masses
@@ -69,7 +69,10 @@ class Links:
 
 
 def rigid_links(arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Joints) -> Links:
-    """Links of the arm at ``joints`` (their load is not looked at), with the water round them and the effects that act on them."""
+    """Links of the arm at ``joints`` (their load is not looked at).
+
+    With the water round them and the effects that act on them.
+    """
     n, tape, shape = len(arm), symbol.tape, joints.shape
     chain = newton_euler.chain_of(arm)
     q = [shape.q[j] + symbol(f"zero{j}") for j in range(n)]
@@ -99,7 +102,10 @@ def _cylinders(arm: Arm, symbol: Symbols, chain: newton_euler.Chain) -> hydrodyn
 
 
 def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
-    """The system of an arm; ``zero``: parameters (names as ``arm_model.system.kernel_inputs`` gives them) that are zero throughout."""
+    """The system of an arm.
+
+    ``zero``: parameters (names as ``arm_model.system.kernel_inputs`` gives them) that are zero throughout.
+    """
     tape = Tape()
     symbol = Symbols(tape, zero)
     n = len(arm)
@@ -158,7 +164,10 @@ def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
 
 
 class _Solver:
-    """matrix = L D L^T, without pivoting: symmetric and positive definite. Called with a right side, gives the solution."""
+    """matrix = L D L^T, without pivoting: symmetric and positive definite.
+
+    Called with a right side, gives the solution.
+    """
 
     def __init__(self, matrix: Matrix) -> None:
         n = len(matrix)

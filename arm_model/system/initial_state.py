@@ -16,10 +16,12 @@ SETTLED = 1e-13
 
 
 def standing(system: System, inputs: Mapping[str, Array], theta: Array) -> tuple[dict[str, Array], Array]:
-    """States (name -> (lanes,)) at rest with the motors at ``theta`` (lanes, n) rad, and the currents (lanes, n) A that hold it.
+    """States (name -> (lanes,)) at rest with the motors at ``theta`` (lanes, n) rad.
 
-    Links behind a two-mass transmission hang where its torque carries them: found by repeated substitution, which converges
-    while the spring is stiffer than gravity. Bristles are unloaded.
+    And the currents (lanes, n) A that hold it.
+
+    Links behind a two-mass transmission hang where its torque carries them: found by repeated substitution, which
+    converges while the spring is stiffer than gravity. Bristles are unloaded.
     """
     lanes, n = theta.shape
     states = {name: np.zeros(lanes) for name in system.states}
@@ -45,9 +47,12 @@ def standing(system: System, inputs: Mapping[str, Array], theta: Array) -> tuple
 
 
 def start_memories(arm: Arm, theta: Array, current: Array) -> dict[str, Array]:
-    """Memories of servos that have been standing at ``theta`` (lanes, n) rad, their demand, with ``current`` (lanes, n) A flowing.
+    """Memories of servos that have been standing at ``theta`` (lanes, n) rad.
 
-    The integrators hold the current; where there are none they hold it all the same, as an offset that was there before.
+    It is their demand, with ``current`` (lanes, n) A flowing.
+
+    The integrators hold the current; where there are none they hold it all the same, as an offset that was there
+    before.
     """
     found: dict[str, Array] = {}
     if arm.controller is None:
@@ -60,7 +65,10 @@ def start_memories(arm: Arm, theta: Array, current: Array) -> dict[str, Array]:
 
 
 def _twist(system: System, j: int, inputs: Mapping[str, Array], torque: Array) -> Array:
-    """Twist of joint j's transmission (rad) that passes on ``torque`` (lanes,) at rest; without load, the middle of its play."""
+    """Twist of joint j's transmission (rad) that passes on ``torque`` (lanes,) at rest.
+
+    Without load, the middle of its play.
+    """
     states = {name: np.zeros_like(torque) for name in system.states}
 
     def passed(twist: Array) -> Array:

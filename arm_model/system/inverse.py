@@ -1,4 +1,7 @@
-"""Inverse dynamics of an arm with effects: the tape of ``arm_model.system.closed_loop_system`` the other way round, evaluated with numpy."""
+"""Inverse dynamics of an arm with effects.
+
+The tape of ``arm_model.system.closed_loop_system`` the other way round, evaluated with numpy.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,8 @@ from arm_model.system.mechanics import Joints, Mechanics
 def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Array, time: Array) -> Array:
     """(N, n) torque of the motors at the joint side for motors that move so, (N, n) each, at ``time`` (N,) s.
 
-    The torque that the transmission carries, which load friction needs, is known here: rigid links with their accelerations.
+    The torque that the transmission carries, which load friction needs, is known here: rigid links with their
+    accelerations.
     """
     check_terms(arm)
     arm = relinked(arm)
@@ -45,7 +49,10 @@ def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Arra
 
 
 class _Structure:
-    """An arm as its equations see it: equal to any other with the same joints, base and kinds of effects, whatever the effects' parameters."""
+    """An arm as its equations see it.
+
+    Equal to any other with the same joints, base and kinds of effects, whatever the effects' parameters.
+    """
 
     def __init__(self, arm: Arm) -> None:
         self.arm = arm
@@ -60,7 +67,10 @@ class _Structure:
 
 @lru_cache(maxsize=32)
 def _equations(structure: _Structure, zeros: frozenset[str]) -> tuple[Tape, list[Expr]]:
-    """Torques of the motors over angles ``theta{j}``, ``speed{j}``, ``rate{j}``, ``time`` and the arm's numbers, of which ``zeros`` are 0."""
+    """Torques of the motors over angles ``theta{j}``, ``speed{j}``, ``rate{j}``.
+
+    They are over ``time`` and the arm's numbers too, of which ``zeros`` are 0.
+    """
     arm = structure.arm
     tape, n = Tape(), len(arm)
     symbol = Symbols(tape, zeros)

@@ -1,9 +1,12 @@
-"""The numbers that a generated system (``arm_model.system.closed_loop_system``) takes, from an arm or from many variations of it.
+"""The numbers that a generated system (``arm_model.system.closed_loop_system``) takes.
+
+From an arm or from many variations of it.
 
 Joints and effects are counted from 0 here. All drive quantities are at the joint side:
 
     body{j}.{k}  regrouped inertial parameters in the joint frame     gravity{k}   m/s2, base frame
-    resistance{j} added{j} displaced{j}   the water's, of link j (``arm_model.rigid_body.hydrodynamics``); drag{j} of the whole link, N m s2/rad2
+    resistance{j} added{j} displaced{j}   the water's, of link j (``arm_model.rigid_body.hydrodynamics``); drag{j} of
+                                          the whole link, N m s2/rad2
     rotor{j} offset{j} viscous_mean{j} viscous_difference{j} coulomb_mean{j} coulomb_difference{j} sign_velocity{j}
                  of the directions: mean, and half of positive less negative
     zero{j}      rad (m): what a zero offset adds to q before the links see it
@@ -32,7 +35,9 @@ from arm_model.system.step_size import contact
 
 
 def numbers(arm: Arm, variations: Mapping[str, Array] | None = None) -> dict[str, Array]:
-    """Name -> (lanes,) values. ``variations``: parameter name (``arm_model.parameters``) -> (lanes,); without any, one lane.
+    """Name -> (lanes,) values.
+
+    ``variations``: parameter name (``arm_model.parameters``) -> (lanes,); without any, one lane.
 
     InputError for an unknown name, for lanes of different number, and for geometry, which is built into the equations.
     """
@@ -107,9 +112,8 @@ def _constants(arm: Arm, bent: Arm) -> dict[str, float]:
     for j, (joint, real) in enumerate(zip(arm.joints, bent.joints)):
         found |= {f"drive{j}": real.drive_constant, f"sign_velocity{j}": real.sign_velocity}
         if real.torque_limit is not None:
-            found[f"limit{j}"] = (
-                real.torque_limit / joint.drive_constant
-            )  # the servo clips what it takes for this torque
+            # the servo clips what it takes for this torque
+            found[f"limit{j}"] = real.torque_limit / joint.drive_constant
     if arm.controller is not None:
         gains = servo_gains(arm)
         for j in range(len(arm)):

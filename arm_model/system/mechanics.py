@@ -1,7 +1,7 @@
 """The torques and relations between motor current and rigid links that an arm's drives, transmissions and effects make.
 
-The laws of the effects are those of ``arm_model.effects``, evaluated on tape expressions; ``symbol`` gives the value of a parameter
-by name (``arm_model.system.kernel_inputs``). Joints count from 0 here.
+The laws of the effects are those of ``arm_model.effects``, evaluated on tape expressions; ``symbol`` gives the value of
+a parameter by name (``arm_model.system.kernel_inputs``). Joints count from 0 here.
 """
 
 from __future__ import annotations
@@ -58,7 +58,10 @@ class Joints:
 
 @dataclass
 class Drag:
-    """What resists the motors, rotor inertia apart: torque (n,) at the joint side, and the internal states it depends on."""
+    """What resists the motors, rotor inertia apart.
+
+    Torque (n,) at the joint side, and the internal states it depends on.
+    """
 
     torque: list[Expr] = field(default_factory=list)
     states: list[str] = field(default_factory=list)
@@ -97,7 +100,10 @@ class Mechanics:
         return [j for j in range(len(self.arm)) if self._gives(j)]
 
     def shape(self, phi: Sequence[Expr], speed: Sequence[Expr]) -> Shape:
-        """The joint angles that transmission outputs ``phi`` make: uneven gears, then the turn of one axis by another's motor."""
+        """The joint angles that transmission outputs ``phi`` make.
+
+        Uneven gears, then the turn of one axis by another's motor.
+        """
         n, tape = len(self.arm), phi[0].tape
         straight, slope, bend = list(phi), [tape.constant(1.0)] * n, [tape.constant(0.0)] * n
         for j in range(n):

@@ -17,7 +17,10 @@ SWING, DECAY, BRISTLE = 0.4, 1.0, 1.0
 
 
 CONTACT_FREQUENCY, CONTACT_DAMPING = 100.0, 0.3
-"""Hz and damping ratio of teeth in contact where a model file does not say: stiff against the servo, slow against the step."""
+"""Hz and damping ratio of teeth in contact where a model file does not say.
+
+Stiff against the servo, slow against the step.
+"""
 
 
 def _mobility(arm: Arm, j: int) -> float:

@@ -122,9 +122,12 @@ def calibrate(
     geometry_only: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
-    """The kinematic parameters of an arm from an external tracker, and the position error before and after on held-out runs.
+    """The kinematic parameters of an arm from an external tracker.
 
-    recordings     with tracked points, or with ``tracker``: the tracker's own file (t, x, y, z) of each, in the same order
+    And the position error before and after on held-out runs.
+
+    recordings     with tracked points, or with ``tracker``: the tracker's own file (t, x, y, z) of each, in the same
+                   order
     model          the nominal arm; joints placed as in URDF are given Denavit-Hartenberg parameters
     target         (3,) m in the frame of the last link; None: as the rig file says
     target_std     m, standard deviation of the target's place
@@ -163,9 +166,12 @@ def calibrate(
 
 
 def nominal_arm(model: File | Arm) -> tuple[Arm, Array]:
-    """The arm in Denavit-Hartenberg parameters, and (4, 4) the pose of its last link as the model has it in the new last frame.
+    """The arm in Denavit-Hartenberg parameters.
 
-    Geometric effects of the model are carried into its joints; what else only a tracker shows is left out, to be estimated anew.
+    And (4, 4) the pose of its last link as the model has it in the new last frame.
+
+    Geometric effects of the model are carried into its joints; what else only a tracker shows is left out, to be
+    estimated anew.
     """
     from arm_model.effects import CATALOGUE
     from arm_model.geometry import relinked
@@ -177,6 +183,9 @@ def nominal_arm(model: File | Arm) -> tuple[Arm, Array]:
 
 
 def in_last_link(pose: Array, target: Point) -> Point:
-    """The target in the frame of the last link as D-H puts it; ``pose`` (4, 4): of the model's last link in that frame."""
+    """The target in the frame of the last link as D-H puts it.
+
+    ``pose`` (4, 4): of the model's last link in that frame.
+    """
     x, y, z = (float(value) for value in pose[:3, :3] @ list(target) + pose[:3, 3])
     return x, y, z

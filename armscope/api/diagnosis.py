@@ -20,7 +20,10 @@ if TYPE_CHECKING:
     from diagnosis import Diagnosis as Details
 
 MOST_NUMBERS = 21_600_000
-"""Rows times joints that are read of each signal: an hour of six joints at 1 kHz. Of more, or faster ones, rows are averaged."""
+"""Rows times joints that are read of each signal: an hour of six joints at 1 kHz.
+
+Of more, or faster ones, rows are averaged.
+"""
 RATE = 1000.0
 """rows/s that a diagnosis can use."""
 
@@ -75,7 +78,10 @@ class Diagnosis:
         return figure
 
     def write(self, folder: str | PathLike[str], *, progress: Callable[[str], None] = lambda _: None) -> dict[str, Any]:
-        """Writes diagnosis.json, report.html, model.toml and the discriminating experiments; returns what diagnosis.json says."""
+        """Writes diagnosis.json, report.html, model.toml and the discriminating experiments.
+
+        Returns what diagnosis.json says.
+        """
         from diagnosis.report import write_diagnosis
 
         return write_diagnosis(Path(folder), self.details, list(self.fit), list(self.held_out), progress=progress)
@@ -90,7 +96,8 @@ def diagnose(
 ) -> Diagnosis:
     """What a model's simulation gets wrong in recordings of the arm, and why.
 
-    recordings  to find causes in: one or several, as paths or objects; of very long ones the rows are averaged as they are read
+    recordings  to find causes in: one or several, as paths or objects; of very long ones the rows are averaged as they
+                are read
     model       the nominal model, whose simulation is judged
     held_out    other recordings, which judge; without any, the last 40 % of each recording, a weaker test
     Raises InputError where a recording does not belong to the arm, or is both fitted and held out.
@@ -106,7 +113,9 @@ def diagnose(
 def fit_and_held_out(
     fit: Source | Sequence[Source], held_out: Source | Sequence[Source]
 ) -> tuple[list[Recording], list[Recording], tuple[str, ...]]:
-    """Both sides read; without held-out recordings each one split by time; of very long ones, stretches, and what to say of them.
+    """Both sides read; without held-out recordings each one split by time.
+
+    Of very long ones, stretches, and what to say of them.
 
     InputError where a recording is on both sides.
     """
@@ -115,7 +124,8 @@ def fit_and_held_out(
         if any(_same(one, other) for other in fitted):
             raise InputError(
                 one.path,
-                "is both fitted and held out; must be one of the two (without held-out recordings each is split by time)",
+                "is both fitted and held out; must be one of the two (without held-out recordings each is split by "
+                "time)",
             )
     from diagnosis.screening import examined, split
 

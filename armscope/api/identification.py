@@ -27,14 +27,16 @@ def identify(
     friction: Friction | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
-    """The dynamic parameters of an arm, with standard deviations, base parameters, and the error on held-out recordings.
+    """The dynamic parameters of an arm, with standard deviations, base parameters.
+
+    And the error on held-out recordings.
 
     recordings  to fit: one or several, as paths or objects; of very long ones the rows are averaged as they are read
     model       geometry and drives, and the values to start from
     held_out    to judge by; without any the last part of each fitted recording is predicted from the first
     method      ols, wls, irls: least squares on the inverse dynamics; iv, didim: against the simulated closed loop;
-                motor-link: one joint per recording; sequence: one joint per recording, tip first; friction: tuned in the
-                simulated closed loop
+                motor-link: one joint per recording; sequence: one joint per recording, tip first; friction: tuned in
+                the simulated closed loop
     friction    asymmetric: viscous and Coulomb friction for each direction; None: as the model has viscous friction
     Raises InputError where a recording does not belong to the arm or cannot be used by the method.
     """
@@ -55,7 +57,10 @@ def check(
     friction: Friction | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Readiness:
-    """How fit recordings are for ``identify``, before anything is fitted: rows, excitation, saturation, lag. Arguments as there."""
+    """How fit recordings are for ``identify``, before anything is fitted: rows, excitation, saturation, lag.
+
+    Arguments as there.
+    """
     arm = read_model(model)
     fitted, held = for_analysis(recordings, held_out)
     from identification import check_runs, own_friction

@@ -24,7 +24,9 @@ Source: TypeAlias = "File | Recording"
 
 
 def open_recording(recording: Source) -> Recording:
-    """A recording as numpy arrays by joint, with its ledger, gaps and attachments; ``daq.recording.Recording`` lists them.
+    """A recording as numpy arrays by joint, with its ledger, gaps and attachments.
+
+    ``daq.recording.Recording`` lists them.
 
     InputError where the file is absent, not a recording, or damaged.
     """
@@ -58,7 +60,10 @@ def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list
 
 
 def read_model(model: File | Arm) -> Arm:
-    """The arm of a model file (.toml) or of a URDF file (.urdf); docs/model.md. InputError where it is wrong or unphysical."""
+    """The arm of a model file (.toml) or of a URDF file (.urdf); docs/model.md.
+
+    InputError where it is wrong or unphysical.
+    """
     from arm_model import Arm, read_model
 
     if isinstance(model, Arm):
@@ -72,7 +77,10 @@ def read_model(model: File | Arm) -> Arm:
 
 
 def read_rig(rig: File | Rig) -> Rig:
-    """A rig file, checked with the settings of its drivers; docs/rig-files.md. InputError names the entry and what would be right."""
+    """A rig file, checked with the settings of its drivers; docs/rig-files.md.
+
+    InputError names the entry and what would be right.
+    """
     from daq.rig import Rig, read_rig
 
     return rig if isinstance(rig, Rig) else read_rig(found(rig))

@@ -28,7 +28,10 @@ Table = dict[str, Any]
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Recorded:
-    """What ``record`` returns: the file, and what came of the run (``details``, as ``armscope record --json`` prints it)."""
+    """What ``record`` returns.
+
+    The file, and what came of the run (``details``, as ``armscope record --json`` prints it).
+    """
 
     file: Path
     details: Table
@@ -78,15 +81,18 @@ def record(
     progress: Callable[[Table], None] = lambda run: None,
     transfer: Callable[[int, int], None] = lambda done, size: None,
 ) -> Recorded:
-    """Runs an experiment on a rig, through the rig's daemon where one is running, and writes the recording ``out`` (.mcap).
+    """Runs an experiment on a rig, through the rig's daemon where one is running.
+
+    Writes the recording ``out`` (.mcap).
 
     A real arm moves. ``experiment.setup.instruction`` is what a person has to do before.
 
     rig       the path of a rig file: whoever records reads the file itself, and compares its content
     fetch     bring the recording here, to ``out``, if the daemon records to a folder of its own
-    progress  is called with the state of the run: progress 0 to 1, rows, lost; transfer: with bytes fetched, and of how many
-    Ctrl-C ends the run with the rows so far. Raises InputError where the motion is outside the limits of the rig or ``out`` exists,
-    DeviceFault where a device fails before the run; ``Recorded.fault`` tells of one that fails in it.
+    progress  is called with the state of the run: progress 0 to 1, rows, lost; transfer: with bytes fetched, and of how
+              many
+    Ctrl-C ends the run with the rows so far. Raises InputError where the motion is outside the limits of the rig or
+    ``out`` exists, DeviceFault where a device fails before the run; ``Recorded.fault`` tells of one that fails in it.
     """
     from experiment import Experiment, write_experiment
 
@@ -177,7 +183,10 @@ def _run(
 
 @contextmanager
 def _stop_signals() -> Iterator[list[int]]:
-    """Collects SIGINT and SIGTERM in place of their handlers; in another thread than the main one there are none to collect."""
+    """Collects SIGINT and SIGTERM in place of their handlers.
+
+    In another thread than the main one there are none to collect.
+    """
     stop: list[int] = []
     if threading.current_thread() is not threading.main_thread():
         yield stop

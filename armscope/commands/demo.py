@@ -54,8 +54,16 @@ def command(
             _tell("record", "--rig", str(rig_file), "--experiment", str(experiment), "--out", str(run))
         _say("   " + listener.end())
     _say("5. Identification: which friction, inertia and gravity explain the measured currents?")
-    result = _ask("identify", str(runs[fit]), "--model", str(model), "--held-out", str(runs[held_out]), "--out",
-                  str(folder / "identified"))  # fmt: skip
+    result = _ask(
+        "identify",
+        str(runs[fit]),
+        "--model",
+        str(model),
+        "--held-out",
+        str(runs[held_out]),
+        "--out",
+        str(folder / "identified"),
+    )
     error = result["relative_error"]
     _say(
         f"   {len(result['parameters'])} parameters; the torque is explained to {error['fit']:.1%} on '{fit}'"
@@ -64,15 +72,25 @@ def command(
     )
     _say("6. The identified model, simulated on the same demands, against what was measured.")
     simulated, picture = folder / "simulated.mcap", folder / "currents.png"
-    _ask("simulate", "--model", str(folder / "identified/model.toml"), "--like", str(runs[held_out]), "--out",
-         str(simulated))  # fmt: skip
+    _ask(
+        "simulate",
+        "--model",
+        str(folder / "identified/model.toml"),
+        "--like",
+        str(runs[held_out]),
+        "--out",
+        str(simulated),
+    )
     _run("plot", str(runs[held_out]), str(simulated), "--out", str(picture))
     _say("Measured and simulated currents:")
     print(picture.resolve())
 
 
 def _write_rig(folder: Path) -> Path:
-    """The simulated Puma under a name and an endpoint of its own, so that the demo disturbs no daemon that runs here."""
+    """The simulated Puma under a name and an endpoint of its own.
+
+    The demo disturbs no daemon that runs here.
+    """
     table = read_toml(shipped_folder() / "puma560_sim.toml")
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

@@ -55,7 +55,10 @@ def command(
 
 
 def _examine(table: DeviceTable, device: Device, identities: dict[str, Identity], plan: Plan) -> dict[str, Any]:
-    """What a device says, opened by itself so that one that is missing hides no other; where it is silent, what there is instead."""
+    """What a device says, opened by itself so that one that is missing hides no other.
+
+    Where it is silent, what there is instead.
+    """
     finding: dict[str, Any] = {"device": table.name, "identity": None, "problems": [], "found": []}
     try:
         identities[table.name] = device.open()
@@ -69,7 +72,10 @@ def _examine(table: DeviceTable, device: Device, identities: dict[str, Identity]
 
 
 def _try_out(device: Device, plan: Plan) -> list[str]:
-    """A few rows of a device that makes them without the start line, at the rig's rate: do they come, have they values?"""
+    """A few rows of a device that makes them without the start line, at the rig's rate.
+
+    Do they come, have they values?
+    """
     if plan.source is EdgeSource.TRACKER or not isinstance(device, Polled | Latched):
         return []
     device.arm(plan)
@@ -86,7 +92,8 @@ def _try_out(device: Device, plan: Plan) -> list[str]:
     rows = np.concatenate(quality)
     share = {flag: (rows & np.uint8(flag) != 0).mean(axis=0) for flag in WORRIES}
     return [
-        f"column {column + 1} of {rows.shape[1]}: {part:.0%} of its values are {str(flag.name).lower()}, {WORRIES[flag]}"
+        f"column {column + 1} of {rows.shape[1]}: {part:.0%} of its values are {str(flag.name).lower()}, "
+        f"{WORRIES[flag]}"
         for flag, parts in share.items()
         for column, part in enumerate(parts)
         if part > MOST_DOUBTFUL

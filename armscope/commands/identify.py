@@ -47,14 +47,17 @@ def command(
     method: Annotated[
         Method,
         typer.Option(
-            help="ols, wls, irls: least squares on the inverse dynamics; iv: instrumental variables; didim: closed-loop output error;"
-            " motor-link: one joint per run; sequence: one joint per run, tip first; friction: friction only, tuned in closed loop"
+            help="ols, wls, irls: least squares on the inverse dynamics; iv: instrumental variables; didim: "
+            "closed-loop output error;"
+            " motor-link: one joint per run; sequence: one joint per run, tip first; friction: friction only, tuned "
+            "in closed loop"
         ),
     ] = Method.wls,
     friction: Annotated[
         Friction | None,
         typer.Option(
-            help="asymmetric: direction-dependent viscous and Coulomb friction; default: as the viscous friction of the model"
+            help="asymmetric: direction-dependent viscous and Coulomb friction; default: as the viscous friction of "
+            "the model"
         ),
     ] = None,
     only_check: Annotated[

@@ -54,7 +54,8 @@ def _text(table: dict[str, Any]) -> str:
             f"{'-' if row[name] is None else format(row[name], '.5g'):>13}" for name in ("min", "max", "rms")
         )
         lines.append(
-            f"  {row['signal']}{row['joint'] or '':<{8 - len(row['signal'])}}{row['unit']:<6}{row['missing']:>9}{numbers}"
+            f"  {row['signal']}{row['joint'] or '':<{8 - len(row['signal'])}}{row['unit']:<6}"
+            f"{row['missing']:>9}{numbers}"
         )
     flags = {name: count for name, count in (table["quality_flags"] or {}).items() if count}
     if flags:

@@ -26,7 +26,10 @@ class Like(StrEnum):
 
 @dataclass(frozen=True)
 class Starter:
-    """Shipped files of one starter project: rig, model and experiments; ``others``: place in the project -> shipped file."""
+    """Shipped files of one starter project: rig, model and experiments.
+
+    ``others``: place in the project -> shipped file.
+    """
 
     rig: str
     model: str
@@ -82,7 +85,10 @@ def write_starter(folder: Path, like: Like) -> list[str]:
 
 
 def _text(folder: Path, source: str) -> str:
-    """A shipped file as the project needs it: the rig named after the folder, its model beside it, its own name in the comments."""
+    """A shipped file as the project needs it.
+
+    The rig named after the folder, its model beside it, its own name in the comments.
+    """
     text = (shipped_folder() / source).read_text(encoding="utf-8")
     if source not in {starter.rig for starter in STARTERS.values()}:
         return text

@@ -140,7 +140,10 @@ def _text(summary: dict[str, Any]) -> str:
         )
     for joint in summary["joints"]:
         if body := joint["cylinder"]:
-            coefficients = f"C_d {body['drag_coefficient']:g}, C_a {body['added_mass_coefficient']:g}, buoyancy {body['buoyancy']:g}"
+            coefficients = (
+                f"C_d {body['drag_coefficient']:g}, C_a {body['added_mass_coefficient']:g}, "
+                f"buoyancy {body['buoyancy']:g}"
+            )
             lines.append(f"link {joint['joint']} in water: cylinder of {body['radius']:g} m, {coefficients}")
         if joint["drag"]:
             lines.append(f"joint {joint['joint']}: drag {joint['drag']:g} N m s2/rad2")

@@ -1,4 +1,7 @@
-"""``armscope sim-devices``: a simulator of every device of a rig, on its own protocol, with one simulated arm behind all of them."""
+"""``armscope sim-devices``.
+
+a simulator of every device of a rig, on its own protocol, with one simulated arm behind all of them.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,10 @@ def command(
 
 @contextmanager
 def simulated_devices(rig: Rig, where: str | Path) -> Iterator[list[Simulator]]:
-    """Every device of the rig, simulated and answering, until the block ends. InputError for a device without a simulator."""
+    """Every device of the rig, simulated and answering, until the block ends.
+
+    InputError for a device without a simulator.
+    """
     simulators = make_simulators(rig, where)
     opened: list[Simulator] = []
     try:

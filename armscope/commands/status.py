@@ -23,7 +23,10 @@ def command(
 
 
 def ask(path: Path, verb: str, arguments: Table | None = None, *, timeout: float = 10.0) -> Table:
-    """Has the daemon of the rig file obey one command. InputError: refused; DeviceFault: no answer, or a device failed."""
+    """Has the daemon of the rig file obey one command.
+
+    InputError: refused; DeviceFault: no answer, or a device failed.
+    """
     rig = read_rig(path, drivers=False)
     with open_session(rig, listen=False) as session:
         return call(session, keys_of(rig.name), verb, arguments, timeout=timeout)

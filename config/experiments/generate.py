@@ -1,11 +1,16 @@
-"""Writes the experiment files beside it, for the nominal Puma: ``python config/experiments/generate.py`` from the checkout.
+"""Writes the experiment files beside it, for the nominal Puma.
+
+``python config/experiments/generate.py`` from the checkout.
 
 The files are plain: they run without this program. It is kept because it says how their numbers came about.
 
-thesis_NN_*       the thesis's 22 tests: joints 1-3 one at a time through 180 degrees, 50 and 100 % speed, both directions (12), and the
-                  ISO cube's diagonal plane, five moves at 50 and at 100 % speed (10; the split of the 22 is ours)
-iso_cube          the five points in one run, ISO 9283: cube of 500 mm, points on its diagonal plane, a tenth of the diagonal inside
-excitation        six joints together, a Fourier series chosen for the identification; excitation_held_out another one, to judge by
+thesis_NN_*       the thesis's 22 tests: joints 1-3 one at a time through 180 degrees, 50 and 100 % speed, both
+                  directions (12), and the ISO cube's diagonal plane, five moves at 50 and at 100 % speed (10; the split
+                  of the 22 is ours)
+iso_cube          the five points in one run, ISO 9283: cube of 500 mm, points on its diagonal plane, a tenth of the
+                  diagonal inside
+excitation        six joints together, a Fourier series chosen for the identification; excitation_held_out another one,
+                  to judge by
 slow_sweep_N      joint N slowly through its range and back: friction and gravity, no inertia
 """
 
@@ -26,7 +31,8 @@ from experiment import Experiment, demand_of, write_experiment
 HERE = Path(__file__).resolve().parent
 
 FULL_SPEED = np.deg2rad([82.0, 74.0, 122.0, 228.0, 241.0, 228.0]).round(4).tolist()
-# What leaves room for gravity, friction and the other joints' torques below the motors' limits (checked in tests/experiment).
+# What leaves room for gravity, friction and the other joints' torques below the motors' limits (checked in
+# tests/experiment).
 FULL_ACCELERATION = [8.0, 6.0, 12.0, 20.0, 25.0, 25.0]
 STAND = {"type": "hold", "duration": 0.5}
 UP = np.pi / 2

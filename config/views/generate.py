@@ -25,10 +25,16 @@ def foxglove_layout(joints: list[str]) -> str:
 
     def plot(title: str, *series: tuple[str, str, str, bool]) -> fl.SplitItem:
         paths = [
-            fl.PlotSeries(value=path, label=label, color=colour, line_size=1.0 if thin else 2.0, enabled=True,
-                          timestamp_method="headerStamp")
+            fl.PlotSeries(
+                value=path,
+                label=label,
+                color=colour,
+                line_size=1.0 if thin else 2.0,
+                enabled=True,
+                timestamp_method="headerStamp",
+            )
             for path, label, colour, thin in series
-        ]  # fmt: skip
+        ]
         config = fl.PlotConfig(paths=paths, x_axis_val="timestamp", following_view_width=20, show_legend=True)
         return fl.SplitItem(proportion=1, content=fl.PlotPanel(title=title, config=config))
 
@@ -54,7 +60,10 @@ def plotjuggler_layout(joints: list[str]) -> str:
 
     def plot(*curves: tuple[str, str]) -> str:
         lines = "".join(f"     <curve name={quoteattr(name)} color={quoteattr(colour)}/>\n" for name, colour in curves)
-        return f'   <DockArea name="...">\n    <plot mode="TimeSeries" style="Lines">\n{lines}    </plot>\n   </DockArea>\n'
+        return (
+            f'   <DockArea name="...">\n    <plot mode="TimeSeries" style="Lines">\n{lines}    </plot>\n '
+            "  </DockArea>\n"
+        )
 
     def of_joints(topic: str, array: str) -> list[tuple[str, str]]:
         return [(f"{topic}/{name}/{array}", colour) for name, colour in zip(joints, COLOURS)]

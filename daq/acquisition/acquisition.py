@@ -6,8 +6,9 @@
             recorder.write(rows)
         print(acquisition.ending, acquisition.ledger.summary())
 
-Every block period all devices are read, each device's rows get their trigger's index (``daq.acquisition.trigger_index``), the join makes complete
-rows (``daq.acquisition.join``), calibration makes them angles and currents. No step loops over samples.
+Every block period all devices are read, each device's rows get their trigger's index
+(``daq.acquisition.trigger_index``), the join makes complete rows (``daq.acquisition.join``), calibration makes them
+angles and currents. No step loops over samples.
 """
 
 from __future__ import annotations
@@ -131,7 +132,10 @@ class Acquisition:
         return None if self.plan.rows is None else min(self.rows_made / self.plan.rows, 1.0)
 
     def clocks(self) -> list[ClockFit]:
-        """The fit of each device's clock to the host's, of the run so far: by readings of it where there are enough, else by its rows."""
+        """The fit of each device's clock to the host's, of the run so far.
+
+        By readings of it where there are enough, else by its rows.
+        """
         fits = []
         for stream in self._intake.streams:
             device = self.bench.devices[stream.name]
@@ -144,8 +148,8 @@ class Acquisition:
     def rows(self) -> Iterator[Rows]:
         """Arms and starts if that was not done, and yields all rows, block by block, until the run has ended.
 
-        When the loop ends, ``ending`` says why and the ledger balances. Whatever happens - the loop is left, the consumer raises -
-        the outputs are in their safe state and the devices disarmed.
+        When the loop ends, ``ending`` says why and the ledger balances. Whatever happens - the loop is left, the
+        consumer raises - the outputs are in their safe state and the devices disarmed.
         """
         if self.state is State.IDLE:
             self.arm()

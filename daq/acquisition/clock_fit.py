@@ -1,9 +1,9 @@
 """A device's clock related to the host's: a continuous, piecewise-linear fit with its uncertainty.
 
-Ticks are read once a block together with the host's time. The fit is the least-squares polyline through these pairs with
-knots every ``KNOT_SECONDS``: crystals wander over minutes, so that a line of 10 s is straight to well below a microsecond. The
-uncertainty of a knot is that of least squares with the residuals' own scatter; it says how well the polyline is known, and
-``residual_rms`` how far a single reading lies from it.
+Ticks are read once a block together with the host's time. The fit is the least-squares polyline through these pairs
+with knots every ``KNOT_SECONDS``: crystals wander over minutes, so that a line of 10 s is straight to well below a
+microsecond. The uncertainty of a knot is that of least squares with the residuals' own scatter; it says how well the
+polyline is known, and ``residual_rms`` how far a single reading lies from it.
 """
 
 from __future__ import annotations
@@ -98,9 +98,12 @@ def _hats(at: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArray[np.flo
 
 
 class ArrivalClock:
-    """Times of triggers from stamps of their arrival, which come a block at a time: never earlier than the trigger, often later.
+    """Times of triggers from stamps of their arrival, which come a block at a time.
 
-    Follows the earliest arrivals on an even grid, and creeps later by at most CREEP, so that a slow trigger is followed too.
+    Never earlier than the trigger, often later.
+
+    Follows the earliest arrivals on an even grid, and creeps later by at most CREEP, so that a slow trigger is followed
+    too.
     """
 
     CREEP = 2e-3  # s per s

@@ -24,8 +24,8 @@ class Stream:
     columns   value -> columns of the joined rows that this device fills
     quality   columns of the joined quality that it fills
     required  a trigger without a row of this device is lost; a tracker's missing point is a value missing
-    by_time   the device makes rows on its own time: the nearest serves a trigger. Other triggers that it is the nearest to get it
-              too, marked STALE, but for a tracker's point, which is MISSING there
+    by_time   the device makes rows on its own time: the nearest serves a trigger. Other triggers that it is the nearest
+              to get it too, marked STALE, but for a tracker's point, which is MISSING there
     served    host time of the newest row that has served a trigger by time
     presets   channel -> count that its register was set to, where it was
     """

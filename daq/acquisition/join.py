@@ -1,8 +1,8 @@
 """Joins the rows of all devices: one row per trigger, and a reason for every trigger without one.
 
-One device is the clock: its rows say which triggers there were and when. A trigger becomes a row when every required device has
-latched it. What a device did not latch is known once it has delivered a later row, so that the join waits for the slowest
-device and loses nothing to a late one.
+One device is the clock: its rows say which triggers there were and when. A trigger becomes a row when every required
+device has latched it. What a device did not latch is known once it has delivered a later row, so that the join waits
+for the slowest device and loses nothing to a late one.
 """
 
 from __future__ import annotations
@@ -19,8 +19,11 @@ from daq.rig.channels import Columns
 Bools = NDArray[np.bool_]
 
 STAMP_BIAS_NS = 250_000
-"""How far two devices' host stamps of one edge may lie apart. At a trigger period of less than twice this, stamps cannot tell
-which of two neighbouring triggers a first row belongs to, and the device's own numbering is trusted."""
+"""How far two devices' host stamps of one edge may lie apart.
+
+At a trigger period of less than twice this, stamps cannot tell which of two neighbouring triggers a first row belongs
+to, and the device's own numbering is trusted.
+"""
 
 
 @dataclass(frozen=True)
@@ -76,8 +79,8 @@ class Join:
     def take(self, last: int | None = None) -> Joined | None:
         """All rows that are certain by now; None if there are none.
 
-        last  the recording ends with this trigger, and no device will deliver any more: triggers up to it that are still
-              without a row are lost
+        last  the recording ends with this trigger, and no device will deliver any more: triggers up to it that are
+              still without a row are lost
         """
         if last is None and not self._rebased:
             return None
@@ -212,7 +215,10 @@ class Join:
         )
 
     def _without_empty(self, rows: Joined) -> Joined | None:
-        """A row without a single value is none: every device that is asked was gone (those that latch make no row then)."""
+        """A row without a single value is none.
+
+        Every device that is asked was gone (those that latch make no row then).
+        """
         empty = ((rows.quality & MISSING) != 0).all(axis=1)
         if not (self.columns.counters or self.columns.inputs) or not empty.any():
             return rows
@@ -257,7 +263,9 @@ def _find(stream: Stream, index: NDArray[np.int64]) -> tuple[NDArray[np.int64], 
 
 
 def nearest(rows: NDArray[np.int64], triggers: NDArray[np.int64], served: int = -1) -> tuple[NDArray[np.int64], Bools]:
-    """Places of the rows (host ns) nearest in time to triggers (host ns), both increasing; and for which trigger each is the nearest.
+    """Places of the rows (host ns) nearest in time to triggers (host ns), both increasing.
+
+    And for which trigger each is the nearest.
 
     served  rows up to this time have served an earlier trigger already
     """

@@ -46,7 +46,9 @@ class Loss:
 
 @dataclass(frozen=True)
 class LedgerSummary:
-    """The balance of a recording; ``triggers == latched + lost before latching`` and ``latched == recorded + lost after``.
+    """The balance of a recording.
+
+    ``triggers == latched + lost before latching`` and ``latched == recorded + lost after``.
 
     triggers  edges that the clock made, seen or inferred from numbers and intervals
     latched   complete rows that the sampler made
@@ -72,8 +74,8 @@ class LedgerSummary:
 class Ledger:
     """The sampler's account of a run: every trigger is a complete row handed on, or a loss; from any thread.
 
-    The two sums come from different places - triggers from the edges of the clock, rows from the sampler's output - so that
-    ``imbalance`` is a check and not an identity. What is lost between here and the disk is the recorder's to add.
+    The two sums come from different places - triggers from the edges of the clock, rows from the sampler's output - so
+    that ``imbalance`` is a check and not an identity. What is lost between here and the disk is the recorder's to add.
     """
 
     def __init__(self) -> None:

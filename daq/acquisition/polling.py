@@ -1,7 +1,8 @@
 """Devices without a latch, asked on a time grid: the rows that the host makes by asking.
 
-A device on a serial line or a bus answers when it is asked, and its answers are joined by their time. With the real clock each
-has a thread of its own, so that a slow one does not delay the others; on a clock of its own (a simulation), the sampler's sleep asks them.
+A device on a serial line or a bus answers when it is asked, and its answers are joined by their time. With the real
+clock each has a thread of its own, so that a slow one does not delay the others; on a clock of its own (a simulation),
+the sampler's sleep asks them.
 """
 
 from __future__ import annotations
@@ -61,7 +62,10 @@ class Poller:
             self._thread = None
 
     def read(self) -> Block | None:
-        """All rows since the last call; None if there are none. Raises what the device raised, once its rows are read."""
+        """All rows since the last call; None if there are none.
+
+        Raises what the device raised, once its rows are read.
+        """
         with self._lock:
             rows, self._rows = self._rows, []
         if rows:

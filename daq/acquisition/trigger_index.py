@@ -1,10 +1,12 @@
 """Which trigger made a row: from the device's numbers, and from the intervals between its rows.
 
-A card numbers the edges that it has seen. If its input misses one, its numbers go on without a gap, but one interval is twice as
-long, and from then on every row would be joined with its neighbour's. So the index of a row is its number plus the edges that the
-intervals show to have been missed (or minus extra ones: interference on the line looks like an edge).
+A card numbers the edges that it has seen. If its input misses one, its numbers go on without a gap, but one interval is
+twice as long, and from then on every row would be joined with its neighbour's. So the index of a row is its number plus
+the edges that the intervals show to have been missed (or minus extra ones: interference on the line looks like an
+edge).
 
-    x = (t - t0) / period - (number - number0)      0 for a row on the grid; +1 for good after a missed edge, -1 after an extra one
+    x = (t - t0) / period - (number - number0)      0 for a row on the grid; +1 for good after a missed edge, -1 after
+                                                    an extra one
 
 A single row that is stamped late has x = 1 too, and its successor x = 0: only what lasts for ``LASTING`` rows counts.
 """
@@ -55,8 +57,8 @@ class Indexer:
         number, host, tick  (n,) rows of the device in order, as in ``drivers.protocols.Block``
         final               no more rows will come: decide on all of them
 
-        Returns (m,) indices and (m,) bool. Where m < n the rest must be given again, with the rows that follow: either the period
-        is not yet known, or the last rows may belong to a shift that has to be seen to last.
+        Returns (m,) indices and (m,) bool. Where m < n the rest must be given again, with the rows that follow: either
+        the period is not yet known, or the last rows may belong to a shift that has to be seen to last.
         """
         parts = []
         begin, size = 0, self._carries()
@@ -78,7 +80,10 @@ class Indexer:
         return np.concatenate([index for index, _ in parts]), np.concatenate([keep for _, keep in parts])
 
     def _carries(self) -> int:
-        """For how many rows the period is known well enough: one that was taken from n rows carries over some n more."""
+        """For how many rows the period is known well enough.
+
+        One that was taken from n rows carries over some n more.
+        """
         return 1 << 30 if self.regular is not True else max(self._count, SETTLE)
 
     def _index_some(self, number: Ints, host: Ints, tick: Ints, final: bool) -> tuple[Ints, NDArray[np.bool_]]:

@@ -37,7 +37,9 @@ class LongRecording(RecordingHead):
         return self.rows
 
     def blocks(self) -> Iterator[Recording]:
-        """All rows in their order, a chunk at a time; ``t`` counts from the first row of all. A recording without rows is one block.
+        """All rows in their order, a chunk at a time; ``t`` counts from the first row of all.
+
+        A recording without rows is one block.
 
         May be asked again. ``gaps`` of a block are not looked for.
         """
@@ -48,7 +50,10 @@ class LongRecording(RecordingHead):
 
 
 def open_long(path: str | Path, *, damaged: bool = False) -> LongRecording:
-    """Reads a recording through once, and keeps what it is apart from its rows. ``damaged`` and errors as ``open_recording`` has them."""
+    """Reads a recording through once, and keeps what it is apart from its rows.
+
+    ``damaged`` and errors as ``open_recording`` has them.
+    """
     path = Path(path)
     contents, times = read_contents(path, _Times)
     head = head_of(path, contents, damaged=damaged)
@@ -63,7 +68,10 @@ def open_long(path: str | Path, *, damaged: bool = False) -> LongRecording:
 
 
 class _Times:
-    """What is kept of the rows while they are read through: how many, the first time, the last, and times between them."""
+    """What is kept of the rows while they are read through.
+
+    How many, the first time, the last, and times between them.
+    """
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout

@@ -28,7 +28,10 @@ Columns = dict[str, NDArray]
 
 
 class Keeper(Protocol):
-    """What is done with the rows: ``append`` gets those of one chunk after the other, as views that it must copy to keep."""
+    """What is done with the rows.
+
+    ``append`` gets those of one chunk after the other, as views that it must copy to keep.
+    """
 
     def append(self, columns: Columns) -> None: ...
 
@@ -123,8 +126,10 @@ class Contents:
 
 
 def read_contents(path: Path, keeper: Callable[[Layout], K]) -> tuple[Contents, K]:
-    """Walks the file, and hands its rows to what ``keeper`` makes. InputError where the file is absent, or no row and no layout of ours
-    can be found in it."""
+    """Walks the file, and hands its rows to what ``keeper`` makes.
+
+    InputError where the file is absent, or no row and no layout of ours can be found in it.
+    """
     contents, kept, torn = Contents(mapped(path)), None, False
     for part in mcap_walk.walk(contents.data):
         match part:

@@ -1,4 +1,7 @@
-"""What is missing in a file that was not finished or is damaged: every row handed to the recorder is found or accounted for."""
+"""What is missing in a file that was not finished or is damaged.
+
+Every row handed to the recorder is found or accounted for.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,8 @@ from daq.recording.mcap_file.writer import Progress
 class Found:
     """What could be read of a file.
 
-    runs      (k, 3) trigger numbers without a hole between them: first, last, and whether something unreadable stood before the first
+    runs      (k, 3) trigger numbers without a hole between them: first, last, and whether something unreadable stood
+              before the first
     finished  the file has its end
     """
 
@@ -101,7 +105,10 @@ def _missing(found: Found, known: tuple[Loss, ...], progress: Progress | None) -
 
 
 def _without(gap: tuple[int, int], known: tuple[Loss, ...], nearest: int) -> list[tuple[int, int]]:
-    """The half-open interval ``gap`` without those of known losses (sorted by number; those before ``nearest`` end before it)."""
+    """The half-open interval ``gap`` without those of known losses (sorted by number.
+
+    Those before ``nearest`` end before it).
+    """
     rest, (start, stop) = [], gap
     for loss in known[nearest:]:
         if loss.first >= stop:

@@ -1,4 +1,7 @@
-"""The parts of a recording's file, in the order in which they are written: head and attachments, chunks of rows, ledger."""
+"""The parts of a recording's file, in the order in which they are written.
+
+Head and attachments, chunks of rows, ledger.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,9 @@ from daq.recording.messages.row_format import Layout, RowFormat
 
 @dataclass(frozen=True)
 class Attachments:
-    """What a recording carries so that everything in it can be recomputed. Texts as they stand in the files; None: there is none.
+    """What a recording carries so that everything in it can be recomputed.
+
+    Texts as they stand in the files; None: there is none.
 
     rig, model, experiment  TOML texts
     calibration             as ``daq.rig.calibration`` puts it (with its content hash)
@@ -111,7 +116,10 @@ def ledger_table(ledger: LedgerSummary) -> dict:
 
 
 class Derivatives:
-    """What viewers need in /joint_states in addition to the measured position: velocity (difference quotient), effort (torque)."""
+    """What viewers need in /joint_states in addition to the measured position.
+
+    Velocity (difference quotient), effort (torque).
+    """
 
     def __init__(self, layout: Layout) -> None:
         self._effort = np.array(layout.effort)

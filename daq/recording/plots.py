@@ -1,4 +1,7 @@
-"""Pictures of recordings: position, deviation from the demand, and current, joint by joint, several recordings on one another."""
+"""Pictures of recordings.
+
+Position, deviation from the demand, and current, joint by joint, several recordings on one another.
+"""
 
 from __future__ import annotations
 

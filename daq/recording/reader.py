@@ -1,4 +1,7 @@
-"""A recording read back: numpy arrays by joint in SI units, raw counts and volts, and everything it was recorded with."""
+"""A recording read back.
+
+Numpy arrays by joint in SI units, raw counts and volts, and everything it was recorded with.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,10 @@ PAUSE = 10.0
 
 @dataclass(frozen=True)
 class Gap:
-    """Between rows ``row`` and ``row + 1`` (from 0) ``triggers`` rows are known to be missing; ``seconds`` lie between them."""
+    """Between rows ``row`` and ``row + 1`` (from 0) ``triggers`` rows are known to be missing.
+
+    ``seconds`` lie between them.
+    """
 
     row: int
     triggers: int
@@ -36,7 +42,8 @@ class Gap:
 class Recording(RecordingHead):
     """n rows of J joints. Missing samples are NaN; what a recording does not have at all is None.
 
-    path, layout, attachments, ledger, finished, notes, rig, experiment, model, calibration, provenance  as ``RecordingHead`` has them
+    path, layout, attachments, ledger, finished, notes, rig, experiment, model, calibration, provenance  as
+        ``RecordingHead`` has them
     t           (n,) s since the first row, acquisition time
     wall_ns     (n,) wall time of the rows; number: (n,) of their triggers
     q, i        (n, J) rad (m), motor encoder over gear ratio; (n, J) A, positive drives the joint positive
@@ -94,7 +101,9 @@ class Recording(RecordingHead):
         return float(self.t[-1]) if len(self.t) else 0.0
 
     def flagged(self, signal: Literal["q", "i", "points"]) -> dict[str, NDArray[np.bool_]]:
-        """Rows that the instruments flagged: name of a ``drivers.protocols.Quality`` in small letters -> rows (n, J), points (n, 1).
+        """Rows that the instruments flagged.
+
+        Name of a ``drivers.protocols.Quality`` in small letters -> rows (n, J), points (n, 1).
 
         Only flags that occur; none in a recording without devices.
         """
@@ -118,7 +127,8 @@ def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int
 
     damaged  True: of a damaged file everything that can be read, with ``notes``; False: it is refused, so that nobody
              computes with holes unawares
-    most_numbers  rows times joints to be kept of each signal: in a longer recording rows are averaged, and raw counts, volts and clocks
+    most_numbers  rows times joints to be kept of each signal: in a longer recording rows are averaged, and raw counts,
+                  volts and clocks
              left out (``daq.recording.thinned``); None: everything as it was recorded
     Raises InputError where the file is absent, no recording of armscope, or damaged.
     """
@@ -132,7 +142,10 @@ def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int
 
 
 def head_of(path: Path, contents: Contents, *, damaged: bool) -> RecordingHead:
-    """The head of what was found, reported to every listener (``daq.recording.losses``). InputError where it is damaged, and must not be."""
+    """The head of what was found, reported to every listener (``daq.recording.losses``).
+
+    InputError where it is damaged, and must not be.
+    """
     if contents.damages and not damaged:
         raise InputError(path, f"is damaged: {contents.damages[0].sentence}; 'armscope recover' keeps what can be read")
     ledger, sure = contents.ledger()
@@ -156,7 +169,10 @@ def time_of(layout: Layout, columns: Columns, origin: NDArray) -> Array:
 
 
 def rows_of(head: RecordingHead, columns: Columns, t: Array, *, gaps: list[Gap], averaged: int = 1) -> Recording:
-    """The rows of some columns of a file at times ``t`` as a recording; tracker points stay in the frame of the file."""
+    """The rows of some columns of a file at times ``t`` as a recording.
+
+    Tracker points stay in the frame of the file.
+    """
     layout = head.layout
     signals: dict[str, Any] = {name: _by_joint(columns.get(name), layout, name) for name in JOINT_TOPICS}
     for name in ("q", "i"):

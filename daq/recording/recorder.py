@@ -1,8 +1,8 @@
 """The recorder: row blocks go in, a crash-safe MCAP file comes out, and every row is accounted for.
 
-``append`` only queues. A thread of its own writes a chunk every ``chunk_seconds`` and waits until the disk has it, so that a
-killed process or a power cut costs no more than the last chunk. What does not fit into the queue, or what the disk refuses, is a
-loss with a reason in the ledger, never an exception in the sampler.
+``append`` only queues. A thread of its own writes a chunk every ``chunk_seconds`` and waits until the disk has it, so
+that a killed process or a power cut costs no more than the last chunk. What does not fit into the queue, or what the
+disk refuses, is a loss with a reason in the ledger, never an exception in the sampler.
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ def rows_layout(
     demand: bool = False,
     effort: Sequence[float] = (),
 ) -> Layout:
-    """The layout of a recording of ``Rows``: names of joints, counters and inputs; whether there are points and demands.
+    """The layout of a recording of ``Rows``: names of joints, counters and inputs.
+
+    Whether there are points and demands.
 
     effort  (J,) joint torque per motor ampere, N m/A (N/A), where it is known: fills the effort in /joint_states
     """
@@ -50,7 +52,8 @@ def rows_layout(
 class Recorder:
     """One recording in the making.
 
-    live  True: rows that find the queue full are lost, and counted; False: ``append`` waits (for simulations, which can)
+    live  True: rows that find the queue full are lost, and counted; False: ``append`` waits (for simulations, which
+          can)
     """
 
     def __init__(
@@ -124,9 +127,12 @@ class Recorder:
     def finish(
         self, *, triggers: int | None = None, losses: Sequence[Loss] = (), closing: dict | None = None
     ) -> LedgerSummary:
-        """Writes what is queued, the ledger and the summary, and gives the file its name. A second call returns the same.
+        """Writes what is queued, the ledger and the summary, and gives the file its name.
 
-        triggers  edges that the clock made (default: rows appended plus ``losses``); losses  those before the rows were made
+        A second call returns the same.
+
+        triggers  edges that the clock made (default: rows appended plus ``losses``); losses  those before the rows were
+                  made
         closing   how the run ended, with what notes and clocks: becomes the attachment ``run.json``
         DeviceFault: the disk refused the end of the file; all recorded rows stay readable in ``RUN.mcap.active``.
         """
@@ -148,7 +154,8 @@ class Recorder:
             self._file.close()
             raise DeviceFault(
                 "disk",
-                f"{error.strerror} at the end of {self._file.path}: {self._recorded} rows are safe in {self._file.active}, "
+                f"{error.strerror} at the end of {self._file.path}: {self._recorded} rows are safe in "
+                f"{self._file.active}, "
                 f"{ledger.lost} are lost; make room and run 'armscope recover'",
             ) from None
         self._ledger = ledger
@@ -226,7 +233,10 @@ class Recorder:
 
 
 def _columns(blocks: list[Rows], layout: Layout) -> dict[str, NDArray]:
-    """The blocks end to end, under the names that the columns have in the file; NaN where a block lacks demands or points."""
+    """The blocks end to end, under the names that the columns have in the file.
+
+    NaN where a block lacks demands or points.
+    """
     names = {"position": "q", "current": "i", "demand": "qref", "points": "xyz"}
     wanted = {"demand": "qref" in layout.signals, "points": bool(layout.points)}
     columns = {}

@@ -39,10 +39,12 @@ def open_recordings(
 ) -> list[list[Recording]]:
     """Reads recordings for an analysis, in groups as given (fitted, held out).
 
-    Every row is read as long as all recordings together have at most ``most_numbers`` rows times joints. Else each is reduced to its share of
-    that number by averaging rows (``daq.recording.thinned``). Raises InputError as ``open_recording`` does.
+    Every row is read as long as all recordings together have at most ``most_numbers`` rows times joints. Else each is
+    reduced to its share of that number by averaging rows (``daq.recording.thinned``). Raises InputError as
+    ``open_recording`` does.
 
-    rate  rows/s that suffice: those of faster recordings are averaged, down to no fewer than so many; None: no bound on the rate
+    rate  rows/s that suffice: those of faster recordings are averaged, down to no fewer than so many; None: no bound on
+          the rate
     """
     extents = {path: extent_of(path) for group in groups for path in group}
     total = sum(extent.numbers for extent in extents.values())
@@ -60,7 +62,10 @@ def open_recordings(
 
 
 def extent_of(path: Path) -> Extent:
-    """Of a recording, from its summary; of one without, unfinished or damaged, as many rows as its size allows for. Nothing of no file."""
+    """Of a recording, from its summary; of one without, unfinished or damaged, as many rows as its size allows for.
+
+    Nothing of no file.
+    """
     try:
         with os.fdopen(open_regular(path), "rb") as file:
             size = file.seek(0, 2)

@@ -84,7 +84,10 @@ def current_unit(recording: RecordingHead) -> str:
 
 
 class _Statistics:
-    """Of one column, or of several side by side: missing samples, and lowest, highest, root mean square of the others."""
+    """Of one column, or of several side by side.
+
+    Missing samples, and lowest, highest, root mean square of the others.
+    """
 
     def __init__(self) -> None:
         self.missing: Any = 0

@@ -1,7 +1,10 @@
-"""Rows averaged as they are read, as many at a time as it takes, so that a recording of any length needs a bounded amount of memory.
+"""Rows averaged as they are read, as many at a time as it takes.
 
-Positions and currents go through the same filter, the mean of successive rows, so that the equations between them hold as before: six joints
-sampled at 20 kHz say little about the arm that they do not say at 1 kHz once each row is the mean of twenty, noise included.
+So a recording of any length needs a bounded amount of memory.
+
+Positions and currents go through the same filter, the mean of successive rows, so that the equations between them hold
+as before: six joints sampled at 20 kHz say little about the arm that they do not say at 1 kHz once each row is the mean
+of twenty, noise included.
 """
 
 from __future__ import annotations
@@ -18,10 +21,13 @@ LEFT_OUT = ("counts", "volts", "host_ns", "tick", "extra")
 
 
 class Thinned:
-    """Columns of at most ``most_rows`` rows, each the mean of ``factor`` successive rows of the file; the factor doubles when they are full.
+    """Columns of at most ``most_rows`` rows, each the mean of ``factor`` successive rows of the file.
 
-    Of two rows with a missing sample in one, the other's is taken. Where triggers are missing between two rows, the first alone is kept: a mean
-    over a gap is no sample of either side. Quality bits are those of any row; ``number`` is the first row's.
+    The factor doubles when they are full.
+
+    Of two rows with a missing sample in one, the other's is taken. Where triggers are missing between two rows, the
+    first alone is kept: a mean over a gap is no sample of either side. Quality bits are those of any row; ``number`` is
+    the first row's.
     """
 
     def __init__(self, most_rows: int) -> None:

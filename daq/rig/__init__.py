@@ -1,4 +1,4 @@
-"""The rig: its file, its channels and calibration, its open devices, and the guard in front of everything that moves."""
+"""The rig: its file, channels and calibration, its open devices, and the guard in front of all that moves."""
 
 from typing import TYPE_CHECKING
 

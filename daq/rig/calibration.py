@@ -1,10 +1,12 @@
 """Counts to joint positions, volts to motor currents.
 
-    q = offset + counts / scale             scale = sign x lines x (1, 2 or 4) x gear / 2 pi    counts per rad (m) of the joint
+    q = offset + counts / scale             scale = sign x lines x (1, 2 or 4) x gear / 2 pi    counts per rad (m) of
+                                            the joint
     i = (V - offset) x amperes_per_volt     amperes_per_volt = sign x sgn(gear) x rated current / rated voltage / turns
 
-The gear's sign makes both joint-positive (``daq.rig.rig_file``). A recording keeps the calibration with the raw values, with the hash of
-its content: positions and currents can be computed again, and recordings of different calibration are distinguished.
+The gear's sign makes both joint-positive (``daq.rig.rig_file``). A recording keeps the calibration with the raw values,
+with the hash of its content: positions and currents can be computed again, and recordings of different calibration are
+distinguished.
 """
 
 from __future__ import annotations
@@ -93,7 +95,10 @@ def _amperes_per_volt(joint: JointTable, sensor: CurrentSensor) -> float:
 
 
 def positions(calibration: Calibration, counts: NDArray[np.int64], quality: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Joint positions (n, J) rad (m) of extended counts (n, C); NaN where there is no encoder or the value is MISSING."""
+    """Joint positions (n, J) rad (m) of extended counts (n, C).
+
+    NaN where there is no encoder or the value is MISSING.
+    """
     q = np.full((len(counts), len(calibration.scale)), np.nan)
     which = np.array(calibration.count_column, int)
     have = which != NONE
@@ -109,7 +114,10 @@ def without_position(calibration: Calibration, quality: NDArray[np.uint8]) -> ND
 
 
 def of_another_time(calibration: Calibration, quality: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(n, J) where a joint's value was not taken at its row's time: one repeated, one that came late, or none at all."""
+    """(n, J) where a joint's value was not taken at its row's time.
+
+    One repeated, one that came late, or none at all.
+    """
     return _marked(calibration, quality, Quality.STALE | Quality.LATE | Quality.MISSING)
 
 

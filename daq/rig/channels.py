@@ -14,7 +14,9 @@ Place = tuple[str, int]
 
 @dataclass(frozen=True)
 class Columns:
-    """All channels of all devices that make rows, in the order of the rig file, whether a joint uses them or not: raw is kept.
+    """All channels of all devices that make rows, in the order of the rig file, whether a joint uses them or not.
+
+    Raw is kept.
 
     counters  (C) device and channel of each column of ``counts``; ``widths`` (C) bits of their registers
     inputs    (A) device and channel of each column of ``volts``

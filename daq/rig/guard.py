@@ -1,11 +1,13 @@
 """The one way to everything that can move the arm: start line, analogue outputs, the arm's controller.
 
-Every command passes the rig's limits, and everything comes to its safe state (lines low, outputs 0 V, the arm stopped) when a run
-ends, when the arm leaves its limits, when a device is lost, and when the sampler has not been served for ``Rig.watchdog`` s. The
-watchdog counts the rig's clock, so that a simulation that runs on a time of its own is not stopped by a debugger.
+Every command passes the rig's limits, and everything comes to its safe state (lines low, outputs 0 V, the arm stopped)
+when a run ends, when the arm leaves its limits, when a device is lost, and when the sampler has not been served for
+``Rig.watchdog`` s. The watchdog counts the rig's clock, so that a simulation that runs on a time of its own is not
+stopped by a debugger.
 
 No program can act after SIGKILL or a power cut. The service manager's watchdog then starts
-the daemon anew, and opening the rig begins with the safe state; what must be safe within milliseconds needs a watchdog in hardware.
+the daemon anew, and opening the rig begins with the safe state; what must be safe within milliseconds needs a watchdog
+in hardware.
 """
 
 from __future__ import annotations
@@ -89,7 +91,10 @@ class Guard:
                 self.controller.load(experiment)
 
     def start(self, *, motion: bool) -> None:
-        """Starts the arm, if it has a ``motion``, and raises the start line; from now on the watchdog expects ``feed``."""
+        """Starts the arm, if it has a ``motion``, and raises the start line.
+
+        From now on the watchdog expects ``feed``.
+        """
         with self._lock:
             self._refuse_if_tripped("the arm")
             self._fed = self.clock.monotonic_ns()
@@ -104,7 +109,10 @@ class Guard:
     # Supervision
 
     def feed(self) -> None:
-        """A sign of life; one that comes too late is none, though the thread that watches may have stood still as long."""
+        """A sign of life.
+
+        One that comes too late is none, though the thread that watches may have stood still as long.
+        """
         now = self.clock.monotonic_ns()
         if now - self._fed > self.rig.watchdog * 1e9:
             self._starved()
@@ -132,12 +140,13 @@ class Guard:
     ) -> str | None:
         """What limit the arm was seen to break in rows (n, J), as a sentence; None if it kept them all.
 
-        unmeasured  (n, J) True where the joint has no encoder, or its device says itself that the value is missing; None: nowhere.
-                    A position that is not finite elsewhere is a breach, with or without limits: the position of the arm is unknown.
+        unmeasured  (n, J) True where the joint has no encoder, or its device says itself that the value is missing;
+                    None: nowhere. A position that is not finite elsewhere is a breach, with or without limits: the
+                    position of the arm is unknown.
         untimed     (n, J) True where the value was not taken at the time of its row; None: nowhere
 
-        A current that is NaN was not measured; an infinite one is a breach. Speed is that of ``daq.rig.speed_check``, over the blocks
-        of one run, which must be given in their order.
+        A current that is NaN was not measured; an infinite one is a breach. Speed is that of ``daq.rig.speed_check``,
+        over the blocks of one run, which must be given in their order.
         """
         if len(position) == 0:
             return None
@@ -224,7 +233,8 @@ def _check_watchdogs(rig: Rig, devices: Mapping[str, Device]) -> None:
         if isinstance(device, OwnWatchdog) and 0 < device.watchdog <= rig.watchdog:
             raise InputError(
                 rig.name,
-                f"watchdog: {rig.watchdog:g} s must be shorter than {device.watchdog:g} s, after which {name} makes its own "
+                f"watchdog: {rig.watchdog:g} s must be shorter than {device.watchdog:g} s, after which {name} makes "
+                "its own "
                 "outputs safe",
             )
 

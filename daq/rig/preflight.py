@@ -16,7 +16,10 @@ ROUNDING, RELATIVE = 1e-9, 1e-6
 
 
 def check_plan(rig: Rig, devices: Mapping[str, Device], identities: Mapping[str, Identity], plan: Plan) -> list[str]:
-    """What the rig's devices cannot do of a plan: one sentence each, with what would be right; empty when all is well."""
+    """What the rig's devices cannot do of a plan: one sentence each, with what would be right.
+
+    Empty when all is well.
+    """
     problems = []
     for name, identity in identities.items():
         on_its_own_clock = isinstance(devices[name], PositionTracker) and plan.source != "tracker"
@@ -53,7 +56,10 @@ def _check_memory(name: str, memory: int, plan: Plan) -> list[str]:
 
 
 def check_motion(rig: Rig, experiment: Experiment) -> list[str]:
-    """Where an experiment asks for more than the rig's limits allow, one sentence each; its demand is looked at every ``STEP`` s."""
+    """Where an experiment asks for more than the rig's limits allow, one sentence each.
+
+    Its demand is looked at every ``STEP`` s.
+    """
     if len(experiment.start) != rig.joints:
         return [f"the experiment is for {len(experiment.start)} joints, the rig has {rig.joints}"]
     demand, limits = demand_of(experiment), rig.limits
@@ -76,7 +82,8 @@ def _away_from_start(experiment: Experiment, first: Array, speed: Array | None) 
     jump = np.abs(first - np.array(experiment.start))
     most = speed * (1 + RELATIVE) * STEP
     return [
-        f"the reference of joint {joint + 1} jumps by {jump[joint]:.4g} from the start pose; begin the motion at 'start'"
+        f"the reference of joint {joint + 1} jumps by {jump[joint]:.4g} from the start pose; begin the motion at "
+        "'start'"
         for joint in np.flatnonzero(~(jump <= most)).tolist()
     ]
 

@@ -3,9 +3,9 @@
 Channels are numbered from 0, as on the cards; joints from 1, in the order of their tables. SI units and radians.
 
 Signs. Outside a driver a positive current drives its joint in the positive direction, so that joint torque =
-torque_constant x |gear| x current. The motor's own sense may be the other way round (a negative ``gear``: the motor turns
-backwards when the joint goes forward); counts and volts are of the motor, and calibration folds the gear's sign into both.
-``sign`` = -1 is for a swapped pair of wires and nothing else.
+torque_constant x |gear| x current. The motor's own sense may be the other way round (a negative ``gear``: the motor
+turns backwards when the joint goes forward); counts and volts are of the motor, and calibration folds the gear's sign
+into both. ``sign`` = -1 is for a swapped pair of wires and nothing else.
 """
 
 from __future__ import annotations
@@ -65,8 +65,9 @@ class Encoder(Table):
     lines              lines per motor revolution; with ``mode`` and the joint's gear they give the scale
     counts_per_radian  or the scale itself: counts per radian (metre) of the JOINT, with its sign
     offset             rad (m): joint position at count 0
-    preset             what the register is set to: a number, when the rig is opened; "start", before every run, so that the joint
-                       reads the start pose of the experiment, where the arm then stands; left out: never (absolute encoders)
+    preset             what the register is set to: a number, when the rig is opened; "start", before every run, so that
+                       the joint reads the start pose of the experiment, where the arm then stands; left out: never
+                       (absolute encoders)
     """
 
     device: str
@@ -314,8 +315,8 @@ def _check_double_use(rig: Rig) -> None:
 def read_rig(path: str | Path, *, drivers: bool = True) -> Rig:
     """Reads and checks a rig file; InputError names the file, the entry, and what would be right.
 
-    drivers  False leaves out what needs the drivers (each device's own options, ranges of channels): enough for ``import``, and
-             for a rig whose drivers are not installed here.
+    drivers  False leaves out what needs the drivers (each device's own options, ranges of channels): enough for
+             ``import``, and for a rig whose drivers are not installed here.
     """
     rig = check_table(path, read_toml(path), Rig)
     rig._folder = Path(path).resolve().parent

@@ -1,6 +1,9 @@
-"""How fast the joints are seen to go: between values whose time is known, over times in which encoder steps do not look like speed.
+"""How fast the joints are seen to go.
 
-A device that was silent for a while then shows where the joint is now: that distance belongs to the whole gap, not to the last row.
+Between values whose time is known, over times in which encoder steps do not look like speed.
+
+A device that was silent for a while then shows where the joint is now: that distance belongs to the whole gap, not to
+the last row.
 """
 
 from __future__ import annotations
@@ -35,7 +38,8 @@ class SpeedCheck:
     ) -> str | None:
         """The first joint that was seen to go faster than its limit, as a sentence; None if none was.
 
-        position  (n, J) rad (m); measured: (n, J) where it is a value; timed: (n, J) where that was taken at ``host_ns`` (n,)
+        position  (n, J) rad (m); measured: (n, J) where it is a value; timed: (n, J) where that was taken at
+                  ``host_ns`` (n,)
         """
         if self._host.max() >= host_ns[0]:  # time went back: another run
             self._host[:] = -1
@@ -51,7 +55,10 @@ class SpeedCheck:
         self._position[new], self._host[new] = position[row, new], host_ns[row]
 
     def _judge(self, position: Array, usable: NDArray[np.bool_], host_ns: NDArray[np.int64], wait: int) -> str | None:
-        """Of the last usable value of each joint; values of unknown time ``wait`` ns, and count only where the joint has moved."""
+        """Of the last usable value of each joint.
+
+        Values of unknown time ``wait`` ns, and count only where the joint has moved.
+        """
         last = len(usable) - 1 - np.argmax(usable[::-1], axis=0)
         now = position[last, np.arange(len(last))]
         passed = host_ns[last] - self._host

@@ -1,6 +1,7 @@
 """Asks a running server of a rig (daemon, embedded recording, replay): commands as JSON, answers and errors as JSON.
 
-Only ``read`` answers bytes: a piece of a file. Errors are typed: ``{"error": "input", "where": ..., "what": ...}`` or ``{"error": "device", "device": ..., "what": ...}``.
+Only ``read`` answers bytes: a piece of a file. Errors are typed: ``{"error": "input", "where": ..., "what": ...}`` or
+``{"error": "device", "device": ..., "what": ...}``.
 """
 
 from __future__ import annotations
@@ -18,8 +19,18 @@ if TYPE_CHECKING:
     import zenoh
 
 COMMANDS = (
-    "status", "identity", "arm", "start", "stop", "disarm", "zero", "reset", "recordings", "checksum", "read",
-)  # fmt: skip
+    "status",
+    "identity",
+    "arm",
+    "start",
+    "stop",
+    "disarm",
+    "zero",
+    "reset",
+    "recordings",
+    "checksum",
+    "read",
+)
 ARM_SECONDS = 600.0
 """How long to wait for ``arm``: a robot may have to drive to its start first. A daemon that ends is noticed at once."""
 MOST_CHARACTERS = 500
@@ -32,7 +43,8 @@ def call(
 ) -> Table:
     """Runs a command at the server and returns its answer.
 
-    InputError: the server refuses (and says why). DeviceFault: a device failed there, or none answers within ``timeout`` s.
+    InputError: the server refuses (and says why). DeviceFault: a device failed there, or none answers within
+    ``timeout`` s.
     """
     answer = call_for_bytes(session, keys, verb, arguments, timeout=timeout)
     table = json.loads(answer)
@@ -66,7 +78,10 @@ def call_for_bytes(
 
 @contextmanager
 def claim(session: zenoh.Session, keys: Keys) -> Iterator[str]:
-    """A name for this client, for ``arm``'s argument ``client``; what it armed is disarmed when the block or the process ends."""
+    """A name for this client, for ``arm``'s argument ``client``.
+
+    What it armed is disarmed when the block or the process ends.
+    """
     name = uuid.uuid4().hex
     token = session.liveliness().declare_token(keys.client(name))
     try:

@@ -1,6 +1,7 @@
 """Rows on the screen: a WebSocket server for Foxglove and PlotJuggler, on loopback only.
 
-The topics and messages are those of a recording (``daq.recording.messages.row_format``), so that one screen layout serves live and recorded data alike.
+The topics and messages are those of a recording (``daq.recording.messages.row_format``), so that one screen layout
+serves live and recorded data alike.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Puts rows on Zenoh: every row in blocks, the newest one as a ROS message, and what the server is doing.
 
 Data is dropped, never waited for: a wedged subscriber must not hold up the sampler (put under a full queue costs a few
-microseconds). Every block says what came before it, so that whoever misses something knows how much (``daq.service.row_block``). A replay
-has nothing to hold up and waits instead (``reliable``).
+microseconds). Every block says what came before it, so that whoever misses something knows how much
+(``daq.service.row_block``). A replay has nothing to hold up and waits instead (``reliable``).
 """
 
 from __future__ import annotations

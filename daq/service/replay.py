@@ -11,9 +11,23 @@ from numpy.typing import NDArray
 from daq.recording import LongRecording, Recording
 
 COLUMNS = (
-    "number", "wall_ns", "host_ns", "tick", "time", "counts", "volts", "quality",
-    "q", "i", "qref", "ql", "v", "temp", "xyz", "points",
-)  # fmt: skip
+    "number",
+    "wall_ns",
+    "host_ns",
+    "tick",
+    "time",
+    "counts",
+    "volts",
+    "quality",
+    "q",
+    "i",
+    "qref",
+    "ql",
+    "v",
+    "temp",
+    "xyz",
+    "points",
+)
 """Those of ``Recording`` that are published, under the same names, where a recording has them."""
 
 

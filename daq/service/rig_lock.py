@@ -1,4 +1,7 @@
-"""One process a rig: a lock file by the rig's name, held by flock(2), so that it is free again however its holder ends."""
+"""One process a rig: a lock file by the rig's name, held by flock(2).
+
+It is free again however its holder ends.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +48,10 @@ def holder_of(rig: str) -> Holder | None:
 
 
 class RigLock:
-    """The rig, taken. DeviceFault with the holder's process id if another process has it. The file remains; only the lock matters."""
+    """The rig, taken.
+
+    DeviceFault with the holder's process id if another process has it. The file remains; only the lock matters.
+    """
 
     def __init__(self, rig: str, role: str) -> None:
         path = lock_path(rig)

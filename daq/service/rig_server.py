@@ -28,7 +28,10 @@ class RigServer(Protocol):
 
 
 def server_of(path: Path, rig: Rig) -> RigServer:
-    """The daemon that has the rig of the file ``path``; an embedded one where there is none and the rig is this machine's."""
+    """The daemon that has the rig of the file ``path``.
+
+    An embedded one where there is none and the rig is this machine's.
+    """
     holder = holder_of(rig.name)
     if holder is not None and holder.role == "record":
         raise InputError(path, f"rig '{rig.name}' is recording now (process {holder.pid}); one run at a time")

@@ -1,9 +1,10 @@
 """The keys under which a ROS 2 node with rmw_zenoh sees our joint states. Off by default (``zenoh.ros2_attachment``).
 
 rmw_zenoh publishes a topic under ``<domain>/<topic>/<type>/<type hash>`` and announces it by liveliness tokens below
-``@ros2_lv``; every sample carries an attachment: sequence number and source time (int64 each), then the publisher's 16-byte id
-behind its length (docs/design.md and attachment_helpers.cpp of ros2/rmw_zenoh). An attachment of another form can abort a ROS
-node. Keys, type hash (REP-2016) and the form of the attachment are tested; nothing has been tried against ROS 2 itself.
+``@ros2_lv``; every sample carries an attachment: sequence number and source time (int64 each), then the publisher's
+16-byte id behind its length (docs/design.md and attachment_helpers.cpp of ros2/rmw_zenoh). An attachment of another
+form can abort a ROS node. Keys, type hash (REP-2016) and the form of the attachment are tested; nothing has been tried
+against ROS 2 itself.
 """
 
 from __future__ import annotations

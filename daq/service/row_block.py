@@ -13,12 +13,12 @@ All little endian. Head, 56 bytes:
     32      16 bytes run: a UUID, new for every recording or replay
     48      u64      reserved, 0
 
-Then the description: JSON in UTF-8, padded with blanks to a multiple of 8 bytes, ``{"columns": [{"name", "type", "shape",
-"unit"}, ...], "joints": [...]}``; ``type`` is numpy's (``<i8``, ``<f8``, ``|u1``), ``shape`` that of one row. Then the columns in
-that order, each C-contiguous (n, *shape) and padded with zeros to a multiple of 8 bytes.
+Then the description: JSON in UTF-8, padded with blanks to a multiple of 8 bytes, ``{"columns": [{"name", "type",
+"shape", "unit"}, ...], "joints": [...]}``; ``type`` is numpy's (``<i8``, ``<f8``, ``|u1``), ``shape`` that of one row.
+Then the columns in that order, each C-contiguous (n, *shape) and padded with zeros to a multiple of 8 bytes.
 
-``sequence`` and ``before`` give a receiver the exact number of missed blocks and rows; the description is the same in all
-blocks of a run, so that it is parsed once.
+``sequence`` and ``before`` give a receiver the exact number of missed blocks and rows; the description is the same in
+all blocks of a run, so that it is parsed once.
 """
 
 from __future__ import annotations
@@ -43,9 +43,19 @@ LAST = 1
 MEDIA_TYPE = "application/x-armscope-rows;version=1"
 
 UNITS = {
-    "t": "s", "host_ns": "ns", "wall_ns": "ns", "volts": "V", "points": "m", "xyz": "m", "q": "rad|m", "ql": "rad|m",
-    "qref": "rad|m", "i": "A", "v": "V", "temp": "degC",
-}  # fmt: skip
+    "t": "s",
+    "host_ns": "ns",
+    "wall_ns": "ns",
+    "volts": "V",
+    "points": "m",
+    "xyz": "m",
+    "q": "rad|m",
+    "ql": "rad|m",
+    "qref": "rad|m",
+    "i": "A",
+    "v": "V",
+    "temp": "degC",
+}
 """Units of the columns that have one; names as in ``daq.recording.reader.Recording``."""
 
 _NAMES = {"position": "q", "current": "i", "demand": "qref"}

@@ -42,7 +42,9 @@ def request_of(text: str, where: str, out: Path) -> RecordingRequest:
 
 
 class Run:
-    """One recording in the making. ``arm``, then ``start``, then ``take`` (in a thread, if it must not block); ``stop`` any time.
+    """One recording in the making.
+
+    ``arm``, then ``start``, then ``take`` (in a thread, if it must not block); ``stop`` any time.
 
     result  after ``take``: the table that ``record --json`` prints
     """
@@ -55,7 +57,10 @@ class Run:
         self._recorder: Recorder | None = None
 
     def arm(self) -> None:
-        """Checks all, brings the arm to the start and begins the file. After an error there is no file, and nothing is armed."""
+        """Checks all, brings the arm to the start and begins the file.
+
+        After an error there is no file, and nothing is armed.
+        """
         self._acquisition.arm()
         try:
             self._recorder = self._begin()
@@ -82,7 +87,10 @@ class Run:
             raise
 
     def take(self, done: Callable[[], None] = lambda: None) -> Table:
-        """Takes all rows to file and subscribers until the run has ended, and finishes the file; ``done`` is called then."""
+        """Takes all rows to file and subscribers until the run has ended, and finishes the file.
+
+        ``done`` is called then.
+        """
         assert self._recorder is not None
         trouble = ""
         try:

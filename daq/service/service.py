@@ -1,8 +1,9 @@
 """The service: one rig, its devices open, waiting for commands; one run at a time.
 
-Three threads. The one that calls ``step`` decides: it takes the commands and owns the state, and does nothing that takes long, so that
-``status`` and ``stop`` are always heard. Another talks to the devices: it arms, starts and takes the rows (``daq.service.process.worker``). A
-third reads files for clients. docs/daemon.md has the table of commands; refusals are ``InputError`` and ``DeviceFault``.
+Three threads. The one that calls ``step`` decides: it takes the commands and owns the state, and does nothing that
+takes long, so that ``status`` and ``stop`` are always heard. Another talks to the devices: it arms, starts and takes
+the rows (``daq.service.process.worker``). A third reads files for clients. docs/daemon.md has the table of commands;
+refusals are ``InputError`` and ``DeviceFault``.
 """
 
 from __future__ import annotations
@@ -56,7 +57,8 @@ class Service:
 
     role     'daemon', or 'record' for the time of one embedded recording
     folder   recordings go only there, by plain file name; must be given where the endpoint is not loopback
-    publish  'required': InputError or DeviceFault if the endpoint cannot be had; 'optional': without it, and ``notes`` says why
+    publish  'required': InputError or DeviceFault if the endpoint cannot be had; 'optional': without it, and ``notes``
+             says why
     state    idle, arming, armed, disarming or running
     bug      what ended the last run if that was an error in the program; None otherwise
     """
@@ -107,7 +109,10 @@ class Service:
         self._watchdog.ready(f"rig {self.rig.name}: idle")
 
     def close(self) -> None:
-        """Ends a run with its file finished, makes the rig safe and gives everything back; may be called at any time."""
+        """Ends a run with its file finished, makes the rig safe and gives everything back.
+
+        May be called at any time.
+        """
         self._watchdog.stopping()
         self.end(End.TERMINATED)
         self._devices.close()
@@ -123,7 +128,10 @@ class Service:
         self._lock.release()
 
     def step(self, timeout: float) -> None:
-        """Obeys the next command that comes within ``timeout`` s; gives the signs of life. Returns early when a job is done."""
+        """Obeys the next command that comes within ``timeout`` s; gives the signs of life.
+
+        Returns early when a job is done.
+        """
         if self._watchdog.interval is not None:
             timeout = min(timeout, self._watchdog.interval)
         if self._armed is not None:
@@ -261,7 +269,7 @@ class Service:
         self._tell()
 
     def _go_idle(self, result: Table | None = None) -> None:
-        """result  of the run that has ended, if one has"""
+        """result  of the run that has ended, if one has."""
         self.run = self._armed = None
         self._go("idle")
         waiting, self._waiting_for_end = self._waiting_for_end, []
@@ -353,7 +361,10 @@ class Service:
         raise InputError("daemon", f"{verb}: {doing}; {why}")
 
     def _later(self, work: Outcome, then: Callable[[Any], Any] = lambda result: result) -> Outcome:
-        """The answer to a command whose work is done on another thread; ``then`` makes it of the result, on this one."""
+        """The answer to a command whose work is done on another thread.
+
+        ``then`` makes it of the result, on this one.
+        """
         answer: Outcome = Future()
         self._answers.append((work, then, answer))
         return answer
@@ -385,7 +396,10 @@ class Service:
         return None if self._endpoint is None else self._endpoint.publisher
 
     def _stuck(self) -> bool:
-        """Whether the devices should have been done long ago: a driver hangs. Then only the service manager can help."""
+        """Whether the devices should have been done long ago: a driver hangs.
+
+        Then only the service manager can help.
+        """
         if self.state != "running":
             return self._devices.busy_seconds > STUCK_ARMING_SECONDS
         tripped = self.bench.guard.tripped is not None

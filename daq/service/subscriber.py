@@ -44,8 +44,9 @@ class Tally:
 class Subscriber:
     """Row blocks of a rig, in order.
 
-    latest  None: blocks wait in a queue of 8192 (80 s) until they are received; who is slower than that misses some, and knows it.
-            k: only the newest k blocks are kept, and what was overwritten counts as missed (viewers: never stale)
+    latest  None: blocks wait in a queue of 8192 (80 s) until they are received; who is slower than that misses some,
+            and knows it. k: only the newest k blocks are kept, and what was overwritten counts as missed (viewers:
+            never stale)
     """
 
     def __init__(self, session: zenoh.Session, keys: Keys, *, latest: int | None = None) -> None:

@@ -1,9 +1,10 @@
 """The Zenoh session of a rig: where it listens or connects, who may do what there, and under which keys.
 
-Peer mode on one fixed endpoint; multicast scouting and gossip are off, so that nothing is found, and nothing finds us, that
-the rig file does not name. The server (daemon, embedded recording or replay) listens; clients connect and listen nowhere.
-Access is denied by default: a client may ask and read below the rig's own keys, and never publish. Beyond loopback the
-rig file must name TLS files, a user and a password (``daq.rig.rig_file.ZenohTable`` refuses anything less).
+Peer mode on one fixed endpoint; multicast scouting and gossip are off, so that nothing is found, and nothing finds us,
+that the rig file does not name. The server (daemon, embedded recording or replay) listens; clients connect and listen
+nowhere. Access is denied by default: a client may ask and read below the rig's own keys, and never publish. Beyond
+loopback the rig file must name TLS files, a user and a password (``daq.rig.rig_file.ZenohTable`` refuses anything
+less).
 """
 
 from __future__ import annotations
@@ -75,8 +76,8 @@ def keys_of(name: str) -> Keys:
 def open_session(rig: Rig, *, listen: bool, send_seconds: float = 5.0) -> zenoh.Session:
     """The rig's session, as its server (``listen``) or as a client.
 
-    send_seconds  how long something that must not be dropped (an answer, rows of a replay) waits for a receiver that has stopped
-                  reading; its connection is closed then
+    send_seconds  how long something that must not be dropped (an answer, rows of a replay) waits for a receiver that
+                  has stopped reading; its connection is closed then
 
     DeviceFault('zenoh'): the endpoint is taken, or (client) no answer there within 2 s. InputError: unusable
     password or certificate files.
@@ -104,7 +105,8 @@ def session_config(rig: Rig, *, listen: bool, send_seconds: float = 5.0) -> dict
             "tx": {
                 "queue": {
                     "size": {"data": QUEUE_BATCHES},
-                    # us that the sampler's thread waits for a queue that has just filled up; while it stays full, not at all.
+                    # us that the sampler's thread waits for a queue that has just filled up; while it stays full, not
+                    # at all.
                     "congestion_control": {
                         "drop": {"wait_before_drop": 1000, "max_wait_before_drop_fragments": 5000},
                         "block": {"wait_before_close": round(send_seconds * 1e6)},

@@ -1,5 +1,6 @@
-"""Measured against simulated: the model in closed loop on the recorded demands, and its currents along the measured
-motion.
+"""Measured against simulated.
+
+The model in closed loop on the recorded demands, and its currents along the measured motion.
 
 The closed loop is what a user calls the simulation. Where the controller of the model is that of the arm, its currents
 contain neither encoder quantisation nor derivatives of it, and it is the sharper test. Where it is not, its errors are
@@ -31,7 +32,10 @@ from diagnosis.residual.run_setup import loaded, setup_of
 from identification.preprocessing import demand_of_run
 
 FAITHFUL = 1.5
-"""Times the error along the measured motion: a closed loop that errs more at some joint is not that of the arm's controller."""
+"""Times the error along the measured motion.
+
+a closed loop that errs more at some joint is not that of the arm's controller.
+"""
 SMOOTHING = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
 """Candidate Coulomb smoothing velocities, as multiples of the model's own; one lane of the engine each."""
 
@@ -60,7 +64,10 @@ class Compared:
 
 
 def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
-    """The recording's demands run through the model's closed loop; None without a demand, a controller or a stable loop."""
+    """The recording's demands run through the model's closed loop.
+
+    None without a demand, a controller or a stable loop.
+    """
     if arm.controller is None or not has_demand(recording):
         return None
     arm = loaded(arm, setup_of(recording).payload)
@@ -79,13 +86,16 @@ def has_demand(recording: Recording) -> bool:
 
 
 def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
-    """(n,) A each: rms of the run's residual current under its model and under the extended one, without a closed loop."""
+    """(n,) A each: rms of the run's residual current under its model and under the extended one.
+
+    Without a closed loop.
+    """
     rows = comparable_rows(run)
     return rms_where(residual_under(run, before.effects), rows), rms_where(residual_under(run, after.effects), rows)
 
 
 def faithful(pairs: Sequence[tuple[Compared, Compared]], along: Sequence[tuple[Array, Array]]) -> bool:
-    """Whether the closed loop of the extended model follows the recordings as well as the model follows their motion."""
+    """Whether the closed loop of the extended model follows the recordings as well as the model their motion."""
     if not pairs or len(pairs) != len(along):
         return False
     loop = np.sqrt(np.mean([after.error_rms("current") ** 2 for _, after in pairs], axis=0))
@@ -125,8 +135,9 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
 def refuted(
     full: Arm, less: Sequence[Arm], felt_at: Sequence[int], recordings: Sequence[Recording], runs: Sequence[Run]
 ) -> int | None:
-    """Index of the cause whose removal reduces the closed-loop error most; None where no removal does, or the loop
-    cannot judge.
+    """Index of the cause whose removal reduces the closed-loop error most.
+
+    None where no removal does, or the loop cannot judge.
 
     full: the model with all causes; less: without each of them; felt_at: the joint (from 1) where each has its largest
     effect. A cause must hold in both comparisons: the residual along the measured motion, by which it was found, and

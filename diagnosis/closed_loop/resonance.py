@@ -1,5 +1,6 @@
-"""Transmission resonances above the residual's bandwidth: springs and play between motor and link, identified in closed
-loop.
+"""Transmission resonances above the residual's bandwidth.
+
+Springs and play between motor and link, identified in closed loop.
 
 Along the measured motion encoder quantisation exceeds everything above 20 Hz. The model in closed loop on the same
 demands has no such noise: where its servos are those of the arm, it follows measured currents to the transducers' noise
@@ -46,7 +47,8 @@ MOVES = 0.01
 FOLLOWED = 0.7
 """Largest share of moving joints above the noise: where nearly all are, the servos are not those of the arm."""
 PROMISING, MOST = 0.4, 0.75
-"""Share of the energy above the noise that the best of the first values must explain at the joint, and the best of all at all joints held out."""
+"""Share of the energy above the noise that the best of the first values must explain at the joint, and the best of all
+at all joints held out."""
 SIGNIFICANT = 0.05
 """Probability below which the gain over blocks is no chance."""
 ALIKE = 0.05
@@ -81,8 +83,9 @@ def transmission_resonance(
     joints: Sequence[int],
     near: Cause | None = None,
 ) -> Cause | None:
-    """The spring or the play at one of ``joints`` (from 1) that makes the closed loop follow the demands; None if there
-    is none.
+    """The spring or the play at one of ``joints`` (from 1) that makes the closed loop follow the demands.
+
+    None if there is none.
 
     arm: the model with all other known effects. near: the cause that the currents along the motion show; its values are
     tried as well.
@@ -127,7 +130,10 @@ def transmission_resonance(
 def _searched(
     arm: Arm, effect: str, joint: int, recordings: Sequence[Recording], noise: Array, near: Cause | None
 ) -> tuple[float, Trial] | None:
-    """(share explained at the joint, values) of an effect where its loops follow the recordings best; None where none is promising."""
+    """(share explained at the joint, values) of an effect where its loops follow the recordings best.
+
+    None where none is promising.
+    """
     grid: dict[str, Sequence[float]] = _first(CATALOGUE[effect])
     if near is not None and near.effect == effect:
         grid |= {p.name: [*grid[p.name], p.value] for p in near.parameters}
@@ -160,7 +166,10 @@ def transmissions() -> tuple[str, ...]:
 
 
 def _first(effect: Effect) -> dict[str, Sequence[float]]:
-    """First values of every parameter: those of its search; of the longest so many only that LANES combinations are left."""
+    """First values of every parameter: those of its search.
+
+    Of the longest so many only that LANES combinations are left.
+    """
     grid: dict[str, Sequence[float]] = {p.name: p.search for p in effect.parameters if p.search}
     longest = max(grid, key=lambda name: len(grid[name]))
     others = math.prod(len(values) for name, values in grid.items() if name != longest)
@@ -179,9 +188,12 @@ def _shares(arm: Arm, trials: Sequence[Trial], recordings: Sequence[Recording], 
 
 
 def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = ()) -> Array:
-    """(lanes, m, n) A: measured less simulated current in the band, of the arm as it is, or with each of the trials (of one effect and joint).
+    """(lanes, m, n) A: measured less simulated current in the band.
 
-    NaN in lanes whose loop is not stable. The demand may have been recorded a little early or late: the angles tell by how much.
+    Of the arm as it is, or with each of the trials (of one effect and joint).
+
+    NaN in lanes whose loop is not stable. The demand may have been recorded a little early or late: the angles tell by
+    how much.
     """
     carrying = loaded(arm, setup_of(recording).payload)
     lanes = {}
@@ -227,7 +239,10 @@ def _white_share(recording: Recording) -> float:
 def _judged(
     arm: Arm, trial: Trial, fit: Sequence[Recording], held_out: Sequence[Recording], noise: Array
 ) -> Cause | None:
-    """The cause, if it explains most of what the loop was missing at all joints held out, and gains in enough blocks."""
+    """The cause, if it explains most of what the loop was missing at all joints held out.
+
+    It must gain in enough blocks.
+    """
     j = trial.joint - 1
     pairs = [(_errors(arm, r)[0], _errors(arm, r, [trial])[0]) for r in held_out]
     before, after = (np.sqrt(np.mean(np.concatenate(errors) ** 2, axis=0)) for errors in zip(*pairs))
@@ -242,8 +257,10 @@ def _judged(
     unit = arm.joints[j].current_unit
     shows = CATALOGUE[trial.effect].shown(Instrument.CLOSED_LOOP, trial.values, {})
     sentence = (
-        f"{shows}: with it the closed loop on held-out demands follows the current of joint {trial.joint} between {BAND[0]:.0f} and "
-        f"{BAND[1]:.0f} Hz to {after[j]:.3g} instead of {before[j]:.3g} {unit} rms, better in {int(np.sum(gains > 0))} of {len(gains)} "
+        f"{shows}: with it the closed loop on held-out demands follows the current of joint {trial.joint} between "
+        f"{BAND[0]:.0f} and "
+        f"{BAND[1]:.0f} Hz to {after[j]:.3g} instead of {before[j]:.3g} {unit} rms, better in "
+        f"{int(np.sum(gains > 0))} of {len(gains)} "
         "one-second blocks"
     )
     return Cause(
@@ -262,7 +279,10 @@ def _judged(
 
 
 def _estimates(arm: Arm, trial: Trial, fit: Sequence[Recording], noise: Array) -> list[Estimate]:
-    """The parameters with deviations: least squares in the loop's sensitivities, the error independent from block to block."""
+    """The parameters with deviations.
+
+    Least squares in the loop's sensitivities, the error independent from block to block.
+    """
     j, names, step = trial.joint - 1, list(trial.values), 0.03
     moved = [trial] + [replace(trial, values={**trial.values, n: trial.values[n] * (1 + step)}) for n in names]
     sensitivity, residual, block, first = [], [], [], 0

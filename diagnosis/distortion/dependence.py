@@ -18,8 +18,11 @@ DRAWS = 400
 
 @dataclass(frozen=True)
 class Path:
-    """One recording: t (s,) s; value, std (s,) of the parameter; seen (s,): whether that instant shows it; against: variables (s,) by name;
-    score, information (s,): what the residual of that instant alone says of the deviation from the model."""
+    """One recording: t (s,) s; value, std (s,) of the parameter; seen (s,): whether that instant shows it.
+
+    Against: variables (s,) by name; score, information (s,): what the residual of that instant alone says of the
+    deviation from the model.
+    """
 
     name: str
     t: Array
@@ -33,8 +36,11 @@ class Path:
 
 @dataclass(frozen=True)
 class Share:
-    """Of the variance of the parameter, what a variable explains beyond chance; ``chance``: what it does with its blocks permuted;
-    gain: fall of the weighed squared residual when the parameter is a function of the variable alone."""
+    """Of the variance of the parameter, what a variable explains beyond chance.
+
+    ``chance``: what it does with its blocks permuted; gain: fall of the weighed squared residual when the parameter is
+    a function of the variable alone.
+    """
 
     against: str
     share: float
@@ -44,7 +50,10 @@ class Share:
 
 
 def shares_of(paths: Sequence[Path], memory: float) -> tuple[Share, ...]:
-    """What every variable explains of the parameter's variance, against its blocks (three memories long, at least 1 s) permuted."""
+    """What every variable explains of the parameter's variance.
+
+    Against its blocks (three memories long, at least 1 s) permuted.
+    """
     rng = np.random.default_rng(1)
     value, weight = (
         np.concatenate(parts) for parts in ([p.value[p.seen] for p in paths], [p.std[p.seen] ** -2 for p in paths])
@@ -74,7 +83,10 @@ def shares_of(paths: Sequence[Path], memory: float) -> tuple[Share, ...]:
 
 
 def _binned(score: Array, seen: Array, bins: NDArray[np.intp]) -> float:
-    """Fall of the weighed squared residual by one value a bin, beyond that by one value and by one more for every bin."""
+    """Fall of the weighed squared residual by one value a bin.
+
+    Beyond that by one value and by one more for every bin.
+    """
     total, information = np.bincount(bins, weights=score), np.bincount(bins, weights=seen)
     there = information > 0
     return float(

@@ -1,10 +1,12 @@
-"""Model distortion: the smallest variation in time of one parameter that makes the model match (Butterfield & Thomas, 1986).
+"""Model distortion: the smallest variation in time of one parameter that makes the model match.
 
-The parameter's deviation x from the model is a random walk that the weighed residual of ``evidence`` sees through the parameter's own column:
-x' = x + w, y = H x + e. Kalman filters forwards and backwards (together, what the smoother of Rauch, Tung & Striebel gives) yield x with its
-uncertainty; the strength of the walk and the
-scale of the noise are those of greatest likelihood. Where x then varies, what it varies with hints at what the model lacks: it is held against
-position, direction, speed, load, time and temperature.
+Source: Butterfield & Thomas, 1986.
+
+The parameter's deviation x from the model is a random walk that the weighed residual of ``evidence`` sees through the
+parameter's own column: x' = x + w, y = H x + e. Kalman filters forwards and backwards (together, what the smoother of
+Rauch, Tung & Striebel gives) yield x with its uncertainty; the strength of the walk and the
+scale of the noise are those of greatest likelihood. Where x then varies, what it varies with hints at what the model
+lacks: it is held against position, direction, speed, load, time and temperature.
 """
 
 from __future__ import annotations
@@ -45,16 +47,27 @@ JOINT_SIDE = (
     "torque_constant",
 )
 UNITS = {
-    "viscous": "N m s/rad", "coulomb": "N m", "coulomb_positive": "N m", "coulomb_negative": "N m", "rotor_inertia": "kg m2",
-    "offset": "N m", "torque_constant": "N m/A", "mass": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m",
-}  # fmt: skip
+    "viscous": "N m s/rad",
+    "coulomb": "N m",
+    "coulomb_positive": "N m",
+    "coulomb_negative": "N m",
+    "rotor_inertia": "kg m2",
+    "offset": "N m",
+    "torque_constant": "N m/A",
+    "mass": "kg",
+    "mx": "kg m",
+    "my": "kg m",
+    "mz": "kg m",
+}
 
 
 @dataclass(frozen=True)
 class Distortion:
-    """parameter, its joint (from 1) and what drives it, unit and value in the model; paths, one a recording;
-    strength of the walk per square root of a second, 0 where
-    it stays as it is as far as one can tell; constant: best value that does not vary, with its deviation; shares, largest first."""
+    """parameter, its joint (from 1) and what drives it, unit and value in the model; paths, one a recording.
+
+    Strength of the walk per square root of a second, 0 where it stays as it is as far as one can tell; constant: best
+    value that does not vary, with its deviation; shares, largest first.
+    """
 
     parameter: str
     joint: int
@@ -73,7 +86,10 @@ class Distortion:
 
 
 def named_parameter(arm: Arm, name: str) -> tuple[str, int]:
-    """The parameter as ``arm_model.parameters`` calls it, and its joint; ``link2.viscous`` is joint 2's. InputError for one the arm has not."""
+    """The parameter as ``arm_model.parameters`` calls it, and its joint; ``link2.viscous`` is joint 2's.
+
+    InputError for one the arm has not.
+    """
     found = re.fullmatch(r"(link|joint)(\d+)\.(.+)", name)
     if not found:
         raise InputError(
@@ -87,7 +103,10 @@ def named_parameter(arm: Arm, name: str) -> tuple[str, int]:
 
 
 def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recording]) -> Distortion:
-    """The variation of one parameter that makes the model match ``runs``; ``recordings`` tell the temperature where they have it."""
+    """The variation of one parameter that makes the model match ``runs``.
+
+    ``recordings`` tell the temperature where they have it.
+    """
     own, joint = named_parameter(arm, name)
     model = parameter(arm, own)
     pairs = [(run, recording) for run, recording in zip(runs, recordings) if run.powered]
@@ -116,15 +135,23 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
         paths = paths_of(ratio, scale)
     drive = arm.joints[joint - 1]
     return Distortion(
-        own, joint, drive, unit_at(drive, UNITS.get(own.rpartition(".")[2], "")), model, paths, float(np.sqrt(scale * ratio / STEP)),
-        (model + constant, float(np.sqrt(scale / information))), shares,
-    )  # fmt: skip
+        own,
+        joint,
+        drive,
+        unit_at(drive, UNITS.get(own.rpartition(".")[2], "")),
+        model,
+        paths,
+        float(np.sqrt(scale * ratio / STEP)),
+        (model + constant, float(np.sqrt(scale / information))),
+        shares,
+    )
 
 
 def _column(run: Run, name: str, value: float) -> Array:
     """(m, n): change of the expected currents, over their deviation, for a unit of the parameter.
 
-    0 near standstill, where the deviation is a bound of what friction may do rather than noise that a likelihood could be made of.
+    0 near standstill, where the deviation is a bound of what friction may do rather than noise that a likelihood could
+    be made of.
     """
     step = 1e-3 * max(abs(value), 1e-3)
     before, after = (with_parameters(run.arm, {name: value + sign * step}) for sign in (-1.0, 1.0))
@@ -136,7 +163,10 @@ def _column(run: Run, name: str, value: float) -> Array:
 
 
 def _residuals(runs: Sequence[Run], columns: Sequence[Array], arm: Arm) -> list[Array]:
-    """(m, n) weighed residual of every run, less what the columns that are always free explain beside a constant parameter."""
+    """(m, n) weighed residual of every run.
+
+    Less what the columns that are always free explain beside a constant parameter.
+    """
     side = dataset_of(runs)
     free = free_columns(side, arm)
     wide = [np.concatenate(columns).T.ravel()]
@@ -202,14 +232,21 @@ def sentence(result: Distortion) -> str:
     unit = f" {result.unit}" if result.unit else ""
     if not result.varies:
         return (
-            f"{result.parameter} does not vary: {value:.4g} ± {2 * std:.2g}{unit} throughout (the model has {result.model:.4g}); "
+            f"{result.parameter} does not vary: {value:.4g} ± {2 * std:.2g}{unit} throughout (the model has "
+            f"{result.model:.4g}); "
             "no variation predicts more of the residual."
         )
     low, high = np.quantile(np.concatenate([p.value[p.seen] for p in result.paths]), [0.05, 0.95])
-    first = f"{result.parameter} would have to vary between {low:.4g} and {high:.4g}{unit} (the model has {result.model:.4g})"
+    first = (
+        f"{result.parameter} would have to vary between {low:.4g} and {high:.4g}{unit} (the model has "
+        f"{result.model:.4g})"
+    )
     real = [one for one in result.shares if one.p < CERTAIN and one.share > 0.1]
     if not real:
         return f"{first}; it correlates with none of {', '.join(one.against for one in result.shares)}."
     others = "".join(f", {one.against} {one.share:.0%}" for one in real[1:])
     rest = f" (others{others.replace(',', ':', 1)})" if others else ""
-    return f"{first}; {real[0].against} explains {real[0].share:.0%} of that variance{rest}, beyond chance (p = {real[0].p:.2g})."
+    return (
+        f"{first}; {real[0].against} explains {real[0].share:.0%} of that variance{rest}, beyond chance "
+        f"(p = {real[0].p:.2g})."
+    )

@@ -1,7 +1,8 @@
 """One parameter as a random walk that residuals see: Kalman filter, smoother, and how strong the walk is.
 
-A recording is told by what every ``STEP`` of it says: score H^T y and information H^T H of the weighed residual y = H x + e, so that the step alone
-would put the parameter's deviation at score / information, with the variance 1 / information in units of the noise.
+A recording is told by what every ``STEP`` of it says: score H^T y and information H^T H of the weighed residual y = H x
++ e, so that the step alone would put the parameter's deviation at score / information, with the variance 1 /
+information in units of the noise.
 """
 
 from __future__ import annotations
@@ -25,7 +26,10 @@ GAP = 0.3
 
 
 def filtered(score: Array, seen: Array, ratio: float) -> tuple[Array, Array]:
-    """Mean and variance of x at every step given all before it, in units of the noise's variance; infinite before the first that sees it."""
+    """Mean and variance of x at every step given all before it, in units of the noise's variance.
+
+    Infinite before the first that sees it.
+    """
     count = len(score)
     mean, variance = np.zeros(count), np.zeros(count)
     x, p = 0.0, np.inf
@@ -79,7 +83,10 @@ def strength(steps: Steps) -> tuple[float, float]:
 
 
 def gains_of(steps: Steps, ratio: float, constant: float) -> Array:
-    """(blocks,) fall of the weighed squared residual by what the walk foretells, beyond what the best constant does; blocks of 1 s."""
+    """(blocks,) fall of the weighed squared residual by what the walk foretells, beyond what the best constant does.
+
+    Blocks of 1 s.
+    """
     blocks = []
     for score, seen in steps:
         k, error, _ = foretold(score, seen, ratio)
@@ -89,7 +96,10 @@ def gains_of(steps: Steps, ratio: float, constant: float) -> Array:
 
 
 def smoothed(score: Array, seen: Array, ratio: float) -> tuple[Array, Array]:
-    """x and its variance at every step given all of the recording: what was seen before, at, and after it (Fraser & Potter, IEEE T-AC 14, 1969)."""
+    """x and its variance at every step given all of the recording.
+
+    What was seen before, at, and after it (Fraser & Potter, IEEE T-AC 14, 1969).
+    """
     if ratio == 0.0:
         total = max(float(seen.sum()), 1e-300)
         return np.full(len(seen), score.sum() / total), np.full(len(seen), 1.0 / total)

@@ -1,4 +1,7 @@
-"""distortion.json and distortion.html: a parameter that had to vary, over time and against what it may vary with. Opens without a network."""
+"""distortion.json and distortion.html: a parameter that had to vary, over time and against what it may vary with.
+
+Opens without a network.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,10 @@ def write_distortion(out: FilePath, result: Distortion) -> dict[str, Any]:
 
 
 def table_of(result: Distortion) -> dict[str, Any]:
-    """The content of distortion.json; values where the recordings do not show the parameter are left to what lies around them."""
+    """The content of distortion.json.
+
+    Values where the recordings do not show the parameter are left to what lies around them.
+    """
     value, std = result.constant
     return {
         "schema": SCHEMA,
@@ -90,7 +96,10 @@ def over_time(result: Distortion) -> tuple[Figure, str]:
 
 
 def against(result: Distortion) -> tuple[Figure, str]:
-    """The parameter against everything that it may vary with, one picture each, means in bins drawn over the instants."""
+    """The parameter against everything that it may vary with.
+
+    One picture each, means in bins drawn over the instants.
+    """
     from matplotlib.figure import Figure
 
     names = [name for name in result.paths[0].against if all(name in path.against for path in result.paths)]
@@ -149,8 +158,10 @@ def _page(result: Distortion) -> str:
     body = [
         verdict(sentence(result)),
         note(
-            "The smallest variation of this one parameter that makes the model match the measured currents (Butterfield &amp;"
-            " Thomas, 1986): a random walk, smoothed forwards and backwards. No cause is named; the variables it correlates with hint at one."
+            "The smallest variation of this one parameter that makes the model match the measured currents "
+            "(Butterfield &amp;"
+            " Thomas, 1986): a random walk, smoothed forwards and backwards. No cause is named; the variables it "
+            "correlates with hint at one."
         ),
         image(*over_time(result)),
         "<h2>Correlation with other variables</h2>",

@@ -1,8 +1,11 @@
-"""The experiment that would tell the members of a group apart, or show an effect that could not be seen: chosen among many motions.
+"""The experiment that would tell the members of a group apart, or show an effect that could not be seen.
 
-The motion wanted is the one whose smallest distance between the rivals' predictions is largest (``separate_distance``), among the families of
-``separate_motions``, where the recordings have been already. A motion alone is preferred; then the drives off; then a known payload; then going
-further than the recordings did. Where none of it separates (a reference shunt would, say), words from the catalogue say what does.
+Chosen among many motions.
+
+The motion wanted is the one whose smallest distance between the rivals' predictions is largest (``separate_distance``),
+among the families of ``separate_motions``, where the recordings have been already. A motion alone is preferred; then
+the drives off; then a known payload; then going further than the recordings did. Where none of it separates (a
+reference shunt would, say), words from the catalogue say what does.
 """
 
 from __future__ import annotations
@@ -27,10 +30,16 @@ Progress = Callable[[str], None]
 Distances = dict[tuple[EffectKey, EffectKey], float]
 
 ENOUGH = 10.0
-"""Standard deviations of the noise by which predictions should differ: what the model does not know of the motion costs some of them."""
+"""Standard deviations of the noise by which predictions should differ.
+
+What the model does not know of the motion costs some of them.
+"""
 
 NOTHING, ONE_IN = 0.1, 3
-"""Standard deviations below which predictions are the same; where they are in one motion out of so many, the others of the kind are not tried."""
+"""Standard deviations below which predictions are the same.
+
+Where they are in one motion out of so many, the others of the kind are not tried.
+"""
 
 HOPELESS = 3.0
 """Standard deviations below which going further than the recordings did is not tried."""
@@ -38,8 +47,11 @@ HOPELESS = 3.0
 
 @dataclass(frozen=True)
 class Separation:
-    """experiment: what to record (None: no motion separates); distance: standard deviations by which predictions then differ at least;
-    words: what it is, for a person; tried: how many motions it was chosen from."""
+    """experiment: what to record (None: no motion separates).
+
+    Distance: standard deviations by which predictions then differ at least; words: what it is, for a person; tried: how
+    many motions it was chosen from.
+    """
 
     experiment: Experiment | None
     distance: float
@@ -80,7 +92,10 @@ def _aliased(effects: set[str]) -> bool:
 
 @dataclass(frozen=True)
 class _Found:
-    """A trial, how many pairs of rivals it tells apart, and by how much the nearest of these; by how much any, where it tells none."""
+    """A trial, how many pairs of rivals it tells apart, and by how much the nearest of these.
+
+    By how much any, where it tells none.
+    """
 
     pairs: int
     distance: float
@@ -95,7 +110,8 @@ def _best(
 ) -> Separation | None:
     """Of the first kind of experiment that tells all rivals apart, the motion with the largest smallest distance.
 
-    Where none tells all apart, the one that tells most pairs apart, by the largest distance of these; None where none tells any.
+    Where none tells all apart, the one that tells most pairs apart, by the largest distance of these; None where none
+    tells any.
     """
     best, tried, stage = _Found(0, 0.0), 0, stage_of(result, joints, rig, visited=True)
     for kind, visited in ((Kind.MOTION, True), (Kind.OFF, True), (Kind.PAYLOAD, True), (Kind.MOTION, False)):
@@ -117,7 +133,10 @@ def _best(
 
 
 def _tried(question: Question, stage: Stage, joints: Sequence[int], kind: Kind) -> Iterator[tuple[Trial, Distances]]:
-    """Trials of a kind that the arm can make, and how far apart rivals are in them; only one in some where none of these tells anything."""
+    """Trials of a kind that the arm can make, and how far apart rivals are in them.
+
+    Only one in some where none of these tells anything.
+    """
     every = list(trials(stage, joints, kind))
     some = every[::ONE_IN]
     largest = 0.0
@@ -147,7 +166,10 @@ def further(words: str) -> str:
 
 
 def stage_of(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visited: bool) -> Stage:
-    """The arm at the pose in which the recordings start; and the pose they went through that loads the joint most differently."""
+    """The arm at the pose in which the recordings start.
+
+    And the pose they went through that loads the joint most differently.
+    """
     q = np.concatenate([run.q[::20] for run in result.fit])
     box = np.column_stack([q.min(axis=0), q.max(axis=0)]) if visited else None
     limits = room(result.arm, box, rig)

@@ -1,7 +1,10 @@
-"""Motions among which a separating experiment is chosen: families that each show something else, within what the arm may be asked to do.
+"""Motions among which a separating experiment is chosen.
 
-single moves at several speeds, a ladder of speeds, slow sweeps, small slow ramps of torque, standstill with the drives on and off, chirps, moves
-through the place where gravity changes sign, one cycle repeated with holds, and the whole arm's excitation; with a known payload where asked.
+Families that each show something else, within what the arm may be asked to do.
+
+single moves at several speeds, a ladder of speeds, slow sweeps, small slow ramps of torque, standstill with the drives
+on and off, chirps, moves through the place where gravity changes sign, one cycle repeated with holds, and the whole
+arm's excitation; with a known payload where asked.
 """
 
 from __future__ import annotations
@@ -34,7 +37,10 @@ TIMES = {1: "once", 2: "twice"}
 FEWER = 4
 """One motion in so many is tried with a payload, too: it is the mass that matters then."""
 OFF = "switch the drives off and let the brakes hold the arm"
-LOAD = f"bolt a known mass to the flange and write its mass and centre into this file ({MASS:g} kg, 50 mm beyond the flange, as it stands)"
+LOAD = (
+    f"bolt a known mass to the flange and write its mass and centre into this file ({MASS:g} kg, 50 mm "
+    "beyond the flange, as it stands)"
+)
 
 
 class Kind(StrEnum):
@@ -73,7 +79,10 @@ class Stage:
 
 
 def room(arm: Arm, visited: Array | None = None, rig: Limits | None = None) -> Limits:
-    """What the arm may be asked to do: its model's limits, those of the rig, and (where given) only positions (n, 2) visited before."""
+    """What the arm may be asked to do.
+
+    Its model's limits, those of the rig, and (where given) only positions (n, 2) visited before.
+    """
     own = Limits.of(arm)
     position = np.array([joint.limits or (-1.5, 1.5) for joint in arm.joints], float)
     middle, half = position.mean(axis=1), 0.48 * np.ptp(position, axis=1)
@@ -166,21 +175,43 @@ def of_joint(stage: Stage, pose: Array, joint: int) -> Iterator[Trial]:
     yield trial(
         "up a ladder of speeds",
         f"back and forth at {', '.join(f'{s * full:.2g}' for s in SPEEDS[1:])} {unit}/s",
-        [move for s in SPEEDS[1:] for a, b in [_around(at, min(span, s * full), low, high)] for move in (to(a, 0.25), to(b, s), to(a, s))],
-    )  # fmt: skip
+        [
+            move
+            for s in SPEEDS[1:]
+            for a, b in [_around(at, min(span, s * full), low, high)]
+            for move in (to(a, 0.25), to(b, s), to(a, s))
+        ],
+    )
     sweep = min(1.0, span / full / (LONG / 2))
     words = f"once through {low:.3g} to {high:.3g} {unit} and back at {sweep * full:.2g} {unit}/s"
     yield trial("in a slow sweep", words, [to(low, 0.25), to(high, sweep), to(low, sweep)])
     for size in (0.005, 0.02):
         middle = float(np.clip(at, low + size, high - size))
-        ramps = {"type": "chirp", "joint": joint, "amplitude": size, "frequency": 0.15, "to_frequency": 0.4, "duration": LONG}  # fmt: skip
-        words = f"swaying slowly (0.15 to 0.4 Hz) by {size:g} {unit} about {middle:.3g} {unit}, so that its torque ramps up and down"
+        ramps = {
+            "type": "chirp",
+            "joint": joint,
+            "amplitude": size,
+            "frequency": 0.15,
+            "to_frequency": 0.4,
+            "duration": LONG,
+        }
+        words = (
+            f"swaying slowly (0.15 to 0.4 Hz) by {size:g} {unit} about {middle:.3g} {unit}, so that its "
+            "torque ramps up and down"
+        )
         yield trial("in slow small ramps of torque", words, [to(middle, 0.25), ramps])
     for fastest in (2.0, 8.0):
         pulse = 2 * np.pi * fastest
         size = 0.9 * min(full / pulse, float(stage.limits.acceleration[joint - 1]) / pulse**2, span / 2)
         middle = float(np.clip(at, low + size, high - size))
-        chirp = {"type": "chirp", "joint": joint, "amplitude": size, "frequency": 0.2, "to_frequency": fastest, "duration": LONG}  # fmt: skip
+        chirp = {
+            "type": "chirp",
+            "joint": joint,
+            "amplitude": size,
+            "frequency": 0.2,
+            "to_frequency": fastest,
+            "duration": LONG,
+        }
         words = f"in a chirp of 0.2 to {fastest:g} Hz, {size:.2g} {unit} about {middle:.3g} {unit}"
         yield trial("in a chirp", words, [to(middle, 0.25), chirp])
     for place in _vertical(stage, pose, joint):
@@ -204,7 +235,10 @@ def _around(at: float, far: float, low: float, high: float) -> tuple[float, floa
 
 
 def _vertical(stage: Stage, pose: Array, joint: int) -> list[float]:
-    """Position within the limits where the gravity torque of a joint changes sign with all other joints at ``pose``; the first, if any."""
+    """Position within the limits where the gravity torque of a joint changes sign with all other joints at ``pose``.
+
+    The first, if any.
+    """
     low, high = stage.limits.position[joint - 1]
     q = np.tile(pose, (200, 1))
     q[:, joint - 1] = np.linspace(low, high, 200)

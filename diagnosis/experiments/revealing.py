@@ -1,4 +1,7 @@
-"""Which motion would show what the recordings could not: tried in simulation, without and with a known payload, before anybody moves the arm."""
+"""Which motion would show what the recordings could not.
+
+Tried in simulation, without and with a known payload, before anybody moves the arm.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,10 @@ from experiment import Experiment, demand_of
 from identification.experiment_design import Limits
 
 ENOUGH = 1.0
-"""Times the noise that an effect of the largest typical size has to change the currents by: three times what is called visible."""
+"""Times the noise that an effect of the largest typical size has to change the currents by.
+
+Three times what is called visible.
+"""
 FAMILIES = {
     Excitation.LOAD: "in a slow sweep",
     Excitation.GRAVITY: "in a slow sweep",
@@ -39,7 +45,10 @@ BESIDES = "an encoder at the link, or a tracker"
 
 @dataclass(frozen=True)
 class Showing:
-    """An effect that could not be seen, with words for the experiment that would show it; ``experiment`` to record, where a motion does."""
+    """An effect that could not be seen, with words for the experiment that would show it.
+
+    ``experiment`` to record, where a motion does.
+    """
 
     invisible: Undetectable
     experiment: Experiment | None = None
@@ -48,7 +57,10 @@ class Showing:
 def shown_by(
     result: Diagnosis, rig: Limits | None = None, progress: Callable[[str], None] = lambda sentence: None
 ) -> list[Showing]:
-    """For everything that the recordings could not show, what would; effects that no motion shows keep the words they had."""
+    """For everything that the recordings could not show, what would.
+
+    Effects that no motion shows keep the words they had.
+    """
     if not result.judged:
         return [Showing(one) for one in result.not_visible]
     stage = stage_of(result, [1], rig, visited=False)
@@ -78,8 +90,11 @@ def _family(effect: str) -> str:
 def _tried(
     stage: Stage, noise: Array, joint: int, family: str, wanted: set[EffectKey]
 ) -> Iterator[tuple[Trial, dict[EffectKey, float]]]:
-    """A joint's motion of a family (or the one that does instead), from the pose of the recordings that loads it most differently; and if that
-    does not show all that is ``wanted``, the same with a known payload. With each, how much it shows of what."""
+    """A joint's motion of a family.
+
+    Or the one that does instead, from the pose of the recordings that loads it most differently; and if that does not
+    show all that is ``wanted``, the same with a known payload. With each, how much it shows of what.
+    """
     named = {trial.experiment.name: trial for trial in of_joint(stage, stage.poses[-1], joint)}
     trial = next((named[name] for one in (family, OTHERWISE) if (name := f"joint {joint} {one}") in named), None)
     if trial is None:
@@ -91,7 +106,10 @@ def _tried(
 
 
 def _strengths(trial: Trial, stage: Stage, noise: Array, wanted: set[EffectKey]) -> dict[EffectKey, float]:
-    """Times the noise: how much effects of the largest typical size change the currents of a simulated motion; empty where it cannot be made."""
+    """Times the noise: how much effects of the largest typical size change the currents of a simulated motion.
+
+    Empty where it cannot be made.
+    """
     run = foreseen(trial, stage, noise)
     if run is None:
         return {}

@@ -1,8 +1,9 @@
 """How far apart the predictions of rival causes would be along a motion that nobody has recorded yet.
 
-T-optimality (Atkinson & Fedorov, Biometrika 62, 1975): one rival is taken for true as the recordings so far show it; every other is refit to
-what it predicts, on those recordings and on the new motion together, with all shapes of its own and everything else of the model free; the
-distance of a pair is what no refit can close, and that of a motion is its smallest pair's. In units of the noise.
+T-optimality (Atkinson & Fedorov, Biometrika 62, 1975): one rival is taken for true as the recordings so far show it;
+every other is refit to what it predicts, on those recordings and on the new motion together, with all shapes of its own
+and everything else of the model free; the distance of a pair is what no refit can close, and that of a motion is its
+smallest pair's. In units of the noise.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ ROWS_FOR_ONE = ROWS_PER_SECOND / (2.0 * COMPARE_BAND)
 
 @dataclass(frozen=True)
 class Rival:
-    """A cause that could be the true one: the shapes that it may be refit with, and how it explains the recordings so far.
+    """A cause that could be the true one.
+
+    The shapes that it may be refit with, and how it explains the recordings so far.
 
     No shapes: the rival is that nothing of the kind is there.
     """
@@ -48,7 +51,10 @@ class Rival:
 
 @dataclass(frozen=True)
 class _Told:
-    """Normal equations of one shape of a rival beside the nuisances: gram (r, r) of its columns; toward (r, rivals) what each predicts."""
+    """Normal equations of one shape of a rival beside the nuisances: gram (r, r) of its columns.
+
+    Toward (r, rivals) what each predicts.
+    """
 
     gram: Array
     toward: Array
@@ -74,7 +80,10 @@ class Question:
         }
 
     def distances(self, run: Run) -> Array:
-        """(rivals, rivals) standard deviations by which what row k predicts for ``run`` stays away from what column l can be refit to."""
+        """(rivals, rivals) standard deviations.
+
+        By which what row k predicts for ``run`` stays away from what column l can be refit to.
+        """
         count = len(self.rivals)
         found = np.full((count, count), np.inf)
         for k in range(count):
@@ -91,7 +100,10 @@ class Question:
         return found
 
     def _told_by(self, k: int, run: Run) -> Run:
-        """The run as its currents would be with rival k there: some columns are made of the current that is measured."""
+        """The run as its currents would be with rival k there.
+
+        Some columns are made of the current that is measured.
+        """
         rival = self.rivals[k]
         if rival.best is None:
             return run
@@ -99,7 +111,10 @@ class Question:
         return replace(run, current=current, current_rate=np.gradient(current, 1.0 / ROWS_PER_SECOND, axis=0))
 
     def _equations(self, side: Dataset) -> tuple[list[list[_Told]], Array]:
-        """For every rival, those of each of its shapes on one side; and the squares of what each rival predicts there."""
+        """For every rival, those of each of its shapes on one side.
+
+        And the squares of what each rival predicts there.
+        """
         length = len(side.y)
         free = [c.dense(length) for c in free_columns(side, self.arm)]
         free += [columns_of(c, side).dense(length) for c in self.nuisances]
@@ -155,7 +170,10 @@ def rival_of(shapes: Sequence[Candidate], nuisances: Sequence[Candidate], runs: 
 
 
 def foreseen(trial: Trial, stage: Stage, noise: Array) -> Run | None:
-    """The trial as the model moves through it, under the noise (n,) A that recordings show; None where it leaves the limits."""
+    """The trial as the model moves through it, under the noise (n,) A that recordings show.
+
+    None where it leaves the limits.
+    """
     wanted, setup = trial.experiment, trial.experiment.setup
     demand = demand_of(wanted)
     arm = loaded(stage.arm, setup.payload)

@@ -1,4 +1,7 @@
-"""report.html of a diagnosis: verdict first, one section a cause, then what could not be seen and what is left. Opens without a network."""
+"""report.html of a diagnosis: verdict first, one section a cause, then what could not be seen and what is left.
+
+Opens without a network.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,10 @@ from diagnosis.report.wording import doubted, sentence, small, title, value
 
 
 def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recording] = ()) -> str:
-    """The whole page; ``table`` is what diagnosis.json holds; ``held_out``: for the temperatures that they may carry."""
+    """The whole page; ``table`` is what diagnosis.json holds.
+
+    ``held_out``: for the temperatures that they may carry.
+    """
     body = [
         note(escape(_asked(result, table))),
         verdict(sentence(result)),
@@ -42,13 +48,17 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
 
 
 _HOW = (
-    "<p class=note>How to read this. The model predicts the current of every motor from the measured motion; the residual is measured minus predicted"
-    " current, in units of the noise std. Within the grey band (two std) it is instrument noise. Gaps: near standstill stiction makes the current"
-    " indeterminate. All residuals are those of held-out recordings: causes were found, and their parameters fitted, on others. ± is two standard"
+    "<p class=note>How to read this. The model predicts the current of every motor from the measured motion; the "
+    "residual is measured minus predicted"
+    " current, in units of the noise std. Within the grey band (two std) it is instrument noise. Gaps: near "
+    "standstill stiction makes the current"
+    " indeterminate. All residuals are those of held-out recordings: causes were found, and their parameters "
+    "fitted, on others. ± is two standard"
     " deviations.</p>"
 )
 _HOW_ENCODERS = (
-    "<p class=note>How to read this. The model has gear ratios only. The residual is the motor angle over the gear ratio minus the angle of the link"
+    "<p class=note>How to read this. The model has gear ratios only. The residual is the motor angle over the gear "
+    "ratio minus the angle of the link"
     " encoder: zero for a stiff arm with simultaneously sampled encoders. ± is two standard deviations.</p>"
 )
 MOST_PICTURES = {"held_out": 2, "fit": 1}
@@ -63,7 +73,8 @@ def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
     if not result.judged:
         return f"Question: what do two encoders per joint show that the gear ratios do not predict? {names}."
     return (
-        f"Question: what is missing from this model? Its masses, inertias and constants are taken as given, not re-estimated; a wrong one is named as"
+        "Question: what is missing from this model? Its masses, inertias and constants are taken as given, not "
+        "re-estimated; a wrong one is named as"
         f" a cause like any other. {names}."
     )
 
@@ -73,12 +84,14 @@ def _next(result: Diagnosis, table: dict[str, Any]) -> str:
     said = ["In the same folder: <code>diagnosis.json</code> (every number)"]
     if result.causes:
         said.append(
-            "<code>model.toml</code> (the model with these causes as effects, for <code>armscope simulate</code> and <code>identify</code>)"
+            "<code>model.toml</code> (the model with these causes as effects, for <code>armscope simulate</code> "
+            "and <code>identify</code>)"
         )
     chosen = [Path(row["separate_by"]).name for row in table["causes"] if row.get("separation")]
     if chosen:
         said.append(
-            f"<code>{', '.join(map(escape, chosen))}</code> (discriminating experiments for ambiguity groups, for <code>armscope record</code>)"
+            f"<code>{', '.join(map(escape, chosen))}</code> (discriminating experiments for ambiguity groups, for "
+            "<code>armscope record</code>)"
         )
     if any("show_" in one["experiment"] for one in table["not_visible"]):
         said.append("<code>show_K.toml</code> (detection experiments for effects that were not detectable)")
@@ -90,7 +103,10 @@ def _counted(recordings: int) -> str:
 
 
 def _overview(result: Diagnosis) -> list[str]:
-    """How to read the pictures, and everything at a glance: the currents, or where no model expects any, the encoders."""
+    """How to read the pictures, and everything at a glance.
+
+    The currents, or where no model expects any, the encoders.
+    """
     if result.judged:
         return [_HOW, image(*plots.overview(result))]
     return [_HOW_ENCODERS, image(*link_overview(result.link, result.arm))] if result.link else []
@@ -156,7 +172,8 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
         f"<p>{escape(cause.evidence[:1].upper() + cause.evidence[1:])}.</p>",
         image(*plots.cause_figure(result, cause)),
         arm_report.table(rows, ("parameter", "value", "2 std", "unit", "meaning"), (1, 2)),
-        f"<p>Held-out error of {where}: {factor * cause.before:.3g} {unit} without it, {factor * cause.after:.3g} {unit} with it{less}. "
+        f"<p>Held-out error of {where}: {factor * cause.before:.3g} {unit} without it, {factor * cause.after:.3g} "
+        f"{unit} with it{less}. "
         f"Confidence {cause.confidence:.0%}{sure}.</p>",
     ]
     if len(cause.group) > 1:
@@ -172,6 +189,7 @@ def _separated_by(row: dict[str, Any]) -> str:
     if chosen is None:
         return f"No motion that was tried discriminates them. Discriminated by: {escape(str(row['separate_by']))}."
     return (
-        f"Discriminated by: {escape(chosen['motion'])}. Discrimination distance {chosen['distance']:.0f} standard deviations of the noise, the"
+        f"Discriminated by: {escape(chosen['motion'])}. Discrimination distance {chosen['distance']:.0f} standard "
+        "deviations of the noise, the"
         f" largest of {chosen['tried']} motions; experiment file {escape(Path(row['separate_by']).name)}."
     )

@@ -52,19 +52,24 @@ def _what_is_compared(table: dict[str, Any]) -> str:
     said = ["Root mean square below 20 Hz on the held-out recordings, where friction is known."]
     if "demands" in along:
         said.append(
-            "Model and arm were given the same demands. Noise is that of the residual along the measured motion, which contains encoder"
+            "Model and arm were given the same demands. Noise is that of the residual along the measured motion, "
+            "which contains encoder"
             " quantisation differentiated twice; the closed loop contains none, so its error may be smaller."
         )
     elif "measured motion" in along:
         said.append(
-            "The controller of the model is not that of this arm, so a closed-loop comparison would show errors of the controller. Currents are"
+            "The controller of the model is not that of this arm, so a closed-loop comparison would show errors of "
+            "the controller. Currents are"
             " those that the model predicts along the measured motion."
         )
     return f"<p class=note>{' '.join(said)}</p>"
 
 
 def rough(result: Diagnosis, table: dict[str, Any]) -> str:
-    """Residual of every joint in every recording, in units of the noise, without and with the causes; and what of it is structure."""
+    """Residual of every joint in every recording, in units of the noise, without and with the causes.
+
+    And what of it is structure.
+    """
     joints = range(1, len(result.arm) + 1)
     rows = []
     for runs, left, words in (
@@ -93,7 +98,10 @@ def rough(result: Diagnosis, table: dict[str, Any]) -> str:
         )
     note = "Rms of the residual over the noise std, standstill excluded"
     note += ", without &rarr; with the causes" if result.causes else ""
-    note += "; last row: share of the held-out variance explained by smooth functions of these variables, fitted to the other recordings"
+    note += (
+        "; last row: share of the held-out variance explained by smooth functions of these variables, "
+        "fitted to the other recordings"
+    )
     head = ["recording", *(f"joint {j}" for j in joints)]
     return f"<p class=note>{note}.</p>{arm_report.table(rows, head, range(1, len(head)))}"
 
@@ -137,7 +145,8 @@ def left(table: dict[str, Any]) -> str:
         for one in table["unexplained"]
     ]
     note = (
-        "<p class=note>No effect of the catalogue explains it. <code>armscope diagnose --distort PARAMETER</code> estimates one parameter as"
+        "<p class=note>No effect of the catalogue explains it. <code>armscope diagnose --distort PARAMETER</code> "
+        "estimates one parameter as"
         " time-varying and shows what it correlates with.</p>"
     )
     return arm_report.table(rows, ("signal", "against", "share of the residual variance"), (2,)) + note

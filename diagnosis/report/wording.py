@@ -1,4 +1,7 @@
-"""A diagnosis in words: the verdict, names of causes, numbers with their doubt. What the report, the terminal and the rig's questions say alike."""
+"""A diagnosis in words: the verdict, names of causes, numbers with their doubt.
+
+What the report, the terminal and the rig's questions say alike.
+"""
 
 from __future__ import annotations
 

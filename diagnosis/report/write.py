@@ -61,7 +61,10 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
 
 
 def _signals(result: Diagnosis) -> list[dict[str, Any]]:
-    """Errors of simulated current and position, in the band and at the rows of ``closed_loop``, beside the instruments' noise."""
+    """Errors of simulated current and position, in the band and at the rows of ``closed_loop``.
+
+    Beside the instruments' noise.
+    """
     rows, in_loop = [], result.in_closed_loop
     fit, held_out = dataset_of(result.fit), dataset_of(result.held_out)
     shares = [
@@ -154,11 +157,13 @@ def write_diagnosis(
     limits: Limits | None = None,
     progress: Callable[[str], None] = lambda sentence: None,
 ) -> dict[str, Any]:
-    """Writes DIR/diagnosis.json, report.html, model.toml, separate_K.toml for every cause K whose group a motion separates, and show_K.toml for
-    motions that would show what these recordings could not.
+    """Writes DIR/diagnosis.json, report.html, model.toml, separate_K.toml.
 
-    separate: ``diagnosis.experiments.discriminating.separations`` of the result; left out, they are looked for here. experiments: what was
-    recorded to come this far; limits: of a rig, beside the model's.
+    The latter for every cause K whose group a motion separates, and show_K.toml for motions that would show what these
+    recordings could not.
+
+    separate: ``diagnosis.experiments.discriminating.separations`` of the result; left out, they are looked for here.
+    experiments: what was recorded to come this far; limits: of a rig, beside the model's.
     """
     make_folder(out)
     table = table_of(result, fit, held_out)

@@ -9,7 +9,10 @@ from arm_io.types import Array
 from diagnosis.residual.run import Run
 
 CERTAIN = 3.0
-"""Times the instruments' noise: rows whose residual may deviate more with nothing wrong (friction near standstill) are not compared."""
+"""Times the instruments' noise.
+
+Rows whose residual may deviate more with nothing wrong (friction near standstill) are not compared.
+"""
 
 
 def comparable_rows(run: Run) -> NDArray[np.bool_]:

@@ -1,7 +1,9 @@
-"""What the transducers of a model would read for the motion that its encoders show: every effect exactly, none to first order.
+"""What the transducers of a model would read for the motion that its encoders show.
 
-Columns of candidates are first-order changes; the model that has been accepted so far is evaluated here instead, so that what a strong effect does
-in second order is not taken for another effect.
+Every effect exactly, none to first order.
+
+Columns of candidates are first-order changes; the model that has been accepted so far is evaluated here instead, so
+that what a strong effect does in second order is not taken for another effect.
 """
 
 from __future__ import annotations
@@ -51,7 +53,10 @@ def motion_of(q: Array, band: float, rate: float) -> tuple[Array, Array, Array]:
 
 
 def terms_of(arm: Arm) -> list[Term]:
-    """The effects of a model that act on rows, with their parameters; events and lines are taken out of the data, not put into the expectation."""
+    """The effects of a model that act on rows, with their parameters.
+
+    Events and lines are taken out of the data, not put into the expectation.
+    """
     return [
         (CATALOGUE[term.name], term.joint, values_of(CATALOGUE[term.name], term.parameters))
         for term in arm.effects
@@ -65,9 +70,9 @@ def true_angle(arm: Arm, q: Array) -> Array:
     for effect, joint, values in terms_of(arm):
         if effect.angle is not None and joint is not None:
             j, ratio = joint - 1, arm.joints[joint - 1].ratio
-            for _ in range(
-                2
-            ):  # a fixed-point iteration for the error at the true angle: it contracts, as errors are far below their period
+            # a fixed-point iteration for the error at the true angle: it contracts, as errors are far below their
+            # period
+            for _ in range(2):
                 angle[:, j] = q[:, j] - effect.angle(values, Signals(motor=angle[:, j] * ratio))
     return angle
 
@@ -135,10 +140,13 @@ def _twist(
 
 
 def through_gap(load: Array, inertia: Array, half_gap: float, step: float) -> Array:
-    """Twist (m,) of a joint with play, for rows ``step`` s apart: +half_gap where the motor pushes the link, -half_gap where it holds it back.
+    """Twist (m,) of a joint with play, for rows ``step`` s apart.
 
-    Where the ``load`` (m,) N m that the link of ``inertia`` (m,) kg m2 needs changes its sign, the teeth part: the link flies, inertia d'' = load,
-    until it meets the other flank, and stays there. That takes a tenth of a second where gravity turns it over, and ends with a jump of the current.
+    +half_gap where the motor pushes the link, -half_gap where it holds it back.
+
+    Where the ``load`` (m,) N m that the link of ``inertia`` (m,) kg m2 needs changes its sign, the teeth part: the link
+    flies, inertia d'' = load, until it meets the other flank, and stays there. That takes a tenth of a second where
+    gravity turns it over, and ends with a jump of the current.
     """
     twist = np.empty_like(load)
     d, v, flying = (half_gap if load[0] >= 0.0 else -half_gap), 0.0, False
@@ -190,7 +198,10 @@ def gap_of(effect: Effect, values: Values) -> float:
 
 
 def integrated(effect: Effect, p: Values, s: Signals, step: float) -> Array:
-    """State (m,) of an effect along rows ``step`` s apart, by exponential steps of its rate, which is affine in the state."""
+    """State (m,) of an effect along rows ``step`` s apart.
+
+    By exponential steps of its rate, which is affine in the state.
+    """
     assert effect.rate is not None
     at0 = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=0.0)), float), s.v.shape)
     slope = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=1.0)), float), s.v.shape) - at0

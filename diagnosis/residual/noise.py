@@ -22,7 +22,10 @@ STILL_SECONDS = 0.2
 
 
 def scatter(values: Array) -> Array:
-    """(n,) standard deviation of white noise on (m, n) samples: their scatter above 0.7 of half the sampling rate, outliers aside."""
+    """(n,) standard deviation of white noise on (m, n) samples.
+
+    Their scatter above 0.7 of half the sampling rate, outliers aside.
+    """
     sos = signal.butter(4, 0.7, "highpass", output="sos")
     high = signal.sosfiltfilt(sos, values, axis=0)
     _, response = signal.sosfreqz(sos, 1000)
@@ -32,7 +35,10 @@ def scatter(values: Array) -> Array:
 
 
 def angle_noise(q: Array) -> Array:
-    """(n,) rad: standard deviation of recorded angles (m, n), from their step (variance step^2 / 12) or, where it is more, their scatter."""
+    """(n,) rad: standard deviation of recorded angles (m, n).
+
+    From their step (variance step^2 / 12) or, where it is more, their scatter.
+    """
     quantised = np.array([encoder_step(column) for column in q.T]) / np.sqrt(12)
     white = scatter(q)
     # the scatter of quantised angles follows from their steps to within a third: only more than that is further noise
@@ -41,8 +47,9 @@ def angle_noise(q: Array) -> Array:
 
 
 def still_noise(recordings: Sequence[Recording]) -> Array:
-    """(n,) A: std, in the band of comparison, of currents in the standstill that recordings begin with; 0 where none
-    does.
+    """(n,) A: std, in the band of comparison, of currents in the standstill that recordings begin with.
+
+    0 where none does.
 
     Noise correlated over tenths of a second does not show in the scatter between neighbouring rows. The median of all
     recordings is taken, about their trends: while an arm settles, its currents change for a reason.

@@ -43,13 +43,13 @@ CREEP = 0.02
 class Run:
     """The residual of one recording under one model; m rows at ROWS_PER_SECOND, n joints.
 
-    raw: t (k,) s and q (k, n) rad as recorded, events taken out; t (m,) s from the start of the recording; q, v, a (m, n) rad and per
-    second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
+    raw: t (k,) s and q (k, n) rad as recorded, events taken out; t (m,) s from the start of the recording; q, v, a (m,
+    n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
     rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone;
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
-    deviation (m, n) A: standard deviation that the residual has with nothing wrong; block (m,): block of one second, from 0;
-    arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes hold the arm, and the
-    currents show what their own instruments add.
+    deviation (m, n) A: standard deviation that the residual has with nothing wrong; block (m,): block of one second,
+    from 0; arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off:
+    the brakes hold the arm, and the currents show what their own instruments add.
     """
 
     name: str
@@ -84,14 +84,18 @@ class Run:
 
     @cached_property
     def along(self) -> Array:
-        """(m, n) A: the current that the arm needs, by first-order laws, for the motion from which columns are
-        computed.
+        """(m, n) A: the current that the arm needs, by first-order laws.
+
+        It is for the motion from which columns are computed.
         """
         return inverse_dynamics(self.arm, self.q, self.v, self.a) / self.arm.joint_array("drive_constant")
 
     @cached_property
     def by_acceleration(self) -> Array:
-        """(m, n, n) A s2/rad: derivative of the expected current of joint j by the acceleration of k, of the links alone."""
+        """(m, n, n) A s2/rad: derivative of the expected current of joint j by the acceleration of k.
+
+        Of the links alone.
+        """
         links = mass_matrix(described(self.arm), self.q, rotors=False)
         return links / self.arm.joint_array("drive_constant")[:, None]
 
@@ -111,7 +115,10 @@ class Run:
         return regressor(described(self.arm), self.q, self.v, self.a)[0][..., : 10 * len(self.arm)]
 
     def _slopes(self, angle: float, speed: float) -> Array:
-        """(m, n, n) A: slopes of the rigid torque along each joint's angle or speed, by central differences of such a step."""
+        """(m, n, n) A: slopes of the rigid torque along each joint's angle or speed.
+
+        By central differences of such a step.
+        """
         bent, joints = described(self.arm), np.eye(len(self.arm))
         slopes = np.empty((len(self.t), len(joints), len(joints)))
         for k, joint in enumerate(joints):
@@ -134,9 +141,9 @@ class Run:
 def residual_run(
     name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True, still: Array | float = 0.0
 ) -> Run:
-    """The residual of a recording t (m,) s, q (m, n) rad, i (m, n) A, uniformly sampled and without gaps, under
-    ``arm``.
+    """The residual of a recording t (m,) s, q (m, n) rad, i (m, n) A, under ``arm``.
 
+    The recording is uniformly sampled and without gaps.
     still (n,) A: std of the currents at standstill, where that is known (``noise.still_noise``).
     """
     rate = 1.0 / float(np.median(np.diff(t)))
@@ -150,7 +157,8 @@ def residual_run(
         return low_pass(values, COMPARE_BAND, rate)[keep]
 
     noise = channel_noise(q, i, bent, rate, still)
-    # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would look like a cause.
+    # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would
+    # look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
     links = mass_matrix(bent, low, rotors=False)
     # the wobble of friction near standstill, as far as the filters smear it
@@ -164,17 +172,32 @@ def residual_run(
     deviation = np.hypot(noise, friction_std)
     brisk = [thin(values) for values in (position, v, a)]
     return Run(
-        name=name, raw=(t, q), t=rows - t[0],
-        q=low, v=slow_v, a=slow_a, current=current,
-        current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)), expected=expected,
-        rigid=rigid_torque(bent, low, slow_v, slow_a), brisk_v=brisk[1], brisk_rigid=rigid_torque(bent, *brisk),
+        name=name,
+        raw=(t, q),
+        t=rows - t[0],
+        q=low,
+        v=slow_v,
+        a=slow_a,
+        current=current,
+        current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)),
+        expected=expected,
+        rigid=rigid_torque(bent, low, slow_v, slow_a),
+        brisk_v=brisk[1],
+        brisk_rigid=rigid_torque(bent, *brisk),
         inertia=links.diagonal(axis1=1, axis2=2),
-        deviation=deviation, noise=noise, block=block, arm=arm, powered=powered,
-    )  # fmt: skip
+        deviation=deviation,
+        noise=noise,
+        block=block,
+        arm=arm,
+        powered=powered,
+    )
 
 
 def merged(runs: Sequence[Run]) -> Run:
-    """Recordings of one setup, rows one after the other, as candidates compute their columns from; name, raw and block are the first's."""
+    """Recordings of one setup, rows one after the other, as candidates compute their columns from.
+
+    Name, raw and block are the first's.
+    """
     rows: dict[str, Any] = {
         field.name: np.concatenate([getattr(run, field.name) for run in runs])
         for field in fields(Run)
@@ -184,12 +207,18 @@ def merged(runs: Sequence[Run]) -> Run:
 
 
 def kept(rate: float) -> slice:
-    """Rows of a recording at ``rate`` Hz that are looked at: ROWS_PER_SECOND of them, the ends of the filters left out."""
+    """Rows of a recording at ``rate`` Hz that are looked at.
+
+    ROWS_PER_SECOND of them, the ends of the filters left out.
+    """
     return slice(int(0.2 * rate), -int(0.2 * rate), max(1, round(rate / ROWS_PER_SECOND)))
 
 
 def passed(frequency: Array) -> Array:
-    """Share of an oscillation at ``frequency`` Hz that is left in the residual: the filters of motion and comparison, forwards and back."""
+    """Share of an oscillation at ``frequency`` Hz that is left in the residual.
+
+    The filters of motion and comparison, forwards and back.
+    """
     share: Array = 1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) / (1.0 + (frequency / MOTION_BAND) ** 8)
     return share
 
@@ -197,8 +226,8 @@ def passed(frequency: Array) -> Array:
 def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | float = 0.0) -> Array:
     """(n,) A: standard deviation of the residual from the instruments alone, in the band of comparison.
 
-    Current: its scatter, taken for white, or ``still`` (n,) A, what it does while the arm stands, if that is more. Angle: its step or
-    scatter, through two differentiations and the joint's own inertia. See ``noise``.
+    Current: its scatter, taken for white, or ``still`` (n,) A, what it does while the arm stands, if that is more.
+    Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``noise``.
     """
     white = scatter(i)
     frequency = np.linspace(0.0, rate / 2, 2000)
@@ -212,7 +241,10 @@ def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | floa
 
 
 def residual_with(run: Run, terms: Sequence[EffectTerm]) -> Array:
-    """(m, n) A: the residual of a recording under its arm with more effects, through the same filters; see ``Run.residual``."""
+    """(m, n) A: the residual of a recording under its arm with more effects, through the same filters.
+
+    See ``Run.residual``.
+    """
     return residual_under(run, (*run.arm.effects, *terms))
 
 
@@ -234,7 +266,14 @@ def signals_of(run: Run, arm: Arm, joint: int) -> Signals:
     sign = v / np.sqrt(v**2 + drive.sign_velocity**2)
     up, down = (drive.ratio * c for c in drive.coulomb)
     return Signals(
-        q=run.q[:, j], v=v, a=run.a[:, j], motor=drive.ratio * run.q[:, j], sign=sign, load=run.rigid[:, j],
-        coulomb=(up + down) / 2 + (up - down) / 2 * sign, current=run.current[:, j],
-        torque=run.current[:, j] * drive.drive_constant, t=run.t,
-    )  # fmt: skip
+        q=run.q[:, j],
+        v=v,
+        a=run.a[:, j],
+        motor=drive.ratio * run.q[:, j],
+        sign=sign,
+        load=run.rigid[:, j],
+        coulomb=(up + down) / 2 + (up - down) / 2 * sign,
+        current=run.current[:, j],
+        torque=run.current[:, j] * drive.drive_constant,
+        t=run.t,
+    )

@@ -20,16 +20,17 @@ from diagnosis.screening.event import Event
 RUNS_AWAY = 1.5
 """Times the largest tracking error before, of a joint whose current is clipped."""
 AVERAGED, FLAT_SECONDS, PILED = 0.01, 0.03, 3.0
-"""A current averaged over the first is clipped if it lies flat for the second, and if of the rows near its top this many times more lie at it
-than below it."""
+"""A current averaged over the first is clipped if it lies flat for the second, and if of the rows near its top this
+many times more lie at it than below it."""
 
 
 def current_limits(recordings: Sequence[Recording]) -> list[Event]:
     """Currents that pile up at one extreme value, in either direction.
 
-    Of a current with a smooth maximum as many rows lie within 2 widths of its top as in the 6 widths below (a parabola); of one that is
-    clipped, nearly all of them: in all recordings together, or in one in which the joint departs from its setpoint meanwhile. The width is
-    what noise and converter leave of a value averaged over ``AVERAGED`` s.
+    Of a current with a smooth maximum as many rows lie within 2 widths of its top as in the 6 widths below (a
+    parabola); of one that is clipped, nearly all of them: in all recordings together, or in one in which the joint
+    departs from its setpoint meanwhile. The width is what noise and converter leave of a value averaged over
+    ``AVERAGED`` s.
     """
     smooth = [_averaged(r) for r in recordings]
     # noise that no average removes
@@ -46,7 +47,8 @@ def current_limits(recordings: Sequence[Recording]) -> list[Event]:
                     effect=CURRENT_LIMIT.name,
                     joint=j + 1,
                     parameters=[Estimate("limit", top - width, width, "A")],
-                    evidence=f"the current of joint {j + 1} lies flat at {top:.2f} A in {len(clipped)} of {len(recordings)} recordings",
+                    evidence=f"the current of joint {j + 1} lies flat at {top:.2f} A in {len(clipped)} of "
+                    f"{len(recordings)} recordings",
                     recordings=clipped,
                 )
             )
@@ -64,7 +66,10 @@ def _width(recordings: Sequence[Recording], smooth: Sequence[Array], j: int, sti
 def _clipped(
     recordings: Sequence[Recording], smooth: Sequence[Array], j: int, top: float, width: float
 ) -> tuple[int, ...]:
-    """Recordings (by index) in which joint j (from 0) moves and its current reaches its top, where that is a limit; empty where it is none."""
+    """Recordings (by index) in which joint j (from 0) moves and its current reaches its top, where that is a limit.
+
+    Empty where it is none.
+    """
     near = [float(np.sum(values > top - 2 * width)) * r.dt for values, r in zip(smooth, recordings)]
     below = [float(np.sum(values > top - 8 * width)) * r.dt for values, r in zip(smooth, recordings)]
     moving = [k for k, r in enumerate(recordings) if near[k] > 0.0 and np.ptp(r.q[:, j]) > 0.01]
@@ -82,7 +87,7 @@ def _averaged(recording: Recording) -> Array:
 
 
 def _runs_away(recording: Recording, j: int, flat: NDArray[np.bool_]) -> bool:
-    """Whether a joint is farther from its setpoint at the end of the longest stretch of ``flat`` (m,) current than ever before."""
+    """Whether a joint is farther from its setpoint than ever at the end of the longest ``flat`` (m,) current."""
     starts, ends = _stretches(flat)
     if recording.qref is None or len(starts) == 0:
         return False

@@ -29,8 +29,9 @@ JUMP_OVER_OTHERS = 2.4
 
 
 def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
-    """Angles that jump by several encoder steps between two rows and keep the offset; one event per joint, from its
-    largest jump.
+    """Angles that jump by several encoder steps between two rows and keep the offset.
+
+    One event per joint, from its largest jump.
 
     Where all moving angles jump as far as they turn in a whole number of rows, rows are missing and no counts
     (``dropped_triggers``).
@@ -58,7 +59,8 @@ def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
                     Estimate("time", float(t), dt, "s"),
                     Estimate("resolution", step, 0.01 * step, "rad"),
                 ],
-                evidence=f"the angle of joint {j + 1} jumps by {size:.3g} rad between two rows at {t:.3f} s of {name} and stays there "
+                evidence=f"the angle of joint {j + 1} jumps by {size:.3g} rad between two rows at {t:.3f} s of "
+                f"{name} and stays there "
                 f"({len(with_jump)} of {len(recordings)} recordings show a jump)",
                 recordings=tuple(index for index, _ in with_jump),
                 gain=Gain(
@@ -70,7 +72,10 @@ def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
 
 
 def _rows_missing(recording: Recording, jumps: Sequence[tuple[int, float] | None]) -> tuple[int, int] | None:
-    """(row, how many are missing before it) where the jumps (row, rad) of joints are in one row, all as far as so many rows turn them."""
+    """(row, how many are missing before it) where the jumps (row, rad) of joints are in one row.
+
+    All are as far as so many rows turn them.
+    """
     jumped = [(j, jump) for j, jump in enumerate(jumps) if jump is not None]
     if len(jumped) < 2 or len({row for _, (row, _) in jumped}) > 1:
         return None
@@ -91,7 +96,10 @@ def _turned(q: Array, row: int, near: int) -> float:
 def _as_elsewhere(
     recording: Recording, jumps: Sequence[tuple[int, float] | None], instants: Set[tuple[int, int]]
 ) -> tuple[int, int] | None:
-    """Rows missing where other recordings miss them, in one that has a single small jump, as so few rows make of a slow joint."""
+    """Rows missing where other recordings miss them, in one that has a single small jump.
+
+    As so few rows make of a slow joint.
+    """
     jumped = [(j, *jump) for j, jump in enumerate(jumps) if jump is not None]
     if len(jumped) != 1:
         return None
@@ -117,13 +125,17 @@ def _dropped_triggers(recordings: Sequence[Recording], missing: Sequence[tuple[i
             Estimate("count", -float(count), 0.2, "1"),
             Estimate("period", period, 1e-3 * period, "s"),
         ],
-        evidence=f"all angles that move jump in one row as far as they turn in some rows: these rows of the counters are missing ({names})",
+        evidence="all angles that move jump in one row as far as they turn in some rows: these rows of the "
+        f"counters are missing ({names})",
         recordings=tuple(k for k, _, _ in instants),
     )
 
 
 def _count(q: Array, joint: Joint) -> float:
-    """rad: one count of an encoder: the step in which its angle (n,) comes, or, if noise hides that, the one of the model's encoder."""
+    """rad: one count of an encoder.
+
+    The step in which its angle (n,) comes, or, if noise hides that, the one of the model's encoder.
+    """
     step = encoder_step(q)
     in_steps = float(scatter(q[:, None])[0]) < 2.0 * step / np.sqrt(12)
     if in_steps or joint.encoder_lines is None:

@@ -9,8 +9,11 @@ from diagnosis.cause import Estimate
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """What an event explains where it shows: rms of that error without and with it, in ``unit``, at ``joint`` (from 1), and the probability
-    that the fall is chance."""
+    """What an event explains where it shows.
+
+    Rms of that error without and with it, in ``unit``, at ``joint`` (from 1), and the probability that the fall is
+    chance.
+    """
 
     before: float
     after: float

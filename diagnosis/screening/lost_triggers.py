@@ -1,5 +1,6 @@
-"""Triggers that one group of channels dropped: from one row on its currents belong to later rows, and their lag
-changes.
+"""Triggers that one group of channels dropped.
+
+From one row on its currents belong to later rows, and their lag changes.
 
 The lag against the angles is estimated per second and per joint: the projection of the residual on the derivative of
 the current. A constant lag is time skew and remains. A lag that changes at one instant by whole rows, equally at all
@@ -27,7 +28,8 @@ PIECE = 0.25
 SURE = 7.0
 """Standard deviations of the change: it is the largest among all instants, of data with other things wrong in it."""
 OTHERS = 4.0
-"""Standard deviations by which the joints other than the best one must show the change, and within which they must agree with it."""
+"""Standard deviations by which the joints other than the best one must show the change, and within which they must
+agree with it."""
 WHOLE = 0.3
 """Rows by which a change of lag may miss a whole number."""
 MOST_ROWS = 12
@@ -138,8 +140,10 @@ def change_of_lag(run: Run) -> Change | None:
 
 
 def _agreed(per_joint: Array, inverse_variance: Array) -> bool:
-    """Whether the joints other than the one that knows best show the same step (inverse variances ``known``): trigger edges are lost for all,
-    and what is wrong with one joint alone is something else."""
+    """Whether the joints other than the one that knows best show the same step (inverse variances ``known``).
+
+    Trigger edges are lost for all, and what is wrong with one joint alone is something else.
+    """
     best = int(np.argmax(inverse_variance))
     others = np.delete(inverse_variance, best)
     if not np.any(others > 0.0):
@@ -155,7 +159,10 @@ def _agreed(per_joint: Array, inverse_variance: Array) -> bool:
 
 
 def _lags(run: Run) -> tuple[Array, Array, Array]:
-    """lag (p, n) s of the currents in each piece, its weight (p, n) (inverse variance if the residual were noise), and the pieces' starts (p,)."""
+    """lag (p, n) s of the currents in each piece.
+
+    Its weight (p, n) (inverse variance if the residual were noise), and the pieces' starts (p,).
+    """
     slope, residual = run.current_rate / run.deviation, run.residual / run.deviation
     number: Index = ((run.t - run.t[0]) // PIECE).astype(np.intp)
     count = int(number[-1]) + 1
@@ -172,7 +179,10 @@ def _means(lag: Array, weight: Array) -> Array:
 
 
 def _seen_on_both_sides(weight: Array, at: int) -> NDArray[np.bool_]:
-    """(n,) whether a joint's current changed enough before and after: where it hardly did, what else is wrong makes lags of milliseconds."""
+    """(n,) whether a joint's current changed enough before and after.
+
+    Where it hardly did, what else is wrong makes lags of milliseconds.
+    """
     sides = weight[:at].sum(axis=0), weight[at:].sum(axis=0)
     on_both: NDArray[np.bool_] = np.minimum(*sides) > BALANCED * np.maximum(*sides)
     return on_both
@@ -200,8 +210,9 @@ def _step(lag: Array, weight: Array, at: int) -> tuple[float, float]:
 def _instant(run: Run, change: Change) -> tuple[float, float]:
     """Time of the change and its deviation: the mean of all instants by how likely the residual makes them.
 
-    Each joint's lag l before the change is unknown, but near the one c that all have (time skew): at every instant the sum over joints of
-    l^2 W - 2 l b + (l - c)^2 / ``APART``^2 has its least over l and c in closed form. Rows are correlated over ``COLOURED`` of them.
+    Each joint's lag l before the change is unknown, but near the one c that all have (time skew): at every instant the
+    sum over joints of l^2 W - 2 l b + (l - c)^2 / ``APART``^2 has its least over l and c in closed form. Rows are
+    correlated over ``COLOURED`` of them.
     """
     slope, residual = run.current_rate / run.deviation, run.residual / run.deviation
     after = (run.t >= change.time)[:, None]

@@ -26,8 +26,10 @@ HUM_OVER_FLOOR = 40.0
 
 @dataclass(frozen=True, kw_only=True)
 class _Line:
-    """The strongest line at the mains: frequency Hz, amplitude A, its power over the floor, phase rad at t = 0; rms A in HUM_BAND with and
-    without it."""
+    """The strongest line at the mains: frequency Hz, amplitude A, its power over the floor, phase rad at t = 0.
+
+    Rms A in HUM_BAND with and without it.
+    """
 
     frequency: float = 0.0
     amplitude: float = 0.0
@@ -56,7 +58,8 @@ def mains_hum(recordings: Sequence[Recording]) -> list[Event]:
                     Estimate("frequency", float(np.median(frequencies)), 0.05, "Hz"),
                     Estimate("phase", lines[0].phase, 0.2, "rad"),
                 ],
-                evidence=f"the current of joint {j + 1} carries a line at {np.median(frequencies):.2f} Hz in all {len(recordings)} recordings",
+                evidence=f"the current of joint {j + 1} carries a line at {np.median(frequencies):.2f} Hz in all "
+                f"{len(recordings)} recordings",
                 recordings=tuple(range(len(recordings))),
                 gain=Gain(
                     before=float(np.mean([line.before**2 for line in lines]) ** 0.5),

@@ -1,5 +1,6 @@
-"""Recordings that were mixed up, as opposed to a wrong model: no motion, degrees, currents of opposite sign or other
-unit.
+"""Recordings that were mixed up, as opposed to a wrong model.
+
+No motion, degrees, currents of opposite sign or other unit.
 """
 
 from __future__ import annotations
@@ -25,7 +26,10 @@ ABOVE_NOISE = 10.0
 
 
 def check_motion(arm: Arm, recordings: Sequence[Recording], words: str) -> None:
-    """InputError where no joint moves in any of the recordings (``words``: which they are), or where angles are no radians."""
+    """InputError where no joint moves in any of the recordings (``words``.
+
+    Which they are), or where angles are no radians.
+    """
     for r in recordings:
         for j, joint in enumerate(arm.joints):
             most = float(np.abs(r.q[:, j]).max())

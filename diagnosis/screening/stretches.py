@@ -27,7 +27,10 @@ NEAR = 3.0
 def examined(
     fit: Sequence[Recording], held_out: Sequence[Recording], most: float = MOST
 ) -> tuple[list[Recording], list[Recording], str | None]:
-    """The recordings, those of more than ``most`` s times joints in all as stretches, each with its own time from 0; and what to say of it."""
+    """The recordings, those of more than ``most`` s times joints in all as stretches, each with its own time from 0.
+
+    And what to say of it.
+    """
     everything = [*fit, *held_out]
     total = sum(duration(recording) for recording in everything)
     share = most / max(sum(duration(recording) * recording.joints for recording in everything), 1e-9)
@@ -38,14 +41,18 @@ def examined(
     )
     kept = sum(duration(recording) for recording in [*fit_stretches, *held_out_stretches])
     note = (
-        f"of {total:.0f} s of recordings, {kept:.0f} s in {len(fit_stretches) + len(held_out_stretches)} stretches, evenly spread, were examined; events between "
+        f"of {total:.0f} s of recordings, {kept:.0f} s in {len(fit_stretches) + len(held_out_stretches)} stretches, "
+        "evenly spread, were examined; events between "
         "them were not searched for, and a drift of friction starts anew in each"
     )
     return fit_stretches, held_out_stretches, note
 
 
 def stretches(recording: Recording, share: float) -> list[Recording]:
-    """Parts of a recording that are ``share`` of it together, from its beginning to its end, whose rows are their own: the rest can be freed."""
+    """Parts of a recording that are ``share`` of it together, from its beginning to its end, whose rows are their own.
+
+    The rest can be freed.
+    """
     seconds = duration(recording)
     kept = min(max(share * seconds, LEAST), seconds)
     count = max(1, round(kept / LENGTH))

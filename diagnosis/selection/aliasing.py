@@ -50,8 +50,8 @@ def smallest_detectable(
 ) -> float:
     """Smallest amplitude of ``column`` (whitened: noise of unit variance) found with probability ``power``.
 
-    c_min = (z_alpha + z_beta) sqrt(inflation) / |P phi|; ``inflation`` is the variance inflation of coloured noise (samples a
-    correlation time). Infinite where nothing survives.
+    c_min = (z_alpha + z_beta) sqrt(inflation) / |P phi|; ``inflation`` is the variance inflation of coloured noise
+    (samples a correlation time). Infinite where nothing survives.
     """
     norm = float(np.linalg.norm(span.remove(column)))
     if norm <= 1e-9 * max(float(np.linalg.norm(column)), 1e-300):

@@ -12,7 +12,10 @@ from diagnosis.cause import EffectKey
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect at one joint (from 1; None: of the whole arm), with values for its nonlinear parameters that are not spanned by columns."""
+    """One effect at one joint (from 1.
+
+    None: of the whole arm), with values for its nonlinear parameters that are not spanned by columns.
+    """
 
     effect: str
     joint: int | None

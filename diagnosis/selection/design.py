@@ -14,10 +14,12 @@ from identification.selection import Split
 
 @dataclass(frozen=True)
 class Dataset:
-    """Whitened residuals of all recordings of one side (fit or held out), joint after joint: y (n * rows,); block (n * rows,).
+    """Whitened residuals of all recordings of one side (fit or held out), joint after joint: y (n * rows,).
 
-    together: the same recordings, those with one setup after the other merged; corrected (n,): energy, by joint, of what an exact model has put
-    right in y since it was first computed.
+    Block (n * rows,).
+
+    together: the same recordings, those with one setup after the other merged; corrected (n,): energy, by joint, of
+    what an exact model has put right in y since it was first computed.
     """
 
     runs: tuple[Run, ...]
@@ -43,7 +45,10 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Columns:
-    """Whitened columns of one candidate on one side; ``where`` says at which rows of ``y`` they stand, elsewhere they are 0."""
+    """Whitened columns of one candidate on one side.
+
+    ``where`` says at which rows of ``y`` they stand, elsewhere they are 0.
+    """
 
     x: Array  # (rows, k)
     where: slice

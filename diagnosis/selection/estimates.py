@@ -21,11 +21,14 @@ def estimates(
     systematic: float | None = None,
     nonlinear: Sequence[str] | None = None,
 ) -> list[Estimate]:
-    """The parameters of a candidate, in the order of the catalogue, with coefficients (k,), in the units of a joint (None: SI).
+    """The parameters of a candidate with coefficients (k,), in the order of the catalogue.
 
-    covariance (k + s, k + s): of the coefficients, then of the ``nonlinear`` parameters (default: ``candidate.searched()``), where these were
-    estimated.
-    systematic: relative std of the measurement model, in addition to that of the data; default: the model error of the effect.
+    They are in the units of a joint (None: SI).
+
+    covariance (k + s, k + s): of the coefficients, then of the ``nonlinear`` parameters (default:
+    ``candidate.searched()``), where these were estimated.
+    systematic: relative std of the measurement model, in addition to that of the data; default: the model error of the
+    effect.
     """
     c, effect = np.asarray(coefficients, float), candidate.definition
     by_coefficient = [_derivative(candidate, c, k) for k in range(len(c))]

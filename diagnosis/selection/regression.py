@@ -1,6 +1,9 @@
-"""Whitened regression y = A b + X c + e: the columns A of chosen candidates are fitted together, those of another one, X, conditional on them.
+"""Whitened regression y = A b + X c + e.
 
-Coefficients and nonlinear parameters come from the fit set; the gain of a candidate is the fall of the squared held-out residual.
+The columns A of chosen candidates are fitted together, those of another one, X, conditional on them.
+
+Coefficients and nonlinear parameters come from the fit set; the gain of a candidate is the fall of the squared held-out
+residual.
 """
 
 from __future__ import annotations
@@ -17,7 +20,10 @@ from diagnosis.selection.design import Columns, Dataset, Pair
 from identification.selection import Score, Split, p_value, scaled, shift_p_value
 
 INDEPENDENT = 1e-3
-"""Relative singular value below which columns of unit length are one: what the data says there is rounding and the columns' own errors."""
+"""Relative singular value below which columns of unit length are one.
+
+What the data says there is rounding and the columns' own errors.
+"""
 CERTAIN = 1e-4
 """Probability from blocks below which the instants of a sparse effect need not be asked as well."""
 
@@ -27,7 +33,8 @@ class Fitted:
     """Columns fitted together.
 
     fit, held_out  (N,), (M,) residuals
-    basis          (N, r) orthonormal basis of the columns in the fit set; to_held_out (M, r): the same combinations in the held-out set
+    basis          (N, r) orthonormal basis of the columns in the fit set; to_held_out (M, r): the same combinations in
+                   the held-out set
     coefficients   of all columns, in their order
     """
 
@@ -97,13 +104,19 @@ def by_recording(values: Array, side: Dataset) -> list[Array]:
 
 
 def gain_of(pair: Pair, fitted: Fitted, held_out: Dataset) -> tuple[Array, Array]:
-    """Coefficients (k,) of columns conditional on those fitted, and the fall of the squared held-out residual row by row."""
+    """Coefficients (k,) of columns conditional on those fitted.
+
+    And the fall of the squared held-out residual row by row.
+    """
     _, c = fit_gain(pair.fit, fitted)
     return c, fitted.held_out**2 - residual_with(pair, c, fitted, held_out) ** 2
 
 
 def residual_with(pair: Pair, c: Array, fitted: Fitted, held_out: Dataset) -> Array:
-    """(M,) held-out residual with columns of coefficients c (k,) added, the fitted ones refitted conditional on them."""
+    """(M,) held-out residual with columns of coefficients c (k,) added.
+
+    The fitted ones are refitted conditional on them.
+    """
     inside = pair.fit.dot(fitted.basis).T @ c
     after: Array = fitted.held_out - pair.held_out.spread(c, len(held_out.y)) + fitted.to_held_out @ inside
     return after
@@ -112,7 +125,10 @@ def residual_with(pair: Pair, c: Array, fitted: Fitted, held_out: Dataset) -> Ar
 def best_of_each(
     library: Mapping[Candidate, Pair], fitted: Fitted, fit: Dataset, taken: Set[EffectKey]
 ) -> list[Candidate]:
-    """For every effect at every joint that is not taken, the candidate that fits the currents of its own joint best conditional on those fitted."""
+    """For every effect at every joint that is not taken.
+
+    The candidate is the one that fits the currents of its own joint best conditional on those fitted.
+    """
     of_key: dict[EffectKey, list[Candidate]] = {}
     for candidate in library:
         if candidate.key not in taken:

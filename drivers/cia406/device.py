@@ -1,9 +1,10 @@
 """CANopen encoders by CiA 406: every SYNC latches all of them at once; each answers with one frame.
 
-``sync`` "host": this computer sends a SYNC for every row that it is asked for. The row's time is that of the SYNC's last bit, if it left
-the host at once; how regular the SYNCs are is up to the host (a Python timer jitters by up to a millisecond), but each is stamped. The
-next SYNC waits for the last answer. Otherwise the SYNCs are a node's (``drivers.cia406.synced``), as regular as its crystal, and wait
-for no answer. Ceiling: the bus; six encoders at 1 Mbit/s take 0.6 ms of it per row.
+``sync`` "host": this computer sends a SYNC for every row that it is asked for. The row's time is that of the SYNC's
+last bit, if it left the host at once; how regular the SYNCs are is up to the host (a Python timer jitters by up to a
+millisecond), but each is stamped. The next SYNC waits for the last answer. Otherwise the SYNCs are a node's
+(``drivers.cia406.synced``), as regular as its crystal, and wait for no answer. Ceiling: the bus; six encoders at 1
+Mbit/s take 0.6 ms of it per row.
 """
 
 from __future__ import annotations

@@ -25,8 +25,8 @@ class Config(CanConfig):
 
     nodes    their CANopen node numbers; counter channels in this order
     bits     of the position: the total measuring range 6002h is 2^bits
-    sync     who sends the SYNCs: "host", this computer, one for every row that it asks for; the number of a node that can (objects
-             1005h, 1006h), at the rig's rate; "bus", a device that sends them anyway, such as a PLC
+    sync     who sends the SYNCs: "host", this computer, one for every row that it asks for; the number of a node that
+             can (objects 1005h, 1006h), at the rig's rate; "bus", a device that sends them anyway, such as a PLC
     timeout  s for which a row waits for the answers to its SYNC
     latest   s after which an answer that has not come never will
     """
@@ -92,7 +92,10 @@ class EncoderNodes:
         )
 
     def _set_up(self, number: int) -> int:
-        """Makes node ``number`` answer every SYNC with its position; returns its serial number, which is to be the one it had."""
+        """Makes node ``number`` answer every SYNC with its position.
+
+        Returns its serial number, which is to be the one it had.
+        """
         profile = self._upload(number, cia.DEVICE_TYPE) & 0xFFFF
         if profile != cia.PROFILE:
             raise self._fault(f"node {number} is no encoder: its profile is {profile}, not 406")
@@ -146,7 +149,10 @@ class EncoderNodes:
             self._bus.close()
 
     def _seek(self, silent: Iterable[int], now: int) -> None:
-        """Asks nodes that give no positions for their settings, now and then, without waiting: ``_heed_events`` takes the answers."""
+        """Asks nodes that give no positions for their settings, now and then, without waiting.
+
+        ``_heed_events`` takes the answers.
+        """
         if now - self._asked > SEEK_EVERY:
             self._asked = now
             for number in silent:
@@ -154,8 +160,11 @@ class EncoderNodes:
                     self._bus.send(cia.SDO_REQUEST + number, cia.ASK_WHEN_SENT)
 
     def _heed_events(self) -> list[int]:
-        """A node that boots, or whose settings are not ours any more, has restarted: it is set up again, and its counts are marked from
-        then on. DeviceFault where another encoder has taken its place. Returns the nodes that did restart."""
+        """A node that boots, or whose settings are not ours any more, has restarted.
+
+        It is set up again, and its counts are marked from then on. DeviceFault where another encoder has taken its
+        place. Returns the nodes that did restart.
+        """
         booted: list[int] = []
         for _, identifier, data in self._events.there():
             number = identifier & 0x7F
@@ -172,7 +181,10 @@ class EncoderNodes:
         return booted
 
     def _reopen(self) -> None:
-        """The bus, and every node, once more. One whose settings are not ours any more has restarted, whether it was heard to or not."""
+        """The bus, and every node, once more.
+
+        One whose settings are not ours any more has restarted, whether it was heard to or not.
+        """
         if not self._bus.is_open:
             self._bus.reopen()
         for number in self.config.nodes:

@@ -1,4 +1,7 @@
-"""CANopen encoders (CiA 301, CiA 406 v3.1), sans-IO: identifiers, objects, and which position frame belongs to which SYNC."""
+"""CANopen encoders (CiA 301, CiA 406 v3.1), sans-IO.
+
+Identifiers, objects, and which position frame belongs to which SYNC.
+"""
 
 from __future__ import annotations
 
@@ -48,12 +51,15 @@ class Node:
 
 
 class Rounds:
-    """One SYNC, one position from every node. A frame that is late for its SYNC must not pass for the answer to the next one.
+    """One SYNC, one position from every node.
 
-    A lost answer and a late one look the same until no answer can be under way any more. So no SYNC goes out while a node owes
-    one, for ``latest`` s at most: what comes in that time pays the debt, and what comes after the next SYNC is its answer. A
-    node that has been silent for ``ABSENT`` rounds delays no other node; when it answers again, there is one such pause.
-    Frames that arrived before the SYNC (the one that a node sends unasked when it becomes operational) never count.
+    A frame that is late for its SYNC must not pass for the answer to the next one.
+
+    A lost answer and a late one look the same until no answer can be under way any more. So no SYNC goes out while a
+    node owes one, for ``latest`` s at most: what comes in that time pays the debt, and what comes after the next SYNC
+    is its answer. A node that has been silent for ``ABSENT`` rounds delays no other node; when it answers again, there
+    is one such pause. Frames that arrived before the SYNC (the one that a node sends unasked when it becomes
+    operational) never count.
     """
 
     def __init__(self, nodes: tuple[int, ...], latest: float) -> None:
@@ -115,7 +121,10 @@ class Rounds:
 
 @dataclass(frozen=True)
 class Round:
-    """One SYNC of another node: host ns at which it came, and every node's value and quality flags, in the order of the columns."""
+    """One SYNC of another node.
+
+    Host ns at which it came, and every node's value and quality flags, in the order of the columns.
+    """
 
     at: int
     values: list[int]
@@ -133,11 +142,11 @@ class Listened:
 
 
 class Heard:
-    """Frames as they come over the bus, another node's SYNCs among them -> rounds, each complete when the next SYNC is heard.
+    """Frames as they come over the bus, another node's SYNCs among them -> rounds.
 
-    A node answers each SYNC once, before the next one. Where it gave none, the next single one may be the late one: it counts only if
-    it comes as long after its SYNC as this node's answers did before (within ``ALIKE`` of a period). Of two answers, one belongs to an
-    earlier SYNC.
+    Each is complete when the next SYNC is heard. A node answers each SYNC once, before the next one. Where it gave
+    none, the next single one may be the late one: it counts only if it comes as long after its SYNC as this node's
+    answers did before (within ``ALIKE`` of a period). Of two answers, one belongs to an earlier SYNC.
     """
 
     def __init__(self, nodes: tuple[int, ...]) -> None:

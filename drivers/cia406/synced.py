@@ -1,9 +1,9 @@
 """CANopen encoders whose SYNCs are made by a node of the bus, or by a controller that makes them anyway.
 
-The SYNCs are the trigger line: as regular as that node's crystal, and waiting for nobody, so that the bus may be filled. This computer
-listens; a row's time is that of its SYNC, as stamped on arrival. It is complete when the next SYNC has come. SYNCs are
-counted; a bus that was off for a while, and a node that had to begin anew, leave a gap in the numbers, by the time that has passed. A
-single SYNC that was not heard is found by the sampler, by the interval.
+The SYNCs are the trigger line: as regular as that node's crystal, and waiting for nobody, so that the bus may be
+filled. This computer listens; a row's time is that of its SYNC, as stamped on arrival. It is complete when the next
+SYNC has come. SYNCs are counted; a bus that was off for a while, and a node that had to begin anew, leave a gap in the
+numbers, by the time that has passed. A single SYNC that was not heard is found by the sampler, by the interval.
 """
 
 from __future__ import annotations
@@ -130,7 +130,10 @@ class SyncedEncoders(EncoderNodes):
         self._edges.append(Block(number, host, tick, np.zeros((len(host), 0), np.uint8)))
 
     def _numbers(self, host: np.ndarray) -> np.ndarray:
-        """Numbers of the SYNCs that came at ``host`` (n,) ns: counted, except for those that cannot have been received."""
+        """Numbers of the SYNCs that came at ``host`` (n,) ns.
+
+        Counted, except for those that cannot have been received.
+        """
         assert self._plan is not None
         number, at = self._last
         if number < 0:

@@ -1,7 +1,7 @@
 """Isabellenhuette IVT-S: motor currents as numbers on a CAN bus, one sensor per motor.
 
-It measures on its own clock, every ``period`` ms, 1 ms at the fastest, and cannot be triggered: a row takes the newest result,
-at most a period old. Its channels are in A (not V): in the rig file, 1 A a "volt", 1 turn.
+It measures on its own clock, every ``period`` ms, 1 ms at the fastest, and cannot be triggered: a row takes the newest
+result, at most a period old. Its channels are in A (not V): in the rig file, 1 A a "volt", 1 turn.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ Identifier = Annotated[int, Field(ge=0, le=0x7FF)]
 
 
 class Sensor(Table):
-    """CAN identifiers of one sensor; several on one bus need different ones (command 1Fh and its neighbours set them)."""
+    """CAN identifiers of one sensor.
+
+    Several on one bus need different ones (command 1Fh and its neighbours set them).
+    """
 
     command: Identifier = ivt.COMMAND_ID
     reply: Identifier = ivt.REPLY_ID
@@ -183,12 +186,14 @@ class IvtSensors:
         return self._reconnect.poll(self._clock, self._reopen, self._newest, (0, len(self.config.sensors)))
 
     def _newest(self, now: int) -> Block:
-        """The newest result of each; OSError where the bus is off, or everybody silent, or a sensor does not take its settings."""
+        """The newest result of each.
+
+        OSError where the bus is off, or everybody silent, or a sensor does not take its settings.
+        """
         self._bus.read(0.0)
         if self._heed_restarts(now):
-            now = (
-                self._clock.monotonic_ns()
-            )  # setting up takes its time: what came meanwhile is newer than the row would be
+            # setting up takes its time: what came meanwhile is newer than the row would be
+            now = self._clock.monotonic_ns()
         values, flags = [], []
         for k, box in enumerate(self._boxes):
             lost = 0
@@ -204,8 +209,10 @@ class IvtSensors:
         return one_row(now, volts=values, quality=flags)
 
     def _heed_restarts(self, now: int) -> bool:
-        """A sensor that has just started measures as delivered, every 20 ms: it is set up again, its value missing meanwhile. True where
-        there was one."""
+        """A sensor that has just started measures as delivered, every 20 ms.
+
+        It is set up again, its value missing meanwhile. True where there was one.
+        """
         restarted = False
         for k, replies in enumerate(self._replies):
             if not any(data[:1] == bytes([ivt.ALIVE]) for _, _, data in replies.there()):

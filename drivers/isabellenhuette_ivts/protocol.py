@@ -1,7 +1,7 @@
 """Isabellenhuette IVT-S on the bus, sans-IO: commands, replies, results; the .dbc in this folder defines the frames.
 
-A result is 6 bytes: channel, state (high nibble) and counter (low nibble), int32 big-endian. The counter shows lost frames (up to
-15 in a row). Configuration is refused while the sensor runs, and 2 ms must pass between commands.
+A result is 6 bytes: channel, state (high nibble) and counter (low nibble), int32 big-endian. The counter shows lost
+frames (up to 15 in a row). Configuration is refused while the sensor runs, and 2 ms must pass between commands.
 """
 
 from __future__ import annotations

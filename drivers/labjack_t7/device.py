@@ -1,12 +1,13 @@
 """LabJack T7: up to three quadrature encoders and the analogue inputs in one device-clocked scan, start line and DACs.
 
 The scan clock is the trigger line on CIO3 (source ``tracker``) or the T7's own crystal (``timer``). Each scan carries
-CORE_TIMER, the T7's time of the trigger. Ceiling: 100 000 samples/s over all slots (an AIN is one, a counter or CORE_TIMER
-two), so 6.2 kHz for 8 AIN and 3 encoders. The converter is multiplexed: neighbouring channels are some 10 us apart.
+CORE_TIMER, the T7's time of the trigger. Ceiling: 100 000 samples/s over all slots (an AIN is one, a counter or
+CORE_TIMER two), so 6.2 kHz for 8 AIN and 3 encoders. The converter is multiplexed: neighbouring channels are some 10 us
+apart.
 
-The T7 counts x4 only, from 0, 32 bit, and has no preset register: ``preset`` clears the counter and the driver adds the value.
-Its own watchdog brings the outputs into their safe state when no command has come for ``watchdog`` seconds (stream data does not
-feed it): that holds even when this computer is dead.
+The T7 counts x4 only, from 0, 32 bit, and has no preset register: ``preset`` clears the counter and the driver adds the
+value. Its own watchdog brings the outputs into their safe state when no command has come for ``watchdog`` seconds
+(stream data does not feed it): that holds even when this computer is dead.
 """
 
 from __future__ import annotations
@@ -70,7 +71,11 @@ class Config(Table):
 
 
 class LabJackT7:
-    """The device (shapes: Latched, Reconnecting, ClockReadings, TriggerInput, QuadratureCounter, AnalogInput, both outputs, OwnWatchdog)."""
+    """The device.
+
+    Its protocols: Latched, Reconnecting, ClockReadings, TriggerInput, QuadratureCounter, AnalogInput, both outputs,
+    OwnWatchdog.
+    """
 
     numbered = True
     bits = 16
@@ -124,7 +129,8 @@ class LabJackT7:
             details={
                 "host": self.config.host,
                 "tick_hz": f"{t7.CORE_TIMER_HZ:.0f}",
-                "unconfirmed": "that a count of skipped scans includes the scan that marks them (as the U3's guide says); "
+                "unconfirmed": "that a count of skipped scans includes the scan that marks them (as the U3's guide "
+                "says); "
                 "where it does not, the timer in every scan decides",
             },
         )
@@ -264,7 +270,10 @@ class LabJackT7:
         self._resume = True
 
     def _begin_anew(self) -> None:
-        """The T7 has lost its power: counters at 0, CORE_TIMER too; the ticks of the rows go on from where they would now be."""
+        """The T7 has lost its power: counters at 0, CORE_TIMER too.
+
+        The ticks of the rows go on from where they would now be.
+        """
         self._was_reset = True
         self._ticks.restart()
         self._tick += round((self._clock.monotonic_ns() - self._last[1]) * t7.CORE_TIMER_HZ * 1e-9)

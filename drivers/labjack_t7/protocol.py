@@ -1,8 +1,9 @@
 """LabJack T7 on the wire, sans-IO: its registers, its scan list, its stream packets, codes to volts.
 
 Sources: LabJack T-Series Datasheet (3.2 Stream Mode, 3.2.4 Low-Level Stream, 13.2 Quadrature In, 23.0 Watchdog, 20.0.1
-Calibration Constants) and its register map ``ljm_constants``. Registers are 16 bit; 32-bit values take two, high word first,
-except in a stream, where a 32-bit register gives its low word and STREAM_DATA_CAPTURE_16 directly after it the high one.
+Calibration Constants) and its register map ``ljm_constants``. Registers are 16 bit; 32-bit values take two, high word
+first, except in a stream, where a 32-bit register gives its low word and STREAM_DATA_CAPTURE_16 directly after it the
+high one.
 """
 
 from __future__ import annotations
@@ -84,7 +85,8 @@ class Status(IntEnum):
 
 SENTENCES = {
     Status.OVERLAP: "a scan began before the last had ended: lower the rate or measure fewer channels",
-    Status.RECOVERY_OVERFLOW: "more than 65535 scans were skipped: the host read too slowly, and their number is not known",
+    Status.RECOVERY_OVERFLOW: "more than 65535 scans were skipped: the host read too slowly, and their number is "
+    "not known",
     Status.BUFFER_FULL: "its stream buffer is full: the host read too slowly",
 }
 
@@ -101,8 +103,10 @@ class Packet:
 
 @dataclass(frozen=True)
 class ScanList:
-    """What one scan measures, in the order in which the T7 does it. Analogue first: AIN never gives 0xFFFF, so that the
-    separator scan of an auto-recovery can be distinguished from data.
+    """What one scan measures, in the order in which the T7 does it.
+
+    Analogue first: AIN never gives 0xFFFF, so that the separator scan of an auto-recovery can be distinguished from
+    data.
 
     inputs    AIN numbers
     counters  even DIO lines of the quadrature pairs
@@ -131,8 +135,10 @@ class ScanList:
 
 @dataclass(frozen=True)
 class Scans:
-    """n scans, decoded. number (n,) of the scan since the stream began, skipped ones counted; codes (n, inputs) uint16;
-    counts (n, counters) int64, 32 bit unsigned; timer (n,) int64, 32 bit unsigned (0 without)."""
+    """n scans, decoded. number (n,) of the scan since the stream began, skipped ones counted; codes (n, inputs) uint16.
+
+    Counts (n, counters) int64, 32 bit unsigned; timer (n,) int64, 32 bit unsigned (0 without).
+    """
 
     number: NDArray[np.int64]
     codes: NDArray[np.uint16]
@@ -151,8 +157,10 @@ class Stream:
         self._next = 0
 
     def feed(self, data: bytes) -> Scans:
-        """Scans completed by ``data``. Raises FrameError on bytes that are no stream packet,
-        StreamStopped where the T7 ended it."""
+        """Scans completed by ``data``.
+
+        Raises FrameError on bytes that are no stream packet, StreamStopped where the T7 ended it.
+        """
         number: list[NDArray[np.int64]] = []
         rows: list[NDArray[np.uint16]] = []
         skipped = 0
@@ -181,8 +189,10 @@ class Stream:
     def _skip(
         self, scans: NDArray[np.uint16], numbers: NDArray[np.int64], info: int
     ) -> tuple[NDArray[np.uint16], NDArray[np.int64]]:
-        """Takes the separator out and shifts what follows it by the number of skipped scans (the separator is one of them,
-        as in the U3's guide, 5.2.12, and as LJM fills the gap)."""
+        """Takes the separator out and shifts what follows it by the number of skipped scans.
+
+        It is as the separator is one of them, as in the U3's guide, 5.2.12, and as LJM fills the gap.
+        """
         at = np.flatnonzero(scans[:, 0] == SEPARATOR)
         if len(at) != 1:
             raise FrameError(f"{len(at)} separator scans in the packet that ends an auto-recovery; expected 1")
@@ -246,8 +256,11 @@ class InputCalibration:
 
 
 def packet_scans(scan: ScanList, rate: float, rows: int | None, seconds: float) -> int:
-    """Scans a packet: about ``seconds`` of them, within 512 samples. A packet leaves the T7 only when it is full, so that
-    where the number of rows is known, the packet size divides it and no row stays behind."""
+    """Scans a packet: about ``seconds`` of them, within 512 samples.
+
+    A packet leaves the T7 only when it is full, so that where the number of rows is known, the packet size divides it
+    and no row stays behind.
+    """
     most = max(1, min(MOST_SAMPLES_PER_PACKET // scan.slots, round(rate * seconds)))
     if rows is None:
         return most

@@ -31,7 +31,9 @@ def set_outputs_low(link: T7Link, lines: Iterable[int]) -> None:
 
 
 def set_watchdog(link: T7Link, lines: Iterable[int], seconds: int) -> None:
-    """The T7 lowers ``lines`` and zeroes its DACs itself after ``seconds`` without a command; 0: never (datasheet 23.0).
+    """The T7 lowers ``lines`` and zeroes its DACs itself after ``seconds`` without a command.
+
+    0: never (datasheet 23.0).
 
     The settings live in flash, which wears: they are written only where they differ.
     """
@@ -57,7 +59,10 @@ def set_watchdog(link: T7Link, lines: Iterable[int], seconds: int) -> None:
 
 
 def start_counter(link: T7Link, line: int) -> None:
-    """Quadrature counting x4 on lines ``line`` and ``line`` + 1, from 0 (datasheet 13.2; an index is written while disabled)."""
+    """Quadrature counting x4 on lines ``line`` and ``line`` + 1, from 0 (datasheet 13.2.
+
+    An index is written while disabled).
+    """
     for register, value in ((t7.EF_ENABLE, 0), (t7.EF_INDEX, t7.QUADRATURE), (t7.EF_ENABLE, 1)):
         for phase in (line, line + 1):
             link.write_uint(register + 2 * phase, value)

@@ -1,8 +1,8 @@
 """An external tracker that sends its points as text over UDP or a serial line, and keeps them in a file of its own.
 
-It cannot be triggered: after the start pulse it raises the trigger line once a sample, which is what the counters latch on. Frame
-numbers count from 1 at the start, so that a lost datagram is a gap in the points and never a shift. Its maximum rate and its
-memory are checked before arming.
+It cannot be triggered: after the start pulse it raises the trigger line once a sample, which is what the counters latch
+on. Frame numbers count from 1 at the start, so that a lost datagram is a gap in the points and never a shift. Its
+maximum rate and its memory are checked before arming.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ TICK_HZ = 1e6  # block ticks: microseconds of the tracker's clock
 class Config(Table):
     """A tracker in the rig file.
 
-    host, port    UDP: where its datagrams arrive; a host other than loopback needs ``sender``, the one address listened to
+    host, port    UDP: where its datagrams arrive; a host other than loopback needs ``sender``, the one address listened
+                  to
     serial, baud  or a serial port instead
     rate          Hz, as set on the tracker; max_rate and memory are its ceilings (memory: samples)
     file          where its own file lies after the run, if it writes one
@@ -118,7 +119,8 @@ class TrackerStream:
         if plan.rows is not None and plan.rows > self.memory:
             seconds = self.memory / plan.rate
             raise self._fault(
-                f"{plan.rows} samples asked, its memory holds {self.memory}: record at most {seconds:g} s, or at a lower rate"
+                f"{plan.rows} samples asked, its memory holds {self.memory}: record at most {seconds:g} s, or at a "
+                "lower rate"
             )
         if plan.source == EdgeSource.TRACKER and plan.rate != self.rate:
             raise self._fault(f"is set to {self.rate:g} Hz, the rig expects {plan.rate:g}: set one of them")
@@ -170,7 +172,10 @@ class TrackerStream:
         self._lines.resume()
 
     def _of_this_run(self, frames: Frames) -> Frames:
-        """Without what still comes of an earlier run: frames that go on from those before arming. A start begins at 1 again."""
+        """Without what still comes of an earlier run: frames that go on from those before arming.
+
+        A start begins at 1 again.
+        """
         if self._sending is None or not len(frames):
             return frames
         again = np.flatnonzero((np.diff(frames.number, prepend=self._sending) < 0) | (frames.number == 1))

@@ -1,9 +1,9 @@
 """Which frame of a tracker's own file belongs to which edge of its trigger line.
 
-Counting alone shifts everything by one when an edge is lost or a spike is counted. Here edges are first put on the grid of the
-tracker's period (a lost edge leaves a hole, a spike lies off the grid), then the grid is laid over the frames so that all of
-it is covered; where more than one place is left (edges lost at an end), the jitter of the intervals, which edges and frames
-share, decides. Where that is too small to decide, the answer says so instead of guessing.
+Counting alone shifts everything by one when an edge is lost or a spike is counted. Here edges are first put on the grid
+of the tracker's period (a lost edge leaves a hole, a spike lies off the grid), then the grid is laid over the frames so
+that all of it is covered; where more than one place is left (edges lost at an end), the jitter of the intervals, which
+edges and frames share, decides. Where that is too small to decide, the answer says so instead of guessing.
 """
 
 from __future__ import annotations
@@ -21,8 +21,10 @@ RESOLVABLE = 3.0  # jitter, at least so many times what is left of it at the bes
 
 @dataclass(frozen=True)
 class Alignment:
-    """frame (n,) int64: index into the frames for each edge, -1 for a spike (or an edge beyond the file); ``certain`` False where
-    another place fits as well; ``why`` a sentence."""
+    """frame (n,) int64: index into the frames for each edge, -1 for a spike (or an edge beyond the file).
+
+    ``certain`` False where another place fits as well; ``why`` a sentence.
+    """
 
     frame: NDArray[np.int64]
     certain: bool
@@ -68,7 +70,10 @@ def align(edges: NDArray[np.float64], number: NDArray[np.int64], seconds: NDArra
 
 
 def _grid(edges: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Place of each edge on the grid of the tracker's period (from 0), how far off it lies (s), and which are edges at all."""
+    """Place of each edge on the grid of the tracker's period (from 0).
+
+    How far off it lies (s), and which are edges at all.
+    """
     period = float(np.median(np.diff(edges)))
     origin = _phase(edges[:HEAD], period)
     # A period known from n edges carries over some more than n: the stretch that is fitted grows, to all of them.

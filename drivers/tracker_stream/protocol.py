@@ -1,7 +1,7 @@
 """Points of an external tracker as lines of text, sans-IO: ``frame,seconds,x,y,z``.
 
-Frames are counted from 1 at the tracker's start; seconds are the tracker's own; a broken beam leaves x, y, z empty (or nan). The same
-lines make the tracker's own file, under a heading. Lengths are in the unit that the rig file says.
+Frames are counted from 1 at the tracker's start; seconds are the tracker's own; a broken beam leaves x, y, z empty (or
+nan). The same lines make the tracker's own file, under a heading. Lengths are in the unit that the rig file says.
 """
 
 from __future__ import annotations
@@ -18,7 +18,10 @@ _LONGEST = 200  # characters of a line
 
 @dataclass(frozen=True)
 class Frames:
-    """n frames: number (n,) int64 from 1; seconds (n,); points (n, 3) in the stream's unit, NaN where the beam was broken."""
+    """n frames: number (n,) int64 from 1; seconds (n,).
+
+    Points (n, 3) in the stream's unit, NaN where the beam was broken.
+    """
 
     number: NDArray[np.int64]
     seconds: NDArray[np.float64]
@@ -37,7 +40,10 @@ class Lines:
         self.refused = 0
 
     def resume(self) -> None:
-        """The line was cut and is back, maybe in the middle of a line: what comes before the next line's end is no line."""
+        """The line was cut and is back, maybe in the middle of a line.
+
+        What comes before the next line's end is no line.
+        """
         self._rest, self._amid = b"", True
 
     def feed(self, data: bytes) -> Frames:
@@ -60,7 +66,10 @@ class Lines:
 
 
 def parse_line(line: bytes) -> tuple[float, float, float, float, float] | None:
-    """One line, or None: five fields; a frame number from 1 on; a finite time >= 0; three finite numbers or three blanks."""
+    """One line, or None: five fields; a frame number from 1 on; a finite time >= 0.
+
+    Three finite numbers or three blanks.
+    """
     fields = line.strip().split(b",")
     if len(fields) != 5 or len(line) > _LONGEST or not fields[0].isdigit() or not 1 <= int(fields[0]) < 1 << 53:
         return None

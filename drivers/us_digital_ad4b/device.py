@@ -55,7 +55,8 @@ class Ad4b:
             latch_delay=BYTE_SECONDS,
             details={
                 "port": self.config.port,
-                "unconfirmed": "which checksum it confirms its mode with (its document does not say: sums and exclusive-or are taken)",
+                "unconfirmed": "which checksum it confirms its mode with (its document does not say: sums and "
+                "exclusive-or are taken)",
             },
         )
 
@@ -106,8 +107,11 @@ class Ad4b:
             self._initialise()
 
     def preset(self, channel: int, value: int) -> None:
-        """Reads the counter; the driver adds what is missing to ``value`` from now on. (The document does not say which way
-        round the bytes of its preset register are, nor when they reach the counter.)"""
+        """Reads the counter; the driver adds what is missing to ``value`` from now on.
+
+        (The document does not say which way round the bytes of its preset register are, nor when they reach the
+        counter.)
+        """
         check_channel(self.name, channel, len(self.width))
         with or_fault(self.name, ADVICE):
             self._added = value - self._position()
@@ -134,8 +138,11 @@ class Ad4b:
         self._last = (0, 0)
 
     def _ask(self, command: bytes, length: int) -> bytes:
-        """The answer, of exactly ``length`` bytes. Bytes that came before the question belong to an older one: they are
-        thrown away. With more than ``length`` bytes nothing is known about which are the right ones."""
+        """The answer, of exactly ``length`` bytes.
+
+        Bytes that came before the question belong to an older one: they are thrown away. With more than ``length``
+        bytes nothing is known about which are the right ones.
+        """
         self._stray += self._port.discard()
         self._port.write(command)
         answer = bytearray()

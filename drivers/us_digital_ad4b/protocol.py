@@ -1,7 +1,7 @@
 """US Digital AD4-B on the wire, sans-IO (US Digital, "AD4B Communications Protocol").
 
-One-byte commands, answers of known length, no frame, no checksum: after any error the line is drained and pinged again. The
-counter is an LFLS7166: 24 bit, the fourth byte of a position means nothing.
+One-byte commands, answers of known length, no frame, no checksum: after any error the line is drained and pinged again.
+The counter is an LFLS7166: 24 bit, the fourth byte of a position means nothing.
 """
 
 from __future__ import annotations
@@ -22,8 +22,11 @@ def initialise_command(mode: str) -> bytes:
 
 
 def confirms_initialise(command: bytes, answer: bytes) -> bool:
-    """True if ``answer`` is one byte that can be the checksum of ``command``. The document says "checksum" and no more: the
-    sum and the exclusive-or of the bytes, with and without the command byte, are taken."""
+    """True if ``answer`` is one byte that can be the checksum of ``command``.
+
+    The document says "checksum" and no more: the sum and the exclusive-or of the bytes, with and without the command
+    byte, are taken.
+    """
     if len(answer) != 1:
         return False
     xor = 0

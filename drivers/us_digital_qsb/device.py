@@ -1,8 +1,9 @@
 """US Digital QSB-D / QSB-S: one quadrature encoder on a USB serial port.
 
-It cannot be triggered. ``reading`` "ask": each row is a question and an answer (the latch lies halfway, within half the round
-trip); "stream": it sends its count as fast as 230400 baud takes it (1920 a second), and a row takes the newest one, at most
-0.5 ms old; one that was held up on its way by more than 2 ms is found by what else should have come by then, and marked STALE.
+It cannot be triggered. ``reading`` "ask": each row is a question and an answer (the latch lies halfway, within half the
+round trip); "stream": it sends its count as fast as 230400 baud takes it (1920 a second), and a row takes the newest
+one, at most 0.5 ms old; one that was held up on its way by more than 2 ms is found by what else should have come by
+then, and marked STALE.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ SLOW = 10_000_000  # ns for question and answer, USB and all: beyond it the time
 
 
 class Config(Table):
-    """A QSB in the rig file. ``port``: best /dev/serial/by-id/usb-US_Digital..., which stays the same after a restart."""
+    """A QSB in the rig file.
+
+    ``port``: best /dev/serial/by-id/usb-US_Digital..., which stays the same after a restart.
+    """
 
     port: str
     reading: Literal["ask", "stream"] = "stream"
@@ -94,7 +98,8 @@ class Qsb:
             quickest = min(self._round_trip() for _ in range(TRIALS))
             if quickest > SLOW:
                 problems.append(
-                    f"a request and its answer take {quickest * 1e-6:.0f} ms: an adapter buffers bytes, rows may be that old; "
+                    f"a request and its answer take {quickest * 1e-6:.0f} ms: an adapter buffers bytes, rows may be "
+                    "that old; "
                     "set its latency timer to 1 ms"
                 )
             mode = self._ask(qsb.read_command(qsb.MDR0), "r", qsb.MDR0)
@@ -158,7 +163,10 @@ class Qsb:
         return self._reconnect.poll(self._clock, self._reopen, row, (1, 0))
 
     def _asked(self, now: int) -> Block:
-        """One row by question and answer; OSError where the answer is in the form, or the count, of a QSB that has just been switched on."""
+        """One row by question and answer.
+
+        OSError where the answer is in the form, or the count, of a QSB that has just been switched on.
+        """
         count = self._ask(qsb.read_command(qsb.COUNT), "r", qsb.COUNT)
         after = self._clock.monotonic_ns()
         if self._replies.line_ends or fell_to_zero(count, self._count, now - self._taken):
@@ -167,7 +175,10 @@ class Qsb:
         return self._row((now + after) // 2, count, Quality.LATE if after - now > SLOW else Quality.GOOD)
 
     def _newest(self, now: int) -> Block:
-        """The newest count that has come; STALE where that is older than the stream's own pace makes it, or of no known age."""
+        """The newest count that has come.
+
+        STALE where that is older than the stream's own pace makes it, or of no known age.
+        """
         data = piece = self._port.read()
         while len(piece) > BACKLOG:
             piece = self._port.read()
@@ -183,9 +194,8 @@ class Qsb:
             raise OSError("the stream lags, or its rate has changed")
         old = now - self._taken > 2e9 / qsb.STREAM_RATE or delay > HELD_UP
         quality = Quality.STALE if old else Quality.GOOD
-        if (
-            self._clock.monotonic_ns() - now > HELD_UP
-        ):  # this process was: what was read is newer than ``now``, or older
+        # this process was: what was read is newer than ``now``, or older
+        if self._clock.monotonic_ns() - now > HELD_UP:
             quality |= Quality.LATE
         return self._row(now, self._count, quality)
 

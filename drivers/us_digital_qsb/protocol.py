@@ -1,9 +1,9 @@
 """US Digital QSB on the wire, sans-IO (QSB command list 1.28).
 
-Commands are ASCII: ``R``ead, ``W``rite or ``S``tream, a two-digit hex register, hex data for a write, carriage return. Replies:
-the command's letter in lower case, the register, eight hex digits, with time stamps eight more, ``!``; ``e`` instead of the
-letter for an error, ``x`` for a command that the QSB does not know. What follows the ``!`` (CR, LF) and spaces between the fields
-are options of register 15.
+Commands are ASCII: ``R``ead, ``W``rite or ``S``tream, a two-digit hex register, hex data for a write, carriage return.
+Replies: the command's letter in lower case, the register, eight hex digits, with time stamps eight more, ``!``; ``e``
+instead of the letter for an error, ``x`` for a command that the QSB does not know. What follows the ``!`` (CR, LF) and
+spaces between the fields are options of register 15.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def stream_command(register: int) -> bytes:
 class Replies:
     """Cuts the byte stream into replies; what is none is dropped and counted.
 
-    ``stamped``: True or False where the options are known, so that a reply that lost just its stamp's length is refused;
-    None: both are taken.
+    ``stamped``: True or False where the options are known, so that a reply that lost just its stamp's length is
+    refused; None: both are taken.
     There is no checksum: a digit turned into another digit by noise cannot be seen here.
     """
 

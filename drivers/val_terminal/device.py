@@ -1,7 +1,7 @@
 """Unimation Puma under VAL or VAL II, through the serial port of its operator's terminal.
 
-It types the commands of an operator: SPEED, DRIVE, WHERE; with VAL II also DO MOVE #PPOINT. Experiments with anything else
-(trajectories, sines) are refused before anything moves: VAL cannot do them from its terminal.
+It types the commands of an operator: SPEED, DRIVE, WHERE; with VAL II also DO MOVE #PPOINT. Experiments with anything
+else (trajectories, sines) are refused before anything moves: VAL cannot do them from its terminal.
 """
 
 from __future__ import annotations
@@ -124,7 +124,10 @@ class ValTerminal:
     # -- motion -------------------------------------------------------------------------------------------------------
 
     def load(self, experiment: object) -> None:
-        """Refuses what VAL cannot do; then drives the arm to the start pose, slowly, and waits until it stands there."""
+        """Refuses what VAL cannot do.
+
+        Then drives the arm to the start pose, slowly, and waits until it stands there.
+        """
         if not isinstance(experiment, Experiment):
             raise self._fault(f"needs an Experiment, has {type(experiment).__name__}")
         if len(experiment.start) != self.joints:
@@ -167,9 +170,8 @@ class ValTerminal:
         self._running = True
         self._wait_until = 0
         self._pump()
-        with or_fault(
-            self.name, ADVICE
-        ):  # the first command is entered before this returns; ``finished`` enters later ones
+        # the first command is entered before this returns; ``finished`` enters later ones
+        with or_fault(self.name, ADVICE):
             if self._session.state == val.State.TYPED:
                 self._port.wait_for(self._entered, self.config.answer_timeout)
 
@@ -264,8 +266,10 @@ class ValTerminal:
         return degrees
 
     def _command(self, command: str, timeout: float | None = None) -> val.Done:
-        """Types a command and waits until it is done; OSError where it is not, or is refused. An echo that does not come in time is
-        asked for again, once."""
+        """Types a command and waits until it is done; OSError where it is not, or is refused.
+
+        An echo that does not come in time is asked for again, once.
+        """
         timeout = timeout or self.config.answer_timeout
         self._port.write(self._session.type(command))
         deadline = time.monotonic() + timeout

@@ -1,8 +1,9 @@
 """The terminal of a Unimation VAL or VAL II controller, sans-IO: what an operator types, and what comes back.
 
-A command is typed letter by letter, the controller echoes it; only when the echo is what was typed is it entered (carriage
-return). Output lines follow, then the prompt, a dot at the start of a line: the command, its motion included, is done.
-Source: Unimation, "User's Guide to VAL" (1980s editions): monitor commands SPEED, DRIVE, DO, WHERE, CALIB, ABORT.
+A command is typed letter by letter, the controller echoes it; only when the echo is what was typed is it entered
+(carriage return). Output lines follow, then the prompt, a dot at the start of a line: the command, its motion included,
+is done. Source: Unimation, "User's Guide to VAL" (1980s editions): monitor commands SPEED, DRIVE, DO, WHERE, CALIB,
+ABORT.
 """
 
 from __future__ import annotations
@@ -39,7 +40,10 @@ def move(degrees: list[float]) -> str:
 
 
 def _typed(degrees: float) -> str:
-    """An angle as VAL reads it. ValueError for one that is not finite or beyond ``LARGEST_ANGLE``: what VAL makes of it is unknown."""
+    """An angle as VAL reads it.
+
+    ValueError for one that is not finite or beyond ``LARGEST_ANGLE``: what VAL makes of it is unknown.
+    """
     if not abs(degrees) <= LARGEST_ANGLE:  # not NaN either
         raise ValueError(f"{degrees:g} degrees is not an angle of an arm")
     return f"{degrees:.3f}"
@@ -62,7 +66,10 @@ class Done:
 
     @property
     def complaint(self) -> str | None:
-        """The controller's refusal: VAL puts its error messages between asterisks, older versions begin them with '?'."""
+        """The controller's refusal.
+
+        VAL puts its error messages between asterisks, older versions begin them with '?'.
+        """
         return next((line for line in self.lines if line.startswith(("*", "?"))), None)
 
 
@@ -135,7 +142,10 @@ class Session:
 
 
 def where(lines: tuple[str, ...]) -> list[float] | None:
-    """Joint angles (deg) from the answer to WHERE: a heading with JT1 ... JT6, the hand's place, the joints. None where they are not, or no angles."""
+    """Joint angles (deg) from the answer to WHERE: a heading with JT1 ...
+
+    JT6, the hand's place, the joints. None where they are not, or no angles.
+    """
     headings = [k for k, line in enumerate(lines) if "JT1" in line.upper()]
     if not headings:
         return None

@@ -1,12 +1,15 @@
 """The motion that shows an arm's parameters best, inside its limits, as an experiment that ``record`` runs.
 
-A finite Fourier series for each joint (Swevers et al., IEEE T-RA 13(5), 1997) about a pose that is searched with it. Whatever the
-search proposes is scaled into the limits of position, speed, acceleration and torque, so that every candidate is feasible. Criteria:
+A finite Fourier series for each joint (Swevers et al., IEEE T-RA 13(5), 1997) about a pose that is searched with it.
+Whatever the search proposes is scaled into the limits of position, speed, acceleration and torque, so that every
+candidate is feasible. Criteria:
 
 Effects of the model count with the parameters in which they are linear.
 
-d            determinant of the information matrix of the base parameters, rows weighted by each joint's torque limit: smallest volume of the confidence ellipsoid
-condition    condition number of the weighted regressor, columns scaled by the parameters' expected size: no direction neglected
+d            determinant of the information matrix of the base parameters, rows weighted by each joint's torque limit:
+             smallest volume of the confidence ellipsoid
+condition    condition number of the weighted regressor, columns scaled by the parameters' expected size: no direction
+             neglected
 """
 
 from __future__ import annotations
@@ -37,7 +40,10 @@ SPEED, ACCELERATION = 1.0, 3.0  # rad/s, rad/s2 where a model states no limit: a
 
 @dataclass(frozen=True)
 class Limits:
-    """position (n, 2) rad, speed (n,) rad/s, acceleration (n,) rad/s2, torque (n,) N m; m and N for prismatic joints."""
+    """position (n, 2) rad, speed (n,) rad/s, acceleration (n,) rad/s2, torque (n,) N m.
+
+    m and N for prismatic joints.
+    """
 
     position: Array
     speed: Array
@@ -68,7 +74,10 @@ class Limits:
         current: Sequence[float] | None = None,
         share: float = 0.8,
     ) -> Limits:
-        """These and a rig's limits (rad, rad/s, rad/s2, A a joint; None: it states none), less a margin, whichever is narrower."""
+        """These and a rig's limits (rad, rad/s, rad/s2, A a joint.
+
+        None: it states none), less a margin, whichever is narrower.
+        """
         low, high = self.position.T
         if position is not None:
             lower, upper = np.array(position, float).T
@@ -89,7 +98,10 @@ class Limits:
 
 @dataclass(frozen=True)
 class Series:
-    """The finite Fourier series of every joint: duration s (preferably whole periods of the fundamental), fundamental Hz, harmonics."""
+    """The finite Fourier series of every joint.
+
+    Duration s (preferably whole periods of the fundamental), fundamental Hz, harmonics.
+    """
 
     duration: float = 20.0
     fundamental: float = 0.1
@@ -136,7 +148,10 @@ def design_excitation(
 def excitation_scores(
     arm: Arm, base: BaseParameters, experiments: Sequence[Experiment], limits: Limits, criterion: Criterion = "d"
 ) -> Array:
-    """(len(experiments),), larger is better: log determinant of the information, or minus the log of the condition number."""
+    """(len(experiments),), larger is better.
+
+    Log determinant of the information, or minus the log of the condition number.
+    """
     motions = [_motion(experiment, ROWS) for experiment in experiments]
     t, q, qd, qdd = (np.concatenate([motion[k] for motion in motions]) for k in range(4))
     columns = model_columns(arm, q, qd, qdd, t=t)[:, :, base.kept]
@@ -169,9 +184,8 @@ def _experiment(arm: Arm, proposal: Array, limits: Limits, series: Series) -> Ex
     start = (low + high) / 2 + 0.5 * (high - low) / 2 * np.tanh(proposal[:, 0])
     weights = proposal[:, 1:]
     unit = _fourier(weights, np.zeros(len(arm)), limits, series)
-    rows = int(
-        60 * (series.harmonics * series.fundamental * series.duration + 4)
-    )  # sixty a period of the fastest harmonic, fades included
+    # sixty a period of the fastest harmonic, fades included
+    rows = int(60 * (series.harmonics * series.fundamental * series.duration + 4))
     _, q, qd, qdd = _motion(unit, rows)
     room = np.minimum(
         (high - start) / np.maximum(q.max(axis=0), 1e-9), (start - low) / np.maximum(-q.min(axis=0), 1e-9)

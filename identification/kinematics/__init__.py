@@ -1,1 +1,4 @@
-"""Kinematic identification from an external tracker: models, circle points, least squares, poses, corrected kinematics."""
+"""Kinematic identification from an external tracker.
+
+Models, circle points, least squares, poses, corrected kinematics.
+"""

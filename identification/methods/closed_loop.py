@@ -1,11 +1,13 @@
 """Identification against the simulated closed loop, whose motion is free of the measurement's noise.
 
-iv      instrumental variables (IDIM-IV): the regressor of the simulated motion is correlated with the measured one but not with its noise,
-        (Z^T W) beta = Z^T y; iterated (Janot, Vandanjon, Gautier, IEEE T-CST 22(1), 2014)
-didim   closed-loop output error, measured torque against simulated, linear in the parameters once the simulated motion is taken for the
-        real one: beta = least squares of y by Z; iterated (Gautier, Janot, Vandanjon, IEEE T-CST 21(2), 2013)
+iv      instrumental variables (IDIM-IV): the regressor of the simulated motion is correlated with the measured one but
+        not with its noise, (Z^T W) beta = Z^T y; iterated (Janot, Vandanjon, Gautier, IEEE T-CST 22(1), 2014)
+didim   closed-loop output error, measured torque against simulated, linear in the parameters once the simulated motion
+        is taken for the real one: beta = least squares of y by Z; iterated (Gautier, Janot, Vandanjon, IEEE T-CST
+        21(2), 2013)
 
-Both need the demands of the run and a controller in the model that is the real one: a wrong controller makes a wrong motion.
+Both need the demands of the run and a controller in the model that is the real one: a wrong controller makes a wrong
+motion.
 """
 
 from __future__ import annotations
@@ -41,7 +43,10 @@ ASTRAY = 0.5  # of the measured range: a simulated motion further off is not tha
 def identify_closed_loop(
     problem: Problem, method: ClosedLoopMethod, *, progress: Progress = lambda _: None
 ) -> Identification:
-    """IDIM-IV or DIDIM, from weighted least squares on. InputError where demands or controller are missing, or do not fit."""
+    """IDIM-IV or DIDIM, from weighted least squares on.
+
+    InputError where demands or controller are missing, or do not fit.
+    """
     for recording in problem.fit:
         if recording.qref is None:
             raise InputError(

@@ -4,8 +4,9 @@ The pair knows its own joint only. What the others do to it, by their motion and
 
     tau_c = tau_j(q, q', q'') - tau_j(q with the others at their mean, their rates 0)
 
-is exact for a known arm. Where the joints are not blocked, it is correlated with the pair's own columns, and the pair takes it for inertia and
-friction (M. Abderrahim, "Modelling of Robotic Manipulators", thesis, Glasgow, section 5.3, table 5.2).
+is exact for a known arm. Where the joints are not blocked, it is correlated with the pair's own columns, and the pair
+takes it for inertia and friction (M. Abderrahim, "Modelling of Robotic Manipulators", thesis, Glasgow, section 5.3,
+table 5.2).
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ class Coupling:
     """Of one joint (1-based): the pair as fitted, and with the coupling torque taken out before.
 
     torque (m,) N m (N): the coupling torque; by_joint: its rms that goes when joint k (1-based) alone is held still;
-    left, left_without: rms of what the pair leaves of the torque, before and after, N m; share: of the former's square that the coupling is.
+    left, left_without: rms of what the pair leaves of the torque, before and after, N m; share: of the former's square
+    that the coupling is.
     """
 
     joint: int
@@ -49,13 +51,18 @@ class Coupling:
             if rms > 0.1 * max(self.by_joint.values())
         )
         return (
-            f"joint {self.joint}: {self.share:.0%} of what the motor-link pair leaves ({self.left:.2g} -> {self.left_without:.2g} rms) is the "
-            f"coupling torque of the other links, of joint {most} above all; the pair's values hold it for inertia and friction"
+            f"joint {self.joint}: {self.share:.0%} of what the motor-link pair leaves ({self.left:.2g} -> "
+            f"{self.left_without:.2g} rms) is the "
+            f"coupling torque of the other links, of joint {most} above all; the pair's values hold it for inertia "
+            "and friction"
         )
 
 
 def coupling_torque(arm: Arm, motion: Motion, joint: int, *, held: tuple[int, ...] | None = None) -> Array:
-    """(m,) torque that the motion of the other joints (of the joints ``held``, 1-based) adds at ``joint`` to what it would take were they still."""
+    """(m,) torque that the motion of the other joints (of the joints ``held``, 1-based) adds at ``joint``.
+
+    To what it would take were they still.
+    """
     still = [k for k in range(len(arm)) if k != joint - 1] if held is None else [k - 1 for k in held]
     q, qd, qdd = motion.q.copy(), motion.qd.copy(), motion.qdd.copy()
     q[:, still] = motion.q[:, still].mean(axis=0)

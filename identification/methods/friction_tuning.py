@@ -1,8 +1,9 @@
 """Friction tuned until the simulated motors draw the measured current: thesis section 5.3.1, as an optimisation.
 
-There, friction was turned by hand, joint by joint, until simulated and measured currents looked alike (table 5.4). Here viscous and Coulomb
-friction of all joints are varied together in the simulated closed loop, the Jacobian from one batch of simulations (a lane for each
-parameter), and Gauss-Newton steps of limited length (Levenberg-Marquardt) are taken on the currents' and positions' errors.
+There, friction was turned by hand, joint by joint, until simulated and measured currents looked alike (table 5.4). Here
+viscous and Coulomb friction of all joints are varied together in the simulated closed loop, the Jacobian from one batch
+of simulations (a lane for each parameter), and Gauss-Newton steps of limited length (Levenberg-Marquardt) are taken on
+the currents' and positions' errors.
 """
 
 from __future__ import annotations
@@ -32,8 +33,10 @@ DIRECTIONS = ("coulomb_positive", "coulomb_negative")
 
 @dataclass(frozen=True)
 class Tuning:
-    """names and values (p,) at the joint side, their uncertainty, the arm with them, and the relative torque error of
-    the closed-loop simulation before and after."""
+    """names and values (p,) at the joint side, their uncertainty, the arm with them.
+
+    And the relative torque error of the closed-loop simulation before and after.
+    """
 
     names: tuple[str, ...]
     values: Array
@@ -52,7 +55,10 @@ def tune_friction(
     iterations: int = 12,
     progress: Progress = lambda _: None,
 ) -> Tuning:
-    """Viscous and Coulomb friction (either direction) of the joints that move. InputError without demands or controller."""
+    """Viscous and Coulomb friction (either direction) of the joints that move.
+
+    InputError without demands or controller.
+    """
     for recording in recordings:
         if recording.qref is None:
             raise InputError(
@@ -115,9 +121,14 @@ def _rows(motions: Sequence[Motion], jacobian: Array, error: Array, names: Seque
         added = parallel_filter(motion, drifting(folded, motion.t))[row, :, here]
         unseen.append(np.concatenate([added * (here == j)[:, None] for j in range(len(scale))], axis=1))
     return Equations(
-        jacobian, error, np.concatenate(joint), np.concatenate(run), np.concatenate(t), tuple(names),
+        jacobian,
+        error,
+        np.concatenate(joint),
+        np.concatenate(run),
+        np.concatenate(t),
+        tuple(names),
         systematic=linalg.block_diag(*unseen),
-    )  # fmt: skip
+    )
 
 
 def _step(gram: Array, slope: Array, damping: float) -> Array:

@@ -1,7 +1,7 @@
 """Recordings -> the parameters of an arm, by linear regression on its inverse dynamics: the steps in order.
 
-check -> smooth -> equations -> base parameters (``problem``) -> fit -> uncertainty -> prediction of held-out runs -> a physically consistent
-arm (``conclusion``).
+check -> smooth -> equations -> base parameters (``problem``) -> fit -> uncertainty -> prediction of held-out runs -> a
+physically consistent arm (``conclusion``).
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ def identify(
 ) -> Identification:
     """Parameters of ``arm`` from recordings by least squares (``method`` ols, wls or irls), judged on ``held_out``.
 
-    Without held-out recordings the first 70 % of the time predict the rest, and the result carries a warning. Raises InputError where the
-    recordings are unusable.
+    Without held-out recordings the first 70 % of the time predict the rest, and the result carries a warning. Raises
+    InputError where the recordings are unusable.
     """
     problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
 
@@ -70,7 +70,9 @@ def identify(
 
 
 def _towards(problem: Problem, now: Array, wanted: Array, fit: Fit) -> Array:
-    """As far from the parameters ``now`` (p,) towards ``wanted`` as the arm shows the torques better: a line search by halves.
+    """As far from the parameters ``now`` (p,) towards ``wanted`` as the arm shows the torques better.
+
+    A line search by halves.
 
     Both are consistent arms, and so is all that lies between.
     """

@@ -44,7 +44,10 @@ def identify_joints(
     held_out: Sequence[Recording] = (),
     progress: Progress = lambda _: None,
 ) -> Identification:
-    """Each joint from the runs in which it moves as far as others: state-variable filter, and the integrated equation for comparison."""
+    """Each joint from the runs in which it moves as far as others.
+
+    state-variable filter, and the integrated equation for comparison.
+    """
     motions, held_motions, seen = motions_of(fit, held_out, arm, progress)
     own = _Results(warnings=[text for run in seen[: len(fit)] for text in run.warnings if "never moves" not in text])
     fitted_runs, held_runs = list(zip(fit, motions)), list(zip(held_out, held_motions))
@@ -60,11 +63,13 @@ def identify_joints(
         raise InputError(names, "no joint moves on its own; nothing to identify")
     if not held_out:
         own.warnings.append(
-            f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, predicted from the first"
+            f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, "
+            "predicted from the first"
             f" {SPLIT:.0%}; give --held-out recordings before calling these values validated"
         )
     own.warnings.append(
-        "inertia and gravity of a motor-link pair include what the joint carries in this pose; model.toml takes the friction only"
+        "inertia and gravity of a motor-link pair include what the joint carries in this pose; model.toml takes the "
+        "friction only"
     )
     physical = {name: max(value, 0.0) for name, value in own.friction.items()}
     # The Coulomb friction of the two directions carries the offset already.
@@ -135,7 +140,8 @@ def _warn_of_others(recording: Recording, motion: Motion, j: int, warnings: list
     others = [k + 1 for k in range(len(travel)) if k != j and travel[k] > ACTIVE * travel[j]]
     if others:
         warnings.append(
-            f"{recording.path.name}: joint {', '.join(map(str, others))} moves too; its coupling torque is taken for inertia and friction"
+            f"{recording.path.name}: joint {', '.join(map(str, others))} moves too; its coupling torque is taken "
+            "for inertia and friction"
             f" of joint {j + 1}: these are not that joint's values"
         )
 

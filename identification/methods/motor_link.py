@@ -1,15 +1,19 @@
-"""One motor, one link: inertia, viscous friction, gravity and Coulomb friction of either direction from one joint's motion.
+"""One motor, one link: inertia, viscous friction, gravity and Coulomb friction.
+
+Of either direction, from one joint's motion.
 
     tau = I q'' + B q' + g1 cos q + g2 sin q + f1 [q' > 0] - f2 [q' < 0],     tau = abs(gear) k i
 
 Two ways around differentiating noise (Abderrahim, "Modelling of Robotic Manipulators", thesis, Glasgow, section 5.2):
 
-* state-variable filter: every term through C(s) = 1 / (1 + s / lambda)^3, whose states are the filtered signal's own derivatives
-  (eq 5.11-5.17), then least squares;
-* the equation integrated once (from row to row), so that only q' is left to find (eq 5.18-5.22), solved by the pseudo-inverse from the SVD.
+* state-variable filter: every term through C(s) = 1 / (1 + s / lambda)^3, whose states are the filtered signal's own
+  derivatives (eq 5.11-5.17), then least squares;
+* the equation integrated once (from row to row), so that only q' is left to find (eq 5.18-5.22), solved by the
+  pseudo-inverse from the SVD.
 
-What other joints do to this one is taken for its own inertia and friction: with several joints moving, or one held by a servo that gives way, the
-values are not the joint's (the thesis's table 5.2). ``identification.methods.inverse_dynamics`` is for that.
+What other joints do to this one is taken for its own inertia and friction: with several joints moving, or one held by a
+servo that gives way, the values are not the joint's (the thesis's table 5.2).
+``identification.methods.inverse_dynamics`` is for that.
 """
 
 from __future__ import annotations
@@ -39,8 +43,11 @@ RANK = 1e-6  # of the largest singular value: directions below it are not in the
 
 @dataclass(frozen=True)
 class MotorLink:
-    """names and values of the fit: inertia kg m2 (kg), viscous N m s/rad, gravity_cos, gravity_sin N m, coulomb_positive,
-    coulomb_negative N m, as far as asked for; rows, fit and uncertainty behind them."""
+    """names and values of the fit.
+
+    Inertia kg m2 (kg), viscous N m s/rad, gravity_cos, gravity_sin N m, coulomb_positive, coulomb_negative N m, as far
+    as asked for; rows, fit and uncertainty behind them.
+    """
 
     names: tuple[str, ...]
     rows: Equations
@@ -61,7 +68,8 @@ def motor_link(
 ) -> MotorLink:
     """Fits the pair to t (n,) s, q (n,) rad or m, joint torque (n,) N m or N; the run begins at standstill.
 
-    ``gravity`` False leaves its two columns out. ``bandwidth`` Hz of the filter; by default that of the motion's own spectrum.
+    ``gravity`` False leaves its two columns out. ``bandwidth`` Hz of the filter; by default that of the motion's own
+    spectrum.
     """
     motion = smooth_motion(t, q[:, None], torque[:, None])
     return motor_link_of(motion, 0, gravity=gravity, way=way, bandwidth=bandwidth)
@@ -75,7 +83,10 @@ def motor_link_of(
 
 
 def joined(runs: Sequence[Equations]) -> Equations:
-    """The rows of several runs of one joint, without the Coulomb friction of a direction in which none of them moves."""
+    """The rows of several runs of one joint, without the Coulomb friction.
+
+    Of a direction in which none of them moves.
+    """
     columns = np.concatenate([rows.columns for rows in runs])
     amount = np.abs(columns).sum(axis=0)
     coulomb = np.array([name.startswith("coulomb") for name in runs[0].names])
@@ -86,9 +97,14 @@ def joined(runs: Sequence[Equations]) -> Equations:
     unseen = [np.zeros((len(rows), 0)) if rows.systematic is None else rows.systematic for rows in runs]
     systematic = linalg.block_diag(*unseen)  # each run's clocks have a phase of their own
     return Equations(
-        columns[:, seen], torque, np.zeros(len(torque), np.intp), number, t, names,
+        columns[:, seen],
+        torque,
+        np.zeros(len(torque), np.intp),
+        number,
+        t,
+        names,
         systematic=systematic if systematic.shape[1] else None,
-    )  # fmt: skip
+    )
 
 
 def fitted(rows: Equations, way: Way) -> MotorLink:
@@ -126,7 +142,8 @@ def motor_link_rows(
         torque = _window(_integral(torque, motion.dt), step)
         folded = None if folded is None else _window(_integral(folded, motion.dt), step)
         memory = step
-    # A row remembers: one that rests on a standstill, where Coulomb's law says nothing, is as useless as the standstill.
+    # A row remembers: one that rests on a standstill, where Coulomb's law says nothing, is as useless as the
+    # standstill.
     spoilt = np.cumsum(np.concatenate([np.ones(memory + 1), ~motion.usable[:, joint]]))
     kept = np.zeros(len(q), bool)
     kept[::step] = True
@@ -153,7 +170,10 @@ def _window(x: Array, step: int) -> Array:
 
 
 def _filtered(x: Array, dt: float, bandwidth: float) -> tuple[Array, Array, Array]:
-    """x and its first two derivatives behind C(s), exact for a signal that is linear between rows; at rest before the first row."""
+    """x and its first two derivatives behind C(s), exact for a signal that is linear between rows.
+
+    At rest before the first row.
+    """
     pole = 2 * np.pi * bandwidth
     a = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-(pole**3), -3 * pole**2, -3 * pole]])
     system = (a, np.array([[0.0], [0.0], [pole**3]]), np.eye(3), np.zeros((3, 1)))

@@ -1,8 +1,10 @@
-"""Link after link, from the tip inwards, the others blocked: each step's result is used by the next (thesis, section 5.4).
+"""Link after link, from the tip inwards, the others blocked.
 
-While one joint moves alone, its equation shows few combinations of parameters, and with those of the outer links known already, fewer
-still: each step is a small, well-conditioned fit. What a step finds is held by all later ones; directions that no step shows stay where the
-model has them. The price: what a step gets wrong, the next ones inherit.
+Each step's result is used by the next (thesis, section 5.4).
+
+While one joint moves alone, its equation shows few combinations of parameters, and with those of the outer links known
+already, fewer still: each step is a small, well-conditioned fit. What a step finds is held by all later ones;
+directions that no step shows stay where the model has them. The price: what a step gets wrong, the next ones inherit.
 """
 
 from __future__ import annotations
@@ -35,7 +37,10 @@ def identify_in_sequence(
     friction: Friction = "symmetric",
     progress: Progress = lambda _: None,
 ) -> Identification:
-    """Base parameters joint by joint; each joint from the runs in which it moves furthest. InputError where none moves."""
+    """Base parameters joint by joint; each joint from the runs in which it moves furthest.
+
+    InputError where none moves.
+    """
     problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress, sparse=True)
     problem = replace(problem, excited=np.arange(len(problem.base)))
     values, covariance, steps = _steps(problem, progress)

@@ -1,12 +1,15 @@
-"""Servo ripple that sampling folds onto the motion, where no residual shows it: how far it may put a joint's inertia wrong.
+"""Servo ripple that sampling folds onto the motion, where no residual shows it.
 
-The host sends a setpoint every T s, servos follow a broken line, and every corner causes a transient in the currents in proportion to the acceleration. Seen at
-times, these transients are spectral lines at whole multiples of 1/T, modulated by the acceleration. Sampled n times per setpoint, the line at n/T falls onto 0 Hz:
-what is recorded is torque + c q'', where c depends on the phase of the two clocks. The columns of a joint's own inertia say the same, so that the
-fit is wrong by c and its residual is as small as ever (measured on the simulated Puma: ``docs/identification.md``).
+How far it may put a joint's inertia wrong.
 
-The lines below half the sampling rate are seen. A held command falls with its frequency f at least as 1/f, a lag makes it fall faster, so
-that the lines seen bound the one that is not.
+The host sends a setpoint every T s, servos follow a broken line, and every corner causes a transient in the currents in
+proportion to the acceleration. Seen at times, these transients are spectral lines at whole multiples of 1/T, modulated
+by the acceleration. Sampled n times per setpoint, the line at n/T falls onto 0 Hz: what is recorded is torque + c q'',
+where c depends on the phase of the two clocks. The columns of a joint's own inertia say the same, so that the fit is
+wrong by c and its residual is as small as ever (measured on the simulated Puma: ``docs/identification.md``).
+
+The lines below half the sampling rate are seen. A held command falls with its frequency f at least as 1/f, a lag makes
+it fall faster, so that the lines seen bound the one that is not.
 """
 
 from __future__ import annotations
@@ -24,9 +27,12 @@ STRETCH = 5.0  # s in which two clocks stay in phase to a fraction of a line's p
 
 
 def rows_a_setpoint(arm: Arm, motion: Motion) -> int:
-    """How many rows there are to a setpoint of the arm's controller, where that line beats with the rows slower than BEAT; else 0.
+    """How many rows there are to a setpoint of the arm's controller.
 
-    A quicker beat changes its sign many times in a run: it is seen as a residual, and the blocks of ``uncertainty`` count it.
+    Where that line beats with the rows slower than BEAT; else 0.
+
+    A quicker beat changes its sign many times in a run: it is seen as a residual, and the blocks of ``uncertainty``
+    count it.
     """
     period = 0.0 if arm.controller is None else arm.controller.setpoint_period
     rows = round(period / motion.dt)
@@ -34,20 +40,28 @@ def rows_a_setpoint(arm: Arm, motion: Motion) -> int:
 
 
 def drifting(folded: Array, t: Array) -> Array:
-    """(m, 2, ...) what ``folded`` (m, ...) at t (m,) s of a run is while two clocks keep their phase, and what changes as they drift apart."""
+    """(m, 2, ...) what ``folded`` (m, ...) at t (m,) s of a run is while two clocks keep their phase.
+
+    And what changes as they drift apart.
+    """
     along = (2 * t / max(t[-1], 1e-9) - 1).reshape(-1, *[1] * (folded.ndim - 1))
     return np.stack([folded, folded * along], axis=1)
 
 
 def rate_beside(arm: Arm, rate: float) -> float:
-    """``rate`` Hz, or the next lower one at which the ripple is aliased far from the motion: 0.4 of the setpoints' own rate beside a multiple."""
+    """``rate`` Hz, or the next lower one at which the ripple is aliased far from the motion.
+
+    0.4 of the setpoints' own rate beside a multiple.
+    """
     period = 0.0 if arm.controller is None else arm.controller.setpoint_period
     rows = round(rate * period)
     return rate if rows < 2 or abs(rate * period - rows) > BESIDE / 2 else round((rows - BESIDE) / period, 2)
 
 
 def folded_torque(arm: Arm, motion: Motion, t: Array, torque: Array) -> Array | None:
-    """(m, J) N m (N) on the motion's grid: one standard deviation of c q'' above, of recorded torques (n, J) at t (n,) s from the motion's start.
+    """(m, J) N m (N) on the motion's grid.
+
+    One standard deviation of c q'' above, of recorded torques (n, J) at t (n,) s from the motion's start.
 
     None where nothing folds, and of two rows a setpoint, where no line is seen. Two deviations bound c at any phase.
     """

@@ -1,4 +1,7 @@
-"""Recordings that no identification can use are refused before minutes of computing, in one line that says what would be right."""
+"""Recordings that no identification can use are refused before minutes of computing.
+
+In one line that says what would be right.
+"""
 
 from __future__ import annotations
 
@@ -73,19 +76,22 @@ def _check_rig(recording: Recording, arm: Arm) -> None:
             if mine.type != other.type:
                 raise InputError(
                     where,
-                    f"was recorded with '{own.name}', whose joint {number} is {other.type}; '{arm.name}' has a {mine.type} one",
+                    f"was recorded with '{own.name}', whose joint {number} is {other.type}; '{arm.name}' has a "
+                    f"{mine.type} one",
                 )
             for length in ("a", "d") if mine.convention == other.convention else ():
                 now, then = getattr(mine, length), getattr(other, length)
                 if abs(now - then) > LENGTH + 0.05 * abs(now):
                     raise InputError(
                         where,
-                        f"was recorded with '{own.name}', whose joint {number} has {length} = {then:.4g} m; '{arm.name}' has {now:.4g} m",
+                        f"was recorded with '{own.name}', whose joint {number} has {length} = {then:.4g} m; "
+                        f"'{arm.name}' has {now:.4g} m",
                     )
             if abs(mine.drive_constant / other.drive_constant - 1) > 0.5:
                 raise InputError(
                     where,
-                    f"was recorded with '{own.name}': {other.drive_constant:.4g} N m/A at joint {number}, '{arm.name}' has {mine.drive_constant:.4g}",
+                    f"was recorded with '{own.name}': {other.drive_constant:.4g} N m/A at joint {number}, "
+                    f"'{arm.name}' has {mine.drive_constant:.4g}",
                 )
     for number, joint in enumerate(arm.joints, 1):
         if joint.limits is None:
@@ -95,7 +101,8 @@ def _check_rig(recording: Recording, arm: Arm) -> None:
         if low < joint.limits[0] - slack or high > joint.limits[1] + slack:
             raise InputError(
                 where,
-                f"q{number}: runs from {low:.4g} to {high:.4g}, outside the limits {joint.limits[0]:g} .. {joint.limits[1]:g}"
+                f"q{number}: runs from {low:.4g} to {high:.4g}, outside the limits {joint.limits[0]:g} .. "
+                f"{joint.limits[1]:g}"
                 f" of '{arm.name}'; is it of another rig, or in degrees?",
             )
 
@@ -108,17 +115,23 @@ def check_motion(where: object, motion: Motion) -> None:
 
 
 def check_signs(where: Sequence[object], dissipated: Array, std: Array) -> None:
-    """InputError where the friction fitted to a joint would drive it: mean friction power (J,) W with its standard deviation (J,)."""
+    """InputError where the friction fitted to a joint would drive it.
+
+    Mean friction power (J,) W with its standard deviation (J,).
+    """
     for j in np.flatnonzero(dissipated < -5 * np.maximum(std, 1e-12)):
         raise InputError(
             ", ".join(map(str, where)),
-            f"i{j + 1}: the friction of joint {j + 1} would drive it; the sign of its current is reversed (positive must drive"
+            f"i{j + 1}: the friction of joint {j + 1} would drive it; the sign of its current is reversed (positive "
+            "must drive"
             " the joint positive): give the transducer's turns (or the table's column) the other sign",
         )
 
 
 def unexplained_channels(where: object, residual: Array, torque: Array, joint: NDArray[np.intp]) -> list[str]:
-    """A sentence for every joint of whose current the fit explains too little: residual, torque and joint (from 0), (rows,) each.
+    """A sentence for every joint of whose current the fit explains too little.
+
+    Residual, torque and joint (from 0), (rows,) each.
 
     InputError for a current that knows nothing of its joint's motion: that of an open input only hums.
     """
@@ -129,12 +142,14 @@ def unexplained_channels(where: object, residual: Array, torque: Array, joint: N
         if explained < DEAD:
             raise InputError(
                 str(where),
-                f"i{j + 1}: knows nothing of the motion of joint {j + 1} ({max(explained, 0.0):.0%} of it explained): the channel is dead, or"
+                f"i{j + 1}: knows nothing of the motion of joint {j + 1} ({max(explained, 0.0):.0%} of it "
+                "explained): the channel is dead, or"
                 " of something else; expected a current that follows the drive",
             )
         if explained < EXPLAINED:
             found.append(
-                f"joint {j + 1}: the fit explains {max(explained, 0.0):.0%} of the variation of its current; is i{j + 1} dead, or of another joint?"
+                f"joint {j + 1}: the fit explains {max(explained, 0.0):.0%} of the variation of its current; is "
+                f"i{j + 1} dead, or of another joint?"
             )
     return found
 

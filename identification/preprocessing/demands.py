@@ -1,8 +1,9 @@
 """What the servos of a run were asked, from its recorded demands.
 
-A recording may hold what the host planned, at every row, or what the servos made of it: straight lines between setpoints. A plan that is
-taken for the lines is too lively by what the lines cut off its corners, (pi f T)^2 / 3 of its acceleration at f Hz: 1 % at 2 Hz for
-setpoints every T = 28 ms, and in a closed loop that simulates it, 1 % of the inertias.
+A recording may hold what the host planned, at every row, or what the servos made of it: straight lines between
+setpoints. A plan that is taken for the lines is too lively by what the lines cut off its corners, (pi f T)^2 / 3 of its
+acceleration at f Hz: 1 % at 2 Hz for setpoints every T = 28 ms, and in a closed loop that simulates it, 1 % of the
+inertias.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ MOSTLY = 0.5
 
 
 def demand_of_run(recording: Recording, arm: Arm) -> Demand:
-    """t (k,) s from the start of the run -> demanded positions (k, n); ``Sampled`` where the servos tracked exactly these, and not straight
-    lines between setpoints taken of them."""
+    """t (k,) s from the start of the run -> demanded positions (k, n).
+
+    ``Sampled`` where the servos tracked exactly these, and not straight lines between setpoints taken of them.
+    """
     demands, t = recording.qref, recording.t - recording.t[0]
     assert demands is not None
     known = [(t[ok], column[ok]) for column in demands.T for ok in [np.isfinite(column)]]

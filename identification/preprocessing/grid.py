@@ -1,6 +1,7 @@
 """Samples with stamps of their own put onto a uniform grid, and how far each instant of the grid is from a sample.
 
-Column by column, and holes only where there are any: a recording of an hour is a hundred times longer than the arrays kept in addition.
+Column by column, and holes only where there are any: a recording of an hour is a hundred times longer than the arrays
+kept in addition.
 """
 
 from __future__ import annotations
@@ -24,7 +25,10 @@ def uniform_grid(t: Array) -> tuple[Array, float]:
 
 
 def on_grid(t: Array, samples: Array, grid: Array, dt: float) -> tuple[Array, NDArray[np.float32]]:
-    """Samples (n, J), NaN where missing, at the grid's instants (m, J), and the distance (m, J) s from each to the nearest real sample (holes only)."""
+    """Samples (n, J), NaN where missing, at the grid's instants (m, J).
+
+    And the distance (m, J) s from each to the nearest real sample (holes only).
+    """
     on = len(grid) == len(t) and float(np.max(np.abs(t - grid))) < JITTER * dt
     values, distance = np.empty((len(grid), samples.shape[1])), np.zeros((len(grid), samples.shape[1]), np.float32)
     for j, column in enumerate(samples.T):
@@ -38,7 +42,8 @@ def on_grid(t: Array, samples: Array, grid: Array, dt: float) -> tuple[Array, ND
         hole = known[after] - known[after - 1]
         distance[:, j] = hole / 2
         distance[(grid < known[0]) | (grid > known[-1]), j] = np.inf
-        # A hole is crossed without overshoot. Elsewhere that would cut the tops off servo ripple, always on the same side, by 0.5 % of an inertia.
+        # A hole is crossed without overshoot. Elsewhere that would cut the tops off servo ripple, always on the same
+        # side, by 0.5 % of an inertia.
         across = np.flatnonzero(hole > HOLE * dt)
         if len(across):
             inside = np.clip(grid[across], known[0], known[-1])

@@ -1,8 +1,9 @@
 """Rows that the instruments flagged: which of them an identification may use, and what it reports about the others.
 
-A value repeated from an earlier trigger, latched late, at the end of a counter's range or not there at all is no value of its row. A current at
-the end of its converter's range is only known to be large: its rows go, with those that the filters mix it into. After counts may have slipped
-(both lines of a quadrature encoder changed at once) or jumped (the device restarted), every later angle of the joint is uncertain.
+A value repeated from an earlier trigger, latched late, at the end of a counter's range or not there at all is no value
+of its row. A current at the end of its converter's range is only known to be large: its rows go, with those that the
+filters mix it into. After counts may have slipped (both lines of a quadrature encoder changed at once) or jumped (the
+device restarted), every later angle of the joint is uncertain.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ SLIPPED = {"quadrature_error": "counts may have slipped", "device_reset": "its c
 
 @dataclass(frozen=True)
 class Trusted:
-    """q (n, J), i (n, J) with NaN where the instrument had no value; saturated (n, J): currents at the end of their range.
+    """q (n, J), i (n, J) with NaN where the instrument had no value.
+
+    Saturated (n, J): currents at the end of their range.
 
     sentences  one per channel and flag
     counted    channel ('q2', 'i1') -> flag -> rows
@@ -59,7 +62,8 @@ def _sentence(recording: Recording, channel: str, flag: str, rows: Mask, count: 
     where = f"{recording.path.name}: {channel}: "
     if flag in SLIPPED:
         return where + (
-            f"{SLIPPED[flag]} at t = {recording.t[int(np.argmax(rows))]:.3f} s: later angles of the joint may be off by a constant"
+            f"{SLIPPED[flag]} at t = {recording.t[int(np.argmax(rows))]:.3f} s: later angles of the joint may be "
+            "off by a constant"
         )
     return where + f"{count} of {len(rows)} rows marked {flag.upper()} by the instrument; left out"
 

@@ -1,7 +1,10 @@
-"""Is a recording fit to be identified? Travel, speed, rows that count and why others do not, lag of the current, limits that were reached.
+"""Is a recording fit to be identified? Travel, speed, rows that count and why others do not.
 
-What makes a recording unusable is refused (``identification.preprocessing.checks``); what weakens it is said here, run by run and joint by joint, before any
-parameter is believed; how well the runs together excite the arm's parameters is reported with it (``Excitation``).
+Lag of the current, limits that were reached.
+
+What makes a recording unusable is refused (``identification.preprocessing.checks``); what weakens it is said here, run
+by run and joint by joint, before any parameter is believed; how well the runs together excite the arm's parameters is
+reported with it (``Excitation``).
 """
 
 from __future__ import annotations
@@ -32,9 +35,11 @@ BLOCK = 1 << 17  # rows of a correlation at a time
 
 @dataclass(frozen=True)
 class JointReadiness:
-    """One joint in one run: joint from 1; travel rad (m), top_speed rad/s (m/s), noise rad (m) rms of its angle;
-    used rows of all; left_out: reason -> rows; lag s of the torque behind the motion, None where the motion does not determine it;
-    torque: largest over the drive's limit, None without one."""
+    """One joint in one run: joint from 1; travel rad (m), top_speed rad/s (m/s), noise rad (m) rms of its angle.
+
+    Used rows of all; left_out: reason -> rows; lag s of the torque behind the motion, None where the motion does not
+    determine it; torque: largest over the drive's limit, None without one.
+    """
 
     joint: int
     travel: float
@@ -48,7 +53,10 @@ class JointReadiness:
 
 @dataclass(frozen=True)
 class RunReadiness:
-    """One recording: rows on the even grid of ``period`` s, rows flagged by its instruments (channel -> flag -> rows), and its joints."""
+    """One recording: rows on the even grid of ``period`` s.
+
+    Rows flagged by its instruments (channel -> flag -> rows), and its joints.
+    """
 
     run: str
     rows: int
@@ -65,7 +73,10 @@ class RunReadiness:
 
 @dataclass(frozen=True)
 class Excitation:
-    """What the fitted runs together show: base parameters excited of all, condition of the weighted regressor, the expressions not shown."""
+    """What the fitted runs together show.
+
+    Base parameters excited of all, condition of the weighted regressor, the expressions not shown.
+    """
 
     excited: int
     base: int
@@ -125,7 +136,8 @@ def readiness_of(recording: Recording, found: Trusted, motion: Motion, arm: Arm)
     warnings = [f"{name}: {note}" for note in recording.notes]
     if recording.averaged > 1:
         warnings.append(
-            f"{name}: each row used is the mean of {recording.averaged} recorded ones ({1 / recording.dt:.5g} Hz), to bound the memory"
+            f"{name}: each row used is the mean of {recording.averaged} recorded ones ({1 / recording.dt:.5g} Hz), "
+            "to bound the memory"
         )
     if recording.ledger.lost:
         warnings.append(
@@ -157,9 +169,13 @@ def _folded(name: str, motion: Motion, arm: Arm) -> list[str]:
     period, known = arm.controller.setpoint_period, "how far cannot be seen at so few rows a setpoint"
     if motion.folded is not None:
         shares = 2 * np.std(motion.folded, axis=0) / np.maximum(np.std(motion.torque, axis=0), 1e-12)
-        known = f"the standard deviations allow for it (up to {shares.max():.1%} of the torque of joint {int(shares.argmax()) + 1})"
+        known = (
+            f"the standard deviations allow for it (up to {shares.max():.1%} of the torque of joint "
+            f"{int(shares.argmax()) + 1})"
+        )
     return [
-        f"{name}: {1 / motion.dt:.5g} Hz is {rows} times the rate of the controller's setpoints (every {period * 1e3:.3g} ms): the servos'"
+        f"{name}: {1 / motion.dt:.5g} Hz is {rows} times the rate of the controller's setpoints (every "
+        f"{period * 1e3:.3g} ms): the servos'"
         f" ripple is folded onto the acceleration, and a joint's own inertia may be off; {known};"
         f" at {rate_beside(arm, 1 / motion.dt):.5g} Hz, or with currents averaged over each row, it would not be"
     ]
@@ -172,7 +188,8 @@ def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float |
     lag = entry.lag
     if lag is not None and abs(lag) > 2 * motion.dt and abs(lag) > 0.05 / motion.band.motion:
         found.append(
-            f"{name}: the torque of joint {entry.joint} is {abs(lag) * 1e3:.1f} ms {'behind' if lag > 0 else 'ahead of'} its acceleration;"
+            f"{name}: the torque of joint {entry.joint} is {abs(lag) * 1e3:.1f} ms "
+            f"{'behind' if lag > 0 else 'ahead of'} its acceleration;"
             " are all channels of the same instant?"
         )
     if entry.torque is not None and entry.torque > LIMIT:
@@ -181,9 +198,12 @@ def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float |
 
 
 def lag_of_torque(motion: Motion, j: int) -> float | None:
-    """s by which joint j's torque is late against what its own motion explains of it; None where motion explains little.
+    """s by which joint j's torque is late against what its own motion explains of it.
 
-    The delay at which q'', q', sign q', q and a constant leave the least of the torque, to a fraction of a row by a parabola.
+    None where motion explains little.
+
+    The delay at which q'', q', sign q', q and a constant leave the least of the torque, to a fraction of a row by a
+    parabola.
     """
     rows = slice(int(LAG / motion.dt), -int(LAG / motion.dt))
     columns = np.stack(
@@ -209,7 +229,10 @@ def lag_of_torque(motion: Motion, j: int) -> float | None:
 
 
 def _at_all_shifts(values: Array, column: Array) -> Array:
-    """(s + 1,) inner products of ``column`` (n,) with ``values`` (n + s,) from its first to its last place beside them, block by block."""
+    """(s + 1,) inner products of ``column`` (n,) with ``values`` (n + s,).
+
+    From its first to its last place beside them, block by block.
+    """
     shifts = len(values) - len(column)
     total = np.zeros(shifts + 1)
     for first in range(0, len(column), BLOCK):

@@ -1,8 +1,9 @@
 """From a recording's samples to the smooth motion and the rows that an identification may use.
 
-One chain for every method: samples with their own stamps -> uniform grid -> zero-phase low-pass, the same for positions and torques ->
-velocity and acceleration -> parallel filter and decimation, the same for the regressor and the torque. What cannot be trusted (missing
-samples, gaps, saturation, standstill, the ends) is marked per joint, and every marked row is counted under its reason.
+One chain for every method: samples with their own stamps -> uniform grid -> zero-phase low-pass, the same for positions
+and torques -> velocity and acceleration -> parallel filter and decimation, the same for the regressor and the torque.
+What cannot be trusted (missing samples, gaps, saturation, standstill, the ends) is marked per joint, and every marked
+row is counted under its reason.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ FLAT = 5  # rows at the extreme value of a channel, while the joint moves, that 
 SHAKEN = 0.02  # of the liveliest joint's travel: less is no motion of a joint's own
 CREEP = 0.005  # of a joint's peak speed: below it the direction of Coulomb friction is not known
 
-REVERSAL = 0.01  # s: a joint slow for longer stands, or sticks; what is quicker is a reversal, and Coulomb's law holds through it
+# s: a joint slow for longer stands, or sticks; what is quicker is a reversal, and Coulomb's law holds through it
+REVERSAL = 0.01
 ROWS = 16  # rows of the parallel filter at a time
 SMEARED = 0.6  # periods of the low-pass's cut-off until a step that went through it is within 5 % of itself
 MOST_ROWS = 200_000  # of a regression: each has a hundred columns
@@ -37,12 +39,13 @@ SPLINE_END = 25  # rows in which a quintic spline forgets its end or a hole (by 
 class Motion:
     """Smooth motion on a uniform grid of dt s.
 
-    t (m,) s; q, qd, qdd (m, J) rad, rad/s, rad/s2 (m for prismatic joints); torque (m, J) N m or N at the joint, after the same low-pass;
-    usable (m, J); excluded: reason -> rows per joint (J,). certain (m, J): usable, and the sign of the velocity is known for as long as the
-    low-pass smears a step. Around a reversal the torque's step of Coulomb friction is smeared and the column's is not, and what friction does
-    there is not Coulomb's law in the first place: for a fit, such samples are made zero on both sides; in a motion for judging fits they stay.
-    folded (m, J): what sampling may have put into the torque unseen, one standard deviation (``setpoint_ripple``).
-    sparing: every so many rows of the parallel filter are kept, all by default (``spared``).
+    t (m,) s; q, qd, qdd (m, J) rad, rad/s, rad/s2 (m for prismatic joints); torque (m, J) N m or N at the joint, after
+    the same low-pass; usable (m, J); excluded: reason -> rows per joint (J,). certain (m, J): usable, and the sign of
+    the velocity is known for as long as the low-pass smears a step. Around a reversal the torque's step of Coulomb
+    friction is smeared and the column's is not, and what friction does there is not Coulomb's law in the first place:
+    for a fit, such samples are made zero on both sides; in a motion for judging fits they stay. folded (m, J): what
+    sampling may have put into the torque unseen, one standard deviation (``setpoint_ripple``). sparing: every so many
+    rows of the parallel filter are kept, all by default (``spared``).
     """
 
     dt: float
@@ -75,7 +78,8 @@ def smooth_motion(
 ) -> Motion:
     """The motion behind samples t (n,) s increasing, q (n, J), torque (n, J); NaN where a sample is missing.
 
-    ``saturated`` (n, J) marks torques that the instrument clipped; flat tops are found here. ``band``: see ``choose_band``, the default.
+    ``saturated`` (n, J) marks torques that the instrument clipped; flat tops are found here. ``band``: see
+    ``choose_band``, the default.
     """
     grid, dt = uniform_grid(t)
     q_smooth, far_q = on_grid(t, q, grid, dt)
@@ -108,7 +112,9 @@ def smooth_motion(
 
 
 def parallel_filter(motion: Motion, columns: Array) -> Array:
-    """``columns`` (m, ...) through the parallel low-pass, decimated to 2.5 rows per period of the cut-off frequency, over ``sparing``.
+    """``columns`` (m, ...) through the parallel low-pass, decimated to 2.5 rows per period of the cut-off frequency.
+
+    Over ``sparing``.
 
     A finite symmetric impulse response (zero phase), so that row k rests on rows k step .. k step + window - 1 alone.
     """
@@ -120,7 +126,8 @@ def _decimated(columns: Array, taps: Array, step: int) -> Array:
     """``columns`` (m, ...) by the impulse response ``taps``, every ``step``-th row that it fits under."""
     flat = columns.reshape(len(columns), -1)
     rows = (len(flat) - len(taps)) // step + 1
-    # A product with a band of shifted taps, some rows at a time: most of it is zeros, and still the quickest way for many columns.
+    # A product with a band of shifted taps, some rows at a time: most of it is zeros, and still the quickest way for
+    # many columns.
     band = np.zeros((min(ROWS, rows), (min(ROWS, rows) - 1) * step + len(taps)))
     for row in range(len(band)):
         band[row, row * step : row * step + len(taps)] = taps
@@ -133,7 +140,9 @@ def _decimated(columns: Array, taps: Array, step: int) -> Array:
 
 
 def spared(motions: Sequence[Motion]) -> list[Motion]:
-    """The motions with as many rows of the parallel filter left out as it takes to keep MOST_ROWS, of all joints and motions together.
+    """The motions with as many rows of the parallel filter left out as it takes to keep MOST_ROWS.
+
+    Of all joints and motions together.
 
     Little is lost: what an hour of motion leaves unexplained is correlated for longer than the rows are then apart.
     """
@@ -160,19 +169,28 @@ def parallel_rows(motion: Motion) -> tuple[Array, Mask]:
 
 
 def equation_rows(motion: Motion) -> tuple[Array, Mask]:
-    """Stamps (k,) s of the rows of ``parallel_filter`` and which of them may be used (k, J): those of ``parallel_rows``; of a motion for
-    fitting, those in which samples that are certain have half of the weight."""
+    """Stamps (k,) s of the rows of ``parallel_filter`` and which of them may be used (k, J).
+
+    Those of ``parallel_rows``; of a motion for fitting, those in which samples that are certain have half of the
+    weight.
+    """
     t, trusted = parallel_rows(motion)
     return t, trusted if motion.for_judging else parallel_filter(motion, equation_weight(motion)) > 0.5
 
 
 def sliding_rows(motion: Motion) -> Mask:
-    """(k, J) of the rows of ``parallel_filter``, those that rest on certain samples alone: no reversal, and no standstill, is near."""
+    """(k, J) of the rows of ``parallel_filter``, those that rest on certain samples alone.
+
+    No reversal, and no standstill, is near.
+    """
     return parallel_rows(replace(motion, usable=motion.certain))[1]
 
 
 def equation_weight(motion: Motion) -> Array:
-    """(m, J) by which both sides of the equations are multiplied before the parallel filter: 0 where they do not hold."""
+    """(m, J) by which both sides of the equations are multiplied before the parallel filter.
+
+    0 where they do not hold.
+    """
     return np.ones(motion.usable.shape) if motion.for_judging else motion.certain.astype(float)
 
 
@@ -194,7 +212,8 @@ def slowest_certain_speed(q: Array, qd: Array, band: Band, dt: float) -> Array:
     Less than one encoder step within a period of the filter; three times the velocity noise that passes it; creep.
     """
     step = np.array([_resolution(column) for column in q.T])
-    # White position noise of rms s has density 2 dt s^2; differentiated and cut at f: s_v^2 = 2 dt s^2 (2 pi)^2 f^3 / 3.
+    # White position noise of rms s has density 2 dt s^2; differentiated and cut at f: s_v^2 = 2 dt s^2 (2 pi)^2 f^3 /
+    # 3.
     noise = band.noise_rms * 2 * np.pi * np.sqrt(2 * dt * band.motion**3 / 3)
     rounding = 1e-9 * np.maximum(np.max(np.abs(q), axis=0), 1.0)  # of a joint that stands in a simulation
     still = np.where(np.ptp(q, axis=0) < rounding, np.inf, 0.0)
@@ -202,7 +221,10 @@ def slowest_certain_speed(q: Array, qd: Array, band: Band, dt: float) -> Array:
 
 
 def flat_tops(channel: Array, q: Array) -> Mask:
-    """Rows (n, J) of runs of at least FLAT equal samples at the channel's largest or smallest value, while the joint moves."""
+    """Rows (n, J) of runs of at least FLAT equal samples at the channel's largest or smallest value.
+
+    While the joint moves.
+    """
     flat = np.zeros(channel.shape, bool)
     for j, column in enumerate(channel.T):
         if not np.isfinite(column).any():
@@ -223,8 +245,10 @@ def _both_ways(sos: Array, column: Array) -> Array:
 
 
 def _derivatives(q: Array, dt: float) -> tuple[Array, Array]:
-    """First and second derivative of the quintic spline through q (m, J), rows dt s apart. A block at a time: twice SPLINE_END rows beyond it,
-    what the spline does there is less than rounding."""
+    """First and second derivative of the quintic spline through q (m, J), rows dt s apart.
+
+    A block at a time: twice SPLINE_END rows beyond it, what the spline does there is less than rounding.
+    """
     first, second = np.empty_like(q), np.empty_like(q)
     for start in range(0, len(q), BLOCK):
         # The last block takes in what would be too short a block of its own.

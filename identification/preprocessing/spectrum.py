@@ -1,10 +1,11 @@
 """Where the motion ends and the noise begins: cut-off frequencies read off the recording's own spectrum.
 
-The spectrum of the acceleration, from positions differenced twice, falls where the motion of the arm ends and rises as f^4 where
-encoder noise takes over. The cut-off for differentiation stands at twice the far side of the valley between them, whatever the
-instrument. The second, parallel filter passes what the equations of motion speak about: twice the band that holds 95 % of the
-power of the acceleration, and of the sign of the velocity, whose harmonics alone distinguish Coulomb from viscous friction (Janot,
-Vandanjon, Gautier, IEEE T-CST 22 (2014) 132: at least twice the bandwidth of the dynamics).
+The spectrum of the acceleration, from positions differenced twice, falls where the motion of the arm ends and rises as
+f^4 where encoder noise takes over. The cut-off for differentiation stands at twice the far side of the valley between
+them, whatever the instrument. The second, parallel filter passes what the equations of motion speak about: twice the
+band that holds 95 % of the power of the acceleration, and of the sign of the velocity, whose harmonics alone
+distinguish Coulomb from viscous friction (Janot, Vandanjon, Gautier, IEEE T-CST 22 (2014) 132: at least twice the
+bandwidth of the dynamics).
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ SEGMENT = 8.0  # s, length of Welch's segments: resolution 0.125 Hz
 class Band:
     """Cut-off frequencies (-6 dB, zero phase) common to all joints and both sides of the equations, Hz.
 
-    ``motion`` for differentiating positions, ``parallel`` for the regression. ``frequency`` (f,) Hz and ``density`` (f, J),
-    (rad/s2)^2/Hz, are the acceleration spectrum from which they were read; ``noise_rms`` (J,) rad is the white part of the position noise.
+    ``motion`` for differentiating positions, ``parallel`` for the regression. ``frequency`` (f,) Hz and ``density`` (f,
+    J), (rad/s2)^2/Hz, are the acceleration spectrum from which they were read; ``noise_rms`` (J,) rad is the white part
+    of the position noise.
     """
 
     motion: float
@@ -51,7 +53,8 @@ def choose_band(q: Array, dt: float) -> Band:
         return Band(rate / 4, rate / 8, f, density, noise)
     share = density[:, moving] / np.maximum(density[:, moving].max(axis=0), 1e-300)
     valley = _valley(f, share)
-    # Twice: the noise let in by this is cut by the parallel filter, while a reversal, and with it friction, stays where it was.
+    # Twice: the noise let in by this is cut by the parallel filter, while a reversal, and with it friction, stays where
+    # it was.
     motion = min(2.0 * valley, 0.25 / dt)
     inside = (f > 0) & (f <= valley)
     dynamics = _occupied(f[inside], share[inside])
@@ -61,7 +64,10 @@ def choose_band(q: Array, dt: float) -> Band:
 
 
 def _spectra(signals: Iterable[Array], rate: float, segment: int) -> tuple[Array, Array]:
-    """Frequencies (f,) Hz and power densities (f, k) of k signals (m,), one after the other, in segments of so many rows (Welch)."""
+    """Frequencies (f,) Hz and power densities (f, k) of k signals (m,), one after the other.
+
+    In segments of so many rows (Welch).
+    """
     found = [signal.welch(each, rate, nperseg=segment) for each in signals]
     return found[0][0], np.stack([density for _, density in found], axis=1)
 
@@ -80,7 +86,10 @@ def _signs(q: Array, dt: float, cut: float) -> Array:
 
 
 def _white_noise(f: Array, density: Array, dt: float) -> Array:
-    """Rms of the white part of the position noise, from the upper part of the spectrum of its second difference (J,)."""
+    """Rms of the white part of the position noise.
+
+    From the upper part of the spectrum of its second difference (J,).
+    """
     upper = (f > 0.3 / dt) & (f < 0.475 / dt)
     if not upper.any():
         return np.zeros(density.shape[1])
@@ -90,7 +99,10 @@ def _white_noise(f: Array, density: Array, dt: float) -> Array:
 
 
 def _valley(f: Array, share: Array) -> float:
-    """The frequency of least power beyond the motion's own: minimum of the joints' mean log spectrum, smoothed over a third of an octave."""
+    """The frequency of least power beyond the motion's own.
+
+    Minimum of the joints' mean log spectrum, smoothed over a third of an octave.
+    """
     speed = np.cumsum(np.mean(share[1:], axis=1) / f[1:] ** 2)
     slow = f[1:][np.searchsorted(speed, 0.5 * speed[-1])]  # half of the speed's power is below
     level = np.mean(np.log(np.maximum(share[1:], 1e-300)), axis=1)

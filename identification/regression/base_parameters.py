@@ -1,9 +1,9 @@
 """Which combinations of an arm's parameters its torques can show at all.
 
-Some links' parameters never act alone: only sums do (Gautier, "Numerical calculation of the base inertial parameters of robots",
-J. Robotic Systems 8(4), 1991). Found here on random states of the arm, where nothing but its structure decides: the rank by a
-column-pivoted QR, then, in an order that people like to read (drives first, then links from the tip inwards), the columns that
-no earlier one makes up. Every other column is a combination of those.
+Some links' parameters never act alone: only sums do (Gautier, "Numerical calculation of the base inertial parameters of
+robots", J. Robotic Systems 8(4), 1991). Found here on random states of the arm, where nothing but its structure
+decides: the rank by a column-pivoted QR, then, in an order that people like to read (drives first, then links from the
+tip inwards), the columns that no earlier one makes up. Every other column is a combination of those.
 """
 
 from __future__ import annotations
@@ -25,9 +25,12 @@ NEGLIGIBLE = 1e-8  # of the size of a column: a smaller remainder counts as roun
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """b base parameters beta = grouping @ delta of p standard parameters delta, with Y delta = Y[:, kept] beta for every Y.
+    """b base parameters beta = grouping @ delta of p standard parameters delta.
 
-    names (p,); kept (b,) indices of the columns that stand for a group; grouping (b, p) has the identity in the kept columns.
+    With Y delta = Y[:, kept] beta for every Y.
+
+    names (p,); kept (b,) indices of the columns that stand for a group; grouping (b, p) has the identity in the kept
+    columns.
     """
 
     names: tuple[str, ...]
@@ -58,8 +61,9 @@ def base_parameters(
 ) -> BaseParameters:
     """The base parameters that ``columns`` (rows, p), rows >> p, can identify.
 
-    ``order``: indices of columns, those that had better stand for a group first; the default is ``reading_order(names)``.
-    ``negligible``: share of a column that, left over by the earlier ones, counts as nothing; for measured columns the noise's.
+    ``order``: indices of columns, those that had better stand for a group first; the default is
+    ``reading_order(names)``. ``negligible``: share of a column that, left over by the earlier ones, counts as nothing;
+    for measured columns the noise's.
     """
     triangle = triangle_of(columns)
     size = np.linalg.norm(triangle, axis=0)
@@ -91,7 +95,8 @@ def base_parameters(
 def _first_independent(columns: Array, negligible: float) -> NDArray[np.intp]:
     """Indices of the columns (of unit size) of which more than ``negligible`` is left beyond all before them.
 
-    What an unpivoted QR decomposition keeps up to the first column with nothing left of it; then once more on what is left of the rest.
+    What an unpivoted QR decomposition keeps up to the first column with nothing left of it; then once more on what is
+    left of the rest.
     """
     found, rest = [], np.arange(columns.shape[1])
     while columns.size:
@@ -107,7 +112,10 @@ def _first_independent(columns: Array, negligible: float) -> NDArray[np.intp]:
 
 @cache
 def reading_order(names: tuple[str, ...]) -> list[int]:
-    """Drives first, then links from the tip inwards; what is commonly summed into the next link inwards last: iyy, mz, mass; then effects."""
+    """Drives first, then links from the tip inwards.
+
+    What is commonly summed into the next link inwards last: iyy, mz, mass; then effects.
+    """
     last = {"iyy": 1, "mz": 2, "mass": 3}
     within = {"mx": 0, "my": 1, "izz": 2, "ixx": 3}
 

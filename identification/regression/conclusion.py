@@ -1,4 +1,7 @@
-"""From a fit to what a person reads: checks, predictions, named parameters with their uncertainty, an arm that could exist."""
+"""From a fit to what a person reads.
+
+Checks, predictions, named parameters with their uncertainty, an arm that could exist.
+"""
 
 from __future__ import annotations
 
@@ -41,8 +44,8 @@ def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:
 def with_values(problem: Problem, physical: Array) -> Arm:
     """The arm with standard parameters ``physical`` (p,).
 
-    Where the model's Coulomb friction differs by direction, what symmetric friction calls an offset stays such a difference: while a joint
-    moves the two are one, but at rest an offset is a torque and a difference is none.
+    Where the model's Coulomb friction differs by direction, what symmetric friction calls an offset stays such a
+    difference: while a joint moves the two are one, but at rest an offset is a torque and a difference is none.
     """
     values = dict(zip(problem.base.names, map(float, physical)))
     if problem.friction == "asymmetric":  # what was constant is in the two magnitudes now
@@ -62,7 +65,10 @@ def with_values(problem: Problem, physical: Array) -> Arm:
 def conclude(
     problem: Problem, method: str, best: Fit, spread: Uncertainty, solve: Callable[[Equations], Fit]
 ) -> Identification:
-    """The result of a fit: predictions, named parameters, a consistent arm. ``solve`` refits part of the rows for the split."""
+    """The result of a fit: predictions, named parameters, a consistent arm.
+
+    ``solve`` refits part of the rows for the split.
+    """
     _check_friction(problem, best, spread)
     warnings = list(problem.warnings)
     physical = physical_values(problem, best, spread.information)
@@ -82,12 +88,14 @@ def conclude(
             + (" ..." if len(weak) > 6 else "")
         )
     notes = [
-        f"cut-off {motion.band.motion:.3g} Hz for differentiation, {motion.band.parallel:.3g} Hz for the regression, from the"
+        f"cut-off {motion.band.motion:.3g} Hz for differentiation, {motion.band.parallel:.3g} Hz for the "
+        "regression, from the"
         f" spectrum of {recording.path.name}"
         for recording, motion in zip(problem.fit, problem.motions)
     ]
     notes.append(
-        f"standard deviations from {spread.blocks} blocks of {spread.block:.3g} s; those of the formula take residuals for white"
+        f"standard deviations from {spread.blocks} blocks of {spread.block:.3g} s; those of the formula take "
+        "residuals for white"
     )
     return Identification(
         method=method,
@@ -139,7 +147,8 @@ def _predictions(
     early = problem.rows.t < (SPLIT * ends - window)[problem.rows.run]
     late = problem.judged.t > SPLIT * ends[problem.judged.run]
     warnings.append(
-        f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, predicted from the first {SPLIT:.0%};"
+        f"no recording is held out: the held-out error is that of the last {1 - SPLIT:.0%} of the same runs, "
+        f"predicted from the first {SPLIT:.0%};"
         " give --held-out recordings of another motion before calling this model validated"
     )
     if early.sum() < 2 * len(problem.columns) or not late.any():
@@ -177,9 +186,12 @@ def _accounted_for(problem: Problem, predictions: list[Prediction], arm: Arm, sp
 
 
 def _noise(problem: Problem, arm: Arm, band: Band) -> Array:
-    """(J,) rms error of an arm's torque on the sliding rows of the fitted runs through another run's filter; NaN for a joint without any.
+    """(J,) rms error of an arm's torque on the sliding rows of the fitted runs through another run's filter.
 
-    A held-out motion that is quicker needs a wider filter, which lets in more of the noise of encoders and of the servos' ripple.
+    NaN for a joint without any.
+
+    A held-out motion that is quicker needs a wider filter, which lets in more of the noise of encoders and of the
+    servos' ripple.
     """
     off: list[list[Array]] = [[] for _ in arm.joints]
     for motion in problem.motions:
@@ -204,7 +216,10 @@ def _errors(problem: Problem, values: Array) -> tuple[float, float]:
 
 
 def _named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) -> tuple[list[Value], list[Value]]:
-    """Base parameters, and standard ones: those that stand alone with their uncertainty, the others from the consistent arm."""
+    """Base parameters, and standard ones.
+
+    Those that stand alone with their uncertainty, the others from the consistent arm.
+    """
     base = problem.base
     estimated: dict[int, Value] = {}
     for k, row in enumerate(problem.excited):
@@ -238,12 +253,18 @@ def _named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) ->
             continue
         value = float(physical[column])
         if row in silent and not is_effect(name) and (joint := name.partition(".")[0]) in resting:
-            why = f"{joint} rests: friction holds it, bears any torque up to its own, and hides offset and rotor; from the model"
+            why = (
+                f"{joint} rests: friction holds it, bears any torque up to its own, and hides offset and "
+                "rotor; from the model"
+            )
             value = parameter(problem.arm, name)
         elif row in silent:
             why = "not excited by these runs; from the model"
         elif column in grouped:
-            why = "only in sums with others (base_parameters); this share of them is the physically consistent one nearest the model"
+            why = (
+                "only in sums with others (base_parameters); this share of them is the physically "
+                "consistent one nearest the model"
+            )
         else:
             why = "moves no torque of this arm; from the model"
         parameters.append(Value(name, value, None, None, unit, False, why))

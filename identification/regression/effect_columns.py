@@ -1,16 +1,19 @@
-"""The effects of a model in its identification: what they add to the torque that a recording shows, and the columns of their parameters.
+"""The effects of a model in its identification.
+
+What they add to the torque that a recording shows, and the columns of their parameters.
 
 What a recording shows is the inverse dynamics of the arm with all its effects, seen through its instruments:
 
     shown = K i_read,   i_read = i + current effects(i),   i = torque(q_read - angle effects, ...) / K_real
 
-K the drive constants that the model names (N m/A), K_real those with a wrong torque constant put right. A column is the derivative of this by
-one linear parameter of one effect, at the values of the arm. Where the torque is not linear in all parameters together (friction that follows
-a load which follows the masses), the columns are those of a Gauss-Newton step, and the remainder is ``rest`` in the equations.
+K the drive constants that the model names (N m/A), K_real those with a wrong torque constant put right. A column is the
+derivative of this by one linear parameter of one effect, at the values of the arm. Where the torque is not linear in
+all parameters together (friction that follows a load which follows the masses), the columns are those of a Gauss-Newton
+step, and the remainder is ``rest`` in the equations.
 
-Nonlinear parameters (orders, phases, rest angles, Stribeck velocities, delays) stay as the model has them; delays and errors of angles are
-taken out of the data before anything is differentiated (``true_readings``). Elastic transmissions and play count as rigid here, bristles as
-sliding: their stored state cannot be determined from one row.
+Nonlinear parameters (orders, phases, rest angles, Stribeck velocities, delays) stay as the model has them; delays and
+errors of angles are taken out of the data before anything is differentiated (``true_readings``). Elastic transmissions
+and play count as rigid here, bristles as sliding: their stored state cannot be determined from one row.
 """
 
 from __future__ import annotations
@@ -26,7 +29,10 @@ STEP = 1e-3  # of a parameter's typical size: the laws are linear in it, the tor
 
 
 def effect_parameters(arm: Arm) -> list[str]:
-    """Names (``arm_model.parameters``) of the linear parameters that the model gives its effects and that torques can show."""
+    """Names (``arm_model.parameters``) of the linear parameters.
+
+    That the model gives its effects and that torques can show.
+    """
     names: list[str] = []
     for term in arm.effects:
         if felt(CATALOGUE[term.name]):
@@ -42,7 +48,10 @@ def name_of(term: EffectTerm, entry: str) -> str:
 
 
 def felt(effect: Effect) -> bool:
-    """Whether the recorded current follows the effect row by row: no springs, no bristles, nothing of the tracker alone."""
+    """Whether the recorded current follows the effect row by row.
+
+    No springs, no bristles, nothing of the tracker alone.
+    """
     if effect.torque is not None:
         return effect.rate is None
     if effect.deflection is not None:
@@ -62,7 +71,10 @@ def left_to_the_model(arm: Arm) -> list[str]:
 
 
 def repeated(arm: Arm) -> list[str]:
-    """Names of effects that a joint has more than once: all but the first are held as they are, for their parameters share its names."""
+    """Names of effects that a joint has more than once.
+
+    All but the first are held as they are, for their parameters share its names.
+    """
     found = [f"{term.name} of joint {term.joint}" if term.joint else term.name for term in arm.effects]
     return sorted({name for name in found if found.count(name) > 1})
 
@@ -81,9 +93,12 @@ def definition(name: str) -> Parameter:
 
 
 def shown_torque(arm: Arm, model: Arm, q: Array, qd: Array, qdd: Array, t: Array) -> Array:
-    """(N, n) N m: current that a recording of ``arm`` shows, times the drive constants of ``model``, for motions (N, n) at t (N,) s.
+    """(N, n) N m: current that a recording of ``arm`` shows, times the drive constants of ``model``.
 
-    ``model`` is what the readings were put right with: only where ``arm`` misreads angles otherwise are they moved here.
+    For motions (N, n) at t (N,) s.
+
+    ``model`` is what the readings were put right with: only where ``arm`` misreads angles otherwise are they moved
+    here.
     """
     q, qd, qdd = _where_it_is(arm, model, q, qd, qdd, t)
     current = inverse_dynamics(arm, q, qd, qdd, time=t) / described(arm).joint_array("drive_constant")
@@ -145,7 +160,10 @@ def _misread(arm: Arm, q: Array, t: Array) -> Array:
 
 
 def _where_it_is(arm: Arm, model: Arm, q: Array, qd: Array, qdd: Array, t: Array) -> tuple[Array, Array, Array]:
-    """The motion with the errors of ``arm``'s encoders instead of ``model``'s taken out: e(q), e' q', e' q'' + e'' q'^2."""
+    """The motion with the errors of ``arm``'s encoders instead of ``model``'s taken out.
+
+    e(q), e' q', e' q'' + e'' q'^2.
+    """
     if not any(CATALOGUE[term.name].angle is not None for term in arm.effects):
         return q, qd, qdd
 

@@ -1,7 +1,10 @@
-"""The equations of motion as rows of a linear regression: Y(q, q', q'') delta + rest = torque, for all runs of an identification.
+"""The equations of motion as rows of a linear regression.
 
-``rest`` is what an arm with effects shows beyond its columns times its parameters (``identification.regression.effect_columns``); without effects it is nothing.
-Through the same parallel filter on both sides; samples for which they do not hold (``signals.equation_weight``) are zero on both sides before it.
+Y(q, q', q'') delta + rest = torque, for all runs of an identification.
+
+``rest`` is what an arm with effects shows beyond its columns times its parameters
+(``identification.regression.effect_columns``); without effects it is nothing. Through the same parallel filter on both
+sides; samples for which they do not hold (``signals.equation_weight``) are zero on both sides before it.
 """
 
 from __future__ import annotations
@@ -36,11 +39,13 @@ PER_ROW = ("columns", "torque", "joint", "run", "t", "rest", "systematic", "slid
 
 @dataclass(frozen=True)
 class Equations:
-    """columns (rows, p) of the standard parameters ``names``, torque (rows,) N m or N, and where each row comes from:
-    joint (rows,) from 0, run (rows,) from 0, t (rows,) s within the run. Rows of one run and joint follow in time.
-    rest (rows,): the part of the torque that no column carries; None: nothing.
-    systematic (rows, s): errors that the torques may have and no residual shows, each one standard deviation of its own cause.
-    sliding (rows,): those that rest on samples alone in which the direction of motion is known; None: all."""
+    """columns (rows, p) of the standard parameters ``names``, torque (rows,) N m or N, and where each row comes from.
+
+    Joint (rows,) from 0, run (rows,) from 0, t (rows,) s within the run. Rows of one run and joint follow in time. rest
+    (rows,): the part of the torque that no column carries; None: nothing. systematic (rows, s): errors that the torques
+    may have and no residual shows, each one standard deviation of its own cause. sliding (rows,): those that rest on
+    samples alone in which the direction of motion is known; None: all.
+    """
 
     columns: Array
     torque: Array
@@ -62,10 +67,13 @@ class Equations:
 
 
 def column_names(arm: Arm, friction: Friction) -> list[str]:
-    """Names of ``model_columns``: the regressor's, friction as asked for, rotors only where the model has one; then the effects'.
+    """Names of ``model_columns``: the regressor's, friction as asked for, rotors only where the model has one.
+
+    Then the effects'.
 
     symmetric   viscous, coulomb, offset: with a constant offset, Coulomb friction may differ by direction
-    asymmetric  viscous_positive, viscous_negative, coulomb_positive, coulomb_negative; an offset could not be identified separately from these
+    asymmetric  viscous_positive, viscous_negative, coulomb_positive, coulomb_negative; an offset could not be
+                identified separately from these
     """
     described = [name for name in parameter_names(arm, friction=friction) if not _left_out(arm, name, friction)]
     return described + effect_parameters(arm)
@@ -74,7 +82,10 @@ def column_names(arm: Arm, friction: Friction) -> list[str]:
 def model_columns(
     arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction = "symmetric", t: Array | None = None
 ) -> Array:
-    """(N, n, p) regressor with the columns ``column_names(arm, friction)``; t (N,) s matters to effects that change in time."""
+    """(N, n, p) regressor with the columns ``column_names(arm, friction)``.
+
+    t (N,) s matters to effects that change in time.
+    """
     described = described_columns(arm, q, qd, qdd, friction)
     if not arm.effects:
         return described
@@ -84,10 +95,12 @@ def model_columns(
 
 
 def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction) -> Array:
-    """(N, n, p - e) columns of links and drives, which count as moving alike: those of a Gauss-Newton step need no more.
+    """(N, n, p - e) columns of links and drives, which count as moving alike.
 
-    With symmetric friction, the offset of a joint whose Coulomb friction the model has by direction is half of that difference, and goes
-    through zero with the velocity: sign^2 instead of 1.
+    Those of a Gauss-Newton step need no more.
+
+    With symmetric friction, the offset of a joint whose Coulomb friction the model has by direction is half of that
+    difference, and goes through zero with the velocity: sign^2 instead of 1.
     """
     full, names = regressor(arm, q, qd, qdd, friction=friction)
     for j, joint in enumerate(arm.joints if friction == "symmetric" else ()):
@@ -100,8 +113,9 @@ def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Frict
 def model_values(arm: Arm, friction: Friction = "symmetric") -> Array:
     """(p,) the arm's own values of the parameters ``column_names(arm, friction)``.
 
-    While a joint moves, a constant torque cannot be distinguished from a difference of the two Coulomb magnitudes: with symmetric friction the
-    offset carries half of that difference, with asymmetric friction the magnitudes carry the offset.
+    While a joint moves, a constant torque cannot be distinguished from a difference of the two Coulomb magnitudes: with
+    symmetric friction the offset carries half of that difference, with asymmetric friction the magnitudes carry the
+    offset.
     """
     values = []
     for name, value in zip(parameter_names(arm, friction=friction), parameter_vector(arm, friction=friction)):
@@ -142,7 +156,10 @@ def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int =
 def equations(
     arm: Arm, motions: Sequence[Motion], friction: Friction = "symmetric", base: BaseParameters | None = None
 ) -> Equations:
-    """The rows of all runs; ``rest`` is what the arm shows beyond the columns of its ``base`` parameters (default: of all)."""
+    """The rows of all runs.
+
+    ``rest`` is what the arm shows beyond the columns of its ``base`` parameters (default: of all).
+    """
     (rows,) = equations_of(arm, [motions], friction, base)
     return rows
 
@@ -150,7 +167,10 @@ def equations(
 def equations_of(
     arm: Arm, views: Sequence[Sequence[Motion]], friction: Friction = "symmetric", base: BaseParameters | None = None
 ) -> list[Equations]:
-    """``equations`` of several views of the same runs, which differ in the rows that they trust: the regressor is made once for all."""
+    """``equations`` of several views of the same runs, which differ in the rows that they trust.
+
+    The regressor is made once for all.
+    """
     found = []
     parts = [_run_equations(arm, same, run, friction) for run, same in enumerate(zip(*views))]
     for motions, own in zip(views, zip(*parts)):
@@ -163,7 +183,10 @@ def equations_of(
 
 
 def _systematic(rows: Equations, motions: Sequence[Motion]) -> Array | None:
-    """(rows, s) what folded ripple may have added, each joint and run for itself, all along and as two clocks drift apart; None: nothing."""
+    """(rows, s) what folded ripple may have added, each joint and run for itself.
+
+    All along and as two clocks drift apart; None: nothing.
+    """
     found = []
     for run, motion in enumerate(motions):
         if motion.folded is None:
@@ -192,7 +215,10 @@ def _run_equations(
 
 
 def filtered_columns(arm: Arm, motion: Motion, moved: Motion, friction: Friction) -> Array:
-    """(k, n, p - e) ``described_columns`` of the positions of ``moved`` through the parallel filter of ``motion``, whose grid it has."""
+    """(k, n, p - e) ``described_columns`` of the positions of ``moved`` through the parallel filter of ``motion``.
+
+    It has its grid.
+    """
     (columns,) = _filtered(arm, [motion], moved, friction)
     return columns
 
@@ -223,8 +249,11 @@ def with_effects(
     base: BaseParameters | None = None,
     moved: Sequence[Motion] | None = None,
 ) -> Equations:
-    """``rows`` with the columns of the effects at the values of ``arm``, and the ``rest``. ``model``: that of the readings (``shown_torque``);
-    ``moved``: other positions on the grids of ``motions``, simulated ones."""
+    """``rows`` with the columns of the effects at the values of ``arm``, and the ``rest``.
+
+    ``model``: that of the readings (``shown_torque``); ``moved``: other positions on the grids of ``motions``,
+    simulated ones.
+    """
     if not arm.effects:
         return rows
     parts = [_effect_rows(arm, model, motion, other) for motion, other in zip(motions, moved or motions)]

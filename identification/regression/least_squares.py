@@ -26,8 +26,10 @@ MAD_TO_SIGMA = 1.4826
 
 @dataclass(frozen=True)
 class Fit:
-    """values (b,); weight (rows,) by which each row was multiplied; residual (rows,) = y - W values, N m or N;
-    scaled (r, b): singular values of the weighted W with its columns scaled to unit norm."""
+    """values (b,); weight (rows,) by which each row was multiplied; residual (rows,) = y - W values, N m or N.
+
+    Scaled (r, b): singular values of the weighted W with its columns scaled to unit norm.
+    """
 
     values: Array
     weight: Array
@@ -87,7 +89,10 @@ class Triangles:
 
 
 def joint_triangles(columns: Array, y: Array, joint: Joints) -> Triangles:
-    """Of columns (rows, p) and y (rows,). A joint's torque knows nothing of the links before it: columns without an entry take no time."""
+    """Of columns (rows, p) and y (rows,).
+
+    A joint's torque knows nothing of the links before it: columns without an entry take no time.
+    """
     count = np.bincount(joint)
     present = np.flatnonzero(count)
     parts = []
@@ -108,8 +113,10 @@ def joint_triangles(columns: Array, y: Array, joint: Joints) -> Triangles:
 
 
 def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triangles, kept: Joints | None = None) -> Fit:
-    """Least squares with the rows of a joint over their noise in ordinary least squares, both from the ``triangles`` of columns and y;
-    of the columns ``kept`` alone."""
+    """Least squares with the rows of a joint over their noise in ordinary least squares.
+
+    Both from the ``triangles`` of columns and y; of the columns ``kept`` alone.
+    """
     if kept is not None:
         triangles = triangles.of(kept)
     values, _ = _solved(triangle_of(np.concatenate(triangles.parts)))

@@ -1,13 +1,16 @@
 """From base parameters to an arm that could exist: every link's mass distribution real, friction that dissipates.
 
-A rigid body exists if its 4x4 pseudo-inertia  P = [[tr(I)/2 1 - I, h], [h^T, m]]  is positive definite (Wensing, Kim, Slotine, IEEE RA-L
-3(1), 2018). Base parameters leave many arms; the one nearest to a prior in Bregman's log-det divergence is taken (Lee, Wensing, Park, IEEE T-RO
-36(3), 2020), which needs no units to be balanced:
+A rigid body exists if its 4x4 pseudo-inertia  P = [[tr(I)/2 1 - I, h], [h^T, m]]  is positive definite (Wensing, Kim,
+                                               Slotine, IEEE RA-L
+3(1), 2018). Base parameters leave many arms; the one nearest to a prior in Bregman's log-det divergence is taken (Lee,
+Wensing, Park, IEEE T-RO 36(3), 2020), which needs no units to be balanced:
 
-    min  1/2 |K delta - beta|^2_S  +  regularisation * sum_links [ tr(P0^-1 P) - logdet(P) ]  +  barrier * sum [ f / f0 - log(f) ]
+    min  1/2 |K delta - beta|^2_S  +  regularisation * sum_links [ tr(P0^-1 P) - logdet(P) ]  +  barrier * sum [ f / f0
+         - log(f) ]
 
-over links and frictions f (the same divergence of one number: where no data speaks, the prior's own value is the nearest), with S the inverse
-covariance of beta. Convex and self-concordant: damped Newton steps reach it from the prior.
+over links and frictions f (the same divergence of one number: where no data speaks, the prior's own value is the
+nearest), with S the inverse covariance of beta. Convex and self-concordant: damped Newton steps reach it from the
+prior.
 """
 
 from __future__ import annotations
@@ -67,11 +70,13 @@ def consistent_parameters(
     *,
     regularisation: float = REGULARISATION,
 ) -> Array:
-    """(p,) physical standard parameters with grouping (b, p) @ them near base (b,), whose inverse covariance is ``information`` (b, b).
+    """(p,) physical standard parameters with grouping (b, p) @ them near base (b,).
 
-    ``prior`` (p,): of ``names``; links without mass or inertia get a small one. Parameters that are neither of a link nor friction are
-    free, held to the prior only where no base parameter speaks of them; so are signed parameters of effects, while those that have no sign
-    (an amplitude, a share) stay positive as friction does.
+    Its inverse covariance is ``information`` (b, b).
+
+    ``prior`` (p,): of ``names``; links without mass or inertia get a small one. Parameters that are neither of a link
+    nor friction are free, held to the prior only where no base parameter speaks of them; so are signed parameters of
+    effects, while those that have no sign (an amplitude, a share) stay positive as friction does.
     """
     problem = _Problem(grouping, base, information, np.array(prior, float), names)
     delta = problem.centre

@@ -39,7 +39,8 @@ class Problem:
     """What is regressed: the arm, the runs, their rows and the columns that this data excites.
 
     base    what the arm could show; excited: indices into it that this data shows
-    rows    those that are fitted; judged, held: those, reversals and all, of the fitted and the held-out runs (None: split) to judge on
+    rows    those that are fitted; judged, held: those, reversals and all, of the fitted and the held-out runs (None:
+            split) to judge on
     runs    how fit each recording is, fitted ones first
     """
 
@@ -63,7 +64,10 @@ class Problem:
         return self.base.kept[self.excited]
 
     def given(self, rows: Equations) -> Array:
-        """(rows,) torque of the base parameters that this data does not excite, at the model's own values; and what no column carries."""
+        """(rows,) torque of the base parameters that this data does not excite, at the model's own values.
+
+        And what no column carries.
+        """
         silent = np.setdiff1d(np.arange(len(self.base)), self.excited)
         values = self.base.grouping[silent] @ model_values(self.arm, self.friction)
         torque = rows.columns[:, self.base.kept[silent]] @ values
@@ -79,8 +83,11 @@ class Problem:
 
 
 def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
-    """The smooth motion of a recording, and how fit it is. Torques are its currents times the arm's drive constants; errors of angle and time
-    that the arm has as effects are corrected, rows that the instruments flagged are left out."""
+    """The smooth motion of a recording, and how fit it is.
+
+    Torques are its currents times the arm's drive constants; errors of angle and time that the arm has as effects are
+    corrected, rows that the instruments flagged are left out.
+    """
     found = trusted(recording)
     q, current = true_readings(arm, recording.t, found.q, found.i)
     torque = current * arm.joint_array("drive_constant")
@@ -105,7 +112,10 @@ def resting(motion: Motion, arm: Arm) -> NDArray[np.bool_]:
 def motions_of(
     fit: Sequence[Recording], held_out: Sequence[Recording], arm: Arm, progress: Progress = lambda _: None
 ) -> tuple[list[Motion], list[Motion], list[RunReadiness]]:
-    """Smooth motions of the fitted and of the held-out recordings, and how fit each is; InputError for one that cannot be used at all."""
+    """Smooth motions of the fitted and of the held-out recordings, and how fit each is.
+
+    InputError for one that cannot be used at all.
+    """
     for recording in [*fit, *held_out]:
         checks.check_recording(recording, arm)
     progress("smoothing")
@@ -131,7 +141,8 @@ def prepare(
     ``sparse``: the runs are of one joint each and need not excite the whole arm.
     """
     motions, held_motions, runs = motions_of(fit, held_out, arm, progress)
-    # Ripples reach to the low-pass's edge, where both sides differ; leaving samples out would fold that onto the motion.
+    # Ripples reach to the low-pass's edge, where both sides differ; leaving samples out would fold that onto the
+    # motion.
     motions = [*map(with_reversals, motions)] if arm.effects else motions
     warnings = [warning for run in runs for warning in run.warnings]
     warnings += [
@@ -152,7 +163,8 @@ def prepare(
     silent = [base.expression(int(k)) for k in np.setdiff1d(np.arange(len(base)), excited)]
     if silent and not sparse:
         warnings.append(
-            f"{len(silent)} of {len(base)} base parameters are not excited by these runs, and taken from the model: {', '.join(silent)}"
+            f"{len(silent)} of {len(base)} base parameters are not excited by these runs, and taken from the model: "
+            f"{', '.join(silent)}"
         )
     return Problem(
         arm, friction, fit, held_out, motions, held_motions, rows, judged, held, base, excited, warnings, runs
@@ -166,7 +178,10 @@ def _spread(rows: Equations, arm: Arm) -> Array:
 
 
 def excitation_of(problem: Problem) -> Excitation:
-    """What the fitted runs show of the arm, before anything is fitted: rows of a joint over the spread of its torque."""
+    """What the fitted runs show of the arm, before anything is fitted.
+
+    Rows of a joint over the spread of its torque.
+    """
     base, rows = problem.base, problem.rows
     fit = weighted(rows.columns[:, problem.columns], rows.torque, 1 / _spread(rows, problem.arm))
     silent = [base.expression(int(k)) for k in np.setdiff1d(np.arange(len(base)), problem.excited)]

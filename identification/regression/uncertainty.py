@@ -1,9 +1,10 @@
 """Standard deviations of a least-squares fit whose residual is coloured.
 
-The textbook formula sigma^2 (W^T W)^-1 counts every row as news. Filters, quantisation and whatever the model lacks make neighbouring
-rows say the same, and the formula too confident by a factor of two to ten. Here whole blocks of time are resampled (moving them
-together over all joints): the spread of the refits is what another recording of the same motion would give (Kuensch, Annals of Statistics
-17 (1989) 1217). Each block enters by its normal equations, so that a refit costs one small solve.
+The textbook formula sigma^2 (W^T W)^-1 counts every row as news. Filters, quantisation and whatever the model lacks
+make neighbouring rows say the same, and the formula too confident by a factor of two to ten. Here whole blocks of time
+are resampled (moving them together over all joints): the spread of the refits is what another recording of the same
+motion would give (Kuensch, Annals of Statistics 17 (1989) 1217). Each block enters by its normal equations, so that a
+refit costs one small solve.
 """
 
 from __future__ import annotations
@@ -28,11 +29,13 @@ MEMORIES = 4.0  # block length in correlation times of the residual
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """covariance (b, b) from blocks of ``block`` s (``blocks`` of them); std (b,) its root, never below std_formula (b,), which
-    takes residuals for white.
+    """covariance (b, b) from blocks of ``block`` s (``blocks`` of them).
 
-    information (b, b): inverse of the formula's covariance, divided by how much too confident the formula is on the whole. Unlike the blocks'
-    own covariance, whose rank is at most their number, it can be inverted and is what a further fit may lean on.
+    Std (b,) its root, never below std_formula (b,), which takes residuals for white.
+
+    information (b, b): inverse of the formula's covariance, divided by how much too confident the formula is on the
+    whole. Unlike the blocks' own covariance, whose rank is at most their number, it can be inverted and is what a
+    further fit may lean on.
 
     normal: W^T W (blocks, b, b) and W^T e (blocks, b) of each block.
     """
@@ -47,8 +50,10 @@ class Uncertainty:
 
     @cached_property
     def std_bootstrap(self) -> Array:
-        """(b,) spread of refits to blocks drawn anew, with replacement: half of what holds 68 % of them, since a draw may miss all blocks that
-        show a parameter; NaN without blocks."""
+        """(b,) spread of refits to blocks drawn anew, with replacement.
+
+        Half of what holds 68 % of them, since a draw may miss all blocks that show a parameter; NaN without blocks.
+        """
         low, high = np.quantile(self.bootstrap(), [0.16, 0.84], axis=0)
         return np.asarray((high - low) / 2)
 
@@ -105,7 +110,10 @@ def uncertainty(columns: Array, rows: Equations, fit: Fit, *, instruments: Array
 
 
 def block_length(rows: Equations, residual: Array) -> float:
-    """s: MEMORIES correlation times of the most persistent joint's residual, yet at least LEAST_BLOCKS blocks in all, and at most MOST_BLOCKS."""
+    """s: MEMORIES correlation times of the most persistent joint's residual.
+
+    Yet at least LEAST_BLOCKS blocks in all, and at most MOST_BLOCKS.
+    """
     longest, duration = 0.0, 0.0
     for run in np.unique(rows.run):
         here = rows.run == run
@@ -131,8 +139,10 @@ def correlation_time(t: Array, residual: Array) -> float:
 
 
 def _root(columns: Array, instruments: Array | None) -> Array:
-    """Triangle R (b, b), R^T R the inverse covariance of a fit to rows of white noise of variance 1: W^T W, or W^T Z (Z^T Z)^-1 Z^T W
-    with instruments Z."""
+    """Triangle R (b, b), R^T R the inverse covariance of a fit to rows of white noise of variance 1.
+
+    W^T W, or W^T Z (Z^T Z)^-1 Z^T W with instruments Z.
+    """
     if instruments is None:
         return triangle_of(columns)
     scale = np.linalg.norm(instruments, axis=0)
@@ -160,8 +170,10 @@ def _blocks(rows: Equations, length: float) -> NDArray[np.intp]:
 
 
 def _normal_equations(columns: Array, fit: Fit, block: NDArray[np.intp], count: int, by: Array) -> tuple[Array, Array]:
-    """Per block: W^T W (count, b, b) and W^T e (count, b) of the weighted rows; e the residual, so that a solve gives the change;
-    Z^T W and Z^T e where Z = ``by`` are instruments."""
+    """Per block: W^T W (count, b, b) and W^T e (count, b) of the weighted rows.
+
+    e the residual, so that a solve gives the change; Z^T W and Z^T e where Z = ``by`` are instruments.
+    """
     weighted, residual = columns * fit.weight[:, None], fit.weight * fit.residual
     by = by * fit.weight[:, None]
     grams = np.empty((count, columns.shape[1], columns.shape[1]))

@@ -1,11 +1,15 @@
-"""Combinations of base parameters that these runs hardly show, and where they do not refute the model, its values are kept.
+"""Combinations of base parameters that these runs hardly show.
 
-Least squares gives such a direction a value all the same: the noise's. On the runs that were fitted it does no harm, and on another motion, where
-the two nearly equal columns differ (a spring and gravity, of a joint that hardly moved), it ruins the prediction.
+Where they do not refute the model, its values are kept.
 
-In units of what the model's own numbers amount to, the eigenvectors of the information are directions that the data knows independently of each
-other. One is held if its deviation is above WEAK of that size and the model's value lies within SURE deviations; all others keep the least-squares
-value to the last digit. A pretest estimator (Judge & Bock, 1978), rather than a ridge, which would draw on the strong directions too.
+Least squares gives such a direction a value all the same: the noise's. On the runs that were fitted it does no harm,
+and on another motion, where the two nearly equal columns differ (a spring and gravity, of a joint that hardly moved),
+it ruins the prediction.
+
+In units of what the model's own numbers amount to, the eigenvectors of the information are directions that the data
+knows independently of each other. One is held if its deviation is above WEAK of that size and the model's value lies
+within SURE deviations; all others keep the least-squares value to the last digit. A pretest estimator (Judge & Bock,
+1978), rather than a ridge, which would draw on the strong directions too.
 """
 
 from __future__ import annotations
@@ -44,7 +48,8 @@ def held_note(held: int, directions: int) -> list[str]:
     if not held:
         return []
     return [
-        f"{held} of {directions} directions among the base parameters are known to no better than {WEAK:.0%} of the model's own"
+        f"{held} of {directions} directions among the base parameters are known to no better than {WEAK:.0%} of the "
+        "model's own"
         " numbers, and do not contradict these: held there (method ols holds none)"
     ]
 

@@ -24,16 +24,20 @@ METHODS = {
     "friction": "friction tuned until the simulated currents match the measured ones",
 }
 ERRORS = (
-    "Measured torque (current times drive constant) minus predicted torque, as rms and relative to the measured torque, both through the same"
+    "Measured torque (current times drive constant) minus predicted torque, as rms and relative to the measured "
+    "torque, both through the same"
     " filter. <i>Sliding</i>: held-out rows away from reversals and standstill, where friction obeys Coulomb's law."
-    " <i>Expected</i>: rms error expected from the noise of the fitted runs and the standard deviations of the parameters; more than three times as"
+    " <i>Expected</i>: rms error expected from the noise of the fitted runs and the standard deviations of the "
+    "parameters; more than three times as"
     " much is reported above."
 )
 GAPS = "Gaps are excluded rows: standstill, missing or clipped samples, begin and end of the run."
 DEVIATIONS = (
     "± is two standard deviations from a block jackknife, valid for coloured residuals, as is the block bootstrap."
-    " The textbook formula counts every row as independent and is too small. Only these linear combinations are identifiable:"
-    " <i>link2.mx</i> is mass times the x of the centre of mass, <i>link2.ixx</i> the inertia about the link frame's origin, <i>offset</i> a constant"
+    " The textbook formula counts every row as independent and is too small. Only these linear combinations are "
+    "identifiable:"
+    " <i>link2.mx</i> is mass times the x of the centre of mass, <i>link2.ixx</i> the inertia about the link "
+    "frame's origin, <i>offset</i> a constant"
     " torque or half the difference of Coulomb friction between the directions. Grey: not identifiable from these runs."
 )
 
@@ -52,7 +56,8 @@ def report(result: Identification) -> str:
         *(image(figure, alt) for figure, alt in plots.predictions(result)),
         "<h2>Recordings</h2>",
         note(
-            "Rows used per joint, and reasons for exclusion; delay of the torque relative to the motion; largest torque as a"
+            "Rows used per joint, and reasons for exclusion; delay of the torque relative to the motion; largest "
+            "torque as a"
             " share of the drive's limit."
         ),
         _recordings(result),
@@ -90,7 +95,8 @@ def verdict(result: Identification) -> str:
         return f"Relative error {fit:.2%} on the fitted runs. Not validated: no recording was held out."
     if result.held_out == "split":
         return (
-            f"Relative error {fit:.2%} on the fitted runs, {held:.2%} on the last part of the same runs, predicted from the first."
+            f"Relative error {fit:.2%} on the fitted runs, {held:.2%} on the last part of the same runs, predicted "
+            "from the first."
             " Not validated: no other recording was held out."
         )
     sentence = f"Relative error {fit:.2%} on the fitted runs, {held:.2%} on held-out recordings."

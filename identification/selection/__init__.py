@@ -1,11 +1,13 @@
-"""Stepwise selection on held-out data: the engine, its statistics and its thresholds. A leaf: it knows no effect and no arm."""
+"""Stepwise selection on held-out data: the engine, its statistics and its thresholds.
+
+A leaf: it knows no effect and no arm.
+"""
 
 from typing import TYPE_CHECKING
 
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from identification.selection.cluster_covariance import cluster_covariance
     from identification.selection.least_squares import scaled, scaled_lstsq
     from identification.selection.limits import Limits
     from identification.selection.significance import (
@@ -30,7 +32,6 @@ __all__ = [
     "Split",
     "benjamini_hochberg",
     "block_sums",
-    "cluster_covariance",
     "eliminate",
     "p_value",
     "scaled",

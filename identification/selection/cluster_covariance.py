@@ -1,10 +1,13 @@
-"""Covariance of least-squares coefficients whose residual is correlated within clusters of rows (blocks of time, cells of a motion).
+"""Covariance of least-squares coefficients whose residual is correlated within clusters of rows.
+
+Such as blocks of time, cells of a motion.
 
 The sandwich of Liang & Zeger (Biometrika 73, 1986): with e the residual, x the columns and g a cluster,
 
     C = B (sum_g s_g s_g^T) B  G / (G - k),    s_g = x_g^T e_g,    B = (x^T x)^+
 
-G / (G - k), of G clusters and k coefficients, is the correction for few clusters: the residual of a fit is smaller than the error.
+G / (G - k), of G clusters and k coefficients, is the correction for few clusters: the residual of a fit is smaller than
+the error.
 """
 
 from __future__ import annotations

@@ -11,16 +11,21 @@ class Limits:
     """What a cause must satisfy; None: not asked by this measurement model.
 
     max_causes    causes, and rounds of the search, at most
-    fdr           false-discovery rate at which a candidate may enter, over all candidates of its round (Benjamini & Hochberg)
+    fdr           false-discovery rate at which a candidate may enter, over all candidates of its round (Benjamini &
+                  Hochberg)
     final_fdr     ... at which it may stay, conditional on all others, once nothing more enters
     min_gain      least gain that matters, as a share of the model's reference energy (see the model)
     kept_gain     the same for a cause that is chosen already: below it, it is eliminated; None: no backward elimination
-    tie           candidates whose gains differ by less than this share are equal: the one with the fewest coefficients enters
+    tie           candidates whose gains differ by less than this share are equal: the one with the fewest coefficients
+                  enters
     ambiguity     share of the gain of a chosen cause from which on another candidate may be in its ambiguity group
-    attempts      candidates that are tried in one round, if those before them turn out not to be admissible once refitted
-    block_seconds s: length of the blocks whose gains are taken for independent: several times the longest correlation of the residual
+    attempts      candidates that are tried in one round, if those before them turn out not to be admissible once
+                  refitted
+    block_seconds s: length of the blocks whose gains are taken for independent: several times the longest correlation
+    of the residual
     independent   singular value below which columns of unit length count as dependent
-    systematic    relative std of a parameter from the measurement model itself (first-order columns, filters), beside that of the data
+    systematic    relative std of a parameter from the measurement model itself (first-order columns, filters), beside
+                  that of the data
     """
 
     max_causes: int

@@ -1,8 +1,8 @@
 """Is a gain real, when residuals are coloured? Block scores and false-discovery control.
 
-Encoder quantisation, filters and what the model still lacks correlate the residual over tenths of a second. Tests that take samples for
-independent call more than half of all absent effects present. Summed over blocks that are long against that correlation, the gains are
-independent enough to be judged by their own scatter: no noise model is needed.
+Encoder quantisation, filters and what the model still lacks correlate the residual over tenths of a second. Tests that
+take samples for independent call more than half of all absent effects present. Summed over blocks that are long against
+that correlation, the gains are independent enough to be judged by their own scatter: no noise model is needed.
 """
 
 from __future__ import annotations
@@ -28,10 +28,13 @@ def block_sums(values: Array, block: Index, blocks: int) -> Array:
 
 
 def p_value(gains: Array) -> float:
-    """Probability of a total gain at least this large if each block were as likely to lose what it gained; gains (blocks,).
+    """Probability of a total gain at least this large if each block were as likely to lose what it gained.
 
-    Chernoff's bound of the sign-change distribution, min over s of exp(sum log cosh(s g_b) - s sum g_b): never too small, whatever the
-    distribution of the gains, and 2^-n where all n blocks gain. Blocks with no gain and no loss (the arm stood still) do not count.
+    Gains (blocks,).
+
+    Chernoff's bound of the sign-change distribution, min over s of exp(sum log cosh(s g_b) - s sum g_b): never too
+    small, whatever the distribution of the gains, and 2^-n where all n blocks gain. Blocks with no gain and no loss
+    (the arm stood still) do not count.
     """
     gains = gains[np.abs(gains) > 1e-9 * np.max(np.abs(gains), initial=0.0)]
     total = float(gains.sum())
@@ -51,11 +54,13 @@ def p_value(gains: Array) -> float:
 
 
 def shift_p_value(predicted: Sequence[Array], residual: Sequence[Array], draws: int = 20000, seed: int = 0) -> float:
-    """Probability that events predicted at other times gain as much: predicted and residual (m, n) of each recording, whitened.
+    """Probability that events predicted at other times gain as much.
 
-    Gains 2 x.r - x.x of the prediction turned round within each recording by a random number of rows, against the gain where it stands. Few
-    events that explain much cannot show it by the sign of blocks; that they are where they should be is the stronger evidence. The colour
-    of the residual is kept.
+    Predicted and residual (m, n) of each recording, whitened.
+
+    Gains 2 x.r - x.x of the prediction turned round within each recording by a random number of rows, against the gain
+    where it stands. Few events that explain much cannot show it by the sign of blocks; that they are where they should
+    be is the stronger evidence. The colour of the residual is kept.
     """
     rng = np.random.default_rng(seed)
     total, here, size = np.zeros(draws), 0.0, 0.0

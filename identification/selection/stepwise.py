@@ -1,7 +1,10 @@
-"""Stepwise selection: forward with a joint refit, each step followed by backward elimination; judged on held-out data alone.
+"""Stepwise selection: forward with a joint refit, each step followed by backward elimination.
 
-The one search of this code base. A ``MeasurementModel`` says what its candidates are, what one gains on held-out data conditional on those
-chosen already, and how a choice is refitted; which candidate enters, which leaves and when the search ends is decided here.
+Judged on held-out data alone.
+
+The one search of this code base. A ``MeasurementModel`` says what its candidates are, what one gains on held-out data
+conditional on those chosen already, and how a choice is refitted; which candidate enters, which leaves and when the
+search ends is decided here.
 """
 
 from __future__ import annotations
@@ -55,7 +58,10 @@ class MeasurementModel(Protocol[C, S]):
         ...
 
     def scores(self, state: S) -> Sequence[Score[C]]:
-        """All candidates that are not excluded, each at the nonlinear parameters that fit best, conditional on those chosen."""
+        """All candidates that are not excluded, each at the nonlinear parameters that fit best.
+
+        Conditional on those chosen.
+        """
         ...
 
     def admissible(self, score: Score[C], state: S) -> bool:
@@ -63,7 +69,10 @@ class MeasurementModel(Protocol[C, S]):
         ...
 
     def entered(self, score: Score[C], admissible: Sequence[Score[C]], state: S) -> S | None:
-        """The state with the candidate, refined and refitted; None where it is then not admissible. admissible: all that might have entered."""
+        """The state with the candidate, refined and refitted.
+
+        None where it is then not admissible. admissible: all that might have entered.
+        """
         ...
 
     def without(self, candidate: C, state: S) -> S:
@@ -133,7 +142,8 @@ def forward(model: MeasurementModel[C, S], state: S) -> S | None:
 def eliminate(model: MeasurementModel[C, S], state: S, *, fdr: float | None = None, tests: int = 0) -> S:
     """Backward elimination: while the others make one superfluous, the least needed is removed.
 
-    fdr, tests: those are removed as well whose gain conditional on all others is not significant among so many candidates.
+    fdr, tests: those are removed as well whose gain conditional on all others is not significant among so many
+    candidates.
     """
     while len(chosen := model.chosen(state)) > (0 if fdr is not None else 1):
         removed = [model.without(candidate, state) for candidate in chosen]

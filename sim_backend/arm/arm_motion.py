@@ -1,7 +1,7 @@
 """An arm standing, or moving under its servos: ``sim_backend.arm.signals.Mover``s on ``arm_model``'s dynamics.
 
-Effects of sensing and timing in the arm's model (``arm_model.effects``: an encoder's ripple, a transducer's offset, late currents) are put
-where they belong: on the way from the motors to the wires that ``sim_backend`` simulates.
+Effects of sensing and timing in the arm's model (``arm_model.effects``: an encoder's ripple, a transducer's offset,
+late currents) are put where they belong: on the way from the motors to the wires that ``sim_backend`` simulates.
 """
 
 from __future__ import annotations
@@ -27,7 +27,10 @@ ROWS_PER_TICK = 4
 
 
 class Standing:
-    """Brakes on, no current, from ``row`` on; the motors at ``theta`` (n,) rad (over their gears), the joints at ``q``."""
+    """Brakes on, no current, from ``row`` on.
+
+    The motors at ``theta`` (n,) rad (over their gears), the joints at ``q``.
+    """
 
     still_from = 0.0
     current_lag = math.inf

@@ -1,7 +1,8 @@
 """The arm of a simulated rig: ``arm_model``'s computed dynamics under its servos, as the plant of a ``World``.
 
-What an experiment's ``setup`` asks of a person is done here: a payload is bolted on, drives are left off. The arm may hide what the rig's
-own model does not know; its servos do not know it either: a controller is tuned once, for the arm as its maker knew it.
+What an experiment's ``setup`` asks of a person is done here: a payload is bolted on, drives are left off. The arm may
+hide what the rig's own model does not know; its servos do not know it either: a controller is tuned once, for the arm
+as its maker knew it.
 """
 
 from __future__ import annotations
@@ -61,7 +62,9 @@ class SimulatedArm:
 
 
 def read_arm(path: Path, known: Path | None, hold: float) -> SimulatedArm:
-    """The arm in a model file, with the servos that the model ``known`` (None: itself) asks for; ``hold``: see ``Servoed``.
+    """The arm in a model file, with the servos that the model ``known`` (None: itself) asks for.
+
+    ``hold``: see ``Servoed``.
 
     InputError where it cannot be moved.
     """

@@ -1,12 +1,13 @@
 """One run of the arm from its epoch on: what moves, and every signal of it as a function of time.
 
-The arm is integrated in chunks, ahead of whoever asks; between its steps, motor angles are cubic (Hermite, from angles and speeds) and
-currents linear. The encoders' noise lasts ``noise_period`` a value. Of each such *slot* the edges passed at its start are kept, so that
-the edges passed at any instant follow from that instant's own slot (``sine_encoder``). All noise is a function of the time since the
-epoch: two runs of the same arm and seed give the same signals, whoever asks, at whatever pace, in whatever blocks.
+The arm is integrated in chunks, ahead of whoever asks; between its steps, motor angles are cubic (Hermite, from angles
+and speeds) and currents linear. The encoders' noise lasts ``noise_period`` a value. Of each such *slot* the edges
+passed at its start are kept, so that the edges passed at any instant follow from that instant's own slot
+(``sine_encoder``). All noise is a function of the time since the epoch: two runs of the same arm and seed give the same
+signals, whoever asks, at whatever pace, in whatever blocks.
 
-What is left out: a motor that turns back within a slot is seen at the slot's ends only (2 a (T/4)^2 = 1e-5 rad at a = 1000 rad/s2 motor side,
-under 1 % of a line); nothing else between samples is.
+What is left out: a motor that turns back within a slot is seen at the slot's ends only (2 a (T/4)^2 = 1e-5 rad at a =
+1000 rad/s2 motor side, under 1 % of a line); nothing else between samples is.
 """
 
 from __future__ import annotations
@@ -48,10 +49,11 @@ class Steps:
 class Mover(Protocol):
     """What moves. ``step_ns`` ns between the rows that it gives; ``still_from`` s after which nothing changes any more.
 
-    ``advance`` gives the next rows, the first one at the epoch, ``CHUNK_ROWS`` at a time; the same however often it is asked.
-    ``state`` is all that ``restore`` needs to go on from here once more. ``stop`` slows the motion down from
-    ``at`` s on, or as soon after as it can, which it returns. Between rows currents go exponentially, with time constant ``current_lag``
-    s, towards a command that is constant there (inf: they are linear). ``current_delay`` s: how late the transducers show them.
+    ``advance`` gives the next rows, the first one at the epoch, ``CHUNK_ROWS`` at a time; the same however often it is
+    asked. ``state`` is all that ``restore`` needs to go on from here once more. ``stop`` slows the motion down from
+    ``at`` s on, or as soon after as it can, which it returns. Between rows currents go exponentially, with time
+    constant ``current_lag`` s, towards a command that is constant there (inf: they are linear). ``current_delay`` s:
+    how late the transducers show them.
     """
 
     step_ns: int
@@ -77,10 +79,15 @@ class _Mark:
 
 
 class Run:
-    """Signals of one mover. Times (k,) int64 ns since the epoch, not before it and not more than ``KEEP`` s behind the newest asked for."""
+    """Signals of one mover.
+
+    Times (k,) int64 ns since the epoch, not before it and not more than ``KEEP`` s behind the newest asked for.
+    """
 
     def __init__(self, mover: Mover, electronics: Electronics, after: tuple[Run, int] | None = None) -> None:
-        """after: the run before and its time, ns, at which this one takes over: its encoders count on. None: they count from the pose.
+        """after: the run before and its time, ns, at which this one takes over: its encoders count on.
+
+        None: they count from the pose.
 
         Computed on demand.
         """
@@ -161,7 +168,10 @@ class Run:
         return max(self._motor.first * self.mover.step_ns, self._passed[0].first * self._electronics.noise_period_ns)
 
     def stop(self, at: int) -> float:
-        """The motion slows down from a time on; what was integrated beyond it is integrated again. Returns s: from when on it does."""
+        """The motion slows down from a time on; what was integrated beyond it is integrated again.
+
+        Returns s: from when on it does.
+        """
         while len(self._marks) > 1 and self._marks[-1].row * self.mover.step_ns > at:
             self._marks.pop()
         if self._marks and self._begun and self._horizon() > at:

@@ -1,4 +1,7 @@
-"""The register of one counter channel: what its driver sets, what index pulses and restarts do to it, and what it shows when."""
+"""The register of one counter channel.
+
+What its driver sets, what index pulses and restarts do to it, and what it shows when.
+"""
 
 from __future__ import annotations
 

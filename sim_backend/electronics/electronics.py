@@ -1,4 +1,7 @@
-"""Encoders and current transducers of an arm: the rig file's ``[simulation.encoder]`` and ``[simulation.transducer]``."""
+"""Encoders and current transducers of an arm.
+
+The rig file's ``[simulation.encoder]`` and ``[simulation.transducer]``.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +56,10 @@ class Electronics:
 
 
 def electronics_of(encoder: EncoderTable, transducer: TransducerTable, seed: int, encoder_lines: Array) -> Electronics:
-    """The electronics of n joints. encoder_lines: (n,) per motor revolution. ValueError: a list with another number of entries than n."""
+    """The electronics of n joints. encoder_lines: (n,) per motor revolution.
+
+    ValueError: a list with another number of entries than n.
+    """
 
     def joints(entry: PerJoint, name: str) -> Array:
         values = np.asarray(entry, float)

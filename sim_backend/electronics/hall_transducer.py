@@ -1,9 +1,11 @@
 """Hall-effect current transducer (RS 257-436 in the thesis): motor current -> turns through the core -> volts.
 
-    V = offset + (1 + gain_error) rated_voltage / rated_current (N I) + noise,  through a first-order lag of its bandwidth
+    V = offset + (1 + gain_error) rated_voltage / rated_current (N I) + noise,  through a first-order lag of its
+        bandwidth
 
-The thesis's I = (20 V - C_off) / N is this read backwards, for 200 A -> 10 V. What the turns are for: one step of a 12-bit converter over
-+-10 V is 4.88 mV, and 4.88 mV is 98 mA through the core, 9.8 mA in a motor lead wound ten times through it, 4.9 mA at twenty.
+The thesis's I = (20 V - C_off) / N is this read backwards, for 200 A -> 10 V. What the turns are for: one step of a
+12-bit converter over +-10 V is 4.88 mV, and 4.88 mV is 98 mA through the core, 9.8 mA in a motor lead wound ten times
+through it, 4.9 mA at twenty.
 """
 
 from __future__ import annotations
@@ -40,7 +42,8 @@ class HallTransducer:
 def lagged(transducer: HallTransducer, current: Array, step: float, before: Array) -> Array:
     """Current as the core sees it: the lag's exact response to a current that is linear between rows ``step`` s apart.
 
-    current (m + 1, n) A from the row before on, before (n,) A the lag's output there; returns (m, n), its output at rows 1 ... m.
+    current (m + 1, n) A from the row before on, before (n,) A the lag's output there; returns (m, n), its output at
+    rows 1 ... m.
     """
     tau = 1.0 / (2.0 * np.pi * transducer.bandwidth)
     decay = math.exp(-step / tau)

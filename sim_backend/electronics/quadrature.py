@@ -1,7 +1,8 @@
 """Edges of two square lines -> counts -> a register of finite width.
 
-Forwards, line A leads: (A, B) goes 11, 10, 00, 01 over one line period. A decoder counts every edge of both lines (x4), every edge of A
-(x2) or the rises of A (x1; taken back where A falls again backwards, as hostmot2 and every other sane decoder does).
+Forwards, line A leads: (A, B) goes 11, 10, 00, 01 over one line period. A decoder counts every edge of both lines (x4),
+every edge of A (x2) or the rises of A (x1; taken back where A falls again backwards, as hostmot2 and every other sane
+decoder does).
 """
 
 from __future__ import annotations
@@ -20,7 +21,10 @@ _PLACE = np.array([2, 3, 1, 0])  # position within the line period of the levels
 
 
 def count(passed_a: Counts, passed_b: Counts, mode: CounterMode) -> Counts:
-    """Counts from the edges that lines A and B are past (``sine_encoder``), any shape; 0 in the first quarter of period 0."""
+    """Counts from the edges that lines A and B are past (``sine_encoder``), any shape.
+
+    0 in the first quarter of period 0.
+    """
     if mode is CounterMode.X4:
         return passed_a + passed_b
     if mode is CounterMode.X2:
@@ -34,9 +38,12 @@ def levels(passed: Counts) -> NDArray[np.bool_]:
 
 
 def decode(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> tuple[Counts, NDArray[np.bool_]]:
-    """What an x4 decoder clocked once a row makes of the levels (m, ...) of its two lines: counts from row 0 on, and errors.
+    """What an x4 decoder clocked once a row makes of the levels (m, ...) of its two lines.
 
-    A row in which both lines changed at once is a quadrature error: its direction cannot be known, and it counts nothing.
+    Counts from row 0 on, and errors.
+
+    A row in which both lines changed at once is a quadrature error: its direction cannot be known, and it counts
+    nothing.
     """
     place = _PLACE[2 * a.astype(np.int64) + b]
     step = np.diff(place, axis=0, prepend=place[:1]) & 3

@@ -5,17 +5,19 @@ The encoder gives a sine and a cosine of phase phi = lines x motor angle, one pe
     a = sine_offset   + sine_gain   sin(phi)              + noise
     b = cosine_offset + cosine_gain cos(phi + phase_error) + noise
 
-Each goes to a comparator with hysteresis: its square line rises where the signal passes +hysteresis upwards and falls where it
-passes -hysteresis downwards (the thesis takes the sines from the analogue servo board and squares them before the counter).
+Each goes to a comparator with hysteresis: its square line rises where the signal passes +hysteresis upwards and falls
+where it passes -hysteresis downwards (the thesis takes the sines from the analogue servo board and squares them before
+the counter).
 
-Edges of a line are numbered along phi: number 0 is the rise at phi = 0 (of line A), 1 the fall at pi, 2 the next rise ... ``passed`` is
-the number of the last edge that the line is past, so that the level is high where it is even. Hysteresis makes ``passed`` depend
-on the past: forwards edge k is passed at a phase alpha_k, backwards it is taken back at beta_k < alpha_k, so that
+Edges of a line are numbered along phi: number 0 is the rise at phi = 0 (of line A), 1 the fall at pi, 2 the next rise
+... ``passed`` is the number of the last edge that the line is past, so that the level is high where it is even.
+Hysteresis makes ``passed`` depend on the past: forwards edge k is passed at a phase alpha_k, backwards it is taken back
+at beta_k < alpha_k, so that
 
     passed <- min(max(passed, lowest), highest),   lowest = max{k: alpha_k <= phi},  highest = max{k: beta_k <= phi}
 
-which is the play (backlash) operator (Krasnosel'skii and Pokrovskii, "Systems with hysteresis", 1989, section 2) on a staircase.
-highest - lowest is 0 or 1, which is what lets ``follow`` evaluate it on whole arrays.
+which is the play (backlash) operator (Krasnosel'skii and Pokrovskii, "Systems with hysteresis", 1989, section 2) on a
+staircase. highest - lowest is 0 or 1, which is what lets ``follow`` evaluate it on whole arrays.
 
 Every function works on arrays whose last axis is the encoders (one a joint).
 """
@@ -68,7 +70,10 @@ class SineEncoder:
 
 @dataclass(frozen=True)
 class Line:
-    """One square line of n encoders: phase of its own sine = encoder phase + ``shift``; offset and hysteresis over gain."""
+    """One square line of n encoders: phase of its own sine = encoder phase + ``shift``.
+
+    Offset and hysteresis over gain.
+    """
 
     shift: Array
     offset: Array
@@ -117,7 +122,9 @@ def switching(line: Line, noise: Array) -> tuple[Array, Array]:
 
 
 def place(line: Line, phi: Array) -> tuple[Counts, Array]:
-    """Where encoder phases phi (..., n) lie on a line: number of the edge before the period's rise, and rad from the period's zero.
+    """Where encoder phases phi (..., n) lie on a line.
+
+    Number of the edge before the period's rise, and rad from the period's zero.
 
     Periods are cut a quarter before their zero, so that each holds one rise (near 0) and one fall (near pi).
     """
@@ -127,17 +134,22 @@ def place(line: Line, phi: Array) -> tuple[Counts, Array]:
 
 
 def bounds(before: Counts, within: Array, rise: Array, fall: Array) -> tuple[Counts, Counts]:
-    """lowest and highest (see above), (..., n) int64, at the places of ``place`` with the thresholds of ``switching``."""
+    """lowest and highest (see above), (..., n) int64.
+
+    At the places of ``place`` with the thresholds of ``switching``.
+    """
     lowest = before + (within >= rise) + (within >= np.pi - fall)
     highest = before + (within >= fall) + (within >= np.pi - rise)
     return lowest, highest
 
 
 def follow(lowest: Counts, highest: Counts, passed: Counts) -> Counts:
-    """The play operator along axis 0: passed[i] = min(max(passed[i - 1], lowest[i]), highest[i]), passed[-1] given, (n,).
+    """The play operator along axis 0.
 
-    lowest, highest (m, n) with highest - lowest 0 or 1. Row i forgets the past except where it and row i - 1 are inside the
-    hysteresis of one and the same edge: there the value is carried on, all else follows from the two rows alone.
+    passed[i] = min(max(passed[i - 1], lowest[i]), highest[i]), passed[-1] given, (n,).
+
+    lowest, highest (m, n) with highest - lowest 0 or 1. Row i forgets the past except where it and row i - 1 are inside
+    the hysteresis of one and the same edge: there the value is carried on, all else follows from the two rows alone.
     """
     if len(lowest) == 0:
         return np.empty_like(lowest)

@@ -1,6 +1,7 @@
 """CANopen encoders on a CAN bus: each a ``canopen.LocalNode`` with the objects of CiA 406, answering every SYNC.
 
-Frames take their time on the wire, one after the other, though the virtual bus knows of none. Any of the nodes can make the SYNCs.
+Frames take their time on the wire, one after the other, though the virtual bus knows of none. Any of the nodes can make
+the SYNCs.
 """
 
 from __future__ import annotations
@@ -23,7 +24,10 @@ OPERATIONAL, PRE_OPERATIONAL = 5, 127
 
 
 def object_dictionary(bits: int, serial: int) -> Any:
-    """The objects of an absolute multi-turn encoder (CiA 406 v3.1, class C2) that the driver uses, with power-up values."""
+    """The objects of an absolute multi-turn encoder (CiA 406 v3.1, class C2).
+
+    That the driver uses, with power-up values.
+    """
     import canopen.objectdictionary as od
 
     dictionary = od.ObjectDictionary()
@@ -121,7 +125,10 @@ class SimulatedCia406:
         self.bus.close()
 
     def restart(self, number: int) -> None:
-        """Power off and on: settings as delivered, boot-up message where the bus is there; position and preset are kept."""
+        """Power off and on: settings as delivered, boot-up message where the bus is there.
+
+        Position and preset are kept.
+        """
         encoder = self.encoders[number]
         encoder.node.data_store.clear()
         encoder.node.nmt._state = PRE_OPERATIONAL

@@ -1,4 +1,7 @@
-"""A LabJack T7 on loopback: registers by Modbus TCP, stream on the second port, buffer, auto-recovery and watchdog included."""
+"""A LabJack T7 on loopback.
+
+Registers by Modbus TCP, stream on the second port, buffer, auto-recovery and watchdog included.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +46,10 @@ class Registers:
 
 
 class Buffer:
-    """The T7's stream buffer and what it does when it is full (datasheet 3.2; U3 guide 5.2.12 for the separator scan)."""
+    """The T7's stream buffer and what it does when it is full (datasheet 3.2.
+
+    U3 guide 5.2.12 for the separator scan).
+    """
 
     def __init__(self, capacity: int, slots: int, packet: int) -> None:
         self.capacity, self.slots, self.packet = capacity // 2, slots, packet
@@ -55,7 +61,10 @@ class Buffer:
         self.status = t7.Status.RECOVERED
 
     def add(self, scans: NDArray[np.uint16]) -> None:
-        """Keeps what there is room for; from the first scan without room on, all are skipped until the buffer is empty."""
+        """Keeps what there is room for.
+
+        From the first scan without room on, all are skipped until the buffer is empty.
+        """
         if self.skipping and len(self.samples) < self.packet:
             self._resume()
         room = 0 if self.skipping else (self.capacity - len(self.samples)) // self.slots
@@ -84,8 +93,11 @@ class Buffer:
 
 
 class SimulatedT7:
-    """The box. Faults for tests: ``pull_cable``/``plug_cable``, ``reset`` (power cycle), ``clock_ppm`` (its crystal), ``piece`` (bytes
-    that leave at once), ``cut_after`` (bytes of the stream after which its connection is cut, once)."""
+    """The box.
+
+    Faults for tests: ``pull_cable``/``plug_cable``, ``reset`` (power cycle), ``clock_ppm`` (its crystal), ``piece``
+    (bytes that leave at once), ``cut_after`` (bytes of the stream after which its connection is cut, once).
+    """
 
     def __init__(self, name: str, config: Config, wires: Wires, serial: int) -> None:
         self.name, self.config, self.wires, self._serial = name, config, wires, serial

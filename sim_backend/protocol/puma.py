@@ -1,4 +1,7 @@
-"""The simulated arm on the wires of the protocol simulators: the same world that the simulated rig's own drivers sample."""
+"""The simulated arm on the wires of the protocol simulators.
+
+The same world that the simulated rig's own drivers sample.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +21,11 @@ IN_POSITION = 0.1  # s after the demand's end at which the controller says that 
 
 @dataclass(frozen=True)
 class EncoderWire:
-    """An encoder input and what is on it: joint (from 0), and for an absolute encoder its counts per rad of
-    the joint and the joint's position at count 0. ``counts_per_radian`` None: the square lines of the motor's sine encoder."""
+    """An encoder input and what is on it.
+
+    Joint (from 0), and for an absolute encoder its counts per rad of the joint and the joint's position at count 0.
+    ``counts_per_radian`` None: the square lines of the motor's sine encoder.
+    """
 
     joint: int
     counts_per_radian: float | None = None
@@ -90,7 +96,10 @@ def wires(
     target: tuple[float, float, float] = (0.0, 0.0, 0.0),
     tracker_from_base: Array | None = None,
 ) -> Wires:
-    """The terminals of one device: channel -> what is wired to it; channels that are not there are open (0 counts, 0 V)."""
+    """The terminals of one device: channel -> what is wired to it.
+
+    Channels that are not there are open (0 counts, 0 V).
+    """
     hall = world.electronics.transducer
 
     motor_counts, motor_angle, transducer_volts = (

@@ -30,7 +30,10 @@ class Simulator(Protocol):
 
 
 class Loop:
-    """Calls ``step(now_ns)`` whenever one of ``files()`` is readable, and at least every ``period()`` seconds, until stopped."""
+    """Calls ``step(now_ns)`` whenever one of ``files()`` is readable, and at least every ``period()`` seconds.
+
+    Until stopped.
+    """
 
     def __init__(
         self,
@@ -135,7 +138,9 @@ class Terminal:
                 self._free_at += int(due / self._pace * 1e9)
 
     def until_due(self) -> float:
-        """s for which the simulator may sleep: until shortly before all that waits can be on the wire; a millisecond where nothing waits.
+        """s for which the simulator may sleep: until shortly before all that waits can be on the wire.
+
+        a millisecond where nothing waits.
 
         Around that instant not at all: a device's UART is not woken up late, nor does it notice the next command late.
         """

@@ -1,4 +1,7 @@
-"""An external tracker: after its start pulse it samples at its own rate, raises the trigger line and sends a line of text each time."""
+"""An external tracker: after its start pulse it samples at its own rate.
+
+It raises the trigger line and sends a line of text each time.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +24,11 @@ JITTER = 15e-6  # s, rms: how unevenly it samples
 
 
 class SimulatedTracker:
-    """The tracker. Faults for tests: ``clock_ppm``, ``lose_edges`` and ``lose_lines`` (frame numbers from 1), ``extra_edges`` (s after a
-    frame, by its number), ``stop_after`` (frames), ``jitter``."""
+    """The tracker.
+
+    Faults for tests: ``clock_ppm``, ``lose_edges`` and ``lose_lines`` (frame numbers from 1), ``extra_edges`` (s after
+    a frame, by its number), ``stop_after`` (frames), ``jitter``.
+    """
 
     def __init__(self, name: str, config: Config, wires: Wires, seed: int = 1) -> None:
         self.name, self.config, self.wires = name, config, wires

@@ -15,7 +15,10 @@ BYTE_NS = int(10e9 / ad4b.BAUD)
 
 
 class SimulatedAd4b:
-    """The adapter. Faults for tests: ``pull_cable``/``plug_cable``, ``reset``, ``corrupt`` (bytes -> bytes on its way out)."""
+    """The adapter.
+
+    Faults for tests: ``pull_cable``/``plug_cable``, ``reset``, ``corrupt`` (bytes -> bytes on its way out).
+    """
 
     def __init__(self, name: str, config: Config, wires: Wires) -> None:
         self.name, self.wires = name, wires

@@ -19,7 +19,10 @@ KNOWN = (qsb.MDR0, qsb.CLEAR, qsb.INTERVAL, qsb.TIME, qsb.COUNT, qsb.VERSION, qs
 
 
 class SimulatedQsb:
-    """The adapter. Faults for tests: ``pull_cable``/``plug_cable``, ``reset``, ``corrupt`` (bytes -> bytes on its way out)."""
+    """The adapter.
+
+    Faults for tests: ``pull_cable``/``plug_cable``, ``reset``, ``corrupt`` (bytes -> bytes on its way out).
+    """
 
     def __init__(self, name: str, config: Config, wires: Wires) -> None:
         self.name, self.wires = name, wires

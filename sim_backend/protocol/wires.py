@@ -1,6 +1,7 @@
 """What is connected to the terminals of the simulated devices.
 
-Times are ns of the host's monotonic clock, arrays int64, never later than now. Every method may be called from any thread.
+Times are ns of the host's monotonic clock, arrays int64, never later than now. Every method may be called from any
+thread.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Faults on demand: ``[[simulation.fault]]`` in the rig file, or ``World.inject`` at run time.
 
-Times are s since the start line rose (before it has, since the device was armed). Edges and rows are counted from 0. Channels from 0.
+Times are s since the start line rose (before it has, since the device was armed). Edges and rows are counted from 0.
+Channels from 0.
 """
 
 from __future__ import annotations
@@ -44,7 +45,10 @@ class LostRow(_Fault):
 
 
 class Unplugged(_Fault):
-    """The device is gone from ``at`` on, and answers again from ``back`` on (never, where left out), having missed all between."""
+    """The device is gone from ``at`` on.
+
+    It answers again from ``back`` on (never, where left out), having missed all between.
+    """
 
     kind: Literal["unplugged"] = "unplugged"
     at: float

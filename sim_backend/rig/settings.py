@@ -1,4 +1,7 @@
-"""The rig file's ``[simulation]`` table: the simulated arm, its pace, its electronics and the faults of its instruments."""
+"""The rig file's ``[simulation]`` table.
+
+The simulated arm, its pace, its electronics and the faults of its instruments.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +17,8 @@ from sim_backend.rig.faults import Fault
 class Simulation(Table):
     """What ``[simulation]`` may say.
 
-    model   the arm that moves, relative to the rig file; left out: the rig's own model. Another file here is how an arm comes to have
-            what its model does not know: other parameters, or effects
+    model   the arm that moves, relative to the rig file; left out: the rig's own model. Another file here is how an arm
+            comes to have what its model does not know: other parameters, or effects
     seed    of every noise; same seed, same samples, at either pace
     pace    "wall": real time, for a daemon; "fast": as fast as it computes
     settle  s after the end of the motion before the controller says that it has finished

@@ -19,7 +19,10 @@ class Waits:
 
 @contextmanager
 def slow_disk(seconds: float) -> Iterator[Waits]:
-    """While the context lasts, every ``os.fsync`` of this process takes ``seconds`` s longer. The data is written all the same."""
+    """While the context lasts, every ``os.fsync`` of this process takes ``seconds`` s longer.
+
+    The data is written all the same.
+    """
     true, waits = os.fsync, Waits()
 
     def slow(file: int) -> None:

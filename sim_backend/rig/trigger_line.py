@@ -15,7 +15,10 @@ Times = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class TriggerLine:
-    """Low-to-high edges at first_ns + k period_ns, k = 0, 1 ... below ``edges`` (None: without end). ns of the host's clock."""
+    """Low-to-high edges at first_ns + k period_ns, k = 0, 1 ... below ``edges`` (None.
+
+    Without end). ns of the host's clock.
+    """
 
     first_ns: int
     period_ns: float
@@ -50,7 +53,10 @@ class Seen:
 
 
 def seen(line: TriggerLine, faults: Iterable[Fault], first: int, until: int, number: int) -> Seen:
-    """Edges first ... until - 1 of the line as a device sees them that has these faults and has counted ``number`` edges before."""
+    """Edges first ... until - 1 of the line as a device sees them that has these faults.
+
+    It has counted ``number`` edges before.
+    """
     edge = np.arange(first, until, dtype=np.int64)
     time = line.times(edge)
     for fault in faults:

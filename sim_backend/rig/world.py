@@ -1,7 +1,7 @@
 """The world of one simulated rig: the arm, the wires from its motors, the start line, the trigger line, and time.
 
-Devices, and simulators of devices on their own wires, sample it; it knows none of them. Times are int64 ns of the host's monotonic
-clock, of the present or the past few seconds. Every method may be called from any thread.
+Devices, and simulators of devices on their own wires, sample it; it knows none of them. Times are int64 ns of the
+host's monotonic clock, of the present or the past few seconds. Every method may be called from any thread.
 """
 
 from __future__ import annotations
@@ -153,7 +153,10 @@ class World:
             return None if self._waiting is not None else (self.now() - self._epoch) * 1e-9
 
     def stop(self) -> float:
-        """Slows the present motion down from now on, or calls off the one that waits; returns s, from its beginning, of the stop."""
+        """Slows the present motion down from now on, or calls off the one that waits.
+
+        Returns s, from its beginning, of the stop.
+        """
         with self._lock:
             waited, self._waiting = self._waiting is not None, None
             if waited:
@@ -181,7 +184,10 @@ class World:
     # Lines
 
     def pulse_by(self, pulses: Callable[[int], TriggerLine]) -> None:
-        """Who makes the edges of the trigger line, as a function of the time at which the start line rises; from now on there are none."""
+        """Who makes the edges of the trigger line, as a function of the time at which the start line rises.
+
+        From now on there are none.
+        """
         with self._lock:
             self._pulses, self.line = pulses, None
             if self.start_ns is not None:

@@ -1,4 +1,7 @@
-"""Nothing that is not finite passes: every number of every file format, replaced by nan, inf and -inf, is refused in one line."""
+"""Nothing that is not finite passes.
+
+Every number of every file format, replaced by nan, inf and -inf, is refused in one line.
+"""
 
 from __future__ import annotations
 

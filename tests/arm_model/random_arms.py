@@ -1,4 +1,7 @@
-"""Random serial arms for identity tests: every convention, revolute and prismatic joints, tilted bases, physical links."""
+"""Random serial arms for identity tests.
+
+Every convention, revolute and prismatic joints, tilted bases, physical links.
+"""
 
 from __future__ import annotations
 

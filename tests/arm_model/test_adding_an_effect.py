@@ -1,4 +1,7 @@
-"""docs/adding-an-effect.md as it stands: the definition on that page, put into the catalogue, is simulated and found by a diagnosis that does not know it."""
+"""docs/adding-an-effect.md as it stands.
+
+The definition on that page, put into the catalogue, is simulated and found by a diagnosis that does not know it.
+"""
 
 from __future__ import annotations
 

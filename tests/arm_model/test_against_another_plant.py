@@ -1,7 +1,8 @@
 """The compiled simulation against a plant that shares no code with it (tests/blind): the same effects, other numerics.
 
-Compared is what an effect does while the arm moves: the change of motor angle and current that it brings. Dry friction differs near
-standstill (a hyperbolic tangent there, v / sqrt(v^2 + w^2) here), so that tolerances are shares of that change, not rounding errors.
+Compared is what an effect does while the arm moves: the change of motor angle and current that it brings. Dry friction
+differs near standstill (a hyperbolic tangent there, v / sqrt(v^2 + w^2) here), so that tolerances are shares of that
+change, not rounding errors.
 """
 
 from __future__ import annotations
@@ -78,7 +79,10 @@ def test_an_effect_does_the_same(root: Path, puma: Arm, name: str, joint: int | 
 
 
 def test_bristles_add_no_difference_of_their_own(root: Path, puma: Arm) -> None:
-    """What a bristle changes is the friction near standstill in which the bare plants differ: the whole motion is compared."""
+    """What a bristle changes is the friction near standstill in which the bare plants differ.
+
+    The whole motion is compared.
+    """
     values = {"stiffness": 1e4, "damping": 50.0}
     arm = replace(puma, joints=tuple(replace(j, sign_velocity=0.005) for j in puma.joints))
     model = root / "config/models/puma560.toml"

@@ -1,4 +1,7 @@
-"""Effects that are wrong numbers in the description: as a term of a model they are the same arm as with the numbers changed."""
+"""Effects that are wrong numbers in the description.
+
+As a term of a model they are the same arm as with the numbers changed.
+"""
 
 from __future__ import annotations
 

@@ -22,10 +22,17 @@ def test_law_at_solved_parameters_is_the_sum_of_columns(name: str) -> None:
     law, held = _law(effect), {p.name: float(generator.uniform(*p.typical)) for p in effect.nonlinear}
     v, n = generator.normal(size=60), 60
     signals = Signals(
-        q=generator.normal(size=n), v=v, motor=60 * generator.normal(size=n), sign=v / np.hypot(v, 1e-2),
-        load=20 * generator.normal(size=n), coulomb=np.full(n, 5.0), current=generator.normal(size=n),
-        t=np.linspace(0, 10, n), state=generator.uniform(size=n), driver=generator.normal(size=n),
-    )  # fmt: skip
+        q=generator.normal(size=n),
+        v=v,
+        motor=60 * generator.normal(size=n),
+        sign=v / np.hypot(v, 1e-2),
+        load=20 * generator.normal(size=n),
+        coulomb=np.full(n, 5.0),
+        current=generator.normal(size=n),
+        t=np.linspace(0, 10, n),
+        state=generator.uniform(size=n),
+        driver=generator.normal(size=n),
+    )
     columns = [law(values, signals) for values in units(effect, held)]
     for _ in range(10):
         c = generator.normal(size=len(columns))

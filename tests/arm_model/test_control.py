@@ -81,8 +81,11 @@ def test_limits_hold_and_do_not_wind_the_observer_up(arm: Arm) -> None:
 def test_the_water_is_observed_through_the_low_pass_saturated_or_not(
     arm: Arm, limits: tuple[float, float], saturated: bool
 ) -> None:
-    """A controller that knows the dry arm only: what its observer finds is the sampled low-pass of the water's torque, which the closed
-    form gives for the motion that came of it."""
+    """A controller that knows the dry arm only.
+
+    What its observer finds is the sampled low-pass of the water's torque, which the closed form gives for the motion
+    that came of it.
+    """
     weak, bandwidth, period = limited(arm, *limits), 15.0, 0.003
     decoupled, seen = DisturbanceDecoupling(ComputedTorque(dry(weak), 4.0), bandwidth=bandwidth, period=period), []
 

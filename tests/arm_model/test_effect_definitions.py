@@ -17,10 +17,20 @@ LAWS = ("torque", "deflection", "angle", "current", "delay", "change", "limit", 
 def _random_signals(rng: np.random.Generator, n: int = 50) -> Signals:
     v = rng.normal(size=n)
     return Signals(
-        q=rng.normal(size=n), v=v, a=rng.normal(size=n), motor=rng.normal(size=n) * 60, sign=v / np.sqrt(v**2 + 1e-4),
-        load=rng.normal(size=n) * 20, coulomb=np.full(n, 5.0), current=rng.normal(size=n), torque=rng.normal(size=n),
-        t=np.linspace(0, 10, n), state=rng.normal(size=n) * 1e-4, twist=rng.normal(size=n) * 1e-3, twist_rate=v * 1e-2,
-    )  # fmt: skip
+        q=rng.normal(size=n),
+        v=v,
+        a=rng.normal(size=n),
+        motor=rng.normal(size=n) * 60,
+        sign=v / np.sqrt(v**2 + 1e-4),
+        load=rng.normal(size=n) * 20,
+        coulomb=np.full(n, 5.0),
+        current=rng.normal(size=n),
+        torque=rng.normal(size=n),
+        t=np.linspace(0, 10, n),
+        state=rng.normal(size=n) * 1e-4,
+        twist=rng.normal(size=n) * 1e-3,
+        twist_rate=v * 1e-2,
+    )
 
 
 def _typical(effect: Effect, scale: float = 1.0) -> Values:

@@ -44,7 +44,10 @@ def test_compliance_swings_at_the_two_mass_frequency() -> None:
 
 
 def test_motor_crosses_the_gap_freely() -> None:
-    """In the middle of its play the motor turns alone: theta = T t^2 / (2 Jr) until it has gone half_gap, the link rests."""
+    """In the middle of its play the motor turns alone.
+
+    theta = T t^2 / (2 Jr) until it has gone half_gap, the link rests.
+    """
     gap = 5e-3
     arm = one_axis(EffectTerm("backlash", 1, {"half_gap": gap, "contact_stiffness": 1e5, "contact_damping": 50.0}))
     crossing = np.sqrt(2 * ROTOR * gap / 2.0)
@@ -60,9 +63,12 @@ def test_motor_crosses_the_gap_freely() -> None:
 
 @pytest.mark.parametrize("series", [False, True], ids=["teeth", "play and compliance"])
 def test_teeth_push_and_never_pull(series: bool) -> None:
-    """The rotor strikes the resting wheel at speed v0 across the play and bounces off. While they touch, the twist beyond the gap
-    obeys m u'' + c u' + k u = 0, m = Jr Jl / (Jr + Jl); they part where k u + c u' = 0, at the time below, and not where the
-    damper would have pulled u back to 0 (restitution 0.37 instead of 0.45)."""
+    """The rotor strikes the resting wheel at speed v0 across the play and bounces off.
+
+    While they touch, the twist beyond the gap obeys m u'' + c u' + k u = 0, m = Jr Jl / (Jr + Jl); they part where k u
+    + c u' = 0, at the time below, and not where the damper would have pulled u back to 0 (restitution 0.37 instead of
+    0.45).
+    """
     gap, stiffness, share, speed = 2e-3, 1e5, 0.3, 2.0
     mass = ROTOR * LINK / (ROTOR + LINK)
     w = np.sqrt(stiffness / mass)
@@ -82,7 +88,8 @@ def test_teeth_push_and_never_pull(series: bool) -> None:
     np.testing.assert_allclose(apart[:2], speed, rtol=1e-6)
     assert abs((motion.qm - motion.q)[-1, 0]) < gap
     assert left == pytest.approx(-0.451, abs=1e-3)
-    # the damper takes hold within a hundredth of the gap and a step: with the two steps a tick that the engine takes by itself, the
+    # the damper takes hold within a hundredth of the gap and a step: with the two steps a tick that the engine takes by
+    # itself, the
     # force that begins within one of them is worth 2 % of the speed
     assert apart[-1] == pytest.approx(left * speed, rel=0.01)
     together = ROTOR * motion.qmd + LINK * motion.qd
@@ -106,8 +113,10 @@ def _servo() -> Controller:
 
 
 def test_bristle_is_a_spring_before_it_slides() -> None:
-    """LuGre under a torque T that rises slowly to a tenth of Coulomb friction F: dz/dq = 1 - s0 z / F gives
-    q = -F/s0 ln(1 - T/F). Beyond F it slides, and F is what it takes."""
+    """LuGre under a torque T that rises slowly to a tenth of Coulomb friction F.
+
+    dz/dq = 1 - s0 z / F gives q = -F/s0 ln(1 - T/F). Beyond F it slides, and F is what it takes.
+    """
     soft = EffectTerm("presliding_friction", 1, {"stiffness": 1e4, "damping": 200.0})
     arm = one_axis(soft, coulomb=(10.0, 10.0), viscous=1.0)
     motion = simulate(arm, lambda t: np.minimum(t, 1.0)[:, None], duration=1.5, rate=100, start=np.zeros(1))
@@ -118,7 +127,10 @@ def test_bristle_is_a_spring_before_it_slides() -> None:
 
 
 def test_free_effects_agree_with_scipy(puma: Arm) -> None:
-    """Spring, cogging, Stribeck, drift and load friction in one arm, integrated by scipy from numpy's inverse dynamics."""
+    """Spring, cogging, Stribeck, drift and load friction in one arm.
+
+    Integrated by scipy from numpy's inverse dynamics.
+    """
     arm = replace(
         three_links(puma),
         controller=None,

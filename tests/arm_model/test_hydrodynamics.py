@@ -1,4 +1,7 @@
-"""Water round the links: strips against the closed form, quadrature and differences; simulated, in batches, by its columns."""
+"""Water round the links: strips against the closed form, quadrature and differences.
+
+Simulated, in batches, by its columns.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +60,8 @@ def test_strips_of_the_two_link_arm_against_the_closed_form(arm: Arm) -> None:
     wanted = LINKS.torque(q, qd, qdd)
     found = of_water(arm, q, qd, qdd)
     np.testing.assert_allclose(found[~inside], wanted[~inside], atol=1e-11 * np.abs(wanted).max())
-    # where the flow turns round the strips are not exact: as far off as the module says, of the drag at the faster end's speed
+    # where the flow turns round the strips are not exact: as far off as the module says, of the drag at the faster
+    # end's speed
     faster = np.abs(qd[:, 0]) + np.abs(qd.sum(axis=1)) * 0.8
     scale = RESISTANCE * faster**2 * 0.8
     assert (np.abs(found - wanted).max(axis=1)[inside] < 2e-4 * scale[inside]).all()
@@ -84,7 +88,10 @@ def test_closed_form_by_quadrature(qd: tuple[float, float]) -> None:
 
 
 def test_any_arm_against_velocities_by_differences() -> None:
-    """Drag, added mass and buoyancy of a random arm, summed over 400 slices whose motions are found by central differences."""
+    """Drag, added mass and buoyancy of a random arm.
+
+    Summed over 400 slices whose motions are found by central differences.
+    """
     body = Cylinder((0.1, -0.2, 0.3), (0.4, 0.1, 0.2), 0.05, 1000.0, 1.2, 1.5, 0.7)
     arm = random_arm(5, joints=3)
     arm = replace(arm, joints=(*arm.joints[:2], replace(arm.joints[2], cylinder=body)))
@@ -126,7 +133,8 @@ def test_drag_takes_energy_away_and_added_mass_none(seed: int) -> None:
     step = 1e-5
     ahead = energy(free, q + step * qd + step**2 / 2 * qdd, qd + step * qdd)
     behind = energy(free, q - step * qd + step**2 / 2 * qdd, qd - step * qdd)
-    # Morison's forces come from strips across the axis only: their work is what the kinetic energy of those strips gains, and
+    # Morison's forces come from strips across the axis only: their work is what the kinetic energy of those strips
+    # gains, and
     # what turning the axis within the flow moves between across and along
     power = (inverse_dynamics(free, q, qd, qdd) * qd).sum(axis=1)
     rest = (ahead - behind) / (2 * step) - power
@@ -134,8 +142,10 @@ def test_drag_takes_energy_away_and_added_mass_none(seed: int) -> None:
 
 
 def _turned(arm: Arm, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-    """(N,) W: -rho C_a pi R^2 times the integral of (v . e)(v . e') along every cylinder: d/dt of |v across|^2 / 2 is
-    v across . a less this."""
+    """(N,) W: -rho C_a pi R^2 times the integral of (v . e)(v . e') along every cylinder.
+
+    d/dt of |v across|^2 / 2 is v across . a less this.
+    """
     total, step, slices = np.zeros(len(q)), 1e-6, 200
     for j, joint in enumerate(arm.joints):
         if joint.cylinder is None:
@@ -223,7 +233,10 @@ def test_lanes_of_coefficients(arm: Arm) -> None:
 
 
 def test_effects_are_what_the_description_lacks(arm: Arm) -> None:
-    """A dry model with both effects is the wet one; a joint without a cylinder feels D |q'| q' and nothing else does."""
+    """A dry model with both effects is the wet one.
+
+    a joint without a cylinder feels D |q'| q' and nothing else does.
+    """
     states = random_states(2, 2)
     without = with_coefficients(arm, drag_coefficient=0.0, added_mass_coefficient=0.0, buoyancy=0.0)
     terms = [EffectTerm("added_mass", j, {"coefficient": 2.0, "buoyancy": 1.0}) for j in (1, 2)]

@@ -127,8 +127,9 @@ def test_mujoco_reads_our_urdf(root: Path, tmp_path: Path) -> None:
 
 def test_fixed_links_are_merged(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(
-        """<robot name="r"><link name="world"/><link name="a"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1"/>
-        </inertial></link><link name="b"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial></link>
+        """<robot name="r"><link name="world"/><link name="a"><inertial><mass value="2"/>
+        <inertia ixx="1" iyy="1" izz="1"/></inertial></link><link name="b"><inertial><mass value="1"/>
+        <inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial></link>
         <joint name="j" type="continuous"><parent link="world"/><child link="a"/><axis xyz="0 0 1"/></joint>
         <joint name="f" type="fixed"><parent link="a"/><child link="b"/><origin xyz="0.5 0 0"/></joint></robot>"""
     )

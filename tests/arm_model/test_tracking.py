@@ -29,9 +29,8 @@ def test_a_link_hangs_by_its_moment_times_the_compliance() -> None:
     q = np.linspace(-1.0, 1.0, 9)[:, None]
     compliance = 1e-3
     bent = target_at(pendulum(EffectTerm("link_sag", 1, {"compliance": compliance})), q, (0.0, 0.0, 0.0))
-    down = (
-        9.80665 * MASS * LENGTH * np.cos(q[:, 0])
-    )  # N m about the joint; the base's z axis is the world's y, so q > 0 points down
+    # N m about the joint; the base's z axis is the world's y, so q > 0 points down
+    down = 9.80665 * MASS * LENGTH * np.cos(q[:, 0])
     hanging = q[:, 0] + compliance * down
     np.testing.assert_allclose(
         bent, LENGTH * np.column_stack([np.cos(hanging), 0 * hanging, -np.sin(hanging)]), atol=1e-12
@@ -43,8 +42,12 @@ def test_geometry_is_the_d_h_transform_with_the_errors_in_it(puma: Arm) -> None:
     q = np.random.default_rng(1).uniform(-1, 1, (5, len(puma)))
     joint = puma.joints[1]
     values = {
-        "theta": joint.theta + 0.01, "alpha": joint.alpha - 0.02, "a": joint.a + 0.003, "d": joint.d + 0.002, "beta": joint.beta + 0.005,
-    }  # fmt: skip
+        "theta": joint.theta + 0.01,
+        "alpha": joint.alpha - 0.02,
+        "a": joint.a + 0.003,
+        "d": joint.d + 0.002,
+        "beta": joint.beta + 0.005,
+    }
     other = replace(puma, joints=(puma.joints[0], replace(joint, **values), *puma.joints[2:]))
     bent = replace(puma, effects=(EffectTerm("link_geometry", 2, errors),))
     np.testing.assert_allclose(target_at(bent, q, POINT), target_at(other, q, POINT), atol=1e-12)

@@ -68,8 +68,21 @@ READERS = {
     "calibrate": ["{bad}", "--model", "{model}", "--out", "{out}"],
     "calibrate tracker": ["{place}/good.mcap", "--tracker", "{bad}", "--model", "{model}", "--out", "{out}"],
 }
-BAD = ["", LONG, "{place}/" + LONG, "{place}/folder", "{place}/pipe", "{place}/device", "{place}/deep.toml",
-       "{place}/digits.toml", "{place}/latin.toml", "{place}/file", "{place}/file/x", "/proc/self/mem", "/proc/kmsg"]  # fmt: skip
+BAD = [
+    "",
+    LONG,
+    "{place}/" + LONG,
+    "{place}/folder",
+    "{place}/pipe",
+    "{place}/device",
+    "{place}/deep.toml",
+    "{place}/digits.toml",
+    "{place}/latin.toml",
+    "{place}/file",
+    "{place}/file/x",
+    "/proc/self/mem",
+    "/proc/kmsg",
+]
 
 
 def refused(command: str, options: list[str], capsys: pytest.CaptureFixture[str], **words: object) -> None:
@@ -106,8 +119,20 @@ WRITERS = {
     "model urdf": ["{panda}", "--out", "{out}.urdf"],
     "simulate": ["--model", "{model}", "--experiment", "{experiment}", "--rate", "50", "--out", "{out}"],
 }
-NO_FILE = ["", LONG, "{place}/" + LONG, "{place}/folder", "{place}/pipe", "{place}/device", "{place}/absent/x",
-           "{place}/file/x", "/proc/x", "/", ".", ".."]  # fmt: skip
+NO_FILE = [
+    "",
+    LONG,
+    "{place}/" + LONG,
+    "{place}/folder",
+    "{place}/pipe",
+    "{place}/device",
+    "{place}/absent/x",
+    "{place}/file/x",
+    "/proc/x",
+    "/",
+    ".",
+    "..",
+]
 
 
 @pytest.mark.parametrize("writer", WRITERS)

@@ -1,4 +1,7 @@
-"""``armscope init``: what it writes is accepted by every command that reads it, and its README's first commands work as they stand."""
+"""``armscope init``: what it writes is accepted by every command that reads it.
+
+Its README's first commands work as they stand.
+"""
 
 from __future__ import annotations
 

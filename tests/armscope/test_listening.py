@@ -1,4 +1,7 @@
-"""What listens: every process of every rig in config/, by the kernel's own tables. Loopback or a Unix socket, and nothing else."""
+"""What listens: every process of every rig in config/, by the kernel's own tables.
+
+Loopback or a Unix socket, and nothing else.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,10 @@ PORTS = ("50502", "50702", "50703")
 
 
 def listening(process: psutil.Process) -> set[str]:
-    """Addresses at which the process can be reached: TCP sockets that listen, UDP and raw sockets that are bound, Unix ones."""
+    """Addresses at which the process can be reached.
+
+    TCP sockets that listen, UDP and raw sockets that are bound, Unix ones.
+    """
     found = set()
     for each in (process, *process.children(recursive=True)):
         for connection in each.net_connections("all"):
@@ -58,7 +64,10 @@ def own_copy(name: str, folder: Path) -> Path:
 
 @contextmanager
 def running(ready: str, folder: Path, *arguments: str | Path) -> Iterator[set[str]]:
-    """An armscope command, from the line on standard error with the word ``ready`` to the end of the block; what it listens at then."""
+    """An armscope command, from the line on standard error with the word ``ready`` to the end of the block.
+
+    What it listens at then.
+    """
     process = start(folder, *arguments)
     assert process.stderr is not None
     try:

@@ -22,7 +22,7 @@ full_speed = [0.5]
 full_acceleration = [4.0]
 segment = [
     { type = "hold", duration = 0.5 },
-    { type = "fourier", duration = 10.0, fundamental = 0.5, sine = [[0.02, 0.01, 0.005]], cosine = [[0.01, 0.004, 0.003]] },
+    { type = "fourier", duration = 10.0, fundamental = 0.5, sine = [[0.02, 0.01, 0.005]], cosine = [[0.01, 0.004, 0]] },
     { type = "hold", duration = 0.5 },
 ]
 """
@@ -44,9 +44,22 @@ READERS: dict[str, list[str]] = {
 }
 """Command -> its arguments."""
 OTHERS = {
-    "init", "doctor", "daemon", "record", "status", "stop", "disarm", "fetch", "import", "model", "excite", "sim-devices", "demo"
-}  # fmt: skip
-"""Commands that read no recording of a person's (``record`` and ``fetch`` tell of the one they make from its ledger)."""
+    "init",
+    "doctor",
+    "daemon",
+    "record",
+    "status",
+    "stop",
+    "disarm",
+    "fetch",
+    "import",
+    "model",
+    "excite",
+    "sim-devices",
+    "demo",
+}
+"""Commands that read no recording of a person's (``record`` and ``fetch`` tell of the one they make from its
+ledger)."""
 REFUSE_DAMAGED = {"export", "plot", "identify", "diagnose", "calibrate", "simulate"}
 """Commands that compute with the rows: a damaged file must be recovered first."""
 LIGHT = sorted(READERS.keys() - {"diagnose", "calibrate"})

@@ -1,4 +1,7 @@
-"""Files that armscope ships are found by the names that its documents use, from any folder, in a checkout and installed."""
+"""Files that armscope ships are found by the names that its documents use.
+
+From any folder, in a checkout and installed.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""``make blind``: the hidden-effect suite. Recall, superfluous names, false alarms, strangers, parameters, confidence, seconds, confusion."""
+"""``make blind``: the hidden-effect suite.
+
+Recall, superfluous names, false alarms, strangers, parameters, confidence, seconds, confusion.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Cases drawn from a seed that the finder never sees: effect, joint, magnitude, phase, laboratory; pairs, triples, nothing, strangers."""
+"""Cases drawn from a seed that the finder never sees: effect, joint, magnitude, phase, laboratory.
+
+Pairs, triples, nothing, strangers.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +47,10 @@ def _asymmetry(rng: np.random.Generator, j: int, m: float) -> dict[str, float]:
 
 
 def _link(rng: np.random.Generator, j: int, m: float) -> dict[str, float]:
-    """A piece of 0.3 to 1 kg that is on the link and not in the model: mass, moment and inertia about the link's frame."""
+    """A piece of 0.3 to 1 kg that is on the link and not in the model.
+
+    Mass, moment and inertia about the link's frame.
+    """
     mass, place = (
         _between(rng, 0.3, 1.0) * m,
         rng.uniform([-0.4, -0.1, -0.1], [0.0, 0.1, 0.1]) * (1.0 if j == 1 else 0.6),
@@ -142,8 +148,11 @@ WHOLE_ARM = {"payload", "base_tilt", "wrist_coupling", "time_skew", "dropped_tri
 GRAVITY_LOADED = {"load_friction", "backlash", "joint_zero_offset", "current_nonlinearity", "link_inertia"}
 """Effects that need gravity at the joint to be there at all: hidden at joints 2 and 3 only."""
 NOT_WEAK = {"current_limit", "dropped_trigger", "wrist_coupling", "presliding_friction"}
-"""Effects that are there or not: no small one is drawn. Of a wrist's coupling currents show next to nothing; its motors turn. Bristles
-that get stiffer come near to dry friction, not to nothing."""
+"""Effects that are there or not: no small one is drawn.
+
+Of a wrist's coupling currents show next to nothing; its motors turn. Bristles that get stiffer come near to dry
+friction, not to nothing.
+"""
 
 SAME = (
     {"torque_constant", "current_gain"},
@@ -151,8 +160,8 @@ SAME = (
     {"gear_ripple", "encoder_ripple"},
     {"friction_asymmetry", "current_offset"},
 )
-"""Effects that the vocabulary says currents and motor angles of moves cannot tell apart (a shunt, a known mass, a tracker, drives off would):
-either name is right if the other is in its group."""
+"""Effects that the vocabulary says currents and motor angles of moves cannot tell apart (a shunt, a known mass, a
+tracker, drives off would): either name is right if the other is in its group."""
 
 KINDS = ("singles", "weak", "large", "pairs", "triples", "empties", "strangers")
 COUNTS = {"pairs": 20, "triples": 10, "empties": 20}
@@ -160,7 +169,10 @@ COUNTS = {"pairs": 20, "triples": 10, "empties": 20}
 
 @dataclass(frozen=True)
 class Case:
-    """Where it was recorded and what is hidden there, before ``magnitude`` has scaled it. key: its name in a cache, and its seed."""
+    """Where it was recorded and what is hidden there, before ``magnitude`` has scaled it.
+
+    key: its name in a cache, and its seed.
+    """
 
     kind: str
     number: int
@@ -206,7 +218,10 @@ def _several(rng: np.random.Generator, how_many: int) -> tuple[tuple[str, int | 
 
 
 def cases(kind: str, seed: int, number: int | None = None) -> Iterator[Case]:
-    """Cases of one kind: one for every effect (``singles``, ``weak``, ``large``, ``strangers``), or ``number`` of them."""
+    """Cases of one kind: one for every effect (``singles``, ``weak``, ``large``, ``strangers``).
+
+    Or ``number`` of them.
+    """
     place = KINDS.index(kind)
     names: list[str | None] = [None] * (number or COUNTS.get(kind, 0))
     if kind in ("singles", "weak", "large"):

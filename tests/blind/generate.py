@@ -29,7 +29,9 @@ Strong = list[tuple[Hidden, float]]
 
 
 def generate(case: Case, folder: Path, most: int = 4) -> tuple[Laboratory, list[dict]]:
-    """Writes fit_K.mcap, held_out_K.mcap and, last, hidden.json into a folder; returns whose arm it is and the hidden effects with their strengths.
+    """Writes fit_K.mcap, held_out_K.mcap and, last, hidden.json into a folder.
+
+    Returns whose arm it is and the hidden effects with their strengths.
 
     most: recordings of either side at most; the last of them are kept.
     """
@@ -50,7 +52,10 @@ def generate(case: Case, folder: Path, most: int = 4) -> tuple[Laboratory, list[
 
 
 def _shown(case: Case, most: int) -> tuple[Case, dict[str, list[Experiment]], Strong]:
-    """The case at the first of several laboratories whose motions show every effect, the motions of both sides, and the effects."""
+    """The case at the first of several laboratories whose motions show every effect.
+
+    The motions of both sides, and the effects.
+    """
     best: tuple[float, Case, dict[str, list[Experiment]], Strong] | None = None
     for number in range(LABORATORIES):
         there = replace(case, laboratory=laboratory(_seed(case, "laboratory", number))) if number else case

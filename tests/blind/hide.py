@@ -1,7 +1,8 @@
 """Hides effects in a plant and in what its instruments say. One function an effect; magnitudes are the caller's.
 
-A mechanical effect changes the ``Plant``; a sensing or timing effect changes the ``Signals`` that the instruments see. Names and
-parameters are those of the public vocabulary; the code is not. Strangers, which no vocabulary has, are in ``strangers``.
+A mechanical effect changes the ``Plant``; a sensing or timing effect changes the ``Signals`` that the instruments see.
+Names and parameters are those of the public vocabulary; the code is not. Strangers, which no vocabulary has, are in
+``strangers``.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Signals:
-    """What there is to be measured, at times t (m,) s: motor angle over gear (m, n) rad and current (m, n) A, signed as the joint.
+    """What there is to be measured, at times t (m,) s.
+
+    Motor angle over gear (m, n) rad and current (m, n) A, signed as the joint.
 
     gear (n,) motor turns a turn of the joint; counts (n,) of the encoder a motor turn.
     """
@@ -49,7 +52,10 @@ def _set(values: Array, joint: int, value: float) -> Array:
 
 
 def _with_body(p: Plant, joint: int, mass: float, first: Array, about_origin: Array) -> Plant:
-    """A body on a link: mass kg, first moment (3,) kg m and inertia (3, 3) kg m2 about the origin of the link's frame."""
+    """A body on a link: mass kg, first moment (3,) kg m and inertia (3, 3) kg m2.
+
+    About the origin of the link's frame.
+    """
     j = joint - 1
     xx, yy, zz, xy, yz, xz = p.inertia[j]
     whole = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) + p.mass[j] * _steiner(p.com[j]) + about_origin
@@ -91,7 +97,10 @@ def _tilt(p: Plant, joint: int, v: Values) -> Plant:
 
 
 def _link(p: Plant, joint: int, v: Values) -> Plant:
-    """The ten parameters of one link about its frame's origin, each wrong by what ``v`` says (0 where it says nothing)."""
+    """The ten parameters of one link about its frame's origin.
+
+    Each is wrong by what ``v`` says (0 where it says nothing).
+    """
     xx, yy, zz, xy, yz, xz = (v.get(name, 0.0) for name in ("ixx", "iyy", "izz", "ixy", "iyz", "ixz"))
     first = np.array([v.get(name, 0.0) for name in ("mx", "my", "mz")])
     return _with_body(p, joint, v.get("mass", 0.0), first, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))

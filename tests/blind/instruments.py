@@ -1,7 +1,10 @@
-"""From what there is to be measured to what a rig records: sine encoders, counters, Hall transducers and the 12-bit converter.
+"""From what there is to be measured to what a rig records.
 
-The rig is that of config/puma560_sim.toml; encoders, comparators, quadrature, transducers and converter are those of its simulated
-devices, calibration that of the sampler. Left out: the transducers' lag of 3 us and the rig's threads, sockets and triggers.
+Sine encoders, counters, Hall transducers and the 12-bit converter.
+
+The rig is that of config/puma560_sim.toml; encoders, comparators, quadrature, transducers and converter are those of
+its simulated devices, calibration that of the sampler. Left out: the transducers' lag of 3 us and the rig's threads,
+sockets and triggers.
 """
 
 from __future__ import annotations
@@ -57,7 +60,10 @@ def instruments() -> Instruments:
 
 
 def rows_of(signals: Signals, current: CubicSpline, rng: np.random.Generator, demand: NDArray[np.float64]) -> Rows:
-    """What the rig makes of signals (m rows): ``current`` gives the motor currents (m, n) A between the rows as well."""
+    """What the rig makes of signals (m rows).
+
+    ``current`` gives the motor currents (m, n) A between the rows as well.
+    """
     its = instruments()
     gear = np.array([joint.gear for joint in its.rig.joint])
     counts = _counts(its, signals.angle * gear, rng)
@@ -72,9 +78,17 @@ def rows_of(signals: Signals, current: CubicSpline, rng: np.random.Generator, de
     ns = np.rint(signals.t * 1e9).astype(np.int64)
     quality = np.zeros((m, 2 * n), np.uint8)
     return Rows(
-        number=np.arange(m), host_ns=ns, wall_ns=ns, tick=ns // 1000, counts=counts, volts=volts, quality=quality,
-        position=positions(its.calibration, counts, quality), current=currents(its.calibration, volts), demand=demand,
-    )  # fmt: skip
+        number=np.arange(m),
+        host_ns=ns,
+        wall_ns=ns,
+        tick=ns // 1000,
+        counts=counts,
+        volts=volts,
+        quality=quality,
+        position=positions(its.calibration, counts, quality),
+        current=currents(its.calibration, volts),
+        demand=demand,
+    )
 
 
 def _counts(its: Instruments, motor: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.int64]:

@@ -1,4 +1,7 @@
-"""Whose arm it is: motions, controller, noise and how the recordings reach the finder, drawn from a seed as laboratories differ."""
+"""Whose arm it is: motions, controller, noise and how the recordings reach the finder.
+
+Drawn from a seed as laboratories differ.
+"""
 
 from __future__ import annotations
 

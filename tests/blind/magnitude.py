@@ -1,8 +1,8 @@
 """How strong a hidden effect is: the change of the motor currents that it makes, over the noise of the currents.
 
-Measured by simulating the same motions with and without it. The noise is all that the instruments add to a current: white, and what
-is correlated. An effect that is drawn where its motions hardly show it is made stronger, or hidden in another laboratory, until they do: what nobody
-could see is no case.
+Measured by simulating the same motions with and without it. The noise is all that the instruments add to a current:
+white, and what is correlated. An effect that is drawn where its motions hardly show it is made stronger, or hidden in
+another laboratory, until they do: what nobody could see is no case.
 """
 
 from __future__ import annotations
@@ -44,7 +44,10 @@ def bare(experiment: Experiment, laboratory: Laboratory) -> Truth:
 
 
 def strength(hidden: Hidden, experiments: Sequence[Experiment], laboratory: Laboratory) -> float:
-    """Change of current over noise, rms over the experiments, at the joint (for the whole arm, the joint that shows it most)."""
+    """Change of current over noise, rms over the experiments.
+
+    At the joint (for the whole arm, the joint that shows it most).
+    """
     if hidden.effect in COUNTED:
         return abs(hidden.parameters[COUNTED[hidden.effect]])
     noise = float(np.hypot(WHITE, laboratory.colour))
@@ -63,7 +66,10 @@ def scaled(
     wanted: Wanted,
     most: float,
 ) -> tuple[float, float]:
-    """(factor, ``most`` at most; strength over the noise) of the effect ``at(factor)``; nearly proportional: three steps are enough."""
+    """(factor, ``most`` at most; strength over the noise) of the effect ``at(factor)``.
+
+    Nearly proportional: three steps are enough.
+    """
     factor = 1.0
     reached = strength(at(factor), experiments, laboratory)
     for _ in range(3):
@@ -76,7 +82,10 @@ def scaled(
 
 
 def limit_below(peak_share: float, joint: int, experiments: Sequence[Experiment], laboratory: Laboratory) -> float:
-    """A: a share of the largest current that the motions ask of a joint for ``ASKED`` s: shorter kicks of the setpoints are over before one looks."""
+    """A: a share of the largest current that the motions ask of a joint for ``ASKED`` s.
+
+    Shorter kicks of the setpoints are over before one looks.
+    """
     rows = round(ASKED * laboratory.rate)
     currents = [bare(e, laboratory).signals.current[:, joint - 1] for e in experiments]
     return peak_share * max(float(np.max(uniform_filter1d(np.abs(current), rows))) for current in currents)

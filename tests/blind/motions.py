@@ -1,8 +1,10 @@
-"""The motions of a hidden-effect case: seven recordings of about 15 s, four to fit and three held out, as laboratories make them.
+"""The motions of a hidden-effect case.
 
-Three sets, none made for the finder: ``singles`` is the thesis's (one joint at a time, forwards and back, two speeds, joints 2 and 3 through
-the vertical), with moves of the whole arm to judge by; ``moves`` goes from point to point as a robot at work does, with reversals and
-chirps; ``mixed`` are excitation trajectories and sweeps.
+Seven recordings of about 15 s, four to fit and three held out, as laboratories make them.
+
+Three sets, none made for the finder: ``singles`` is the thesis's (one joint at a time, forwards and back, two speeds,
+joints 2 and 3 through the vertical), with moves of the whole arm to judge by; ``moves`` goes from point to point as a
+robot at work does, with reversals and chirps; ``mixed`` are excitation trajectories and sweeps.
 """
 
 from __future__ import annotations
@@ -39,7 +41,10 @@ def _experiment(name: str, segments: list[dict[str, Any]]) -> Experiment:
 
 
 def fourier(name: str, seed: int, fundamental: float, size: float, duration: float = 14.0) -> Experiment:
-    """Random finite Fourier series in all six joints, five harmonics, scaled to ``size`` of each joint's comfortable range."""
+    """Random finite Fourier series in all six joints, five harmonics.
+
+    Scaled to ``size`` of each joint's comfortable range.
+    """
     rng = np.random.default_rng(seed)
     reach = size * np.array([1.2, 0.7, 0.9, 1.0, 0.8, 1.2])
     shape = rng.normal(size=(2, 6, 5)) / np.arange(1, 6)
@@ -50,9 +55,13 @@ def fourier(name: str, seed: int, fundamental: float, size: float, duration: flo
     speed = np.abs((np.cos(phase) * w) @ shape[0].T - (np.sin(phase) * w) @ shape[1].T).max(axis=0)
     shape *= np.minimum(1.0, np.array(FULL_SPEED) / speed)[:, None]
     segment = {
-        "type": "fourier", "duration": duration, "fundamental": fundamental, "fade": 1.0,
-        "sine": shape[0].tolist(), "cosine": shape[1].tolist(),
-    }  # fmt: skip
+        "type": "fourier",
+        "duration": duration,
+        "fundamental": fundamental,
+        "fade": 1.0,
+        "sine": shape[0].tolist(),
+        "cosine": shape[1].tolist(),
+    }
     return _experiment(name, [segment])
 
 

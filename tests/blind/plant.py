@@ -1,9 +1,11 @@
-"""A geared arm under its servo, with what may be wrong with it, integrated in numba: the truth of the hidden-effect tests.
+"""A geared arm under its servo, with what may be wrong with it, integrated in numba.
 
-Nothing here is shared with ``arm_model``: friction is a hyperbolic tangent or LuGre with its state, backlash and compliance are
-two masses and a spring with a gap, load friction takes the torque that the gear transmitted, ripple is a true kinematic relation.
-The controller is the one that config/models/puma560.toml describes (setpoints every 28 ms, servo every 0.875 ms).
-Beside the effects of the vocabulary there are strangers, which no vocabulary has (``_strange``).
+The truth of the hidden-effect tests.
+
+Nothing here is shared with ``arm_model``: friction is a hyperbolic tangent or LuGre with its state, backlash and
+compliance are two masses and a spring with a gap, load friction takes the torque that the gear transmitted, ripple is a
+true kinematic relation. The controller is the one that config/models/puma560.toml describes (setpoints every 28 ms,
+servo every 0.875 ms). Beside the effects of the vocabulary there are strangers, which no vocabulary has (``_strange``).
 
 All values at the joint: motor angle over gear ratio, torque times gear ratio.
 """
@@ -122,7 +124,10 @@ def _strange(p, j, link, linkd):  # type: ignore[no-untyped-def]
 
 
 class Scratch(NamedTuple):
-    """What a step works in. Where a joint has a gear error, x is its motor and q its link before the wrist's coupling."""
+    """What a step works in.
+
+    Where a joint has a gear error, x is its motor and q its link before the wrist's coupling.
+    """
 
     q: Array  # (n,)
     qd: Array
@@ -183,7 +188,10 @@ def _inertias(p, x, w):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _rates(p, t, x, current, load, rate, w):  # type: ignore[no-untyped-def]
-    """Rates of x (5, n): motor angle, motor speed, link angle, link speed, bristle. Rigid joints keep link rows unused."""
+    """Rates of x (5, n): motor angle, motor speed, link angle, link speed, bristle.
+
+    Rigid joints keep link rows unused.
+    """
     n = len(p.mass)
     _links(p, x, w)
     newton_euler(p.dh, w.turns, p.mass, p.com, p.inertia, p.gravity, w.linkd, w.rest, w.bias, w.links)
@@ -252,10 +260,13 @@ def _cholesky_solve(a, b, n):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def run(p, demand, settle, substeps):  # type: ignore[no-untyped-def]
-    """The closed loop. demand (steps, n): demanded motor angles at every servo period; ``settle`` servo periods at demand[0] first.
+    """The closed loop. demand (steps, n): demanded motor angles at every servo period.
 
-    Returns motor angle (steps, n) rad as its encoder sees it, motor current (steps, n) A (true), link angle (steps, n) rad.
-    Runge-Kutta 4 with ``substeps`` steps a servo period; the current follows its demand through an exact first-order lag.
+    ``settle`` servo periods at demand[0] first.
+
+    Returns motor angle (steps, n) rad as its encoder sees it, motor current (steps, n) A (true), link angle (steps, n)
+    rad. Runge-Kutta 4 with ``substeps`` steps a servo period; the current follows its demand through an exact
+    first-order lag.
     """
     steps, n = demand.shape
     turns, square = np.zeros((n, 4)), np.zeros((3, n, n))

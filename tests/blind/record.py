@@ -28,7 +28,10 @@ SETPOINTS = 0.028
 
 @dataclass(frozen=True)
 class Truth:
-    """One motion as it was: signals at the rows, hidden ones included and noise not; demands and link angles (m, n) rad."""
+    """One motion as it was: signals at the rows, hidden ones included and noise not.
+
+    Demands and link angles (m, n) rad.
+    """
 
     signals: Signals
     demand: Array
@@ -56,21 +59,66 @@ def nominal_plant(model: Path = MODEL) -> Plant:
     wn = np.array(control["natural_frequency"])
     zero, one = np.zeros(n), np.ones(n)
     return Plant(
-        dh=dh, mass=mass, com=com, inertia=inertia, gravity=gravity, gear=gear, rotor=rotor,
-        torque_per_ampere=torque_per_ampere, viscous=gear**2 * column("viscous"), coulomb_up=coulomb[:, 0], coulomb_down=coulomb[:, 1],
-        breakaway=zero, stribeck_velocity=one, quadratic=zero, load_share=zero, drift_share=zero, drift_time=one,
-        bristle=zero, bristle_damping=zero, rest_velocity=0.005 * one, spring=zero, spring_rest=zero,
-        ripple_torque=zero, ripple_order=zero, ripple_phase=zero, lead_error=zero, lead_order=zero, lead_phase=zero,
-        stiffness=zero, damping=zero, half_gap=zero, coupling=np.eye(n),
-        read_error=zero, read_order=zero, read_phase=zero,
-        eccentric=zero, eccentric_phase=zero, lost_driving=zero, cable=zero, cable_rest=zero,
-        cross_torque=zero, cross_cycles=np.zeros((n, n)), warm_share=zero, warm_time=one, one_way_viscous=zero,
-        rub=zero, rub_from=zero, rub_to=zero, harness=np.zeros((n, n)), relay=zero,
-        kp=wn**2 * felt, ki=control["integral_rate"] * wn**2 * felt, kd=2 * control["damping_ratio"] * wn * felt,
-        nominal_torque_per_ampere=torque_per_ampere, current_limit=column("torque_limit") / torque_per_ampere,
-        velocity_reference=1.0, velocity_bandwidth=control["velocity_bandwidth"], current_lag=control["current_lag"],
+        dh=dh,
+        mass=mass,
+        com=com,
+        inertia=inertia,
+        gravity=gravity,
+        gear=gear,
+        rotor=rotor,
+        torque_per_ampere=torque_per_ampere,
+        viscous=gear**2 * column("viscous"),
+        coulomb_up=coulomb[:, 0],
+        coulomb_down=coulomb[:, 1],
+        breakaway=zero,
+        stribeck_velocity=one,
+        quadratic=zero,
+        load_share=zero,
+        drift_share=zero,
+        drift_time=one,
+        bristle=zero,
+        bristle_damping=zero,
+        rest_velocity=0.005 * one,
+        spring=zero,
+        spring_rest=zero,
+        ripple_torque=zero,
+        ripple_order=zero,
+        ripple_phase=zero,
+        lead_error=zero,
+        lead_order=zero,
+        lead_phase=zero,
+        stiffness=zero,
+        damping=zero,
+        half_gap=zero,
+        coupling=np.eye(n),
+        read_error=zero,
+        read_order=zero,
+        read_phase=zero,
+        eccentric=zero,
+        eccentric_phase=zero,
+        lost_driving=zero,
+        cable=zero,
+        cable_rest=zero,
+        cross_torque=zero,
+        cross_cycles=np.zeros((n, n)),
+        warm_share=zero,
+        warm_time=one,
+        one_way_viscous=zero,
+        rub=zero,
+        rub_from=zero,
+        rub_to=zero,
+        harness=np.zeros((n, n)),
+        relay=zero,
+        kp=wn**2 * felt,
+        ki=control["integral_rate"] * wn**2 * felt,
+        kd=2 * control["damping_ratio"] * wn * felt,
+        nominal_torque_per_ampere=torque_per_ampere,
+        current_limit=column("torque_limit") / torque_per_ampere,
+        velocity_reference=1.0,
+        velocity_bandwidth=control["velocity_bandwidth"],
+        current_lag=control["current_lag"],
         servo_period=control["servo_period"],
-    )  # fmt: skip
+    )
 
 
 def truth(experiment: Experiment, hidden: tuple[Hidden, ...], laboratory: Laboratory, settle: float = 0.5) -> Truth:
@@ -79,8 +127,10 @@ def truth(experiment: Experiment, hidden: tuple[Hidden, ...], laboratory: Labora
     gains = laboratory.gains
     plant = plant._replace(
         rest_velocity=laboratory.rest_velocity * np.ones_like(plant.mass),
-        kp=gains * plant.kp, ki=gains * plant.ki, kd=np.sqrt(gains) * plant.kd,
-    )  # fmt: skip
+        kp=gains * plant.kp,
+        ki=gains * plant.ki,
+        kd=np.sqrt(gains) * plant.kd,
+    )
     true = hide_in_plant(plant, hidden)
     demand = demand_of(experiment)
     setpoints = np.arange(0.0, demand.duration + 2 * SETPOINTS, SETPOINTS)
@@ -94,7 +144,8 @@ def truth(experiment: Experiment, hidden: tuple[Hidden, ...], laboratory: Labora
     counts = np.array([1000.0, 800.0, 1000.0, 1000.0, 1000.0, 1000.0])
     fine, amperes = between(servo, current, true)
     if laboratory.route == "table":
-        # drives average over a row. Single values alias: the 28 ms setpoints kick the current, and their 14th harmonic is 500 Hz
+        # drives average over a row. Single values alias: the 28 ms setpoints kick the current, and their 14th harmonic
+        # is 500 Hz
         charge, half = cumulative_trapezoid(amperes, fine, axis=0, initial=0.0), 0.5 / laboratory.rate
         since, until = np.maximum(t - half, fine[0]), np.minimum(t + half, fine[-1])
         seen = (_at(until, fine, charge) - _at(since, fine, charge)) / (until - since)[:, None]
@@ -111,7 +162,9 @@ FINER = 8
 
 
 def between(servo: Array, current: Array, plant: Plant) -> tuple[Array, Array]:
-    """Times (FINER m,) s and currents there of what was (m, n) A at the servo's instants: drives run to what is wanted with their own lag.
+    """Times (FINER m,) s and currents there of what was (m, n) A at the servo's instants.
+
+    Drives run to what is wanted with their own lag.
 
     A line from instant to instant would be 0.15 ms late: most of the way is gone in the first half of a period.
     """

@@ -1,7 +1,7 @@
 """Rigid-body dynamics of a standard Denavit-Hartenberg arm in numba, written apart from ``arm_model``.
 
-Recursive Newton-Euler in link frames (Craig, Introduction to Robotics, 3rd ed., section 6.5, for frames at the link's end); the mass matrix
-by columns. Everything in SI units; inertias about the centre of mass, in the link frame.
+Recursive Newton-Euler in link frames (Craig, Introduction to Robotics, 3rd ed., section 6.5, for frames at the link's
+end); the mass matrix by columns. Everything in SI units; inertias about the centre of mass, in the link frame.
 """
 
 from __future__ import annotations
@@ -12,7 +12,10 @@ import numpy as np
 
 @numba.njit(cache=True, error_model="numpy")
 def turned(dh, q, turns):  # type: ignore[no-untyped-def]
-    """Writes cos and sin of the joints at q (n,) into ``turns`` (n, 4), where those of the twists stand already, in columns 2 and 3."""
+    """Writes cos and sin of the joints at q (n,) into ``turns`` (n, 4).
+
+    Those of the twists stand already, in columns 2 and 3.
+    """
     for i in range(len(q)):
         turns[i, 0], turns[i, 1] = np.cos(q[i] + dh[i, 0]), np.sin(q[i] + dh[i, 0])
 
@@ -21,7 +24,8 @@ def turned(dh, q, turns):  # type: ignore[no-untyped-def]
 def newton_euler(dh, turns, mass, com, inertia, gravity, qd, qdd, tau, work):  # type: ignore[no-untyped-def]
     """Joint torques ``tau`` (n,) of the links alone. dh (n, 4): theta offset, d, a, alpha; gravity (3,) points down.
 
-    turns (n, 4): as ``turned`` leaves it; inertia (n, 6): xx yy zz xy yz xz; work (n, 6): scratch, so that nothing is allocated.
+    turns (n, 4): as ``turned`` leaves it; inertia (n, 6): xx yy zz xy yz xz; work (n, 6): scratch, so that nothing is
+    allocated.
     """
     n = len(qd)
     wx = wy = wz = ax = ay = az = 0.0

@@ -1,4 +1,7 @@
-"""What a diagnosis is worth where the truth is known: names, parameters, what is left, confidence; one case, and all of them."""
+"""What a diagnosis is worth where the truth is known: names, parameters, what is left, confidence.
+
+One case, and all of them.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +25,13 @@ BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.001)
 
 @dataclass
 class Outcome:
-    """One case. hidden and named: [effect, joint]; found: whether each hidden one was named, stands_for: by which name;
+    """One case.
 
-    parameters: one dict each that was compared.
+    hidden and named: [effect, joint]; found: whether each hidden one was named, stands_for: by which name; parameters:
+    one dict each that was compared.
 
-    left    weighed held-out rms at the joint of each hidden effect (1: noise); closed: current error of the simulation there over noise
+    left    weighed held-out rms at the joint of each hidden effect (1: noise); closed: current error of the simulation
+            there over noise
     told    for a stranger, whether ``unexplained`` has its joint and a right variable
     declared  for each hidden effect, whether ``not_visible`` says that these recordings cannot show it
     """
@@ -68,7 +73,8 @@ class Outcome:
         strength = "/".join(f"{s:.1f}" for s in self.strength)
         rest = "".join(f"; left {s}@{j} by {a} {share:.0%}" for s, j, a, share in self.unexplained)
         return (
-            f"{'ok ' if self.good else 'NOT'} {self.kind} {show(self.hidden)} ({strength} x noise, {self.laboratory['motions']}) -> "
+            f"{'ok ' if self.good else 'NOT'} {self.kind} {show(self.hidden)} ({strength} x noise, "
+            f"{self.laboratory['motions']}) -> "
             f"{show(self.named)} ({self.verdict}{rest}; {self.seconds:.0f} s)"
         )
 
@@ -92,15 +98,27 @@ def outcome(
     unseen = {(one["effect"], one["joint"]) for one in table["not_visible"]}
     left = [[s["signal"], s["joint"], s["against"], s["share"]] for s in table["unexplained"]]
     return Outcome(
-        name=case.name, kind=case.kind, laboratory=asdict(where),
-        hidden=[[one["effect"], one["joint"]] for one in hidden], strength=[one["strength"] for one in hidden],
+        name=case.name,
+        kind=case.kind,
+        laboratory=asdict(where),
+        hidden=[[one["effect"], one["joint"]] for one in hidden],
+        strength=[one["strength"] for one in hidden],
         values=[dict(one["parameters"]) for one in hidden],
-        named=[[c.effect, c.joint] for c in result.causes], stands_for=names, found=found, superfluous=len(rest), confidence=confidence,
-        parameters=parameters, verdict=result.verdict, unexplained=left, told=stranger and told(hidden[0], left),
-        left=[_left(result, one["joint"]) for one in hidden], closed=[_closed(table, one["joint"]) for one in hidden],
-        declared=[(one["effect"], one["joint"]) in unseen for one in hidden], seconds=0.0,
+        named=[[c.effect, c.joint] for c in result.causes],
+        stands_for=names,
+        found=found,
+        superfluous=len(rest),
+        confidence=confidence,
+        parameters=parameters,
+        verdict=result.verdict,
+        unexplained=left,
+        told=stranger and told(hidden[0], left),
+        left=[_left(result, one["joint"]) for one in hidden],
+        closed=[_closed(table, one["joint"]) for one in hidden],
+        declared=[(one["effect"], one["joint"]) in unseen for one in hidden],
+        seconds=0.0,
         groups=[[list(member) for member in c.group] for c in result.causes],
-    )  # fmt: skip
+    )
 
 
 def right(cause: Cause, effect: str, joint: int | None) -> bool:
@@ -111,7 +129,10 @@ def right(cause: Cause, effect: str, joint: int | None) -> bool:
 
 
 def compared(cause: Cause, hidden: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Every parameter that both have: the true value, the one found, its deviation, and whether it lies within two of them."""
+    """Every parameter that both have.
+
+    The true value, the one found, its deviation, and whether it lies within two of them.
+    """
     rows = []
     for p in cause.parameters if cause.effect == hidden["effect"] else ():
         if p.name not in hidden["parameters"]:
@@ -120,8 +141,16 @@ def compared(cause: Cause, hidden: Mapping[str, Any]) -> list[dict[str, Any]]:
         if p.name == "phase":
             error = (error + np.pi) % (2 * np.pi) - np.pi
         inside = bool(abs(error) <= 2 * p.std + 1e-9)
-        rows.append({"effect": cause.effect, "name": p.name, "true": hidden["parameters"][p.name], "value": p.value,
-                     "std": p.std, "inside": inside})  # fmt: skip
+        rows.append(
+            {
+                "effect": cause.effect,
+                "name": p.name,
+                "true": hidden["parameters"][p.name],
+                "value": p.value,
+                "std": p.std,
+                "inside": inside,
+            }
+        )
     return rows
 
 
@@ -145,7 +174,10 @@ def _left(result: Diagnosis, joint: int | None) -> float:
 
 
 def _closed(table: Mapping[str, Any], joint: int | None) -> float:
-    """Error of the simulated current after, over the noise that the diagnosis states; the worst joint for the whole arm."""
+    """Error of the simulated current after, over the noise that the diagnosis states.
+
+    The worst joint for the whole arm.
+    """
     ratios = [
         s["error_rms"]["held_out"]["after"] / s["noise_rms"]
         for s in table["signals"]
@@ -196,7 +228,10 @@ def _mean(values: Iterable[float]) -> float:
 
 
 def confusion(outcomes: Sequence[Outcome]) -> Counter[tuple[str, str]]:
-    """(hidden, named) -> how often; '-' for none. What was found counts for itself, every other name for what was missed."""
+    """(hidden, named) -> how often; '-' for none.
+
+    What was found counts for itself, every other name for what was missed.
+    """
     pairs: Counter[tuple[str, str]] = Counter()
     for o in outcomes:
         rest = [name for name, _ in o.named]

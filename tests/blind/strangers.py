@@ -1,7 +1,9 @@
-"""Defects that no vocabulary has, as an arm in use may have them: nothing may be named, the right variable has to be told.
+"""Defects that no vocabulary has, as an arm in use may have them.
 
-Each is drawn at a strength of 1 in ``DRAWN`` and scaled to a multiple of the noise by ``magnitude``; ``TOLD`` says against which
-variables of the same joint (unless it names another) a person would find it in the residual.
+Nothing may be named, the right variable has to be told.
+
+Each is drawn at a strength of 1 in ``DRAWN`` and scaled to a multiple of the noise by ``magnitude``; ``TOLD`` says
+against which variables of the same joint (unless it names another) a person would find it in the residual.
 """
 
 from __future__ import annotations
@@ -123,4 +125,7 @@ TOLD: dict[str, tuple[str, ...]] = {
     "sticking_core": ("current",),
     "crosstalk": ("current of joint {other}", "load torque of joint {other}"),
 }
-"""Variables that are right to be told; one that begins with such a name and goes on about direction or sign is as well."""
+"""Variables that are right to be told.
+
+One that begins with such a name and goes on about direction or sign is as well.
+"""

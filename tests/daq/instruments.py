@@ -1,8 +1,8 @@
 """Small devices in memory for the tests of daq: a driver module as in ``drivers``, with its ``Config`` and ``make``.
 
-One ``Line`` a rig makes trigger edges on the rig's clock; cards latch on it, each with its own latency, and faults are injected by
-edge. Every value is a function of the true edge, so that a shifted row shows: counter c reads ``edge * (c + 1) * STEP``, input c
-``edge * 1e-3 + c`` V, the tracker ``(edge, 0, 0)`` m.
+One ``Line`` a rig makes trigger edges on the rig's clock; cards latch on it, each with its own latency, and faults are
+injected by edge. Every value is a function of the true edge, so that a shifted row shows: counter c reads ``edge * (c +
+1) * STEP``, input c ``edge * 1e-3 + c`` V, the tracker ``(edge, 0, 0)`` m.
 """
 
 from __future__ import annotations

@@ -36,7 +36,10 @@ COLUMNS = {
 
 
 def make_rows(first: int, count: int, seed: int = 0) -> Rows:
-    """``count`` rows of random values at about 1 kHz, with trigger numbers from ``first``; row k depends on k and seed only."""
+    """``count`` rows of random values at about 1 kHz, with trigger numbers from ``first``.
+
+    Row k depends on k and seed only.
+    """
     number = np.arange(first, first + count)
     random = _noise(number[:, None] * 64 + np.arange(64), seed)
     return Rows(

@@ -109,7 +109,8 @@ rig = read_rig(Path("rig.toml"), drivers=False)
 keys = keys_of(rig.name)
 session = open_session(rig, listen=False)
 with claim(session, keys) as name:
-    arguments = {"experiment": Path("experiment.toml").read_text(), "out": str(Path("run.mcap").absolute()), "client": name}
+    out = str(Path("run.mcap").absolute())
+    arguments = {"experiment": Path("experiment.toml").read_text(), "out": out, "client": name}
     print("asks", flush=True)
     print(call(session, keys, "arm", arguments)["state"], flush=True)
     time.sleep(60)

@@ -42,7 +42,8 @@ def test_counts_per_radian_are_of_the_joint_with_their_sign() -> None:
 
 
 def test_the_current_is_the_hall_formula_in_the_joints_sense() -> None:
-    # The thesis: I = (20 V - C_off) / N for 200 A -> 10 V; a motor that turns backwards has its current turned round too.
+    # The thesis: I = (20 V - C_off) / N for 200 A -> 10 V; a motor that turns backwards has its current turned round
+    # too.
     for gear, sense in ((50.0, 1), (-50.0, -1)):
         sensor = {"rated_current": 200.0, "rated_voltage": 10.0, "turns": 10, "offset": 0.05}
         calibration = calibration_of(_rig({"lines": 250}, sensor, gear), COLUMNS)

@@ -1,4 +1,7 @@
-"""Not one bit of a finished recording changes unseen: every record has its checksum, and the one that is damaged is named."""
+"""Not one bit of a finished recording changes unseen.
+
+Every record has its checksum, and the one that is damaged is named.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +27,15 @@ from daq.recording.recover import recover
 from tests.daq.recorded import LAYOUT, make_rows
 
 NAMES = {
-    Opcode.HEADER: "the header", Opcode.SCHEMA: "schema", Opcode.CHANNEL: "channel", Opcode.CHUNK: "chunk",
-    Opcode.MESSAGE_INDEX: "message index", Opcode.ATTACHMENT: "attachment", Opcode.METADATA: "metadata",
+    Opcode.HEADER: "the header",
+    Opcode.SCHEMA: "schema",
+    Opcode.CHANNEL: "channel",
+    Opcode.CHUNK: "chunk",
+    Opcode.MESSAGE_INDEX: "message index",
+    Opcode.ATTACHMENT: "attachment",
+    Opcode.METADATA: "metadata",
     Opcode.DATA_END: "the data end record",
-}  # fmt: skip
+}
 LOSS = Loss(6, 3, LossReason.NOT_LATCHED, "card")
 
 

@@ -197,7 +197,10 @@ def test_times_that_do_not_look_like_seconds_are_asked_about(tmp_path: Path, tim
 def test_times_in_any_unit_since_any_time_lose_nothing(
     unit: TimeUnit, steps: list[int], of_epoch: bool, nanoseconds: int
 ) -> None:
-    """Steps in ns, written with all digits: what is read is the nearest float64 to the exact time since the first row, or the start."""
+    """Steps in ns, written with all digits.
+
+    What is read is the nearest float64 to the exact time since the first row, or the start.
+    """
     digits = {"s": 9, "ms": 6, "us": 3, "ns": 0}[unit]
     first = (1_700_000_000 * of_epoch) * 10**9 + nanoseconds
     exact = [first + sum(steps[:k]) for k in range(len(steps) + 1)]
@@ -214,9 +217,8 @@ def test_times_of_the_epoch_are_relative_in_the_recording_and_come_back(tmp_path
     table, run_file, back = write(tmp_path, rows_of(texts)), tmp_path / "run.mcap", tmp_path / "back.csv"
     assert run(["import", str(table), "--out", str(run_file)]) == 0
     recording = open_recording(run_file)
-    np.testing.assert_array_equal(
-        recording.t, np.arange(3000) / 1000
-    )  # to the last bit, where float64 since 1970 has 0.24 us
+    # to the last bit, where float64 since 1970 has 0.24 us
+    np.testing.assert_array_equal(recording.t, np.arange(3000) / 1000)
     assert recording.wall_ns[0] == 1_700_000_000_000_123_456 and recording.wall_ns[-1] == 1_700_000_002_999_123_456
     assert run(["export", str(run_file), "--out", str(back)]) == 0
     assert [line.split(",")[0] for line in back.read_text().splitlines()[1:]] == texts

@@ -1,4 +1,7 @@
-"""The daemon and ``record`` as a laboratory runs them: real processes, sockets, files and signals on the simulated rig."""
+"""The daemon and ``record`` as a laboratory runs them.
+
+Real processes, sockets, files and signals on the simulated rig.
+"""
 
 from __future__ import annotations
 
@@ -181,7 +184,8 @@ def test_unplugged_device_ends_the_run_and_keeps_the_file(lab: Lab) -> None:
     recording = open_recording(lab.folder / "run.mcap")
     assert len(recording) == result["rows"] <= 4001
     assert recording.ledger.balanced
-    # What the host had not read yet when the card went is lost, and is all that is lost: on a busy machine more than on a quiet one.
+    # What the host had not read yet when the card went is lost, and is all that is lost: on a busy machine more than on
+    # a quiet one.
     assert recording.number.tolist() == list(range(len(recording)))
     assert {loss.reason for loss in recording.ledger.losses} <= {LossReason.DEVICE_GONE}
     assert recording.ledger.triggers >= 3990
@@ -258,8 +262,14 @@ def test_wrong_input_leaves_nothing_behind(lab: Lab) -> None:
 def test_wedged_subscriber_does_not_cost_a_row(lab: Lab) -> None:
     lab.experiment(2)
     lab.daemon()
-    code = "import sys, time; from daq.rig.rig_file import read_rig; from daq.service.zenoh_session import *; from daq.service.subscriber import *\n"
-    code += "rig = read_rig('rig.toml', drivers=False); s = Subscriber(open_session(rig, listen=False), keys_of(rig.name))\n"
+    code = (
+        "import sys, time; from daq.rig.rig_file import read_rig; from daq.service.zenoh_session import "
+        "*; from daq.service.subscriber import *\n"
+    )
+    code += (
+        "rig = read_rig('rig.toml', drivers=False); s = Subscriber(open_session(rig, listen=False), "
+        "keys_of(rig.name))\n"
+    )
     code += "print('ready', flush=True)\nwhile True: s.receive()"
     wedged = subprocess.Popen(
         [sys.executable, "-c", code],

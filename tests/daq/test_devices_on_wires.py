@@ -1,4 +1,7 @@
-"""The sampler with the real drivers, on their protocols' simulators: a T7 as the clock, a QSB that has to be asked beside it."""
+"""The sampler with the real drivers, on their protocols' simulators.
+
+a T7 as the clock, a QSB that has to be asked beside it.
+"""
 
 from __future__ import annotations
 
@@ -65,13 +68,15 @@ def test_a_latched_and_an_asked_device_become_one_row(tmp_path: Path) -> None:
         truth = counts(0, rows.host_ns)
         fresh = (rows.quality[:, asked] == Quality.GOOD) & (rows.number > 5)
         assert np.count_nonzero(fresh) > 50
+        # counts; 31 a millisecond at most
         for column, slack, where in (
             (turned, 120, rows.number > 5),
             (asked, 300, fresh),
-        ):  # counts; 31 a millisecond at most
+        ):
             measured = rows.counts[:, column] - rows.counts[0, column]
             error = np.abs(measured - (truth - truth[0]))[where]
-            # Between the simulated QSB and the driver lie a thread of this process and one of the kernel (it moves what a terminal
+            # Between the simulated QSB and the driver lie a thread of this process and one of the kernel (it moves what
+            # a terminal
             # sent to its reader); on a busy machine both are late now and then, and no byte tells.
             assert (error.max() if column == turned else np.quantile(error, 0.9)) < slack
         assert np.abs(rows.volts[:, 0] - volts(0, rows.host_ns)).max() < 0.01

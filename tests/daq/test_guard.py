@@ -1,4 +1,7 @@
-"""The guard: limits of the rig, and the safe state when the sampler hangs, a device is lost or the arm leaves its limits."""
+"""The guard: limits of the rig, and the safe state.
+
+When the sampler hangs, a device is lost or the arm leaves its limits.
+"""
 
 from __future__ import annotations
 

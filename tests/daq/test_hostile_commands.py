@@ -1,4 +1,7 @@
-"""Whatever a command holds: one typed error, the run goes on, ``status`` and ``stop`` are heard. Real daemons, real Zenoh sessions."""
+"""Whatever a command holds: one typed error, the run goes on, ``status`` and ``stop`` are heard.
+
+Real daemons, real Zenoh sessions.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,10 @@ from daq.service.client import COMMANDS, call, error_of
 from tests.daq.laboratory import EXPERIMENT, Lab
 
 HEARD = 2.0
-"""s: generous, for a machine that does other things as well; what blocked the daemon before did so for minutes, or for good."""
+"""s: generous, for a machine that does other things as well.
+
+What blocked the daemon before did so for minutes, or for good.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +114,8 @@ EXPERIMENTS = {
     "repeat": HUGE_REPEAT.format(1_000_000_000),
     "repeat in repeat": HUGE_REPEAT.format(100_000).replace(
         '[[segment.segment]]\ntype = "hold"\nduration = 1.0\n',
-        '[[segment.segment]]\ntype = "repeat"\ntimes = 100000\n[[segment.segment.segment]]\ntype = "hold"\nduration = 1.0\n',
+        '[[segment.segment]]\ntype = "repeat"\ntimes = 100000\n[[segment.segment.segment]]\ntype = "hold"\nduration '
+        "= 1.0\n",
     ),
     "repeat digits": HUGE_REPEAT.format("9" * 400),
     "payload inf": f"{PLAIN}\n[setup.payload]\nmass = inf",
@@ -130,7 +137,8 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?![\w.])")
 WHOLE = f"rate = 1000\n{HUGE_REPEAT.format(3)}" + (
     '[[segment]]\ntype = "fourier"\nduration = 2\nfundamental = 0.5\nfade = 0.5\nsine = '
     f"{[[0.01]] * 6}\ncosine = {[[0.01]] * 6}\n"
-    '[[segment]]\ntype = "chirp"\njoint = 1\namplitude = 0.01\nfrequency = 1\nto_frequency = 2\nduration = 2\nfade = 0.5\n'
+    '[[segment]]\ntype = "chirp"\njoint = 1\namplitude = 0.01\nfrequency = 1\nto_frequency = 2\nduration = 2\nfade '
+    "= 0.5\n"
     f'[[segment]]\ntype = "setpoints"\ntimes = [0, 1]\npositions = {[[0.0] * 6, [0.0] * 6]}\n'
 )
 

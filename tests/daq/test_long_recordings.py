@@ -1,4 +1,7 @@
-"""Recordings of any length: read block by block they say the same as read whole, and take the same memory whatever their length."""
+"""Recordings of any length.
+
+Read block by block they say the same as read whole, and take the same memory whatever their length.
+"""
 
 from __future__ import annotations
 
@@ -130,10 +133,16 @@ with open("/proc/self/status") as status:
     (peak,) = [line.split()[1] for line in status if line.startswith("VmHWM")]
 print(peak)
 """
-"""Prints the largest resident set of the process, kB: of it alone, where ``wait4`` counts its parent's before the first instruction in."""
+"""Prints the largest resident set of the process, kB.
+
+Of it alone, where ``wait4`` counts its parent's before the first instruction in.
+"""
 ROWS = 15_000
 MOST_GROWTH = 20.0
-"""MB: the windows of a mapped file, a chunk, a block of text; rows kept in memory take 35 MB more already as arrays of one command."""
+"""MB: the windows of a mapped file, a chunk, a block of text.
+
+Rows kept in memory take 35 MB more already as arrays of one command.
+"""
 
 
 def test_five_times_the_rows_take_no_more_memory(root: Path, tmp_path: Path) -> None:

@@ -43,8 +43,27 @@ def test_listed_and_read(folder: RecordingsFolder) -> None:
 
 
 PARTS = st.sampled_from(
-    ["..", ".", "/", "a", "a.mcap", ".mcap", "inner", "link", "pipe", "folder", "passwords", ".hidden", "\\0", "\n", "\ud800", "é", "/etc/passwd", "secret.mcap"]
-)  # fmt: skip
+    [
+        "..",
+        ".",
+        "/",
+        "a",
+        "a.mcap",
+        ".mcap",
+        "inner",
+        "link",
+        "pipe",
+        "folder",
+        "passwords",
+        ".hidden",
+        "\\0",
+        "\n",
+        "\ud800",
+        "é",
+        "/etc/passwd",
+        "secret.mcap",
+    ]
+)
 
 
 @given(st.one_of(st.text(max_size=300), st.lists(PARTS, max_size=6).map("".join)))

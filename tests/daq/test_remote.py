@@ -58,7 +58,10 @@ def network() -> Iterator[Network]:
 
 
 class TwoMachines(Lab):
-    """The daemon in the folder ``rig``, its recordings in ``rig/there``; clients in ``office`` without the rig's private key."""
+    """The daemon in the folder ``rig``, its recordings in ``rig/there``.
+
+    Clients in ``office`` without the rig's private key.
+    """
 
     def __init__(self, root: Path, folder: Path, network: Network) -> None:
         for name in ("rig/there", "office"):

@@ -1,4 +1,7 @@
-"""The wire format of row blocks: there and back, from its documentation alone, damaged, and what a tally makes of it."""
+"""The wire format of row blocks.
+
+There and back, from its documentation alone, damaged, and what a tally makes of it.
+"""
 
 from __future__ import annotations
 

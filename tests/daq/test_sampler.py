@@ -1,4 +1,7 @@
-"""The sampler on in-memory instruments: every trigger is a row or a loss with its reason, and no row is ever shifted."""
+"""The sampler on in-memory instruments.
+
+Every trigger is a row or a loss with its reason, and no row is ever shifted.
+"""
 
 from __future__ import annotations
 
@@ -295,7 +298,10 @@ def test_states_go_one_way() -> None:
 
 
 def test_host_that_pauses_in_the_reading_saw_no_quiet_line() -> None:
-    """Longer than the patience, between the clock's reading and the judgement: the edges of the pause are still to be read."""
+    """Longer than the patience, between the clock's reading and the judgement.
+
+    The edges of the pause are still to be read.
+    """
     with open_bench(make_rig(watchdog=10.0)) as bench:
         read, clock, calls = bench.devices["analog"].read, bench.clock, []
 

@@ -1,4 +1,7 @@
-"""The sampler on the simulated Puma's rig files, as fast as it computes: faults of the simulation, found and accounted for."""
+"""The sampler on the simulated Puma's rig files, as fast as it computes.
+
+Faults of the simulation, found and accounted for.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Indices from numbers and intervals: random lines with missed and extra edges, jitter, drift, and any cut into batches."""
+"""Indices from numbers and intervals.
+
+Random lines with missed and extra edges, jitter, drift, and any cut into batches.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Recordings of a model with something in it, as tests of the parts of a diagnosis want them: two excitations, with white noise."""
+"""Recordings of a model with something in it, as tests of the parts of a diagnosis want them.
+
+Two excitations, with white noise.
+"""
 
 from __future__ import annotations
 

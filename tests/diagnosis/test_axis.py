@@ -1,4 +1,7 @@
-"""A carriage simulated by a few lines of its own: what is hidden in its friction and its stamps is named, and nothing else is."""
+"""A carriage simulated by a few lines of its own.
+
+What is hidden in its friction and its stamps is named, and nothing else is.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +24,11 @@ STEP = 5e-8  # m
 
 @dataclass(frozen=True)
 class Carriage:
-    """What is true: viscous friction N s/m and Coulomb friction N by direction; share of the latter that is there at rest, and the speed m/s
-    over which it comes; the command leads what the axis feels by ``lead`` s; a force of ``wave`` N repeats every 4 mm, ``ahead`` rad."""
+    """What is true: viscous friction N s/m and Coulomb friction N by direction.
+
+    Share of the latter that is there at rest, and the speed m/s over which it comes; the command leads what the axis
+    feels by ``lead`` s; a force of ``wave`` N repeats every 4 mm, ``ahead`` rad.
+    """
 
     viscous: tuple[float, float] = (VISCOUS, VISCOUS)
     coulomb: tuple[float, float] = (COULOMB, COULOMB)

@@ -1,4 +1,7 @@
-"""A current that is clipped piles up at its limit; one that turns round by itself, or rests at its largest value for a while, does not."""
+"""A current that is clipped piles up at its limit.
+
+One that turns round by itself, or rests at its largest value for a while, does not.
+"""
 
 from __future__ import annotations
 

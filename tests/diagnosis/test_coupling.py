@@ -1,4 +1,7 @@
-"""Thesis, section 5.3: one joint at a time with the others not blocked; wrong values, their cause, and how they become right."""
+"""Thesis, section 5.3: one joint at a time with the others not blocked.
+
+Wrong values, their cause, and how they become right.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What recordings could not show is listed with what the joint did not do, and the motion that is asked for does show it."""
+"""What recordings could not show is listed with what the joint did not do.
+
+The motion that is asked for does show it.
+"""
 
 from __future__ import annotations
 

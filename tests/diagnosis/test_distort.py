@@ -1,4 +1,7 @@
-"""A parameter allowed to vary is seen to vary with what it was made to vary with, and stays level where nothing is hidden."""
+"""A parameter allowed to vary is seen to vary with what it was made to vary with.
+
+It stays level where nothing is hidden.
+"""
 
 from __future__ import annotations
 

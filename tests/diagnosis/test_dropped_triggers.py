@@ -1,4 +1,7 @@
-"""Edges that one group of channels lost, hidden in runs of an independent plant: found where they are, and nowhere else."""
+"""Edges that one group of channels lost, hidden in runs of an independent plant.
+
+Found where they are, and nowhere else.
+"""
 
 from __future__ import annotations
 
@@ -86,7 +89,10 @@ def test_other_effects_are_not_taken_for_lost_edges(root: Path, hidden: Hidden |
 
 
 def test_one_joint_alone_proves_no_lost_edges(root: Path) -> None:
-    """The same change of lag at one joint, the others hardly moving: something is wrong there, but nobody else saw an edge lost."""
+    """The same change of lag at one joint, the others hardly moving.
+
+    Something is wrong there, but nobody else saw an edge lost.
+    """
     whole = _seen(root, Hidden("dropped_trigger", None, {"row": 4200, "count": 3}))
     plain = _seen(root)
     current, rate = plain.current.copy(), 1e-3 * plain.current_rate

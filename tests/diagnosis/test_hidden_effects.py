@@ -1,6 +1,9 @@
-"""Effects hidden in a plant that shares no code with the finder have to be found: the part of ``make blind`` for every test run.
+"""Effects hidden in a plant that shares no code with the finder have to be found.
 
-Cases come from a seed and reach the finder as files. Two recordings to fit and two held out instead of four and three, where that is enough.
+The part of ``make blind`` for every test run.
+
+Cases come from a seed and reach the finder as files. Two recordings to fit and two held out instead of four and three,
+where that is enough.
 """
 
 from __future__ import annotations
@@ -105,7 +108,10 @@ def test_recordings_are_what_the_instruments_leave_of_the_truth(tmp_path: Path) 
 
 
 def test_currents_between_the_servos_instants_give_the_plants_mean() -> None:
-    """A step of the wanted current: what is drawn between two instants has the mean of the exponential, by the closed form."""
+    """A step of the wanted current.
+
+    What is drawn between two instants has the mean of the exponential, by the closed form.
+    """
     plant = nominal_plant()
     period, lag = plant.servo_period, plant.current_lag
     servo = period * np.arange(4)

@@ -40,7 +40,10 @@ def test_an_angle_without_a_jump_has_none(tmp_path: Path, noise: float) -> None:
 
 
 def test_missing_rows_of_the_counters_are_no_missed_counts(tmp_path: Path) -> None:
-    """Three rows missing: every joint that moves jumps as far as it turns in three; put back, the angles run on as they did."""
+    """Three rows missing: every joint that moves jumps as far as it turns in three.
+
+    Put back, the angles run on as they did.
+    """
     t, missing = np.arange(0.0, 8.0, 1e-3), 3
     seen = np.where(t >= 5.0, t + missing * 1e-3, t)
     q = np.column_stack([np.sin(0.9 * seen), 0.8 * np.cos(0.7 * seen), 0.3 * np.sin(seen), *np.zeros((3, len(t)))])

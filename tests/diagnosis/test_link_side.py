@@ -1,4 +1,6 @@
-"""Lost motion, elasticity and gear errors of an independent plant are named from its two encoders; so are stamps of the link encoder that are late.
+"""Lost motion, elasticity and gear errors of an independent plant are named from its two encoders.
+
+So are stamps of the link encoder that are late.
 
 The plant has two masses with a gap or a spring between them (``tests/blind``); the finder has neither.
 """
@@ -113,7 +115,10 @@ def test_what_is_between_motor_and_link_is_named(root: Path, arm: Arm, hidden: H
 
 
 def test_currents_are_judged_by_the_arm_that_its_encoders_show(root: Path, arm: Arm) -> None:
-    """A ripple of a gear is in the currents too: found between the encoders it is named once, and nothing of it is left in them."""
+    """A ripple of a gear is in the currents too.
+
+    Found between the encoders it is named once, and nothing of it is left in them.
+    """
     ripple = Hidden("gear_ripple", 3, {"amplitude": 4e-4, "order": 5.0, "phase": 0.7})
     recordings = _recorded(root, (ripple,))
     found = diagnose(arm, recordings[:1], recordings[1:])

@@ -1,4 +1,7 @@
-"""Data that nobody here made: what is published of it has to be found. Skipped where the data is absent; it is not ours to ship."""
+"""Data that nobody here made: what is published of it has to be found.
+
+Skipped where the data is absent; it is not ours to ship.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,8 @@ def test_the_loop_between_the_encoders_of_a_kuka_is_time_skew(root: Path, shared
     assert 0.0 < skew["parameters"]["delay"]["std"] < 1e-4
     assert skew["gain"]["held_out_rms_after"] < 0.25 * skew["gain"]["held_out_rms_before"]
     assert skew["gain"]["unit"] == "rad"
-    # besides: the wave of a gear wheel, and encoders that were zeroed apart by a constant; each alone in its group and with a gain of its own
+    # besides: the wave of a gear wheel, and encoders that were zeroed apart by a constant; each alone in its group and
+    # with a gain of its own
     assert {(cause["effect"], cause["joint"]) for cause in found["causes"][1:]} == {
         ("gear_ripple", 2),
         ("joint_zero_offset", 1),
@@ -53,8 +57,10 @@ def test_the_loop_between_the_encoders_of_a_kuka_is_time_skew(root: Path, shared
 
 
 def test_what_is_published_of_a_drive_is_named_from_one_run(root: Path, shared: Path, tmp_path: Path) -> None:
-    """EMPS (Janot, Gautier, Brunot, 2019): viscous friction 166.71 forwards, 240.42 backwards against 203.50; force 0.8 ms ahead; less
-    friction than Coulomb's below 2 cm/s."""
+    """EMPS (Janot, Gautier, Brunot, 2019): viscous friction 166.71 forwards, 240.42 backwards against 203.50.
+
+    Force 0.8 ms ahead; less friction than Coulomb's below 2 cm/s.
+    """
     found = _diagnosed(root, tmp_path, shared / "data" / "emps" / "train.csv", "emps.toml", "emps.toml")
     causes = {cause["effect"]: cause["parameters"] for cause in found["causes"]}
     assert set(causes) == {"friction_asymmetry", "time_skew", "stribeck_friction"}

@@ -49,7 +49,10 @@ def test_an_angle_is_as_noisy_as_its_steps_or_its_scatter(noise: float) -> None:
 
 @pytest.mark.parametrize("correlation", [0.0, 0.05, 0.1])
 def test_correlated_currents_are_noisy_by_what_they_do_at_rest(correlation: float) -> None:
-    """In units of the truth in the band of comparison; half a second of standing, about its trend, sees half of 0.1 s; neighbours see nearly none."""
+    """In units of the truth in the band of comparison; half a second of standing, about its trend, sees half of 0.1 s.
+
+    Neighbours see nearly none.
+    """
     rng = np.random.default_rng(3)
     recordings, truth = [], []
     for _ in range(20):

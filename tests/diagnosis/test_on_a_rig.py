@@ -1,4 +1,7 @@
-"""``armscope diagnose --rig``: a group of the given recordings is decided by an experiment on the rig; nothing real moves unasked."""
+"""``armscope diagnose --rig``: a group of the given recordings is decided by an experiment on the rig.
+
+Nothing real moves unasked.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +73,10 @@ def _given(root: Path, rig: Path, folder: Path) -> None:
 
 
 def _is_a_report(path: Path, cause: str) -> None:
-    """One file that needs no network: the verdict, then the cause, what was not visible, what is left, and the simulation beside the arm."""
+    """One file that needs no network.
+
+    The verdict, then the cause, what was not visible, what is left, and the simulation beside the arm.
+    """
     page = path.read_text()
     assert len(page) < 5e6 and "<script" not in page and "<link" not in page
     assert re.findall(r'src="(?!data:)|href="?(?!#)', page) == []
@@ -126,7 +132,10 @@ def test_a_fault_leaves_whole_results_of_what_was_known_before(root: Path, tmp_p
 
 
 def test_a_real_arm_is_not_moved_unasked(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its drivers are not simulated ones: without a terminal and --yes nothing is recorded, and the file says what to record."""
+    """Its drivers are not simulated ones.
+
+    Without a terminal and --yes nothing is recorded, and the file says what to record.
+    """
     rig = read_rig(root / "config/puma560_can.toml", drivers=False)
     arm = read_model(root / "config/models/puma560.toml")
     data = replace(seen(root, arm, [ASYMMETRY]), causes=[group_of(("friction_asymmetry", 1), ("current_offset", 1))])

@@ -1,4 +1,7 @@
-"""The experiment that separates a group: the distance of rivals by brute force, and what is chosen where it is known what must be."""
+"""The experiment that separates a group.
+
+The distance of rivals by brute force, and what is chosen where it is known what must be.
+"""
 
 from __future__ import annotations
 

@@ -20,7 +20,10 @@ def _coloured(rng: np.random.Generator, seconds: float, correlation: float, rate
 
 
 def test_block_scores_keep_their_level_where_independent_samples_would_not() -> None:
-    """Absent effects in noise correlated over 0.2 s: tests on samples find half of them, block scores the stated share."""
+    """Absent effects in noise correlated over 0.2 s.
+
+    Tests on samples find half of them, block scores the stated share.
+    """
     rng = np.random.default_rng(1)
     by_sample, by_block = [], []
     block = np.arange(6000) // 100

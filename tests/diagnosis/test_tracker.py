@@ -1,4 +1,7 @@
-"""What is hidden where only a tracker looks is named, with its value, and nothing else; the arm that hides it shares no code with the finder."""
+"""What is hidden where only a tracker looks is named, with its value, and nothing else.
+
+The arm that hides it shares no code with the finder.
+"""
 
 from __future__ import annotations
 
@@ -133,7 +136,10 @@ def test_names_nothing_where_nothing_is_hidden(puma: Puma, arm: Arm, tmp_path: P
 
 @pytest.mark.slow
 def test_what_cannot_be_told_apart_is_a_group(puma: Puma, arm: Arm, tmp_path: Path) -> None:
-    """An offset along parallel axes is either's; a zero is a turn of theta by another name; a ripple the encoder's or the gear's."""
+    """An offset along parallel axes is either's; a zero is a turn of theta by another name.
+
+    a ripple the encoder's or the gear's.
+    """
     offset = found(puma, arm, tmp_path, Wrong(dh=link(2, d=0.002)), "parallel").causes
     assert len(offset) == 1
     assert set(offset[0].group) == {("link_geometry", 2), ("link_geometry", 3)}

@@ -1,4 +1,7 @@
-"""Play and springs between motor and link: their motions against closed forms, and the backlash of the thesis from currents alone."""
+"""Play and springs between motor and link.
+
+Their motions against closed forms, and the backlash of the thesis from currents alone.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,10 @@ def test_a_spring_swings_as_its_differential_equation_says() -> None:
 
 
 def _through_the_vertical(path: Path, speed: float, half_gap: float, seed: int) -> Recording:
-    """Joint 2 carries the forearm over the vertical and back while all others rest, through the instruments of the rig."""
+    """Joint 2 carries the forearm over the vertical and back while all others rest.
+
+    Through the instruments of the rig.
+    """
     hide, record, recordings = (pytest.importorskip(f"tests.blind.{name}") for name in ("hide", "record", "recordings"))
     laboratory = pytest.importorskip("tests.blind.laboratory").Laboratory("moves")
     leg = {"type": "drive", "joint": 2, "speed": speed}
@@ -65,14 +71,16 @@ def _through_the_vertical(path: Path, speed: float, half_gap: float, seed: int) 
 def test_backlash_of_joint_2_at_the_vertical_is_found_from_currents_and_motor_angles(
     root: Path, tmp_path: Path
 ) -> None:
-    """What the thesis saw (section 5.3) as a jump of the current: two masses and a gap in the plant, nothing but q and i in the files."""
+    """What the thesis saw (section 5.3) as a jump of the current.
+
+    Two masses and a gap in the plant, nothing but q and i in the files.
+    """
     pytest.importorskip("numba", reason="the plant of the hidden-effect tests is compiled by numba")
     runs = [_through_the_vertical(tmp_path / f"{k}.mcap", s, 0.002, k) for k, s in enumerate((1.0, 0.7))]
     result = diagnose(read_model(root / "config" / "models" / "puma560.toml"), runs[:1], runs[1:])
     (cause,) = result.causes
     assert (cause.effect, cause.joint) == ("backlash", 2)
     (gap,) = [p for p in cause.parameters if p.name == "half_gap"]
-    assert (
-        abs(gap.value - 0.002) < min(1e-4, 2 * gap.std) and gap.std < 3e-4
-    )  # without a demand: a tenth of it is in doubt
+    # without a demand: a tenth of it is in doubt
+    assert abs(gap.value - 0.002) < min(1e-4, 2 * gap.std) and gap.std < 3e-4
     assert cause.after < 0.4 * cause.before

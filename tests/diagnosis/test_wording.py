@@ -1,4 +1,7 @@
-"""A diagnosis in words and numbers: groups are said to be groups, numbers have as many digits as they deserve, structure is told from noise."""
+"""A diagnosis in words and numbers.
+
+Groups are said to be groups, numbers have as many digits as they deserve, structure is told from noise.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +74,10 @@ def test_small_errors_are_told_in_thousandths() -> None:
 
 
 def test_structure_is_predictable_and_noise_is_not(root: Path) -> None:
-    """A function of joint 2's angle is foretold on the other recording, in noise by its share of the variance; noise by nothing."""
+    """A function of joint 2's angle is foretold on the other recording, in noise by its share of the variance.
+
+    Noise by nothing.
+    """
     arm = read_model(root / "config/models/puma560.toml")
     fit, held_out = (dataset_of([run]) for run in seen(root, arm, [], ["excitation", "excitation"]).fit)
     rng = np.random.default_rng(3)

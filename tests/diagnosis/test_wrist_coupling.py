@@ -16,8 +16,10 @@ STEP = 2 * np.pi / 1000 / 76.0
 
 
 def _recorded(folder: Path, seed: int, coupling: dict[tuple[int, int], float], overshoot: float = 0.0) -> Recording:
-    """Axis 4 swings, axis 5 swings later, axis 6 rests, or goes along with axis 4 where it overshoots; motors follow their demands with a lag of
-    2 ms and what couples them."""
+    """Axis 4 swings, axis 5 swings later, axis 6 rests, or goes along with axis 4 where it overshoots.
+
+    Motors follow their demands with a lag of 2 ms and what couples them.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 8.0, 0.002)
     axes = np.zeros((len(t), 6))
@@ -57,7 +59,10 @@ def test_a_servo_that_lags_turns_no_other_motor(tmp_path: Path) -> None:
 
 
 def test_an_axis_that_goes_further_than_told_is_turned_by_no_other(tmp_path: Path) -> None:
-    """On a KUKA KR300 motor 6 goes a tenth further than its demand while axis 4 moves in step with it: no coupling of the two."""
+    """On a KUKA KR300 motor 6 goes a tenth further than its demand while axis 4 moves in step with it.
+
+    No coupling of the two.
+    """
     fit, held_out = (_recorded(tmp_path, seed, {}, overshoot=0.1) for seed in range(2))
     assert wrist_coupling([fit], [held_out]) == []
 

@@ -1,7 +1,9 @@
-"""A Puma seen by a tracker, with something hidden in it: kinematics, gravity and instruments written out here, sharing no code with the finder.
+"""A Puma seen by a tracker, with something hidden in it.
 
-The arm is read from its model file as a table of numbers. Recordings come to the finder as people's tables do: CSV, imported with the
-rig file that says where the target sits.
+Kinematics, gravity and instruments written out here, sharing no code with the finder.
+
+The arm is read from its model file as a table of numbers. Recordings come to the finder as people's tables do: CSV,
+imported with the rig file that says where the target sits.
 """
 
 from __future__ import annotations
@@ -23,7 +25,10 @@ NOISE = 6e-5
 
 @dataclass(frozen=True)
 class Wrong:
-    """What is hidden. dh (6, 5): errors of theta, d, a, alpha and Hayati's beta; the rest by joint or of the tracker as named."""
+    """What is hidden. dh (6, 5): errors of theta, d, a, alpha and Hayati's beta.
+
+    The rest by joint or of the tracker as named.
+    """
 
     dh: Array = field(default_factory=lambda: np.zeros((6, 5)))
     sag: Array = field(default_factory=lambda: np.zeros(6))

@@ -1,4 +1,6 @@
-"""What every driver of a shape must do: one function a promise of ``drivers.protocols``, for simulated devices and hardware alike.
+"""What every driver of a shape must do.
+
+One function a promise of ``drivers.protocols``, for simulated devices and hardware alike.
 
 ``check(specimen)`` asks a device for every shape it has. A laboratory's own driver is checked the same way::
 
@@ -77,7 +79,10 @@ def _acquires(device: object) -> bool:
 
 
 def closed_device(specimen: Specimen) -> None:
-    """Making one touches nothing; closed, it can be closed and disarmed, made safe, and says what is wrong when asked for more."""
+    """Making one touches nothing.
+
+    Closed, it can be closed and disarmed, made safe, and says what is wrong when asked for more.
+    """
     device = specimen.make()
     assert isinstance(device, Device)
     if isinstance(device, DigitalOutput | AnalogOutput):

@@ -1,4 +1,7 @@
-"""What a driver with counters, analogue channels, outputs, points or an arm must do; see ``tests.drivers.conformance``."""
+"""What a driver with counters, analogue channels, outputs, points or an arm must do.
+
+See ``tests.drivers.conformance``.
+"""
 
 from __future__ import annotations
 

@@ -40,7 +40,10 @@ def within(seconds: float) -> float:
 
 
 def test_two_who_wait_at_once_get_all_that_is_theirs(bus: tuple[CanBus, Any]) -> None:
-    """Each reads for the other as well; frames of both alternate, a reader of one must not be left waiting by the other's."""
+    """Each reads for the other as well.
+
+    Frames of both alternate, a reader of one must not be left waiting by the other's.
+    """
     here, other = bus
     got: dict[int, list[int]] = {MINE: [], YOURS: []}
 

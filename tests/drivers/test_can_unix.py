@@ -1,4 +1,7 @@
-"""The CAN bus of Unix sockets: what one sends all others have, in order; whoever dies, wedges or comes late holds nobody up."""
+"""The CAN bus of Unix sockets: what one sends all others have, in order.
+
+Whoever dies, wedges or comes late holds nobody up.
+"""
 
 from __future__ import annotations
 
@@ -90,7 +93,10 @@ def test_whoever_comes_later_hears_what_is_sent_from_then_on(folder: Path) -> No
 
 
 def test_a_process_killed_on_the_bus_leaves_nothing(folder: Path) -> None:
-    code = f"import time; from drivers.can_unix import UnixBus; b = UnixBus({str(folder)!r}); print('on', flush=True); time.sleep(60)"
+    code = (
+        f"import time; from drivers.can_unix import UnixBus; b = UnixBus({str(folder)!r}); print('on', "
+        "flush=True); time.sleep(60)"
+    )
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     with UnixBus(folder) as here, UnixBus(folder) as there:

@@ -1,4 +1,7 @@
-"""CiA 406 encoders that answer the SYNCs of a node, through python-can's virtual bus; whose answer it is, under arbitrary delays."""
+"""CiA 406 encoders that answer the SYNCs of a node, through python-can's virtual bus.
+
+Whose answer it is, under arbitrary delays.
+"""
 
 from __future__ import annotations
 

@@ -21,7 +21,10 @@ CONSTANTS = [
 
 
 def fake_comedilib() -> types.ModuleType:
-    """The calls that the driver makes, as ``comedilib.h`` declares them; ``commands`` and ``written`` tell what was asked."""
+    """The calls that the driver makes, as ``comedilib.h`` declares them.
+
+    ``commands`` and ``written`` tell what was asked.
+    """
     c = types.ModuleType("comedi")
     c.reading, c.writing = os.pipe()
     c.commands, c.written, c.cancelled = [], {}, 0

@@ -1,4 +1,7 @@
-"""A whole rig whose clock is 100 ppm fast, through bytes: the run's rows keep the host's time, and the recorded fit tells the drift."""
+"""A whole rig whose clock is 100 ppm fast, through bytes.
+
+The run's rows keep the host's time, and the recorded fit tells the drift.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,8 @@ from tests.drivers.swing import swing_wires
 PPM = 100.0
 SECONDS = 6.0
 RATE = 500.0
-BUSY = 25_000  # ns of uncertainty at the ends of a fit: a machine that keeps every reading waiting says nothing about 100 ppm
+# ns of uncertainty at the ends of a fit: a machine that keeps every reading waiting says nothing about 100 ppm
+BUSY = 25_000
 
 
 def test_a_t7_whose_crystal_is_fast(tmp_path: Path) -> None:

@@ -57,7 +57,10 @@ def as_measured(block: Block, zero: np.ndarray) -> np.ndarray:
 
 
 def stamped_within(device: driver.LabJackT7) -> float:
-    """s by which rows so far may have been stamped too early or late: half a round trip, of which a busy machine makes long ones."""
+    """s by which rows so far may have been stamped too early or late.
+
+    Half a round trip, of which a busy machine makes long ones.
+    """
     return 0.5e-9 * max(trip for _, _, trip in device._ticks._readings)
 
 
@@ -306,7 +309,8 @@ def test_a_clock_that_drifts_is_followed(rig) -> None:
     device.arm(Plan(TIMER, 2000.0, None))
     begun = time.monotonic()
     off = np.inf
-    # 100 ppm over 3 s is 0.3 ms, and ever more; what is left is the round trip of a reading. A busy host has to wait for quick ones.
+    # 100 ppm over 3 s is 0.3 ms, and ever more; what is left is the round trip of a reading. A busy host has to wait
+    # for quick ones.
     while (passed := time.monotonic() - begun) < 3.2 or off > 200_000:
         assert passed < 30, f"off by {off * 1e-3:.0f} us"
         block = all_columns(device, read_rows(device.read, 200))
@@ -315,7 +319,7 @@ def test_a_clock_that_drifts_is_followed(rig) -> None:
 
 
 def test_its_own_watchdog_lowers_the_outputs() -> None:
-    """The computer is dead: no command comes. (What arrives last is a stream, which does not feed the watchdog.)"""
+    """The computer is dead: no command comes. (What arrives last is a stream, which does not feed the watchdog.)."""
     switched = []
     wires = swing_wires()
     wires.line = lambda name, high, at: switched.append((name, high))

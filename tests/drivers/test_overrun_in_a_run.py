@@ -1,4 +1,7 @@
-"""A T7 that skips scans in a run: the numbers stay true even where its count of them means something else than the documents say."""
+"""A T7 that skips scans in a run.
+
+The numbers stay true even where its count of them means something else than the documents say.
+"""
 
 from __future__ import annotations
 

@@ -55,7 +55,8 @@ def test_the_gap_is_in_the_ledger_and_nothing_is_shifted(tmp_path: Path) -> None
     }
     assert np.all(np.diff(number) >= 1) and number[-1] == 1249
     host = rows[:, 0]
-    # Numbers and times go together over the gap; the T7's own timer, started anew, is up to half a period off the old grid.
+    # Numbers and times go together over the gap; the T7's own timer, started anew, is up to half a period off the old
+    # grid.
     assert np.abs(np.diff(host) / 2e6 - np.diff(number)).max() < 0.55
     for c in (0, 1):
         assert np.abs(rows[:, 1 + c] - counts(c, host)).max() < 200

@@ -1,4 +1,7 @@
-"""Outputs go to their safe state when the daemon dies, hangs, or loses the device: by the T7's own watchdog, seen at the T7."""
+"""Outputs go to their safe state when the daemon dies, hangs, or loses the device.
+
+By the T7's own watchdog, seen at the T7.
+"""
 
 from __future__ import annotations
 

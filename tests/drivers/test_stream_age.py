@@ -14,7 +14,10 @@ POLL = 5_000_000  # ns
 
 
 def play(delays: list[float], pace: float, quick: int = 200) -> np.ndarray:
-    """(n, 2) s: the true delay of the newest byte, in order of arrival, and the told one. ``quick`` readings without delay come first."""
+    """(n, 2) s: the true delay of the newest byte, in order of arrival, and the told one.
+
+    ``quick`` readings without delay come first.
+    """
     told, true, age, taken = [], [], StreamAge(FASTEST), 0
     sent = 0.0  # s: when the newest byte that is here was sent
     for k, delay in enumerate([0.0] * quick + delays):

@@ -14,7 +14,10 @@ LATEST = 0.01  # s: five periods
 
 
 def play(delays: list[float | None]) -> list[tuple[int, int | None]]:
-    """Rounds of one node whose k-th answer comes so many periods after its SYNC (None: never); (number of the SYNC, its value)."""
+    """Rounds of one node whose k-th answer comes so many periods after its SYNC (None: never).
+
+    (number of the SYNC, its value).
+    """
     rounds, under_way, got, sent = Rounds((3,), LATEST), [], [], 0
     for tick in range(3 * len(delays)):
         begun, ended = tick * PERIOD, (tick + 1) * PERIOD

@@ -1,4 +1,7 @@
-"""A T7 clocked by a tracker over its trigger line, points over UDP: a tracker that stops early, and one whose clock drifts."""
+"""A T7 clocked by a tracker over its trigger line, points over UDP.
+
+a tracker that stops early, and one whose clock drifts.
+"""
 
 from __future__ import annotations
 

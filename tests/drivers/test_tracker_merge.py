@@ -33,7 +33,8 @@ def test_lost_edges_and_spikes_never_shift_the_rest(
 ) -> None:
     edges, number, seconds = run(seed, jitter=20e-6, ppm=ppm)
     truth = [(t, k) for k, t in enumerate(edges) if k not in lost]
-    # Away from the even grid: a spike as near to the place of a lost edge as jitter brings edges is that edge, for all one can tell.
+    # Away from the even grid: a spike as near to the place of a lost edge as jitter brings edges is that edge, for all
+    # one can tell.
     truth += [(17.3 + (k + 1 + away) * 1e-3, -1) for k in spikes]
     truth.sort()
     got = align(np.array([t for t, _ in truth]), number, seconds)

@@ -1,7 +1,10 @@
-"""Devices lost and found in the middle of a run, against the truth: every row after it shows its trigger's counts, volts and points.
+"""Devices lost and found in the middle of a run, against the truth.
 
-While the run goes on, each device is cut off (its cable; it keeps its power) and later restarted (its power). A row's values must be
-those of the simulated signals at the row's own time: no shift by a row, no offset of a count, unless the row says so.
+Every row after it shows its trigger's counts, volts and points.
+
+While the run goes on, each device is cut off (its cable; it keeps its power) and later restarted (its power). A row's
+values must be those of the simulated signals at the row's own time: no shift by a row, no offset of a count, unless the
+row says so.
 """
 
 from __future__ import annotations
@@ -137,7 +140,10 @@ def acquire(
 
 
 def delay_of(value: NDArray[Any], truth: Signal, host: NDArray[np.int64]) -> tuple[float, float]:
-    """s by which values are older than their rows' times, and their offset from the truth: least squares without the worst tenths."""
+    """s by which values are older than their rows' times, and their offset from the truth.
+
+    Least squares without the worst tenths.
+    """
     step = 1_000_000
     speed = (truth(host + step) - truth(host - step)) / (2e-9 * step)
     error = (value - truth(host)).astype(float)
@@ -153,7 +159,9 @@ def delay_of(value: NDArray[Any], truth: Signal, host: NDArray[np.int64]) -> tup
 def judge(
     value: NDArray[Any], truth: Signal, fastest: float, rows: Rows, column: int, rate: float, since: int
 ) -> dict[str, Any]:
-    """Every row that claims to show its time's value does, by less than a row; rows from a restart on have an offset of their own.
+    """Every row that claims to show its time's value does, by less than a row.
+
+    Rows from a restart on have an offset of their own.
 
     fastest  the signal's highest speed, per s
     since    host ns of the restart, after which rows have to come back
@@ -299,7 +307,10 @@ def test_a_tracker_that_restarts_ends_the_run_with_the_rows_so_far(tmp_path: Pat
 
 
 def test_the_t7_lost_and_found_while_val_drives_the_arm(root: Path, tmp_path: Path) -> None:
-    """The laboratory's rig in a motion: counts of three joints and points are those of the tracker's edges before and after."""
+    """The laboratory's rig in a motion.
+
+    Counts of three joints and points are those of the tracker's edges before and after.
+    """
     changes = {port: str(free_port()) for port in ("50502", "50702", "50703")} | {"/tmp/armscope": str(tmp_path)}
     path = rig_for_test(root, "puma560_lab", tmp_path, changes)
     rig = read_rig(path)

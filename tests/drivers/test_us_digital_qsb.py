@@ -226,7 +226,10 @@ def test_a_streamed_count_that_was_held_up_on_its_way_is_marked(tmp_path: Path, 
 
 
 def test_a_stream_that_stays_behind_is_begun_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Stale all the while; then missing while its pace is learnt once more; then good again. No row is left out, none unmarked."""
+    """Stale all the while; then missing while its pace is learnt once more; then good again.
+
+    No row is left out, none unmarked.
+    """
     monkeypatch.setattr(us_digital_qsb, "BEHIND", 500_000_000)
     box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
     device = us_digital_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), {})

@@ -1,7 +1,7 @@
 """Whole rigs of real drivers, through real bytes: ``sim-devices`` and ``record`` as processes of their own.
 
-The same motion is recorded by the simulated rig, whose drivers sample the arm directly; what both recorded must agree within the
-encoders' steps and the clocks' uncertainty.
+The same motion is recorded by the simulated rig, whose drivers sample the arm directly; what both recorded must agree
+within the encoders' steps and the clocks' uncertainty.
 """
 
 from __future__ import annotations
@@ -102,8 +102,10 @@ def shift_of(t: NDArray[np.float64], q: NDArray[np.float64], direct: Recording) 
 def compare(
     recording: Recording, direct: Recording, joints: list[int], step: list[float], slack: float, current: float
 ) -> None:
-    """Positions agree within two ``step``s (rad, one a joint, from 1) and what the joint moves in ``slack`` s; currents within
-    a share ``current`` of their range, rms."""
+    """Positions agree within two ``step``s (rad, one a joint, from 1) and what the joint moves in ``slack`` s.
+
+    Currents within a share ``current`` of their range, rms.
+    """
     moved = np.isfinite(recording.q[:, JOINT - 1])
     shift = shift_of(recording.t[moved], recording.q[moved, JOINT - 1], direct)
     inside = (recording.t - shift > direct.t[0]) & (recording.t - shift < direct.t[-1])
@@ -151,8 +153,11 @@ def test_t7_tracker_and_val_record_what_the_simulated_rig_does(
 
 
 def record_all_or_say(root: Path, rig: Path, experiment: Path, out: Path) -> Recording:
-    """A run. A row is lost where the host got round to asking, or a simulated node to its SYNC, only after the next one was due; the
-    ledger has each, and its reason."""
+    """A run.
+
+    A row is lost where the host got round to asking, or a simulated node to its SYNC, only after the next one was due;
+    the ledger has each, and its reason.
+    """
     done = armscope(root, "record", "--rig", rig, "--experiment", experiment, "--out", out)
     recording = open_recording(out)
     assert done.returncode == (4 if recording.ledger.lost else 0), done.stdout + done.stderr
@@ -177,9 +182,8 @@ def test_can_encoders_and_sensors_record_what_the_simulated_rig_does(
             if not recording.ledger.lost:
                 break
     assert not recording.ledger.lost, f"{RUNS} runs, and none without a lost row"
-    steps = [
-        2 * np.pi / (1000 * g) for g in (62.6, 86.2, 53.7, 76.0, 71.9, 76.7)
-    ]  # the direct rig's encoders are the coarser ones
+    # the direct rig's encoders are the coarser ones
+    steps = [2 * np.pi / (1000 * g) for g in (62.6, 86.2, 53.7, 76.0, 71.9, 76.7)]
     compare(recording, recorded_directly, [1, 2, 3, 4, 5, 6], steps, 0.004, 0.2)  # a result is up to 10 ms old
 
 

@@ -28,7 +28,10 @@ def experiment(segments: list[dict[str, Any]]) -> Experiment:
 
 
 def seen(demand: Demand) -> np.ndarray:
-    """(4, n) lowest and highest position, largest speed and acceleration of a look at every instant: what the check is to find."""
+    """(4, n) lowest and highest position, largest speed and acceleration of a look at every instant.
+
+    What the check is to find.
+    """
     q = demand(np.arange(0.0, demand.duration + STEP, STEP))
     apart = round(FELT / STEP)
     bend = q[2 * apart :] - 2 * q[apart:-apart] + q[: -2 * apart]
@@ -46,16 +49,29 @@ rows = st.lists(st.lists(angle, min_size=3, max_size=3), min_size=2, max_size=2)
 def series(draw: st.DrawFn) -> dict[str, Any]:
     duration = draw(st.floats(1.0, 6.0))
     fade = draw(st.floats(0.05, 0.5)) * duration
-    return dict(type="fourier", duration=duration, fundamental=draw(st.floats(0.05, 3.0)), fade=fade,
-                sine=draw(rows), cosine=draw(rows))  # fmt: skip
+    return dict(
+        type="fourier",
+        duration=duration,
+        fundamental=draw(st.floats(0.05, 3.0)),
+        fade=fade,
+        sine=draw(rows),
+        cosine=draw(rows),
+    )
 
 
 @st.composite
 def sweep(draw: st.DrawFn) -> dict[str, Any]:
     duration = draw(st.floats(1.0, 6.0))
     fade = draw(st.floats(0.05, 0.5)) * duration
-    return dict(type="chirp", joint=draw(st.integers(1, 2)), amplitude=draw(angle), frequency=draw(st.floats(0.05, 8.0)),
-                to_frequency=draw(st.floats(0.05, 8.0)), duration=duration, fade=fade)  # fmt: skip
+    return dict(
+        type="chirp",
+        joint=draw(st.integers(1, 2)),
+        amplitude=draw(angle),
+        frequency=draw(st.floats(0.05, 8.0)),
+        to_frequency=draw(st.floats(0.05, 8.0)),
+        duration=duration,
+        fade=fade,
+    )
 
 
 @st.composite
@@ -126,7 +142,10 @@ def test_bounds_hold_on_every_stretch(segments: list[dict[str, Any]], data: st.D
 def test_the_verdict_is_that_of_a_look_at_every_instant(
     segments: list[dict[str, Any]], kind: int, joint: int, beyond: float, block: int
 ) -> None:
-    """One limit, below or above what the motion asks for by some part of it; looked at in blocks small enough to matter."""
+    """One limit, below or above what the motion asks for by some part of it.
+
+    Looked at in blocks small enough to matter.
+    """
     demand = demand_of(experiment(segments))
     value = float(seen(demand)[kind, joint])
     size = max(abs(value), 1e-3)
@@ -150,14 +169,43 @@ LONG = {
     "fourier": [dict(type="fourier", duration=DAY, fundamental=0.1, sine=HARMONICS, cosine=HARMONICS, fade=1.0)],
     "slow fourier": [dict(type="fourier", duration=DAY, fundamental=1e-5, sine=HARMONICS, cosine=HARMONICS, fade=1e4)],
     "chirp": [dict(type="chirp", joint=2, amplitude=0.3, frequency=0.01, to_frequency=2.0, duration=DAY)],
-    "table": [dict(type="setpoints", times=np.arange(0.0, DAY, 10.0).tolist(),
-                   positions=np.column_stack([np.sin(np.arange(8640)), np.cos(np.arange(8640))]).tolist())],
-    "repeat": [dict(type="repeat", times=3600, segment=[
-        dict(type="fourier", duration=20.0, fundamental=0.1, sine=HARMONICS, cosine=HARMONICS),
-        dict(type="drive", joint=1, by=0.1), dict(type="drive", joint=1, by=-0.1), dict(type="hold", duration=1.0)])],
-    "repeats in repeats": [dict(type="repeat", times=60, segment=[dict(type="repeat", times=1200, segment=[
-        dict(type="drive", joint=1, by=0.1), dict(type="drive", joint=1, by=-0.1), dict(type="hold", duration=0.5)])])],
-}  # fmt: skip
+    "table": [
+        dict(
+            type="setpoints",
+            times=np.arange(0.0, DAY, 10.0).tolist(),
+            positions=np.column_stack([np.sin(np.arange(8640)), np.cos(np.arange(8640))]).tolist(),
+        )
+    ],
+    "repeat": [
+        dict(
+            type="repeat",
+            times=3600,
+            segment=[
+                dict(type="fourier", duration=20.0, fundamental=0.1, sine=HARMONICS, cosine=HARMONICS),
+                dict(type="drive", joint=1, by=0.1),
+                dict(type="drive", joint=1, by=-0.1),
+                dict(type="hold", duration=1.0),
+            ],
+        )
+    ],
+    "repeats in repeats": [
+        dict(
+            type="repeat",
+            times=60,
+            segment=[
+                dict(
+                    type="repeat",
+                    times=1200,
+                    segment=[
+                        dict(type="drive", joint=1, by=0.1),
+                        dict(type="drive", joint=1, by=-0.1),
+                        dict(type="hold", duration=0.5),
+                    ],
+                )
+            ],
+        )
+    ],
+}
 
 
 @pytest.mark.parametrize("kind", LONG)

@@ -1,7 +1,7 @@
 """What is known of an effect stands in its definition (``arm_model.effects``): no measurement names one.
 
-A detector that is an algorithm of its own (a spectral line, a jump, the Denavit-Hartenberg errors of a link) refers to the definition that it
-finds, never to a name; which modules these are is listed here, each with its reason.
+A detector that is an algorithm of its own (a spectral line, a jump, the Denavit-Hartenberg errors of a link) refers to
+the definition that it finds, never to a name; which modules these are is listed here, each with its reason.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ FAMILIES = {value.__name__ for value in vars(catalogue).values() if isinstance(v
 """Modules that hold the definitions."""
 
 NAMES_OF_SOMETHING_ELSE = {
-    "diagnosis/distortion/distortion.py": "parameters of an arm (arm_model.parameters): a joint's rotor_inertia and torque_constant",
+    "diagnosis/distortion/distortion.py": "parameters of an arm (arm_model.parameters): a joint's rotor_inertia and "
+    "torque_constant",
     "diagnosis/experiments/motions.py": "the key of a known mass in the [setup] table of an experiment",
     "identification/regression/equations.py": "a parameter of an arm: a joint's rotor_inertia",
     "identification/regression/physical_consistency.py": "a parameter of an arm: a joint's rotor_inertia",
@@ -32,7 +33,8 @@ DETECTORS = {
     "diagnosis/measurements/link_encoders/causes.py": "the constant between two encoders, which is always free",
     "diagnosis/measurements/tracker/columns.py": "values of the kinematic chain, which are fitted and not added",
     "diagnosis/measurements/tracker/model.py": "geometric errors of a link, which merge and come apart",
-    "diagnosis/measurements/tracker/causes.py": "geometric errors that shrink to a zero; points off by far, which are counted",
+    "diagnosis/measurements/tracker/causes.py": "geometric errors that shrink to a zero; points off by far, which "
+    "are counted",
     "diagnosis/residual/run_setup.py": "a known mass at the flange, put there by a person",
 }
 

@@ -1,4 +1,7 @@
-"""Inside a package, rooms (sub-packages) import one way too: every room only those named before it in ``ROOMS`` (docs/architecture.md)."""
+"""Inside a package, rooms (sub-packages) import one way too.
+
+Every room only those named before it in ``ROOMS`` (docs/architecture.md).
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,10 @@ ROOMS = {
         "kinematics.report",
     ),
 }
-"""From the lowest to the highest. Modules that stand in no room are the package's own: entry points, and what all rooms share."""
+"""From the lowest to the highest.
+
+Modules that stand in no room are the package's own: entry points, and what all rooms share.
+"""
 
 MOST_FILES = 16
 """Modules per folder, without ``__init__``: more cannot be taken in at a glance."""

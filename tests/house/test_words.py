@@ -1,4 +1,7 @@
-"""Messages and documents use the field's terms (CONTRIBUTING.md, glossary): none of the idioms and metaphors that they replaced."""
+"""Messages and documents use the field's terms (CONTRIBUTING.md, glossary).
+
+None of the idioms and metaphors that they replaced.
+"""
 
 import ast
 import re
@@ -6,8 +9,17 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = (
-    "arm_io", "arm_model", "arm_report", "armscope", "daq", "diagnosis", "drivers", "experiment", "identification", "sim_backend",
-)  # fmt: skip
+    "arm_io",
+    "arm_model",
+    "arm_report",
+    "armscope",
+    "daq",
+    "diagnosis",
+    "drivers",
+    "experiment",
+    "identification",
+    "sim_backend",
+)
 INSTEAD = {
     r"wants?( to be)?\b(?! to (know|use|read))": "must be, needs",
     r"(is|are) wanted\b": "must be, is required",
@@ -44,7 +56,10 @@ SHOWN = {
 
 
 def literals(tree: ast.AST) -> list[tuple[int, str]]:
-    """Line and text of every string that a user reads: arguments of the functions above, yielded sentences, constants of reports."""
+    """Line and text of every string that a user reads.
+
+    Arguments of the functions above, yielded sentences, constants of reports.
+    """
     found = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):

@@ -1,4 +1,7 @@
-"""Recordings that no identification can use are refused at once, in one line that says where, what and what would be right."""
+"""Recordings that no identification can use are refused at once.
+
+In one line that says where, what and what would be right.
+"""
 
 from __future__ import annotations
 

@@ -13,7 +13,8 @@ from identification.regression.equations import column_names, model_columns, mod
 
 
 def test_puma_has_the_thirty_six_inertial_base_parameters_of_the_literature(root: Path) -> None:
-    # Mayeda, Yoshida, Osuka, IEEE T-RA 6(3), 1990: 36 for the PUMA 560, rotors aside; here each of joints 3-6 has a rotor of its own.
+    # Mayeda, Yoshida, Osuka, IEEE T-RA 6(3), 1990: 36 for the PUMA 560, rotors aside; here each of joints 3-6 has a
+    # rotor of its own.
     arm = read_model(root / "config/models/puma560.toml")
     base = structural_base(arm)
     rigid = [k for k in base.kept if base.names[k].startswith("link")]

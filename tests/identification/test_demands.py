@@ -1,4 +1,7 @@
-"""Recorded demands: the host's plan, or the servos' lines between setpoints; the closed loop is simulated on what the servos tracked."""
+"""Recorded demands: the host's plan, or the servos' lines between setpoints.
+
+The closed loop is simulated on what the servos tracked.
+"""
 
 from __future__ import annotations
 

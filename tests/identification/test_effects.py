@@ -1,6 +1,9 @@
-"""Effects of a model in its identification: their parameters found beside the arm's own, in data that is written out here by hand.
+"""Effects of a model in its identification.
 
-The torques below follow from the textbook formulas of spring, load friction and uneven gear, not from the catalogue's laws.
+Their parameters found beside the arm's own, in data that is written out here by hand.
+
+The torques below follow from the textbook formulas of spring, load friction and uneven gear, not from the catalogue's
+laws.
 """
 
 from __future__ import annotations

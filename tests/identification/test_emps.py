@@ -1,4 +1,7 @@
-"""EMPS (Janot, Gautier, Brunot, 2019): the published parameters from the published recording, through the whole chain."""
+"""EMPS (Janot, Gautier, Brunot, 2019).
+
+The published parameters from the published recording, through the whole chain.
+"""
 
 from __future__ import annotations
 

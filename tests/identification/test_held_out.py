@@ -1,4 +1,7 @@
-"""Whether a model carries over: held-out motions that are livelier, stand and reverse more often than what was fitted."""
+"""Whether a model carries over.
+
+held-out motions that are livelier, stand and reverse more often than what was fitted.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What is said of recordings before they are fitted: quality flags of the instruments, files cut off, lag, limits, excitation."""
+"""What is said of recordings before they are fitted.
+
+Quality flags of the instruments, files cut off, lag, limits, excitation.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Signals: derivatives against an exact motion, cut-offs that follow the spectrum, and rows that cannot be trusted left out."""
+"""Signals: derivatives against an exact motion, cut-offs that follow the spectrum.
+
+And rows that cannot be trusted left out.
+"""
 
 from __future__ import annotations
 
@@ -118,7 +121,10 @@ def test_parallel_filter_keeps_slow_signals_and_their_time() -> None:
 
 
 def test_joint_that_is_only_shaken_has_no_say_in_the_band() -> None:
-    """One joint through half a turn in 2 s, its neighbour pushed about by three counts: the thesis's runs of one joint at a time."""
+    """One joint through half a turn in 2 s, its neighbour pushed about by three counts.
+
+    The thesis's runs of one joint at a time.
+    """
     t = np.arange(3_700) / 1000
     s = np.clip((t - 0.8) / 2.0, 0, 1)
     q = np.pi * s**3 * (10 - 15 * s + 6 * s**2)
@@ -159,7 +165,10 @@ def test_parallel_filter_is_the_same_for_every_row() -> None:
 
 
 def test_jittered_stamps_keep_the_mean_of_a_ripple() -> None:
-    """Kicks of a servo, steep up and slow down: an interpolation that never overshoots cuts their tops, and the mean with them."""
+    """Kicks of a servo, steep up and slow down.
+
+    An interpolation that never overshoots cuts their tops, and the mean with them.
+    """
     random = np.random.default_rng(0)
     even = np.arange(8000) / 985.71
     jittered = even + 2e-5 * random.standard_normal(len(even))

@@ -1,4 +1,7 @@
-"""A spring that is nearly gravity's twin while its joint hardly moves: the fit must not be worse elsewhere than the model it came from."""
+"""A spring that is nearly gravity's twin while its joint hardly moves.
+
+The fit must not be worse elsewhere than the model it came from.
+"""
 
 from __future__ import annotations
 

@@ -58,7 +58,10 @@ class Follower:
 
 
 class FollowerPlant:
-    """sim_backend.rig.world.Plant with the Puma's gears and encoders. The tracker's target moves along x by joint 1's angle."""
+    """sim_backend.rig.world.Plant with the Puma's gears and encoders.
+
+    The tracker's target moves along x by joint 1's angle.
+    """
 
     encoder_lines = LINES
     rest = np.zeros(6)

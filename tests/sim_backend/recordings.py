@@ -1,4 +1,7 @@
-"""Recordings of the simulated Puma for suites that want many: the whole chain, from servos to MCAP file, as fast as it computes."""
+"""Recordings of the simulated Puma for suites that want many.
+
+The whole chain, from servos to MCAP file, as fast as it computes.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,10 @@ BLOCK = 0.2  # s between two reads: nobody waits for rows, and long blocks cost 
 
 
 def fast_rig(path: Path, **simulation: object) -> Rig:
-    """A simulated rig at the fast pace; ``simulation``: entries of its [simulation] table, such as model, seed, fault."""
+    """A simulated rig at the fast pace.
+
+    ``simulation``: entries of its [simulation] table, such as model, seed, fault.
+    """
     rig = read_rig(path)
     table = {**rig.simulation, "pace": "fast", **simulation}
     return rig.model_copy(update={"simulation": table, "block_seconds": BLOCK})

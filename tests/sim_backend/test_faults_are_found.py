@@ -1,4 +1,7 @@
-"""Faults of the rig file, met by the sampler: what is lost is accounted for, and no row is joined with its neighbour's."""
+"""Faults of the rig file, met by the sampler.
+
+What is lost is accounted for, and no row is joined with its neighbour's.
+"""
 
 from __future__ import annotations
 

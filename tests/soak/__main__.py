@@ -1,4 +1,7 @@
-"""``python -m tests.soak [--minutes 10 | --hours 12] [--seed N] [--out DIR]``: status 0 where nothing was wrong, else 1."""
+"""``python -m tests.soak [--minutes 10 | --hours 12] [--seed N] [--out DIR]``.
+
+Status 0 where nothing was wrong, else 1.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,11 @@
-"""Those who share the daemon with the soak: ``python -m tests.soak.crowd KIND RIG.toml SEED`` until SIGTERM, then what it did, as JSON.
+"""Those who share the daemon with the soak.
+
+``python -m tests.soak.crowd KIND RIG.toml SEED`` until SIGTERM, then what it did, as JSON.
 
 visitors   subscribers that come, listen for a while and go, some without a word (their process ends)
 wedged     subscribers that stop reading (SIGSTOP), then go on or are killed
-liars      put rubbish on the rig's keys, declare its tokens and command keys as their own, send bytes that are no Zenoh to its port
+liars      put rubbish on the rig's keys, declare its tokens and command keys as their own, send bytes that are no Zenoh
+           to its port
 strangers  commands with every kind of wrong argument; each must be answered by a result or a typed error
 """
 
@@ -119,14 +122,29 @@ class Crowd:
         dice = self.dice
         deep = dice.choice([b"[", b'{"a":']) * 5000
         payloads: list[bytes] = [
-            b"", b"{}", b"null", b"[]", b"{", b"\xff\xfe", deep, self._rubbish(1000), b'{"position": 1e400}', b"NaN",
-            b'{"position": [NaN, 0, 0, 0, 0, 0]}', b'{"position": [' + b"9" * 400 + b"]}", b'{"wait": 1}', b"0" * 100_000,
-            b'{"experiment": "", "out": ""}', b'{"experiment": 5, "out": "/x"}', b'{"out": "\\u0000"}', b'{"name": "../x"}',
+            b"",
+            b"{}",
+            b"null",
+            b"[]",
+            b"{",
+            b"\xff\xfe",
+            deep,
+            self._rubbish(1000),
+            b'{"position": 1e400}',
+            b"NaN",
+            b'{"position": [NaN, 0, 0, 0, 0, 0]}',
+            b'{"position": [' + b"9" * 400 + b"]}",
+            b'{"wait": 1}',
+            b"0" * 100_000,
+            b'{"experiment": "", "out": ""}',
+            b'{"experiment": 5, "out": "/x"}',
+            b'{"out": "\\u0000"}',
+            b'{"name": "../x"}',
             json.dumps({"experiment": "a = " + "[" * 5000, "out": "/tmp/x"}).encode(),
             json.dumps({"experiment": "rate = inf", "out": "/tmp/" + "x" * 300}).encode(),
             json.dumps({"experiment": 'name = "n"', "out": "/tmp/\ud800"}).encode(),
             b'{"experiment": "' + b"x" * 5_000_000 + b'"}',
-        ]  # fmt: skip
+        ]
         verbs = ["status", "identity", "arm", "zero", "reset", "recordings", "checksum", "read", "nonsense", "a" * 300]
         return dice.choice(verbs), dice.choice(payloads)
 

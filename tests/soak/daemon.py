@@ -1,4 +1,7 @@
-"""The daemon under test, on a disk whose slowness can be set while it runs: ``python -m tests.soak.daemon RIG.toml DELAY_FILE``."""
+"""The daemon under test, on a disk whose slowness can be set while it runs.
+
+``python -m tests.soak.daemon RIG.toml DELAY_FILE``.
+"""
 
 from __future__ import annotations
 

@@ -53,7 +53,10 @@ def finished(path: Path, last: Table) -> list[str]:
 
 
 def unfinished(active: Path, recorded: int) -> tuple[list[str], int]:
-    """The same for one whose daemon was killed, after recovery; and how many rows fewer it has than the daemon last told."""
+    """The same for one whose daemon was killed, after recovery.
+
+    And how many rows fewer it has than the daemon last told.
+    """
     out = active.with_name("recovered.mcap")
     recover(active, out, replace=True)
     recording = open_recording(out)

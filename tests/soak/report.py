@@ -15,7 +15,10 @@ Table = dict[str, Any]
 
 
 def growth_of(life: list[tuple[float, float]]) -> float | None:
-    """MB by which memory was higher in the last quarter of what follows the first minute than in its first quarter; None: too short."""
+    """MB by which memory was higher in the last quarter of what follows the first minute than in its first quarter.
+
+    None: too short.
+    """
     after = [megabytes for seconds, megabytes in life if seconds > WARM_UP]
     quarter = len(after) // 4
     return None if quarter < 2 else float(np.median(after[-quarter:]) - np.median(after[:quarter]))
@@ -66,10 +69,12 @@ def section(table: Table) -> str:
         "",
         "| what | figure |",
         "|---|---|",
-        f"| triggers = rows recorded + rows lost | {table['triggers']} = {table['recorded']} + {sum(table['lost'].values())} |",
+        f"| triggers = rows recorded + rows lost | {table['triggers']} = {table['recorded']} + "
+        f"{sum(table['lost'].values())} |",
         f"| lost, by reason | {lost or 'none'} |",
         f"| kill -9: rows fewer than the daemon last told, ms | {table['killed_ms']} |",
-        f"| a healthy subscriber: rows received, missed | {table['subscriber'].get('rows', 0)}, {table['subscriber'].get('missed', 0)} |",
+        f"| a healthy subscriber: rows received, missed | {table['subscriber'].get('rows', 0)}, "
+        f"{table['subscriber'].get('missed', 0)} |",
         f"| slowest answer to `status`, `start`, `stop` | {table['slowest_answer_s']} s |",
         f"| memory of the daemon between runs | {memory} |",
         f"| the crowd | {crowd} |",

@@ -1,4 +1,7 @@
-"""The soak's rig and its motions: config/puma560_sim_20khz.toml with faults that a run meets or does not, by how long it lasts."""
+"""The soak's rig and its motions.
+
+config/puma560_sim_20khz.toml with faults that a run meets or does not, by how long it lasts.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The soak itself: one run after the other through a daemon, each with something that goes wrong, and the account of all."""
+"""The soak itself: one run after the other through a daemon, each with something that goes wrong.
+
+And the account of all.
+"""
 
 from __future__ import annotations
 

@@ -1,9 +1,12 @@
-"""Checksums of every record of a file, in the file: an attachment that lists them, and MCAP's own of the data section and of the summary.
+"""Checksums of every record of a file, in the file.
 
-The last attachment is called ``checksums.crc32``. It has an entry of 13 bytes for each record before it, in their order, the first for the eight
-bytes of magic: opcode (uint8; 0: the magic), length of the whole record (uint64), CRC-32 of the whole record (uint32), little
-endian. The attachment's own checksum guards the list; the DataEnd record carries the CRC-32 of all before it, as MCAP has it (so other tools check
-it too), and the footer that of the summary. Not one bit of a finished file is left out.
+An attachment that lists them, and MCAP's own of the data section and of the summary.
+
+The last attachment is called ``checksums.crc32``. It has an entry of 13 bytes for each record before it, in their
+order, the first for the eight bytes of magic: opcode (uint8; 0: the magic), length of the whole record (uint64), CRC-32
+of the whole record (uint32), little endian. The attachment's own checksum guards the list; the DataEnd record carries
+the CRC-32 of all before it, as MCAP has it (so other tools check it too), and the footer that of the summary. Not one
+bit of a finished file is left out.
 """
 
 from __future__ import annotations
@@ -129,7 +132,10 @@ def _without_list(data: memoryview, mentioned: int) -> Verification:
 
 
 def _find_list(data: memoryview) -> tuple[int, int]:
-    """Where the attachment with the list begins and ends; an end of 0 where no intact one is found, and 0, 0 where not even its name is."""
+    """Where the attachment with the list begins and ends.
+
+    An end of 0 where no intact one is found, and 0, 0 where not even its name is.
+    """
     name, mentioned = re.compile(re.escape(NAME.encode())), 0
     for window in range(len(data), 0, -WINDOW):
         first = max(window - WINDOW, 0)

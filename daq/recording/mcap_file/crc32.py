@@ -1,7 +1,8 @@
 """CRC-32 of a whole from those of its parts, without reading it once more.
 
-With zlib's conditioning crc(A B) = shift(crc(A), |B|) xor crc(B), where ``shift`` multiplies by x^(8 |B|) modulo the generator (Mark Adler, zlib's
-crc32_combine). A sum over many parts is then one xor of independent shifts, all made at once.
+With zlib's conditioning crc(A B) = shift(crc(A), |B|) xor crc(B), where ``shift`` multiplies by x^(8 |B|) modulo the
+generator (Mark Adler, zlib's crc32_combine). A sum over many parts is then one xor of independent shifts, all made at
+once.
 """
 
 from __future__ import annotations

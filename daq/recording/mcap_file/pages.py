@@ -33,7 +33,9 @@ def mapped(path: Path) -> memoryview:
 
 
 def release(data: memoryview, start: int, end: int) -> int:
-    """Gives the memory of bytes ``start`` to ``end`` of a mapped file back, where that is ``WINDOW`` or more; they stay readable.
+    """Gives the memory of bytes ``start`` to ``end`` of a mapped file back, where that is ``WINDOW`` or more.
+
+    They stay readable.
 
     Returns where the bytes that are still held begin.
     """

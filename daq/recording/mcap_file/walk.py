@@ -1,8 +1,9 @@
 """Walks the records of an MCAP file that may be unfinished or damaged, and hands out only what its checksums confirm.
 
-A finished file, one cut off by a crash, and one with broken blocks take the same way: from record to record by their lengths;
-where a record makes no sense, from the last confirmed one on to the next place that looks like one and is confirmed. The
-summary is not needed. A chunk counts only if the checksum of its content is right, and its rows have our layout.
+A finished file, one cut off by a crash, and one with broken blocks take the same way: from record to record by their
+lengths; where a record makes no sense, from the last confirmed one on to the next place that looks like one and is
+confirmed. The summary is not needed. A chunk counts only if the checksum of its content is right, and its rows have our
+layout.
 """
 
 from __future__ import annotations
@@ -61,7 +62,10 @@ class File:
 
 @dataclass(frozen=True)
 class Damage:
-    """Bytes ``start`` to ``end`` of the file that could not be read, and why; ``end`` of the file: it is cut off there."""
+    """Bytes ``start`` to ``end`` of the file that could not be read, and why.
+
+    ``end`` of the file: it is cut off there.
+    """
 
     start: int
     end: int
@@ -88,8 +92,11 @@ class _BrokenRecord(ValueError):
 
 
 def walk(data: memoryview) -> Iterator[Part]:
-    """The parts of an MCAP file in their order. A stretch that cannot be read is one ``Damage``; the end of a file that
-    was not finished is none, unless a record is cut in two there."""
+    """The parts of an MCAP file in their order.
+
+    A stretch that cannot be read is one ``Damage``; the end of a file that was not finished is none, unless a record is
+    cut in two there.
+    """
     place, held = len(MAGIC), 0
     if data[:place] != MAGIC:
         yield Damage(0, place, "the file does not begin as an MCAP file does")
@@ -163,7 +170,7 @@ def _part(opcode: int, body: memoryview) -> Part | None:
 
 
 def _end(data: memoryview, summary: int) -> End:
-    """The end of the rows is the end of a finished file only if the footer points back to it, and the summary is intact."""
+    """Rows end as those of a finished file do only if the footer points back to their end and the summary is intact."""
     footer = struct.pack("<BQQ", Opcode.FOOTER, 20, summary)
     if data[-37:-20] != footer or data[-8:] != MAGIC:
         raise _BrokenRecord("the file is cut off in its summary, or the summary is damaged")

@@ -1,8 +1,8 @@
 """An MCAP file in the making: head, chunks, attachments, summary (https://mcap.dev/spec).
 
-The file is called ``RUN.mcap.active`` until it is whole. What the operating system refuses is undone: after an OSError the file
-ends where it ended before, and what was written earlier stays readable. One number in the head, the progress, is
-overwritten in place, so that after a crash the file itself holds the number of rows passed to the recorder.
+The file is called ``RUN.mcap.active`` until it is whole. What the operating system refuses is undone: after an OSError
+the file ends where it ended before, and what was written earlier stays readable. One number in the head, the progress,
+is overwritten in place, so that after a crash the file itself holds the number of rows passed to the recorder.
 """
 
 from __future__ import annotations
@@ -47,12 +47,18 @@ from daq.recording.mcap_file.pages import ACTIVE
 
 PROGRESS = "armscope:progress"
 LEVEL = -1
-"""Of zstd: writes as small as level 1 what rows are made of, and is read a third faster; level 3 saves a sixth for half the speed."""
+"""Of zstd: writes as small as level 1 what rows are made of, and is read a third faster.
+
+Level 3 saves a sixth for half the speed.
+"""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Rows that were handed to the recorder: how many, trigger numbers of the first and last, wall time of the last (ns)."""
+    """Rows that were handed to the recorder.
+
+    How many, trigger numbers of the first and last, wall time of the last (ns).
+    """
 
     rows: int = 0
     first: int = 0
@@ -131,7 +137,8 @@ class McapFile:
     ) -> None:
         """A compressed chunk of message records, and its message indexes.
 
-        content  the records; wall_ns: (n,) times of the rows; offsets: channel -> (n,) where its messages begin in ``content``
+        content  the records; wall_ns: (n,) times of the rows; offsets: channel -> (n,) where its messages begin in
+                 ``content``
         """
         first, last = int(wall_ns.min()), int(wall_ns.max())
         data = self._compressor.compress(content)
@@ -171,7 +178,10 @@ class McapFile:
         os.fdatasync(self._handle)
 
     def finish(self) -> None:
-        """Checksums, summary and footer; then the file gets its name. After an OSError it keeps the name ``active``, and all its rows."""
+        """Checksums, summary and footer; then the file gets its name.
+
+        After an OSError it keeps the name ``active``, and all its rows.
+        """
         if self._progress:
             self._checksums.change(self._progress_entry, self._progress)
         self.attach(checksums.NAME, checksums.MEDIA_TYPE, self._checksums.to_bytes())
@@ -209,9 +219,13 @@ class McapFile:
 
     def _summary(self, start: int) -> bytes:
         groups = [
-            _bytes(*self._schemas), _bytes(*self._channels), _bytes(self._statistics()), bytes(self._chunks),
-            _bytes(*self._attachments), _bytes(*self._metadata),
-        ]  # fmt: skip
+            _bytes(*self._schemas),
+            _bytes(*self._channels),
+            _bytes(self._statistics()),
+            bytes(self._chunks),
+            _bytes(*self._attachments),
+            _bytes(*self._metadata),
+        ]
         summary, offsets = bytearray(), bytearray()
         for data in groups:
             if data:
@@ -236,11 +250,13 @@ class McapFile:
 
 
 def create(path: str | Path, *, live: bool = False, replace: bool = False) -> McapFile:
-    """Opens ``path`` for writing under another name. InputError where it exists (unless ``replace``), or cannot be made; DeviceFault
-    where the host's clock stands before 1970.
+    """Opens ``path`` for writing under another name.
 
-    live  True: the other name is ``path.active``, because what is in it is found nowhere else; never replaces one. A lock on it
-          marks that a process still writes it (``being_written``). False: ``path.part``
+    InputError where it exists (unless ``replace``), or cannot be made; DeviceFault where the host's clock stands before
+    1970.
+
+    live  True: the other name is ``path.active``, because what is in it is found nowhere else; never replaces one. A
+          lock on it marks that a process still writes it (``being_written``). False: ``path.part``
     """
     check_file(path)
     _check_clock()
@@ -266,7 +282,10 @@ def create(path: str | Path, *, live: bool = False, replace: bool = False) -> Mc
 
 
 def _check_clock() -> None:
-    """DeviceFault where the host's clock shows a time that a file cannot hold: MCAP counts from 1970 on, ROS in 31 bits of seconds."""
+    """DeviceFault where the host's clock shows a time that a file cannot hold.
+
+    MCAP counts from 1970 on, ROS in 31 bits of seconds.
+    """
     now = time.time_ns()
     if not 0 <= now < 2**31 * 10**9:
         raise DeviceFault("clock", f"the host's clock stands {now / 1e9:.0f} s after 1970, beyond 1970 to 2038; set it")

@@ -1,8 +1,8 @@
 """Fixed-size CDR messages: constant bytes with holes for numbers, so that numpy fills a thousand of them in one pass.
 
-Plain CDR, little endian (OMG DDSI-RTPS 2.3, 10.5): a 4-byte encapsulation header, then every primitive aligned to its own
-size, counted from behind that header. A string is its length with the closing NUL (uint32), its bytes, the NUL; a sequence
-is its length (uint32), then its elements, whose alignment applies only where there are any.
+Plain CDR, little endian (OMG DDSI-RTPS 2.3, 10.5): a 4-byte encapsulation header, then every primitive aligned to its
+own size, counted from behind that header. A string is its length with the closing NUL (uint32), its bytes, the NUL; a
+sequence is its length (uint32), then its elements, whose alignment applies only where there are any.
 """
 
 from __future__ import annotations
@@ -72,7 +72,10 @@ class Message:
 
 
 def stamps(wall_ns: np.ndarray) -> np.ndarray:
-    """Times (n,) int64 ns as builtin_interfaces/Time, seconds in the low and nanoseconds in the high half: (n,) uint64."""
+    """Times (n,) int64 ns as builtin_interfaces/Time, seconds in the low and nanoseconds in the high half.
+
+    (n,) uint64.
+    """
     seconds, nanoseconds = np.divmod(wall_ns, 1_000_000_000)
     return seconds.astype(np.uint64) & np.uint64(0xFFFFFFFF) | nanoseconds.astype(np.uint64) << np.uint64(32)
 

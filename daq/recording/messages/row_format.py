@@ -1,4 +1,6 @@
-"""What stands in the rows of a recording, and the bytes that a row becomes: one MCAP message record a topic, all of fixed size.
+"""What stands in the rows of a recording, and the bytes that a row becomes.
+
+One MCAP message record a topic, all of fixed size.
 
 Because every row has the same length, a chunk is an array with a structured numpy type: ``RowFormat.pack`` fills it
 column by column, ``RowFormat.unpack`` is one ``frombuffer``. The layout travels as JSON in the metadata of the first
@@ -156,7 +158,10 @@ class RowFormat:
         return list(dict.fromkeys(topic.type for topic in self.topics))
 
     def pack(self, columns: Mapping[str, NDArray], wall_ns: NDArray[np.int64]) -> bytearray:
-        """The content of a chunk: prologue, then the n rows. ``columns`` has an (n, ...) array for every column of the layout."""
+        """The content of a chunk: prologue, then the n rows.
+
+        ``columns`` has an (n, ...) array for every column of the layout.
+        """
         count = len(wall_ns)
         content = bytearray(self.prologue) + self.template * count
         rows = np.frombuffer(content, self.dtype, offset=len(self.prologue))

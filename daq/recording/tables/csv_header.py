@@ -1,4 +1,7 @@
-"""The first line of a table: which column is what, and how many joints there are. Bounded before anything is made of it."""
+"""The first line of a table: which column is what, and how many joints there are.
+
+Bounded before anything is made of it.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,10 @@ _KNOWN = "t, q1.., i1.., qref1.., ql1.., v1.., temp1.., x, y, z"
 
 
 def read_header(path: str | Path, file: TextIO) -> list[str]:
-    """The names in the first line of an open table; InputError where that is too long, or separated otherwise than by commas."""
+    """The names in the first line of an open table.
+
+    InputError where that is too long, or separated otherwise than by commas.
+    """
     line = file.readline(LONGEST_HEADER + 1)
     if len(line) > LONGEST_HEADER:
         raise InputError(path, f"line 1: is longer than {LONGEST_HEADER} characters; it must name the columns")

@@ -35,7 +35,8 @@ class Table:
     having   the same signals -> joints with a column, numbered from 1
     xyz      (n, 3) m in the base frame, or None
     extra    further columns by name, (n,)
-    epoch    s since 1970 of the file's first line, exactly, or None; start_ns: the same in ns, where ROS stamps can hold it
+    epoch    s since 1970 of the file's first line, exactly, or None; start_ns: the same in ns, where ROS stamps can
+             hold it
     """
 
     t: Array
@@ -123,7 +124,7 @@ def _table(t: Array, columns: dict[str, Array], joints: int) -> Table:
 
 
 def _blocks(path: str | Path, file: TextIO, width: int) -> Iterator[tuple[list[int], list[tuple[str, ...]], bool]]:
-    """The number of each line with cells, the cells by column, and whether nothing in them reads otherwise than it looks."""
+    """The number of each line with cells, the cells by column, and whether all of them read as they look."""
     line = 1
     while text := file.readlines(BLOCK_CHARACTERS):
         reader = csv.reader(text)
@@ -176,5 +177,6 @@ def _check_size(path: str | Path, lines: Sequence[int], columns: dict[str, Array
             row = int(np.argmax(wrong))
             raise InputError(
                 path,
-                f"line {lines[row]}, column {name}: {values[row]:g} is not a measurement; a missing sample is an empty cell",
+                f"line {lines[row]}, column {name}: {values[row]:g} is not a measurement; a missing sample is an "
+                "empty cell",
             )

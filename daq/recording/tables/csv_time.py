@@ -1,7 +1,8 @@
 """The column t of a table: in which unit, since when, in s without losing a digit.
 
-A laboratory's logger counts in ms, us or ns as often as in s, from its own start or from 1970. Nothing in the file says which, and a
-table in ms that is taken for one in s is a thousand times too slow in everything. So what looks like another unit is asked about.
+A laboratory's logger counts in ms, us or ns as often as in s, from its own start or from 1970. Nothing in the file says
+which, and a table in ms that is taken for one in s is a thousand times too slow in everything. So what looks like
+another unit is asked about.
 """
 
 from __future__ import annotations
@@ -55,10 +56,12 @@ class TimeColumn:
         self.start_ns: int | None = None
 
     def seconds(self, lines: Sequence[int], cells: Sequence[str], t: Array) -> Array:
-        """The times of the rows that follow, (n,) s: as the table has them, or since its first row where they are of the epoch.
+        """The times of the rows that follow, (n,) s.
 
-        ``cells`` hold them, on the ``lines`` of the file; t (n,): the numbers that they read as. InputError where a time is missing, or
-        they do not increase strictly.
+        As the table has them, or since its first row where they are of the epoch.
+
+        ``cells`` hold them, on the ``lines`` of the file; t (n,): the numbers that they read as. InputError where a
+        time is missing, or they do not increase strictly.
         """
         if np.isnan(t).any():
             line = lines[int(np.argmax(np.isnan(t)))]

@@ -18,8 +18,8 @@ from daq.recording.reader import Recording
 def write_csv(path: str | Path, recording: Recording | LongRecording) -> list[str]:
     """Writes a recording as a table, whole or not at all; returns the names of the columns.
 
-    Each number is the shortest text that reads back as the same float64; a missing sample is an empty cell. Tracker points
-    whose position in the base frame is unknown are omitted.
+    Each number is the shortest text that reads back as the same float64; a missing sample is an empty cell. Tracker
+    points whose position in the base frame is unknown are omitted.
     """
     names: list[str] = []
     epoch = recording.provenance.get("epoch")

@@ -30,9 +30,12 @@ def write_table(
     extra: dict[str, NDArray[np.float64]] | None = None,
     effort: Sequence[float] = (),
 ) -> LedgerSummary:
-    """Writes a recording that has no devices behind it: an imported table, or a simulation. An existing ``path`` is replaced.
+    """Writes a recording that has no devices behind it: an imported table, or a simulation.
 
-    t        (n,) s, strictly increasing; kept to the last bit, as are all other numbers; stamps count from the first row where it is no ROS time
+    An existing ``path`` is replaced.
+
+    t        (n,) s, strictly increasing; kept to the last bit, as are all other numbers; stamps count from the first
+             row where it is no ROS time
     signals  'q' and 'i' and any other key of ``daq.recording.messages.row_format.JOINT_TOPICS`` -> (n, J) rad (m), A,
              V, degC; a joint whose column (of other than q and i) is NaN throughout does not have that signal;
              'xyz' -> (n, 3) m, tracker's target in the base frame; NaN: missing sample
@@ -76,7 +79,10 @@ def _layout(table: Table, joints: Sequence[str], effort: Sequence[float]) -> Lay
 
 
 def _columns(layout: Layout, table: Table, origin: float, start_ns: int) -> Columns:
-    """The table's columns as the file has them, without their numbers; stamps are ``origin`` s + ``start_ns`` later than t."""
+    """The table's columns as the file has them, without their numbers.
+
+    Stamps are ``origin`` s + ``start_ns`` later than t.
+    """
     columns: Columns = {"time": table.t, "wall_ns": np.rint((table.t + origin) * 1e9).astype(np.int64) + start_ns}
     for name, having in layout.signals.items():
         columns[name] = table.signals[name][:, np.array(having) - 1]

@@ -42,19 +42,19 @@ class ArmArguments(_Arguments):
 
 
 class StopArguments(_Arguments):
-    """wait  answer only when the run has ended and its file is finished, with its result"""
+    """wait  answer only when the run has ended and its file is finished, with its result."""
 
     wait: bool = False
 
 
 class ZeroArguments(_Arguments):
-    """position  (J,) rad (m) that the joints read from now on; None: 0"""
+    """position  (J,) rad (m) that the joints read from now on; None: 0."""
 
     position: list[Coordinate] | None = None
 
 
 class NameArguments(_Arguments):
-    """name  of a recording in the daemon's folder"""
+    """name  of a recording in the daemon's folder."""
 
     name: Name
 

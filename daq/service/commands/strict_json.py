@@ -1,4 +1,7 @@
-"""JSON arguments from strangers: bounded before anything is expanded, finite numbers only, one typed error for all else."""
+"""JSON arguments from strangers.
+
+Bounded before anything is expanded, finite numbers only, one typed error for all else.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,10 @@ from typing import Any
 from arm_io import InputError
 
 MOST_STRUCTURE = 1 << 16
-"""Bytes outside strings. They bound the nesting and the number of entries; the text of an experiment is inside a string."""
+"""Bytes outside strings.
+
+They bound the nesting and the number of entries; the text of an experiment is inside a string.
+"""
 MOST_DIGITS = 19
 """Of an integer: what fits into 64 bits."""
 # Possessive, and the closing quote optional: one pass over the text, whatever it holds.

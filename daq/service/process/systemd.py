@@ -1,4 +1,6 @@
-"""Tells the service manager how we are: systemd's sd_notify protocol, datagrams of ``NAME=value`` lines to ``$NOTIFY_SOCKET``.
+"""Tells the service manager how we are.
+
+systemd's sd_notify protocol, datagrams of ``NAME=value`` lines to ``$NOTIFY_SOCKET``.
 
 Source: sd_notify(3), sd_watchdog_enabled(3). Without the variables every call does nothing.
 """

@@ -32,8 +32,9 @@ def fetch(
 ) -> dict[str, Any]:
     """Brings the recording ``name`` to ``out``; ``show`` receives the bytes received, and the total.
 
-    Returns file, bytes, sha256 and how many bytes were here from an earlier attempt. InputError: no such recording, or ``out``
-    exists or cannot be written. DeviceFault: the daemon or the disk failed; what has come stays for the next attempt.
+    Returns file, bytes, sha256 and how many bytes were here from an earlier attempt. InputError: no such recording, or
+    ``out`` exists or cannot be written. DeviceFault: the daemon or the disk failed; what has come stays for the next
+    attempt.
     """
     check_file(out)
     if out.exists():

@@ -1,4 +1,7 @@
-"""The folder into which a daemon records for clients of other machines, and from which they fetch: plain names, nothing else."""
+"""The folder into which a daemon records for clients of other machines, and from which they fetch.
+
+Plain names, nothing else.
+"""
 
 from __future__ import annotations
 

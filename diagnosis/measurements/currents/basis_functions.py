@@ -1,5 +1,6 @@
-"""Functions of one variable (or of two angles) that a residual may depend on, where no effect of the catalogue states
-how.
+"""Functions of one variable (or of two angles) that a residual may depend on.
+
+They stand where no effect of the catalogue states how.
 """
 
 from __future__ import annotations
@@ -26,16 +27,21 @@ CYCLES = (0.5, 40.0)
 """Cycles per motor revolution between which a ripple is searched for."""
 BINS_PER_TURN = 256
 UNMIXED = ("velocity", "acceleration", "current")
-"""Variables whose functions are not multiplied by the direction or the velocity: they contain it, or it means nothing."""
+"""Variables whose functions are not multiplied by the direction or the velocity.
+
+They contain it, or it means nothing.
+"""
 TWO_FACED = ("position", "load torque")
-"""Variables that may have one function forwards and another one backwards: what drives loses, what is driven does not."""
+"""Variables that may have one function forwards and another one backwards.
+
+What drives loses, what is driven does not.
+"""
 PLAYS = (0.004, 0.01, 0.02, 0.05, 0.1)
 """Half-widths of play operators, of the range of the current."""
 
 
 def variables(side: Dataset, arm: Arm, joint: int) -> Iterator[tuple[str, Array]]:
     """Name and values (rows,) of everything that a residual of this joint is held against."""
-
     yield "time", np.concatenate([run.t for run in side.runs])
     yield "position", _gathered(side, "q", joint)
     yield "motor angle", np.mod(_gathered(side, "q", joint) * arm.joints[joint - 1].ratio, 2 * np.pi)
@@ -52,7 +58,10 @@ def variables(side: Dataset, arm: Arm, joint: int) -> Iterator[tuple[str, Array]
 
 @dataclass(frozen=True)
 class Shape:
-    """A function of one variable at one joint; ``known`` (rows,): held-out rows where the variable is in the range that was fitted."""
+    """A function of one variable at one joint.
+
+    ``known`` (rows,): held-out rows where the variable is in the range that was fitted.
+    """
 
     name: str
     pair: Pair
@@ -96,7 +105,10 @@ def shapes_of(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint:
 
 
 def _places(fit: Dataset, held_out: Dataset, joint: int) -> Iterator[Shape]:
-    """What is there at a place and nowhere else (a detent, a damaged tooth): narrow functions of the position, side by side."""
+    """What is there at a place and nowhere else (a detent, a damaged tooth).
+
+    Narrow functions of the position, side by side.
+    """
     x, x_held_out = _gathered(fit, "q", joint), _gathered(held_out, "q", joint)
     edges = np.linspace(x.min(), x.max(), PLACES)
     if not np.ptp(x):
@@ -147,7 +159,10 @@ def _wave(name: str, fit: Dataset, held_out: Dataset, joint: int, angle: Callabl
 
 
 def _ripple(weighted: Array, motor: Array) -> float | None:
-    """Cycles a motor revolution of the strongest ripple over the motor's angle (rows,) rad; None where it hardly turned."""
+    """Cycles a motor revolution of the strongest ripple over the motor's angle (rows,) rad.
+
+    None where it hardly turned.
+    """
     if np.ptp(motor) < 4 * np.pi:
         return None
     # the residual summed in fine bins of the motor's turns has the ripple as a line of its spectrum
@@ -170,8 +185,9 @@ def _plane_wave(weighted: Array, own: Array, other: Array) -> tuple[float, float
 
 
 def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Shape]:
-    """Functions of the history of the current: play operators from a tenth of its range to a 250th (Prandtl and
-    Ishlinskii).
+    """Functions of the history of the current.
+
+    Play operators from a tenth of its range to a 250th (Prandtl and Ishlinskii).
 
     The current is the one that the model predicts for the smoothed motion: the measured one contains the residual and
     would explain itself.

@@ -1,4 +1,7 @@
-"""Causes that the currents show: those of the search, events in raw rows, and those of a finely measured single axis."""
+"""Causes that the currents show.
+
+Those of the search, events in raw rows, and those of a finely measured single axis.
+"""
 
 from __future__ import annotations
 
@@ -44,8 +47,10 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
         model.arm.joints[joint - 1].current_unit,
     )
     sentence = (
-        f"{definition.shows}: with it the held-out current error of joint {joint} falls from {before:.3g} to {after:.3g} {unit} rms, "
-        f"in {int(np.sum(conditional.blocks > 0))} of {int(np.sum(conditional.blocks != 0))} one-second blocks ({where})"
+        f"{definition.shows}: with it the held-out current error of joint {joint} falls from {before:.3g} to "
+        f"{after:.3g} {unit} rms, "
+        f"in {int(np.sum(conditional.blocks > 0))} of {int(np.sum(conditional.blocks != 0))} one-second blocks "
+        f"({where})"
     )
     separate = None
     if len(group) > 1:
@@ -122,7 +127,8 @@ def from_axis(axis_cause: AxisCause, arm: Arm) -> Cause:
     effect, drive = CATALOGUE[axis_cause.effect], arm.joints[0]
     units = {p.name: unit_at(drive, p.unit, p.name) for p in effect.parameters}
     sentence = (
-        f"{effect.shown(Instrument.SINGLE_AXIS, values, units)}: with it the held-out error of the command below 60 Hz falls from {axis_cause.before:.3g} to "
+        f"{effect.shown(Instrument.SINGLE_AXIS, values, units)}: with it the held-out error of the command below 60 "
+        f"Hz falls from {axis_cause.before:.3g} to "
         f"{axis_cause.after:.3g} {unit} rms, in {int(np.sum(axis_cause.gains > 0))} of {len(axis_cause.gains)} blocks"
     )
     if set(values) >= BY_DIRECTION:
@@ -146,7 +152,10 @@ def from_axis(axis_cause: AxisCause, arm: Arm) -> Cause:
 
 
 def _by_direction(arm: Arm, more: Mapping[str, float]) -> str:
-    """All the friction of one axis, the model's and what is ``more``, in words; the model's offset is friction that differs, as long as it moves."""
+    """All the friction of one axis, the model's and what is ``more``, in words.
+
+    The model's offset is friction that differs, as long as it moves.
+    """
     drive = arm.joints[0]
     step, slope = unit_at(drive, "N m"), unit_at(drive, "N m s/rad")
     offset = drive.ratio * drive.offset

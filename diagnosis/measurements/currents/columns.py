@@ -1,8 +1,9 @@
 """Every effect of the catalogue at every joint, as what it would add to the recorded currents.
 
-A candidate is one effect at one joint (or of the whole arm) with its nonlinear parameters fixed; its columns are the first-order change of the
-residual currents of all joints for a unit of each linear parameter, from the effect's own law. Parameters that enter by a phase or a rest
-position span a plane, and become two columns; ``Candidate.parameters`` turns coefficients back into parameters.
+A candidate is one effect at one joint (or of the whole arm) with its nonlinear parameters fixed; its columns are the
+first-order change of the residual currents of all joints for a unit of each linear parameter, from the effect's own
+law. Parameters that enter by a phase or a rest position span a plane, and become two columns; ``Candidate.parameters``
+turns coefficients back into parameters.
 """
 
 from __future__ import annotations
@@ -87,7 +88,8 @@ def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) 
 def _rates(law: Law, p: Values, s: Signals, ratio: float, run: Run) -> tuple[Array, Array, Array]:
     """Value, rate and second rate (m,) of an angle that a law gives.
 
-    One that follows the motor angle may turn faster than there are rows: its rates come by the chain rule, d/dt = ratio v d/d motor.
+    One that follows the motor angle may turn faster than there are rows: its rates come by the chain rule, d/dt = ratio
+    v d/d motor.
     """
     value = np.asarray(law(p, s), float)
     step = 1e-3

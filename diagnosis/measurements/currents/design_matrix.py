@@ -1,4 +1,7 @@
-"""All candidates as whitened columns over all recordings, laid out joint by joint, so that each is computed once and is as short as it can be."""
+"""All candidates as whitened columns over all recordings, laid out joint by joint.
+
+Each is computed once and is as short as it can be.
+"""
 
 from __future__ import annotations
 
@@ -52,8 +55,9 @@ def columns_of(candidate: Candidate, side: Dataset) -> Columns:
 def free_columns(side: Dataset, arm: Arm) -> list[Columns]:
     """Columns that are always in the model: how friction turns from one direction to the other.
 
-    No data sheet says it, and simulations differ in it: a joint's Coulomb friction may change sign over a wider or narrower band of velocity
-    than the model's ``sign_velocity``. d/dw of v / sqrt(v^2 + w^2) = -v w / (v^2 + w^2)^(3/2), times F over the drive's constant.
+    No data sheet says it, and simulations differ in it: a joint's Coulomb friction may change sign over a wider or
+    narrower band of velocity than the model's ``sign_velocity``. d/dw of v / sqrt(v^2 + w^2) = -v w / (v^2 +
+    w^2)^(3/2), times F over the drive's constant.
     """
     columns = []
     for j, joint in enumerate(arm.joints):

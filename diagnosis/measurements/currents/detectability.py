@@ -25,7 +25,8 @@ BY_ROWS = frozenset({Instrument.RAW, Instrument.DEMAND})
 INSTEAD = {
     Excitation.LOAD: "poses in which gravity loads {}, with and without a known payload",
     Excitation.GRAVITY: "a tracker, or a level at the link of {}",
-    Excitation.LOAD_REVERSAL: "{} slowly through a place where its load changes sign (for a link that hangs, the vertical), or an encoder at the link",
+    Excitation.LOAD_REVERSAL: "{} slowly through a place where its load changes sign (for a link that hangs, the "
+    "vertical), or an encoder at the link",
     Excitation.CURRENT: "larger currents of {}: a known payload, faster starts and stops",
     Excitation.SPEED: "{} back and forth at full speed, and at a tenth of it",
     Excitation.ACCELERATION: "{} back and forth as fast as it starts and stops",
@@ -36,9 +37,12 @@ INSTEAD = {
 def not_visible(
     library: Mapping[Candidate, Pair], lines: Iterable[Candidate], held_out: Dataset, known: Set[EffectKey], arm: Arm
 ) -> list[Undetectable]:
-    """Effects whose largest typical magnitude changes the held-out currents by less than a third of the noise; none of ``known`` ones.
+    """Effects whose largest typical magnitude changes the held-out currents by less than a third of the noise.
 
-    lines: ripples, whose columns are in the library only where they exceed the noise: a motor that made no whole turn shows none.
+    None of ``known`` ones.
+
+    lines: ripples, whose columns are in the library only where they exceed the noise: a motor that made no whole turn
+    shows none.
     """
     strongest: dict[EffectKey, float] = {c.key: 0.0 for c in lines if c.joint and _turns(held_out, arm, c.joint) < 1.0}
     for candidate, pair in library.items():
@@ -68,7 +72,10 @@ def _turns(side: Dataset, arm: Arm, joint: int) -> float:
 
 
 def felt(candidate: Candidate, columns: Columns, rows: int) -> float:
-    """Times the noise: rms over so many rows by which an effect of the largest typical size changes the currents; 0 for a larger one."""
+    """Times the noise: rms over so many rows by which an effect of the largest typical size changes the currents.
+
+    0 for a larger one.
+    """
     size = _typical(candidate)
     return float(np.sqrt(np.max(np.sum((columns.x * size) ** 2, axis=0)) / rows))
 
@@ -89,7 +96,10 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
     if np.ptp(q) < STANDSTILL:
         return f"joint {joint} stood still"
     if need is Excitation.LOAD_REVERSAL and load.min() * load.max() > 0.0:
-        return f"the load of joint {joint} never changed sign ({load.min():.3g} to {load.max():.3g} {unit_at(drive, 'N m')})"
+        return (
+            f"the load of joint {joint} never changed sign ({load.min():.3g} to {load.max():.3g} "
+            f"{unit_at(drive, 'N m')})"
+        )
     if need in (Excitation.LOAD, Excitation.LOAD_REVERSAL):
         return f"joint {joint} carried no more than {np.abs(load).max():.2g} {unit_at(drive, 'N m')}"
     if need is Excitation.GRAVITY:
@@ -101,11 +111,17 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
         return f"joint {joint} drew no more than {np.abs(current).max():.2g} {drive.current_unit}"
     if need is Excitation.ACCELERATION:
         return f"joint {joint} accelerated by no more than {np.abs(a).max():.2g} {unit_at(drive, 'rad/s2')}"
-    return f"joint {joint} moved {np.ptp(q):.2g} {unit_at(drive, 'rad')}, at up to {np.abs(v).max():.2g} {unit_at(drive, 'rad/s')}"
+    return (
+        f"joint {joint} moved {np.ptp(q):.2g} {unit_at(drive, 'rad')}, at up to {np.abs(v).max():.2g} "
+        f"{unit_at(drive, 'rad/s')}"
+    )
 
 
 def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Undetectable]:
-    """What currents would show, of a model that expects none; less what the two encoders of the joints ``of_links`` show without currents."""
+    """What currents would show, of a model that expects none.
+
+    Less what the two encoders of the joints ``of_links`` show without currents.
+    """
     why, instead = (
         "the model has neither masses nor friction to hold currents against",
         "armscope identify, then diagnose with its model",
@@ -146,4 +162,7 @@ def _size(effect: str, arm: Arm, joint: int | None) -> str:
     parameter = (definition.linear or definition.parameters)[0]
     value = parameter.typical[0] if parameter.inverse else parameter.typical[1]
     unit = unit_at(arm.joints[(joint or 1) - 1], parameter.unit, parameter.name)
-    return f"{'an' if parameter.name[0] in 'aeiou' else 'a'} {parameter.name.replace('_', ' ')} of {value:g}{'' if unit == '1' else f' {unit}'}"
+    return (
+        f"{'an' if parameter.name[0] in 'aeiou' else 'a'} {parameter.name.replace('_', ' ')} of "
+        f"{value:g}{'' if unit == '1' else f' {unit}'}"
+    )

@@ -16,26 +16,29 @@ from identification.selection import Limits
 class CurrentLimits(Limits):
     """Gains are shares of one joint's noise energy.
 
-    large_gain, relaxed_fdr  a gain above the first may enter at the second: an effect active in few blocks cannot be more significant, and
-                             without an effect gains stay below a fiftieth
+    large_gain, relaxed_fdr  a gain above the first may enter at the second: an effect active in few blocks cannot be
+                             more significant, and without an effect gains stay below a fiftieth
     coefficients             the least gain holds for every so many coefficients: many coefficients follow something
-    leakage                  share of what is explained at a joint that columns of the first order may leave for every coefficient of another
-                             effect: 0.3 % of an effect, a tenth of its second order
+    leakage                  share of what is explained at a joint that columns of the first order may leave for every
+                             coefficient of another effect: 0.3 % of an effect, a tenth of its second order
     leakage_of_corrected     ... and share of what an exact model had to correct there
     tie_floor                share of the noise energy by which equals may differ whatever they gain
     ambiguity_p              probability of the difference of two gains above which the blocks do not distinguish them
     group_correlation        canonical correlation above which two effects are one to this data
-    corrections              evaluations of the exact model per round: the second-order part of a strong effect is a tenth of it, that of the
-                             rest a hundredth
+    corrections              evaluations of the exact model per round: the second-order part of a strong effect is a
+                             tenth of it, that of the rest a hundredth
     worse                    times the first-order residual: an exact model that leaves more is outside of its range
     pair_share               share of the residual energy of a joint that two effects must explain to enter together
-    many, makeshift          causes of a joint with so many coefficients together are a makeshift for one function of one variable that leaves
-                             ``many_leave`` more than they do; and four or more whose energies exceed their sum's by ``makeshift`` (what is
-                             there adds up: hidden triples to 1.0) for one that leaves ``makeshift_leave`` of what they explain more
-    superfluous              share of its gain that a cause must keep conditional on unexplained structure, or it was a name for part of that
+    many, makeshift          causes of a joint with so many coefficients together are a makeshift for one function of
+                             one variable that leaves ``many_leave`` more than they do; and four or more whose energies
+                             exceed their sum's by ``makeshift`` (what is there adds up: hidden triples to 1.0) for one
+                             that leaves ``makeshift_leave`` of what they explain more
+    superfluous              share of its gain that a cause must keep conditional on unexplained structure, or it was a
+                             name for part of that
     significant_sizes        std that some linear parameter of a cause must be from zero ...
     few_sizes                ... if there are fewer: more are determined together, not one by one
-    searched_again           refuted causes in whose place another is searched; what has no better name by then is unexplained
+    searched_again           refuted causes in whose place another is searched; what has no better name by then is
+                             unexplained
     """
 
     large_gain: float = 0.25
@@ -72,7 +75,10 @@ LIMITS = CurrentLimits(
 
 
 def leakage(held_out: Dataset, fitted: Fitted) -> Array:
-    """(n,) leakage allowance: squared held-out residual of each joint that the chosen causes may have left for every coefficient of another."""
+    """(n,) leakage allowance.
+
+    Squared held-out residual of each joint that the chosen causes may have left for every coefficient of another.
+    """
     explained = held_out.by_joint(held_out.y**2 - fitted.held_out**2)
     return LIMITS.leakage * explained + LIMITS.leakage_of_corrected * held_out.corrected
 

@@ -1,8 +1,9 @@
 """The currents of all joints as a measurement model of the selection.
 
 Columns are first order in their effects. After every round the model extended by the chosen causes is evaluated exactly
-(``diagnosis.residual.expected_current``), and what its first-order columns had wrong is taken out of the data (deferred correction: Stetter,
-Numerische Mathematik 29, 1978), so that it is not taken for another cause. Linear algebra stays as it is; its solution is that of the exact model.
+(``diagnosis.residual.expected_current``), and what its first-order columns had wrong is taken out of the data (deferred
+correction: Stetter, Numerische Mathematik 29, 1978), so that it is not taken for another cause. Linear algebra stays as
+it is; its solution is that of the exact model.
 """
 
 from __future__ import annotations
@@ -114,7 +115,10 @@ class Currents(MeasurementModel[Candidate, State]):
         return matters(score.by_joint, len(score.coefficients), allowance, state.data.held_out)
 
     def entered(self, score: Score[Candidate], admissible: Sequence[Score[Candidate]], state: State) -> State:
-        """With the candidate refined; its rivals are those that gain as much, or that the blocks do not distinguish from it."""
+        """With the candidate refined.
+
+        Its rivals are those that gain as much, or that the blocks do not distinguish from it.
+        """
         best = max(admissible, key=lambda one: one.gain)
         fewest, limits = len(score.coefficients), self.limits
         rivals = [
@@ -160,7 +164,10 @@ class Currents(MeasurementModel[Candidate, State]):
         return corrected(state) if chosen else state
 
     def _taken(self, state: State) -> set[EffectKey]:
-        """The excluded, the chosen, and their aliases: both together would explain anything, as their difference is the residual itself."""
+        """The excluded, the chosen, and their aliases.
+
+        Both together would explain anything, as their difference is the residual itself.
+        """
         aliases = {(other, c.joint) for c in state.chosen for other in same_columns(c.definition)}
         return {c.key for c in state.chosen} | aliases | set(self.excluded)
 

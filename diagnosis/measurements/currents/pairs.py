@@ -33,7 +33,8 @@ def pair_of(
 ) -> list[Candidate]:
     """The two effects that together explain most of the first of ``joints`` where two do; empty where none do.
 
-    Judged like a single one: by the held-out gain of both at that joint over blocks, with false-discovery control over all pairs of the joint.
+    Judged like a single one: by the held-out gain of both at that joint over blocks, with false-discovery control over
+    all pairs of the joint.
     """
     held_out = data.held_out
     allowance = leakage(held_out, fitted)

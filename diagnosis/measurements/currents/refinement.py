@@ -1,4 +1,7 @@
-"""Candidates of the currents: whether their parameters are physically admissible, and their nonlinear parameters refined between grid values."""
+"""Candidates of the currents.
+
+Whether their parameters are physically admissible, and their nonlinear parameters refined between grid values.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,10 @@ from diagnosis.selection.regression import Fitted, fit_gain
 
 
 def is_physical(candidate: Candidate, coefficients: Array) -> bool:
-    """Whether the parameters have the signs that they must have (no negative mass, stiffness, gap or friction share) and sizes that can be."""
+    """Whether the parameters have the signs that they must have.
+
+    No negative mass, stiffness, gap or friction share) and sizes that can be.
+    """
     if candidate.unit_amplitude and not 0.25 < coefficients[0] < 4.0:
         return False  # such an effect is there as it is or not at all; off the grid's points it is seen in part
     values = candidate.parameters(coefficients.tolist())
@@ -21,7 +27,10 @@ def is_physical(candidate: Candidate, coefficients: Array) -> bool:
 
 
 def refined(candidate: Candidate, fitted: Fitted, fit: Dataset) -> Candidate:
-    """The candidate with each continuous shape parameter at its best between the neighbours on its grid, one after the other."""
+    """The candidate with each continuous shape parameter at its best between the neighbours on its grid.
+
+    One after the other.
+    """
     searched = candidate.searched()
     for name in searched * (2 if len(searched) > 1 else 1):
         value = dict(candidate.shape)[name]

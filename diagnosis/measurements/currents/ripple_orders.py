@@ -1,5 +1,6 @@
-"""Orders of the motor angle that exceed the noise of a residual: ripples are candidates at these only, of sixty per
-joint.
+"""Orders of the motor angle that exceed the noise of a residual.
+
+Ripples are candidates at these only, of sixty per joint.
 """
 
 from __future__ import annotations
@@ -20,7 +21,10 @@ FEW = 4
 
 
 def order_of(candidate: Candidate) -> int | None:
-    """The order of an effect that is a line over the motor's angle and has many orders to choose from; None for all others."""
+    """The order of an effect that is a line over the motor's angle and has many orders to choose from.
+
+    None for all others.
+    """
     for parameter in candidate.definition.parameters:
         if parameter.whole and parameter.name in dict(candidate.shape) and np.ptp(parameter.typical) > FEW:
             return round(dict(candidate.shape)[parameter.name])

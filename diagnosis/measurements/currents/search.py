@@ -1,4 +1,7 @@
-"""The search for causes in the currents: the stepwise selection, refined by the exact model, simplified, and held against unexplained structure."""
+"""The search for causes in the currents.
+
+The stepwise selection, refined by the exact model, simplified, and held against unexplained structure.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +60,8 @@ def _with_unexplained(state: State) -> Found:
 def _superfluous(found: Found) -> list[Candidate]:
     """The cause that unexplained structure conditional on all causes makes superfluous most, if there is one.
 
-    Where the residual follows no known variable and is far above noise, a cause that explains less than it was a name for part of it.
+    Where the residual follows no known variable and is far above noise, a cause that explains less than it was a name
+    for part of it.
     """
     state, shares = found.state, dict[Candidate, float]()
     model, held_out = state.model, state.data.held_out
@@ -94,7 +98,10 @@ def _outdone(state: State) -> list[Candidate]:
 
 
 def _cancelling(own: Sequence[Candidate], state: State) -> float:
-    """Energy of what some of the chosen explain, each for itself, over that of what they explain together: 1 where they are independent."""
+    """Energy of what some of the chosen explain, each for itself, over that of what they explain together.
+
+    1 where they are independent.
+    """
     contributions = [
         state.model.columns(c).fit.spread(coefficients, len(state.fitted.fit))
         for c, coefficients in zip(state.chosen, state.coefficients)
@@ -112,8 +119,9 @@ def _overlap(a: Columns, b: Columns) -> bool:
 def simplified(state: State) -> State:
     """The state with fewer or simpler effects in the place of others where nothing that matters is lost.
 
-    Two parts of an effect at one joint are that effect. One that contains a simpler one is that simpler one, if that is enough: while other
-    causes were missing or known to first order only, the one with more coefficients may have fitted their rest.
+    Two parts of an effect at one joint are that effect. One that contains a simpler one is that simpler one, if that is
+    enough: while other causes were missing or known to first order only, the one with more coefficients may have fitted
+    their rest.
     """
     model = state.model
     for substitute, replaced in _simpler(state.chosen):
@@ -133,7 +141,10 @@ def simplified(state: State) -> State:
 
 
 def _simpler(chosen: Sequence[Candidate]) -> Iterator[tuple[Candidate, tuple[Candidate, ...]]]:
-    """An effect, and those of the chosen in whose place it may do: the whole for several of its parts, a part for the whole."""
+    """An effect, and those of the chosen in whose place it may do.
+
+    The whole for several of its parts, a part for the whole.
+    """
     for whole in CATALOGUE.values():
         for joint in sorted({c.joint for c in chosen if c.joint}):
             own = tuple(c for c in chosen if c.joint == joint and c.effect in whole.special_cases)
@@ -145,7 +156,10 @@ def _simpler(chosen: Sequence[Candidate]) -> Iterator[tuple[Candidate, tuple[Can
 
 
 def gauss_newton_refined(state: State) -> State:
-    """The state with its continuous nonlinear parameters where the exact model fits best: one Gauss-Newton step, kept if it leaves less."""
+    """The state with its continuous nonlinear parameters where the exact model fits best.
+
+    One Gauss-Newton step, kept if it leaves less.
+    """
     searched = [(k, name) for k, c in enumerate(state.chosen) for name in c.searched()]
     if not searched:
         return state

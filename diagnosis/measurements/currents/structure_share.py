@@ -18,8 +18,11 @@ RIDGE = 1e-3
 
 
 def predictable(fit: Dataset, held_out: Dataset, fit_residual: Array, held_out_residual: Array, arm: Arm) -> Array:
-    """(n,) share of the variance of every joint's held-out residual that a sum of smooth functions of its ``FROM``, fitted to the other
-    recordings, predicts where these have been: 0 for noise. fitted, held (n * rows,): whitened residuals in the layout of ``Dataset``."""
+    """(n,) share of the variance of every joint's held-out residual that a sum of smooth functions of its ``FROM``.
+
+    Fitted to the other recordings, they predict it where these have been: 0 for noise. fitted, held (n * rows,):
+    whitened residuals in the layout of ``Dataset``.
+    """
     shares = np.zeros(len(arm))
     for joint in range(1, len(arm) + 1):
         values_of = [dict(variables(side, arm, joint)) for side in (fit, held_out)]

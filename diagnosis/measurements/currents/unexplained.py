@@ -1,5 +1,6 @@
-"""Structure that no effect of the catalogue explains: smooth functions of one variable, conditional on the named
-causes.
+"""Structure that no effect of the catalogue explains.
+
+Smooth functions of one variable, conditional on the named causes.
 
 For every joint and every variable that a torque or a reading could depend on, a spline of the variable (also times the
 direction, or times the velocity, of the joint) is fitted together with the causes and scored on the held-out recordings
@@ -27,7 +28,10 @@ from identification.selection import Split, benjamini_hochberg, p_value
 MATTERS = 0.15
 """A structure must explain this share of a joint's noise energy ..."""
 OF_EXPLAINED = 0.02
-"""... and this share of what the causes explain there: a law that is right to a seventh of its amplitude is the right law."""
+"""... and this share of what the causes explain there.
+
+a law that is right to a seventh of its amplitude is the right law.
+"""
 CERTAIN = 5e-3
 """Probability at which structure may be called by chance: there is no second look at it, as there is at a cause."""
 ABOVE_NOISE = 2.5
@@ -63,7 +67,10 @@ def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm) -> Une
 
 
 def _left_at(joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm) -> tuple[list[Structure], list[Pair]]:
-    """Structures at one joint, and their columns. A function of its own: the shapes of two joints at once would take twice the memory."""
+    """Structures at one joint, and their columns.
+
+    A function of its own: the shapes of two joints at once would take twice the memory.
+    """
     structures: list[Structure] = []
     pairs: list[Pair] = []
     fit, held_out = data
@@ -101,8 +108,9 @@ def joints_above_noise(fitted: Fitted, held_out: Dataset, arm: Arm) -> list[int]
 
 
 def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
-    """Residual-to-noise ratio of a joint: rms of ``residual`` (n * rows,) over the noise std, where the joint moves; 1 for
-    noise.
+    """Residual-to-noise ratio of a joint: rms of ``residual`` (n * rows,) over the noise std, where the joint moves.
+
+    1 for noise.
 
     Only rows count in which the noise is that of the instruments. Noise correlated over longer than the initial
     standstill is underestimated; it is as large in the quietest seconds as in all others, and then the ratio is 1.
@@ -119,11 +127,11 @@ def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
 def better_than_causes(
     data: Split[Dataset], without: Fitted, with_causes: Fitted, arm: Arm, joint: int, allowed: float
 ) -> bool:
-    """Whether one function of one variable, in place of the causes of a joint (``without`` them), leaves significantly less than they do.
+    """Whether one function of one variable leaves significantly less than the causes of a joint (``without`` them).
 
-    A complete cause is never beaten: a function of one variable can only come near it. One that is not the cause at all is.
-    allowed: squared error by which the function may leave more, where the causes are too many to be believed; the velocity, on which
-    several effects depend, is no such variable.
+    A complete cause is never beaten: a function of one variable can only come near it. One that is not the cause at all
+    is. allowed: squared error by which the function may leave more, where the causes are too many to be believed; the
+    velocity, on which several effects depend, is no such variable.
     """
     fit, held_out = data
     rows = held_out.of(joint)
@@ -142,7 +150,10 @@ def better_than_causes(
 def _strongest(
     shapes: Sequence[Shape], fitted: Fitted, fit: Dataset, held_out: Dataset, joint: int
 ) -> tuple[str, Pair, float] | None:
-    """The variable whose function explains most of a joint's held-out residual: name, columns, share of the residual's variance."""
+    """The variable whose function explains most of a joint's held-out residual.
+
+    Name, columns, share of the residual's variance.
+    """
     gains = [held_out.by_block(gain_of(shape.pair, fitted, held_out)[1]) for shape in shapes]
     q = benjamini_hochberg(np.array([p_value(gain) for gain in gains]))
     rows = held_out.of(joint)

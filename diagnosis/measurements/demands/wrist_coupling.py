@@ -57,7 +57,10 @@ class CoupledAxis:
 
 @dataclass(frozen=True)
 class _Rows:
-    """difference (m,) rad of motor and demand; columns (m, OWN + motors), of the servo and of the motors that may turn it; block (m,) from 0."""
+    """difference (m,) rad of motor and demand.
+
+    Columns (m, OWN + motors), of the servo and of the motors that may turn it; block (m,) from 0.
+    """
 
     difference: Array
     columns: Array
@@ -69,8 +72,9 @@ class _Rows:
 
 
 def wrist_coupling(fit: Sequence[Recording], held_out: Sequence[Recording]) -> list[Event]:
-    """The coupling of the wrist, from motor angles against demands; empty where there is none, or no demand is
-    recorded.
+    """The coupling of the wrist, from motor angles against demands.
+
+    Empty where there is none, or no demand is recorded.
 
     Where both sets are parts of the same recordings, each is predicted from the other.
     """
@@ -98,7 +102,8 @@ def wrist_coupling(fit: Sequence[Recording], held_out: Sequence[Recording]) -> l
     )
     most = max(coupled, key=lambda axis_result: axis_result.before**2 - axis_result.after**2)
     sentence = (
-        f"motors depart from the demands of their own axes by {parts}: with it the held-out difference of motor {most.axis} and demand "
+        f"motors depart from the demands of their own axes by {parts}: with it the held-out difference of motor "
+        f"{most.axis} and demand "
         f"falls from {most.before:.3g} to {most.after:.3g} rad rms"
     )
     every = tuple(range(len(fit) + len(held_out)))

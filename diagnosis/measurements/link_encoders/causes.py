@@ -182,7 +182,10 @@ def _damping(candidate: Candidate, chosen: Chosen, model: LinkEncoders, stiffnes
 
 
 def _fitted(chosen: Chosen, model: LinkEncoders) -> tuple[Array, Array]:
-    """Coefficients (c,) on the fit rows and their covariance (c, c), right for residuals that are correlated within a block."""
+    """Coefficients (c,) on the fit rows and their covariance (c, c).
+
+    Right for residuals that are correlated within a block.
+    """
     x = model.stacked(chosen, model.whole)
     values = model.fitted(chosen, model.whole)
     y = model.response(model.whole)
@@ -209,7 +212,8 @@ def _skew_sentence(others: Chosen, model: LinkEncoders) -> str:
     low, high = float(shares.min()), float(shares.max())
     share = f"{low:.1%}" if len(shares) == 1 else f"{low:.1%} to {high:.1%}"
     sentence = (
-        f"motor less link encoder is velocity times one constant: {', '.join(f'{d * 1e3:.2f}' for d in delays)} ms at joint {where}, "
+        f"motor less link encoder is velocity times one constant: {', '.join(f'{d * 1e3:.2f}' for d in delays)} ms "
+        f"at joint {where}, "
         f"which predicts {share} of it in held-out rows: the link encoder's stamps are late"
     )
     instead = _best_instead(others, model)
@@ -227,11 +231,15 @@ def _best_instead(others: Chosen, model: LinkEncoders) -> str:
 
 
 def _sentence(candidate: Candidate, before: float, after: float, share: float, unit: str) -> str:
-    """What a person sees; the share may be more than that of the fall, as either part of one run is predicted from the other."""
+    """What a person sees.
+
+    The share may be more than that of the fall, as either part of one run is predicted from the other.
+    """
     order = {p.name: variant(candidate)[1] for p in candidate.definition.parameters if p.whole}
     shows = candidate.definition.shown(Instrument.LINK_ENCODER, order, {})
     return (
-        f"{shows}: with it the held-out difference of joint {candidate.joint} falls from {1e3 * before:.3g} to {1e3 * after:.3g} m{unit} rms, "
+        f"{shows}: with it the held-out difference of joint {candidate.joint} falls from {1e3 * before:.3g} to "
+        f"{1e3 * after:.3g} m{unit} rms, "
         f"{share:.0%} of its square"
     )
 
@@ -257,8 +265,10 @@ def _offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
                 after=rms,
                 group=((JOINT_ZERO_OFFSET.name, joint),),
                 evidence=(
-                    f"the motor encoder of joint {joint} reads {abs(1e3 * offset):.3g} m{unit} {'more' if offset > 0 else 'less'} than the "
-                    "link encoder, everywhere alike; which of the two is off, a level or a tracker says, and the model stays as it is"
+                    f"the motor encoder of joint {joint} reads {abs(1e3 * offset):.3g} m{unit} "
+                    f"{'more' if offset > 0 else 'less'} than the "
+                    "link encoder, everywhere alike; which of the two is off, a level or a tracker says, and the "
+                    "model stays as it is"
                 ),
                 felt_at=joint,
                 unit=unit,
@@ -277,7 +287,8 @@ def _remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
         if rms < OVER_NOISE * model.rows.fit.noise[k]:
             continue
         remark = (
-            f"joint {joint}: {1e3 * rms:.2g} m{unit_at(arm.joints[joint - 1], 'rad')} rms between its encoders is left, "
+            f"joint {joint}: {1e3 * rms:.2g} m{unit_at(arm.joints[joint - 1], 'rad')} rms between its encoders is "
+            "left, "
             f"{rms / model.rows.fit.noise[k]:.0f} times their scatter from row to row"
         )
         orders = [

@@ -1,7 +1,8 @@
 """Motor encoder less link encoder: what it is, row by row, and what each effect would make of it.
 
-The difference d = q_motor / gear - q_link needs no dynamics: lost motion, elasticity, gear errors and stamps that disagree are all in it. Of the arm
-only the gear ratios are needed; the load comes from its masses where it has some, else from the measured current.
+The difference d = q_motor / gear - q_link needs no dynamics: lost motion, elasticity, gear errors and stamps that
+disagree are all in it. Of the arm only the gear ratios are needed; the load comes from its masses where it has some,
+else from the measured current.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ MOST_ROWS = 8000
 ENDS = 0.1
 """s at either end of a recording that filters spoil."""
 DRAGS = (0.0, 0.1, 0.2, 0.3, 0.4)
-"""Friction between motor and gear that is tried, as a share of the largest measured torque; where the load is not known from masses."""
+"""Friction between motor and gear that is tried, as a share of the largest measured torque.
+
+Where the load is not known from masses.
+"""
 HIGHEST_ORDER = 60
 """Highest order, cycles per motor turn, that is searched."""
 
@@ -44,8 +48,9 @@ class Rows:
     """Rows of some recordings one after the other, at the joints (k,) that have both encoders (1-based).
 
     difference, q, v, load (m, k) rad, rad/s, N m (m, m/s, N); t (m,) s; starts: first row of each recording;
-    noise (k,): standard deviation of the difference from row to row and by the steps of the encoders; ratio (k,): abs(gear);
-    largest (k,) N m (N): the load of a unit coefficient of compliance, the same for all rows that are compared.
+    noise (k,): standard deviation of the difference from row to row and by the steps of the encoders; ratio (k,):
+    abs(gear); largest (k,) N m (N): the load of a unit coefficient of compliance, the same for all rows that are
+    compared.
     """
 
     joints: Index
@@ -110,9 +115,18 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
     starts = np.cumsum([0, *(len(part[0]) for part in parts[:-1])])
     difference, q, v, load, t = (np.concatenate(columns) for columns in zip(*parts))
     return Rows(
-        joints, difference, q, v, load, known_load, t, tuple(starts.tolist()),
-        np.mean(noises, axis=0) + 1e-12, np.array([arm.joints[j].ratio for j in k]), np.maximum(np.max(np.abs(load), axis=0), 1e-12),
-    )  # fmt: skip
+        joints,
+        difference,
+        q,
+        v,
+        load,
+        known_load,
+        t,
+        tuple(starts.tolist()),
+        np.mean(noises, axis=0) + 1e-12,
+        np.array([arm.joints[j].ratio for j in k]),
+        np.maximum(np.max(np.abs(load), axis=0), 1e-12),
+    )
 
 
 def candidates(rows: Rows) -> Iterator[Candidate]:
@@ -124,7 +138,10 @@ def candidates(rows: Rows) -> Iterator[Candidate]:
 
 
 def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[Candidate]:
-    """Candidates of one effect at one joint; an effect that changes the description is a constant, which is always free."""
+    """Candidates of one effect at one joint.
+
+    An effect that changes the description is a constant, which is always free.
+    """
     load = rows.load[:, column]
     if effect.gap is not None:
         yield from (Candidate(effect.name, joint, (("half_gap", gap),)) for gap in _gaps(effect.gap))
@@ -144,8 +161,8 @@ def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[C
 def variant(candidate: Candidate) -> tuple[str, float]:
     """What a candidate is evaluated at, and its value.
 
-    "drag": friction between motor and gear, of a spring; "half_gap" or "by_load": of a gap, as the link is held by friction or by its load;
-    "order" and "turn_order": of a wave over the turn of the motor, of the joint; "": a delay.
+    "drag": friction between motor and gear, of a spring; "half_gap" or "by_load": of a gap, as the link is held by
+    friction or by its load; "order" and "turn_order": of a wave over the turn of the motor, of the joint; "": a delay.
     """
     return candidate.shape[0] if candidate.shape else ("", 0.0)
 
@@ -184,7 +201,10 @@ def orders(effect: Effect) -> tuple[float, ...]:
 
 
 def columns(candidate: Candidate, rows: Rows, k: int) -> Array:
-    """(m, c) rad: what a unit of each of c coefficients adds to the difference at the k-th joint of ``rows``; c = 0 where it is not felt."""
+    """(m, c) rad: what a unit of each of c coefficients adds to the difference at the k-th joint of ``rows``.
+
+    c = 0 where it is not felt.
+    """
     if candidate.joint is None:  # q(t) - q(t - delay)
         return rows.v[:, k, None]
     if rows.joints[k] != candidate.joint:
@@ -215,8 +235,10 @@ def turns(rows: Rows, k: int) -> float:
 
 
 def standing_orders(residual: Array, rows: Rows, k: int, count: int = 3) -> list[float]:
-    """Cycles a motor turn, whole or not (a wave of the gear wheel is not), at which ``rest`` (m,) repeats most: peaks of the spectrum over motor
-    angle of its averages in bins of a 128th turn, less their running mean over a turn."""
+    """Cycles a motor turn, whole or not (a wave of the gear wheel is not), at which ``rest`` (m,) repeats most.
+
+    Peaks of the spectrum over motor angle of its averages in bins of a 128th turn, less their running mean over a turn.
+    """
     if turns(rows, k) < 2.0:
         return []
     angle = rows.q[:, k] * rows.ratio[k] / (2 * np.pi)

@@ -1,7 +1,8 @@
 """Motor encoder less link encoder as a measurement model of the selection, where recordings have both.
 
-Where both sets are parts of the same recordings, each part is predicted from the other, so that a short run has blocks enough to judge by. A
-constant per joint is always free (no two encoders have the same zero) and named last, where it is large.
+Where both sets are parts of the same recordings, each part is predicted from the other, so that a short run has blocks
+enough to judge by. A constant per joint is always free (no two encoders have the same zero) and named last, where it is
+large.
 """
 
 from __future__ import annotations
@@ -48,7 +49,9 @@ SHORTEST = 0.3
 
 @dataclass(frozen=True)
 class LinkEncoders(MeasurementModel[Candidate, Chosen]):
-    """rows: fit and held-out rows; whole: the rows that parameters are estimated from: those of fit, or of two parts of the same recordings all.
+    """rows: fit and held-out rows.
+
+    Whole: the rows that parameters are estimated from: those of fit, or of two parts of the same recordings all.
 
     scale (k,) rad: spread of each joint's difference, so that joints weigh alike.
     """
@@ -72,7 +75,10 @@ class LinkEncoders(MeasurementModel[Candidate, Chosen]):
         return [self.score(candidate, state) for candidate in self.best(state)]
 
     def admissible(self, score: Score[Candidate], state: Chosen) -> bool:
-        """Whether a candidate matters, also in the held-out set alone, where the residual is above the noise, and is physically admissible."""
+        """Whether a candidate matters, also in the held-out set alone.
+
+        It must do so where the residual is above the noise, and is physically admissible.
+        """
         candidate = score.candidate
         return (
             score.share > self.limits.min_gain
@@ -124,8 +130,10 @@ class LinkEncoders(MeasurementModel[Candidate, Chosen]):
         )
 
     def best(self, chosen: Sequence[Candidate]) -> list[Candidate]:
-        """For each effect at each joint, the nonlinear parameter that fits best conditional on those chosen; a wave that is chosen may come again
-        with another order only."""
+        """For each effect at each joint, the nonlinear parameter that fits best conditional on those chosen.
+
+        a wave that is chosen may come again with another order only.
+        """
         fit, everything = self.rows.fit, list(candidates(self.rows.fit))
         taken: set[EffectKey] = {c.key for c in chosen if variant(c)[0] != "order"}
         best: dict[EffectKey, tuple[float, Candidate]] = {}
@@ -152,7 +160,10 @@ class LinkEncoders(MeasurementModel[Candidate, Chosen]):
         return self.cache[key]
 
     def stacked(self, chosen: Sequence[Candidate], rows: Rows) -> Array:
-        """(k m, c) columns over the joints' scales, joint after joint: a constant per joint, then those of every candidate."""
+        """(k m, c) columns over the joints' scales, joint after joint.
+
+        a constant per joint, then those of every candidate.
+        """
         joints = len(rows.joints)
         x = np.zeros((joints, rows.rows, joints + sum(map(width, chosen))))
         for k in range(joints):

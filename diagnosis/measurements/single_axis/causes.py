@@ -1,6 +1,9 @@
-"""Causes at one axis alone, with an encoder fine enough to judge reversals (``diagnosis.measurements.single_axis.columns``).
+"""Causes at one axis alone, with an encoder fine enough to judge reversals.
 
-The causes that ``model.SingleAxis`` selects, with parameters, ambiguity groups, and the wave over the place that one run alone shows.
+See ``diagnosis.measurements.single_axis.columns``.
+
+The causes that ``model.SingleAxis`` selects, with parameters, ambiguity groups, and the wave over the place that one
+run alone shows.
 """
 
 from __future__ import annotations
@@ -31,8 +34,10 @@ TURN = 2e-3
 
 @dataclass(frozen=True)
 class AxisCause:
-    """One cause; before, after: rms of the held-out residual without and with it, A; gains (blocks,): fall of its square; without (m,) A: that
-    residual without it, row by row."""
+    """One cause; before, after: rms of the held-out residual without and with it, A.
+
+    Gains (blocks,): fall of its square; without (m,) A: that residual without it, row by row.
+    """
 
     effect: str
     parameters: list[Estimate]
@@ -46,8 +51,10 @@ class AxisCause:
 
 @dataclass(frozen=True)
 class StandingWave:
-    """A force that goes with the sine of the place in one run: length m (rad), amplitude N (N m), and the share of what is left that either part of
-    the run predicts of the other."""
+    """A force that goes with the sine of the place in one run.
+
+    Length m (rad), amplitude N (N m), and the share of what is left that either part of the run predicts of the other.
+    """
 
     length: float
     amplitude: float
@@ -56,8 +63,10 @@ class StandingWave:
 
 @dataclass(frozen=True)
 class AxisSide:
-    """Causes in the order of acceptance; the wave that no second run confirms, if there is one; the held-out rows, and what all causes leave of
-    them (m,) A."""
+    """Causes in the order of acceptance; the wave that no second run confirms, if there is one.
+
+    The held-out rows, and what all causes leave of them (m,) A.
+    """
 
     causes: list[AxisCause]
     wave: StandingWave | None
@@ -66,10 +75,12 @@ class AxisSide:
 
 
 def with_sharp_friction(arm: Arm, recordings: Sequence[Samples]) -> Arm:
-    """The arm of one axis with friction that turns round within TURN of its speed, where the model's turns more slowly than that.
+    """The arm of one axis with friction that turns round within TURN of its speed.
 
-    Over which velocity the sign of friction is smoothed is chosen for simulation, seldom measured; as wide as a stroke's start it would hide
-    what friction does there.
+    Where the model's turns more slowly than that.
+
+    Over which velocity the sign of friction is smoothed is chosen for simulation, seldom measured; as wide as a
+    stroke's start it would hide what friction does there.
     """
     speed = max(
         float(np.max(np.abs(np.diff(low_pass(q, 20.0, _rate(t)), axis=0)))) * _rate(t) for t, q, _ in recordings
@@ -83,7 +94,9 @@ def _rate(t: Array) -> float:
 
 
 def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, two_fold: bool) -> AxisSide | None:
-    """Causes, and what stands beside them; None where the arm is not one axis, or its encoder too coarse to say more than filters leave.
+    """Causes, and what stands beside them.
+
+    None where the arm is not one axis, or its encoder too coarse to say more than filters leave.
 
     fit, held_out: recordings (t (k,) s uniform, q (k, 1), i (k, 1)); parts: they are parts of the same recordings.
     """
@@ -101,7 +114,10 @@ def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, 
 
 
 def _goes_on(fit: Sequence[Samples], held_out: Sequence[Samples]) -> bool:
-    """Whether all that is held out begins or ends where one of the others ends or begins, to within two rows of its motion: pieces of one run."""
+    """Whether all that is held out begins or ends where one of the others ends or begins.
+
+    To within two rows of its motion: pieces of one run.
+    """
 
     def meet(one: Samples, other: Samples) -> bool:
         (_, q, _), (_, p, _) = one, other
@@ -112,7 +128,10 @@ def _goes_on(fit: Sequence[Samples], held_out: Sequence[Samples]) -> bool:
 
 
 def _wave(chosen: Chosen, model: SingleAxis) -> StandingWave | None:
-    """The strongest wave over the place that one run has beside its causes, where its parts and its directions agree on it."""
+    """The strongest wave over the place that one run has beside its causes.
+
+    Where its parts and its directions agree on it.
+    """
     if not model.one_run:
         return None
     fit = model.rows.fit
@@ -156,7 +175,10 @@ def _group(score: Score[Candidate], chosen: Chosen, model: SingleAxis) -> tuple[
 
 
 def _parameters(candidate: Candidate, chosen: Chosen, model: SingleAxis) -> list[Estimate]:
-    """Values, and standard deviations by clusters of rows at the same place and speed, nonlinear parameters among the columns."""
+    """Values, and standard deviations by clusters of rows at the same place and speed.
+
+    Nonlinear parameters are among the columns.
+    """
     rows, x = model.whole, model.stacked(chosen, model.whole)
     c = model.fitted(chosen, rows)
     at = sum(model.columns(earlier, rows).shape[1] for earlier in chosen[: chosen.index(candidate)])

@@ -1,8 +1,11 @@
-"""One axis alone, seen finely: what a drive with a fine encoder shows within milliseconds, at reversals and near standstill.
+"""One axis alone, seen finely.
 
-An arm's joints are seen through filters of 10 to 20 Hz, because their encoders' steps, twice differentiated, would drown everything faster; and what
-friction does near standstill is not judged. A single axis with a fine scale shows it: its columns are the effects' own laws at the full
-rate, through the same filter as its current. Nothing is taken to first order in velocity or thinned before it is filtered.
+What a drive with a fine encoder shows within milliseconds, at reversals and near standstill.
+
+An arm's joints are seen through filters of 10 to 20 Hz, because their encoders' steps, twice differentiated, would
+drown everything faster; and what friction does near standstill is not judged. A single axis with a fine scale shows it:
+its columns are the effects' own laws at the full rate, through the same filter as its current. Nothing is taken to
+first order in velocity or thinned before it is filtered.
 """
 
 from __future__ import annotations
@@ -35,8 +38,11 @@ FEWEST_WAVES = 8
 
 @dataclass(frozen=True)
 class Rows:
-    """Recordings of one axis one after the other. Full rate: parts, per recording Signals of (k,) arrays. Kept rows (m,): residual A; rate of the
-    current A/s; q, v rad (m), per s; block from 0; noise A: what the steps of the encoder leave in the residual."""
+    """Recordings of one axis one after the other.
+
+    Full rate: parts, per recording Signals of (k,) arrays. Kept rows (m,): residual A; rate of the current A/s; q, v
+    rad (m), per s; block from 0; noise A: what the steps of the encoder leave in the residual.
+    """
 
     arm: Arm
     parts: tuple[tuple[Signals, float], ...]
@@ -49,8 +55,11 @@ class Rows:
 
     @property
     def cells(self) -> Index:
-        """(m,) from 0: rows at the same place and speed. What a model lacks is the same each time that a motion comes by: however often it is
-        repeated, that is one observation."""
+        """(m,) from 0: rows at the same place and speed.
+
+        What a model lacks is the same each time that a motion comes by: however often it is repeated, that is one
+        observation.
+        """
         place, speed = (
             np.minimum((x - x.min()) / max(float(np.ptp(x)), 1e-12) * parts, parts - 1).astype(np.intp)
             for x, parts in ((self.q, PLACES), (self.v, SPEEDS))
@@ -72,9 +81,16 @@ def rows_of(arm: Arm, recordings: Sequence[tuple[Array, Array, Array]], block_se
         sign = v[:, 0] / np.hypot(v[:, 0], drive.sign_velocity)
         current = low_pass(i, _bands(rate)[0], rate)[:, 0]
         s = Signals(
-            q=angle[:, 0], v=v[:, 0], a=a[:, 0], sign=sign, coulomb=(up + down) / 2 + (up - down) / 2 * sign,
-            current=current, torque=current * constant, t=t - t[0], motor=drive.ratio * angle[:, 0],
-        )  # fmt: skip
+            q=angle[:, 0],
+            v=v[:, 0],
+            a=a[:, 0],
+            sign=sign,
+            coulomb=(up + down) / 2 + (up - down) / 2 * sign,
+            current=current,
+            torque=current * constant,
+            t=t - t[0],
+            motor=drive.ratio * angle[:, 0],
+        )
         parts.append((s, rate))
         keep = _kept(rate)
         stamps = (t - t[0])[keep]
@@ -100,9 +116,8 @@ def _noise(arm: Arm, q: Array, rate: float) -> float:
     """A: what the encoder's steps, twice differentiated, leave in the residual."""
     inertia = arm.joints[0].mass + arm.joints[0].ratio ** 2 * arm.joints[0].rotor_inertia
     w = 2 * np.pi * _bands(rate)[1]
-    wobble = (
-        encoder_step(np.sort(q)) / np.sqrt(12) * w**2 * np.sqrt(w / (5 * np.pi * rate))
-    )  # sqrt(int_0^w x^4 dx / (pi rate))
+    # sqrt(int_0^w x^4 dx / (pi rate))
+    wobble = encoder_step(np.sort(q)) / np.sqrt(12) * w**2 * np.sqrt(w / (5 * np.pi * rate))
     return float(inertia * wobble / arm.joints[0].drive_constant)
 
 
@@ -136,8 +151,10 @@ def _tried(parameter: Parameter, rows: Rows) -> tuple[float, ...]:
 
 
 def waves(residual: Array, rows: Rows, count: int = 3) -> list[Candidate]:
-    """Torques that go with the sine of the place, at the wave numbers where ``rest`` (m,) repeats most: at least FEWEST_WAVES in the travel,
-    and not so many that the fastest stroke would take them past the filter."""
+    """Torques that go with the sine of the place, at the wave numbers where ``rest`` (m,) repeats most.
+
+    At least FEWEST_WAVES in the travel, and not so many that the fastest stroke would take them past the filter.
+    """
     travel, speed = float(np.ptp(rows.q)), max(float(np.max(np.abs(s.v))) for s, _ in rows.parts)
     most = COMPARE_BAND * travel / max(speed, 1e-12)
     if most < FEWEST_WAVES or len(residual) == 0:

@@ -1,9 +1,10 @@
 """One axis with an encoder fine enough to judge reversals, as a measurement model of the selection.
 
-Coefficients and nonlinear parameters come from the fit rows, acceptance from the held-out ones; parts of one recording are predicted from each
-other. A drive that repeats one motion would confirm anything that repeats with it. So what is not itself a difference between the directions
-has to hold across them too: each direction is predicted from what the other one shows. A wave over the place is chosen only where other
-recordings show it at the same places: where a scale has its zero, and in which turn its screw then stands, one run cannot tell.
+Coefficients and nonlinear parameters come from the fit rows, acceptance from the held-out ones; parts of one recording
+are predicted from each other. A drive that repeats one motion would confirm anything that repeats with it. So what is
+not itself a difference between the directions has to hold across them too: each direction is predicted from what the
+other one shows. A wave over the place is chosen only where other recordings show it at the same places: where a scale
+has its zero, and in which turn its screw then stands, one run cannot tell.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ PRESLIDING = (0.6, 1.6)
 
 @dataclass(frozen=True)
 class SingleAxis(MeasurementModel[Candidate, Chosen]):
-    """rows: fit and held-out rows; whole: the rows that parameters are estimated from: those of fit, or of two parts of the same recordings all.
+    """rows: fit and held-out rows.
+
+    Whole: the rows that parameters are estimated from: those of fit, or of two parts of the same recordings all.
 
     one_run: nothing is held out but what one run went on with, whether it was cut here or into tables before.
     """
@@ -140,7 +143,10 @@ class SingleAxis(MeasurementModel[Candidate, Chosen]):
         return np.asarray(judged.residual - self.stacked(chosen, judged) @ self.fitted(chosen, learned), float)
 
     def is_physical(self, candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
-        """Friction at rest not negative; gradual friction the model's own; a share of friction between none and all of it."""
+        """Friction at rest not negative; gradual friction the model's own.
+
+        a share of friction between none and all of it.
+        """
         rows = self.rows.fit
         c = float(self.fitted([*chosen, candidate], rows)[-1])
         effect = candidate.definition

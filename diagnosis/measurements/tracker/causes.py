@@ -1,8 +1,11 @@
-"""What the tracker says is wrong: geometry, sag, zeros, ripples, delays and wrong points, from recordings with tracked points.
+"""What the tracker says is wrong.
 
-The measured angles are the reference: the target is where the model's kinematics put it, or something is wrong between the encoders and
-the target. The tracker's frame and the target's place on the last link are those of the rig, and may be off by some tenths of a
-millimetre and of a milliradian (``tracker_candidates.FRAME``, ``TARGET``, ``BOUND``); beyond that something else is wrong, and named.
+Geometry, sag, zeros, ripples, delays and wrong points, from recordings with tracked points.
+
+The measured angles are the reference: the target is where the model's kinematics put it, or something is wrong between
+the encoders and the target. The tracker's frame and the target's place on the last link are those of the rig, and may
+be off by some tenths of a millimetre and of a milliradian (``tracker_candidates.FRAME``, ``TARGET``, ``BOUND``); beyond
+that something else is wrong, and named.
 """
 
 from __future__ import annotations
@@ -43,8 +46,11 @@ COUNTS = 2.5
 
 @dataclass(frozen=True)
 class Tracked:
-    """What the tracker's points say. noise m, of a coordinate; rms (before, after) m and distances (before, after), (N,) m each, of "fit" and
-    "held_out"; shown: effects (and joints) that these points would show."""
+    """What the tracker's points say. noise m, of a coordinate.
+
+    Rms (before, after) m and distances (before, after), (N,) m each, of "fit" and "held_out"; shown: effects (and
+    joints) that these points would show.
+    """
 
     causes: list[Cause]
     not_visible: list[Undetectable]
@@ -70,11 +76,14 @@ def tracked_causes(
 ) -> Tracked:
     """The causes that the tracked points of recordings show, judged on the held-out ones.
 
-    angles: (rows, n) rad of every recording (fit, then held out) where they were cleaned of jumps; default: as recorded.
+    angles: (rows, n) rad of every recording (fit, then held out) where they were cleaned of jumps; default: as
+    recorded.
     """
     cleaned = [r.q for r in (*fit, *held_out)] if angles is None else list(angles)
-    pairs = [[(r, q) for r, q in zip(part, chosen) if points_of(r) is not None]
-             for part, chosen in ((fit, cleaned[: len(fit)]), (held_out, cleaned[len(fit) :]))]  # fmt: skip
+    pairs = [
+        [(r, q) for r, q in zip(part, chosen) if points_of(r) is not None]
+        for part, chosen in ((fit, cleaned[: len(fit)]), (held_out, cleaned[len(fit) :]))
+    ]
     if not pairs[0] or not pairs[1] or any(joint.convention == "placed" for joint in arm.joints):
         placed = any(joint.convention == "placed" for joint in arm.joints)
         return Tracked([], no_tracker(placed, bool(pairs[0])), 0.0, {}, [])
@@ -154,8 +163,8 @@ def _zeros(chain: Chain, side: Side, steps: Array) -> float:
 def _sparse(state: State, model: TrackedPoints) -> State:
     """The state without those geometric errors of a link that explain nothing, and without zeros of a count or two.
 
-    The least certain is left out first; the others, frame and target take over what they shared with it. A turn of theta alone is a
-    zero offset.
+    The least certain is left out first; the others, frame and target take over what they shared with it. A turn of
+    theta alone is a zero offset.
     """
     fit, steps = model.points.fit, model.steps
     least = WORTH * 3 * len(fit) * model.level**2
@@ -199,7 +208,8 @@ def _cause(named: Named, precise: State, state: State, model: TrackedPoints) -> 
     better, blocks = int(np.sum(named.score.blocks > 0)), int(np.sum(named.score.blocks != 0))
     where = "" if candidate.joint is None else f" of joint {candidate.joint}"
     sentence = (
-        f"{definition.shown(Instrument.TRACKER, {}, {})}{where}: with it the held-out points are off by {1e3 * now:.3g} instead of "
+        f"{definition.shown(Instrument.TRACKER, {}, {})}{where}: with it the held-out points are off by "
+        f"{1e3 * now:.3g} instead of "
         f"{1e3 * before:.3g} mm rms a coordinate, better in {better} of {blocks} one-second blocks"
     )
     separate = None
@@ -252,7 +262,8 @@ def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str
         after=0.0,
         group=((TRACKER_OUTLIERS.name, None),),
         evidence=(
-            f"{wrong} of {expected} tracked points are off by {1e3 * typical:.3g} mm from their neighbours, {missing} are missing in "
+            f"{wrong} of {expected} tracked points are off by {1e3 * typical:.3g} mm from their neighbours, "
+            f"{missing} are missing in "
             f"{sum(o.breaks for o in of_recordings)} breaks ({listed}); they were left out"
         ),
         felt_at=None,

@@ -1,7 +1,9 @@
-"""What can be wrong where only the tracker looks: candidates, what each does to the points, and the fit of several together.
+"""What can be wrong where only the tracker looks.
 
-Geometry moves values of the kinematic chain (``identification.kinematics``); everything else turns the joints by its own law from
-``arm_model.effects``, per unit of its linear parameters.
+Candidates, what each does to the points, and the fit of several together.
+
+Geometry moves values of the kinematic chain (``identification.kinematics``); everything else turns the joints by its
+own law from ``arm_model.effects``, per unit of its linear parameters.
 """
 
 from __future__ import annotations
@@ -34,7 +36,10 @@ BOUND = 2.5
 
 @dataclass(frozen=True)
 class TrackedCandidate(Candidate):
-    """A candidate of the tracker's points; ``names`` of geometric errors that are free, ``shape`` with the order of a wave."""
+    """A candidate of the tracker's points.
+
+    ``names`` of geometric errors that are free, ``shape`` with the order of a wave.
+    """
 
     names: tuple[str, ...] = ()
 
@@ -61,7 +66,10 @@ class TrackedCandidate(Candidate):
         return tuple(f"joint{self.joint}.{GEOMETRY[name]}" for name in self.names)
 
     def parameters(self, coefficients: Sequence[float]) -> dict[str, float]:
-        """As of every candidate; of geometric errors the coefficients themselves, of an inverse parameter the reciprocal."""
+        """As of every candidate.
+
+        Of geometric errors the coefficients themselves, of an inverse parameter the reciprocal.
+        """
         if self.definition is JOINT_ZERO_OFFSET:
             # the chain's theta has the zero's error with its sign turned
             return {self.definition.linear[0].name: -coefficients[0]}
@@ -88,7 +96,8 @@ def candidates(arm: Arm) -> Iterator[TrackedCandidate]:
         if parallel[j - 1]:
             yield TrackedCandidate(LINK_GEOMETRY.name, j, names=tuple(GEOMETRY))
         else:
-            # beta does there what theta and the next joint's theta do, or nearly: it has to improve the held-out points by itself
+            # beta does there what theta and the next joint's theta do, or nearly: it has to improve the held-out points
+            # by itself
             yield TrackedCandidate(LINK_GEOMETRY.name, j, names=tuple(name for name in GEOMETRY if name != "beta"))
             yield TrackedCandidate(LINK_GEOMETRY.name, j, names=("beta",))
 
@@ -175,11 +184,13 @@ def fitted(
     start: Array | None = None,
     steps: Array | None = None,
 ) -> State:
-    """All chosen candidates fitted together with frame and target; what of these would go beyond what may be unknown of it stays where
-    the rig says, and something else is left to be named.
+    """All chosen candidates fitted together with frame and target.
 
-    steps (n,) rad: of encoders whose zeros may be up to a count off in every recording; they are then fitted beside all else, so that
-    values and deviations are what many recordings would agree on.
+    What of these would go beyond what may be unknown of it stays where the rig says, and something else is left to be
+    named.
+
+    steps (n,) rad: of encoders whose zeros may be up to a count off in every recording; they are then fitted beside all
+    else, so that values and deviations are what many recordings would agree on.
     """
     parameters = _parameters(arm, chosen, target, frame_known)
     scale = np.concatenate([np.zeros(0), *(c.scales for c in chosen if not c.names)])
@@ -214,7 +225,10 @@ def _correlated(residual: Array, estimate: Fit, side: Side) -> float:
 
 
 def _widened(covariance: Array, prior: Array, correlated: float) -> Array:
-    """The covariance if only every ``correlated``-th point counts: what the points say is worth less, what was known before is not."""
+    """The covariance if only every ``correlated``-th point counts.
+
+    What the points say is worth less, what was known before is not.
+    """
     unit = covariance / np.outer(prior, prior)  # (H + 1)^-1 for points that say H
     information = np.linalg.inv(unit) - np.eye(len(prior))
     return np.asarray(np.linalg.inv(information / correlated + np.eye(len(prior))) * np.outer(prior, prior))
@@ -231,7 +245,10 @@ def _with_zeros(points: Points, side: Side, steps: Array) -> Points:
 
 
 def _zero_scales(side: Side, steps: Array) -> Array:
-    """Prior deviations, rad: the count that a counter is set to, and the place within it, are each off by step / sqrt(12)."""
+    """Prior deviations, rad.
+
+    The count that a counter is set to, and the place within it, are each off by step / sqrt(12).
+    """
     return np.tile(np.maximum(steps, 1e-7) / np.sqrt(6.0), len(np.unique(side.of)))
 
 

@@ -42,14 +42,19 @@ def only_tracked() -> list[str]:
 
 
 def sizes(every: Sequence[TrackedCandidate], nothing: State, sides: Sequence[Side]) -> dict[TrackedCandidate, float]:
-    """m rms: by how much the largest typical size of every effect moves the held-out points, once frame and target have been fitted to them."""
+    """m rms: by how much the largest typical size of every effect moves the held-out points.
+
+    Once frame and target have been fitted to them.
+    """
     parts = [linear(nothing, side) for side in sides]
     return {c: float(np.sqrt(_typical_squares(c, nothing, sides, parts))) for c in every}
 
 
 def not_visible(moves: Mapping[TrackedCandidate, float], level: float, known: set[EffectKey]) -> list[Undetectable]:
-    """Effects that only a tracker shows and that move the held-out points by less than a third of what they can tell (``level``, m);
-    ``moves``: see ``sizes``."""
+    """Effects that only a tracker shows and that move the held-out points.
+
+    By less than a third of what they can tell (``level``, m); ``moves``: see ``sizes``.
+    """
     invisible, here = [], only_tracked()
     for candidate, size in moves.items():
         if candidate.effect in here and candidate.key not in known and size < level / 3.0:
@@ -75,7 +80,10 @@ def visible(moves: Mapping[TrackedCandidate, float], level: float) -> frozenset[
 def _typical_squares(
     candidate: TrackedCandidate, nothing: State, sides: Sequence[Side], parts: Sequence[Linear]
 ) -> float:
-    """m^2 a coordinate: the largest of its parameters' effects on the held-out points that frame and target do not take."""
+    """m^2 a coordinate: the largest of its parameters' effects on the held-out points.
+
+    That frame and target do not take.
+    """
     columns = [columns_of(candidate, nothing, side, part) / candidate.scales for side, part in zip(sides, parts)]
     free = [part.free.reshape(-1, part.free.shape[2]) for part in parts]
     largest = 0.0
@@ -98,8 +106,10 @@ def _typical(candidate: TrackedCandidate) -> tuple[list[float], str]:
 
 
 def structure(sides: Sequence[Side], residuals: Sequence[Array], level: float) -> list[Structure]:
-    """The variable that predicts most of what is left of the held-out points; nothing where what is left is noise, or where nothing
-    predicts a tenth of it beyond chance."""
+    """The variable that predicts most of what is left of the held-out points.
+
+    Nothing where what is left is noise, or where nothing predicts a tenth of it beyond chance.
+    """
     kept = [good(residual) for residual in residuals]
     fit, held_out = (residual[keep] for residual, keep in zip(residuals, kept))
     total = float(np.sum(held_out**2))

@@ -1,9 +1,9 @@
 """Tracked points as a measurement model of the selection.
 
-Screening is linear: about the present fit, what a candidate's columns and all that is free explain of the fit set, judged by what it does to the
-held-out points. A candidate enters if that is larger than a share of what the points leave undetermined. Refits are not linear, so that a strong
-effect leaves nothing to be taken for another. Significance is judged when nothing enters any more, conditional on all others: before, two effects
-of one size hide each other's.
+Screening is linear: about the present fit, what a candidate's columns and all that is free explain of the fit set,
+judged by what it does to the held-out points. A candidate enters if that is larger than a share of what the points
+leave undetermined. Refits are not linear, so that a strong effect leaves nothing to be taken for another. Significance
+is judged when nothing enters any more, conditional on all others: before, two effects of one size hide each other's.
 """
 
 from __future__ import annotations
@@ -40,8 +40,11 @@ LIMITS = Limits(
 
 @dataclass(frozen=True)
 class Named:
-    """A chosen candidate: everything that does as well in its place (itself first), its score conditional on all others, and ``before`` (N, 3) m:
-    the held-out residual without it, all others refitted."""
+    """A chosen candidate: everything that does as well in its place.
+
+    With its score conditional on all others, and ``before`` (N, 3) m: the held-out residual without it, all others
+    refitted.
+    """
 
     candidate: TrackedCandidate
     equals: tuple[TrackedCandidate, ...]
@@ -51,7 +54,9 @@ class Named:
 
 @dataclass(frozen=True)
 class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
-    """points: fit and held-out points; target (3,) m in the frame of the last link; frame_known: whether a rig file says how the tracker stands.
+    """points: fit and held-out points; target (3,) m in the frame of the last link.
+
+    frame_known: whether a rig file says how the tracker stands.
 
     nominal  values of the chain at which fits start
     level    m: std of a coordinate that the points leave undetermined
@@ -184,7 +189,10 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
 
 
 def selected(model: TrackedPoints, progress: Callable[[str], None]) -> State:
-    """The candidates that are there: those that matter, and of them those that are significant conditional on all others."""
+    """The candidates that are there.
+
+    Those that matter, and of them those that are significant conditional on all others.
+    """
     state = select(model, lambda sentence: progress(f"{sentence} in the tracker's points"))
     return eliminate(model, state, fdr=model.limits.final_fdr, tests=len(model.every))
 
@@ -228,7 +236,10 @@ def _within(part: TrackedCandidate, whole: TrackedCandidate) -> bool:
 
 
 def _of_the_same_errors(alike: Sequence[TrackedCandidate], candidate: TrackedCandidate) -> list[TrackedCandidate]:
-    """Other links with just those geometric errors that the candidate has: with all five they would follow the encoders' zeros."""
+    """Other links with just those geometric errors that the candidate has.
+
+    With all five they would follow the encoders' zeros.
+    """
     if candidate.effect != LINK_GEOMETRY.name:
         return []
     return [replace(c, names=candidate.names) for c in alike if c.effect == LINK_GEOMETRY.name]

@@ -1,4 +1,7 @@
-"""What a tracker recorded, ready to be judged: points and the joints' motion at the same rows, wrong points taken out and counted."""
+"""What a tracker recorded, ready to be judged.
+
+Points and the joints' motion at the same rows, wrong points taken out and counted.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,10 @@ Mask = NDArray[np.bool_]
 MOST = 6000
 """Points of one side that are used; more are evenly thinned."""
 WRONG = 8.0
-"""Deviations of the noise from the median of its neighbours that make a point wrong: a Gaussian one exceeds them once in 1e14."""
+"""Deviations of the noise from the median of its neighbours that make a point wrong.
+
+a Gaussian one exceeds them once in 1e14.
+"""
 NEIGHBOURS = 7
 RATES = 0.1
 """s: length of the local cubics whose slopes are speed and acceleration."""
@@ -34,9 +40,9 @@ RATES = 0.1
 class Side:
     """Tracked points of some recordings (fit or held out), N of them.
 
-    q (N, n) rad (m): angles as read, with what the model's own effects make of them where the tracker looks; xyz (N, 3) m;
-    v (N, n) per second; load, holding (N, n) N m: the torque to the links in motion and at rest; motor (N, n) rad: of the motors
-    themselves; t (N,) s in its recording; block (N,) of a second each; of (N,) index of its recording
+    q (N, n) rad (m): angles as read, with what the model's own effects make of them where the tracker looks; xyz (N, 3)
+    m; v (N, n) per second; load, holding (N, n) N m: the torque to the links in motion and at rest; motor (N, n) rad:
+    of the motors themselves; t (N,) s in its recording; block (N,) of a second each; of (N,) index of its recording
     """
 
     q: Array
@@ -55,7 +61,10 @@ class Side:
 
 @dataclass(frozen=True)
 class Outliers:
-    """Points far from their neighbours, points that are missing among others, and points expected; size m of the wrong ones."""
+    """Points far from their neighbours, points that are missing among others, and points expected.
+
+    Size m of the wrong ones.
+    """
 
     wrong: int
     missing: int
@@ -82,7 +91,10 @@ class _Rows:
 
 
 def points_of(recording: Recording) -> Array | None:
-    """(n, 3) m in the base frame, or in the tracker's own where its rig does not know how it stands; None without a tracker."""
+    """(n, 3) m in the base frame, or in the tracker's own where its rig does not know how it stands.
+
+    None without a tracker.
+    """
     xyz = recording.xyz if recording.xyz is not None else recording.points
     return None if xyz is None or np.isfinite(xyz).all(axis=1).sum() < NEIGHBOURS else xyz
 

@@ -27,7 +27,10 @@ def good(residual: Array) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Linear:
-    """A side about a fit: residual (N, 3), columns of all that is free (N, 3, k) per prior deviation, every step's (N, 3, steps)."""
+    """A side about a fit: residual (N, 3), columns of all that is free (N, 3, k) per prior deviation.
+
+    Every step's (N, 3, steps).
+    """
 
     residual: Array
     free: Array

@@ -22,7 +22,10 @@ SEGMENT = 1.0
 
 
 def loop_figure(pairs: Sequence[tuple[Compared, Compared]], joint: int, unit: str) -> tuple[Figure, str]:
-    """Amplitude of measured less simulated current of a joint over frequency, in ``unit`` per root hertz, of (before, after) held-out loops."""
+    """Amplitude of measured less simulated current of a joint over frequency, in ``unit`` per root hertz.
+
+    Of (before, after) held-out loops.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.5, 3.4), layout="constrained")

@@ -39,7 +39,10 @@ def link_overview(link: LinkSide, arm: Arm) -> tuple[Figure, str]:
 
 
 def link_figure(link: LinkSide, arm: Arm, effect: str, joint: int) -> tuple[Figure, str]:
-    """Held-out difference of one joint's encoders over its angle (the loop) and over the telling variable, before and after all causes."""
+    """Held-out difference of one joint's encoders over its angle (the loop) and over the telling variable.
+
+    Before and after all causes.
+    """
     from matplotlib.figure import Figure
 
     k, drive = int(np.flatnonzero(link.held_out.joints == joint)[0]), arm.joints[joint - 1]

@@ -1,4 +1,7 @@
-"""Simulated against measured, and what is between them against everything that it could hang on; in units of the noise."""
+"""Simulated against measured, and what is between them against everything that it could hang on.
+
+In units of the noise.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +29,15 @@ if TYPE_CHECKING:
 
 SHOWN = ("time", "position", "motor angle", "velocity", "load torque")
 UNITS = {
-    "time": "s", "position": "rad", "motor angle": "rad", "velocity": "rad/s", "acceleration": "rad/s2", "load torque": "N m",
-    "current": "A", "temperature": "degC",
-}  # fmt: skip
+    "time": "s",
+    "position": "rad",
+    "motor angle": "rad",
+    "velocity": "rad/s",
+    "acceleration": "rad/s2",
+    "load torque": "N m",
+    "current": "A",
+    "temperature": "degC",
+}
 SURE = 3.0
 """Deviation over the instruments' noise up to which a row counts: near standstill friction leaves the current open."""
 POINTS = 1500
@@ -37,7 +46,10 @@ BINS = 24
 
 
 def in_noise(result: Diagnosis, joint: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Held-out residual of a joint (from 1) before and after all causes (rows,), over the instruments' noise; and which rows are sure."""
+    """Held-out residual of a joint (from 1) before and after all causes (rows,), over the instruments' noise.
+
+    And which rows are sure.
+    """
     side = dataset_of(result.held_out)
     ratio = np.concatenate([run.deviation[:, joint - 1] / run.noise[joint - 1] for run in result.held_out])
     where = side.of(joint)
@@ -45,7 +57,10 @@ def in_noise(result: Diagnosis, joint: int) -> tuple[Array, Array, NDArray[np.bo
 
 
 def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) -> tuple[Figure, str]:
-    """The held-out residual of one joint against time, position, motor angle, velocity, its sign, load torque, and temperature where recorded."""
+    """The held-out residual of one joint against time, position, motor angle, velocity, its sign, load torque.
+
+    And temperature where recorded.
+    """
     from matplotlib.figure import Figure
 
     before, after, sure = in_noise(result, joint)
@@ -79,7 +94,10 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
 
 
 def left_against(result: Diagnosis, joint: int, name: str) -> tuple[Figure, str] | None:
-    """What is left of a joint after all causes against the variable that predicts it; None for a variable that has no rows of its own."""
+    """What is left of a joint after all causes against the variable that predicts it.
+
+    None for a variable that has no rows of its own.
+    """
     from matplotlib.figure import Figure
 
     side = dataset_of(result.held_out)
@@ -150,7 +168,10 @@ def _with_unit(result: Diagnosis, joint: int, name: str) -> str:
 
 
 def side_by_side(before: Compared, after: Compared, extended: bool, units: Sequence[str]) -> tuple[Figure, str]:
-    """One recording: measured current and closed-loop simulation of every joint; beside it the error of the simulated angle."""
+    """One recording: measured current and closed-loop simulation of every joint.
+
+    Beside it the error of the simulated angle.
+    """
     from matplotlib.figure import Figure
 
     joints = before.current.shape[1]

@@ -22,7 +22,10 @@ NEAR = 4.0
 
 
 def axis_figure(axis: AxisSide, effect: str, drive: Joint) -> tuple[Figure, str]:
-    """Held-out residual without one of the causes and with all, against what shows that cause: velocity, place, or how fast the command changes."""
+    """Held-out residual without one of the causes and with all, against what shows that cause.
+
+    Velocity, place, or how fast the command changes.
+    """
     from matplotlib.figure import Figure
 
     cause = next(one for one in axis.causes if one.effect == effect)

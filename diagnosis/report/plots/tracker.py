@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 
 def tracker_figure(tracked: Tracked) -> tuple[Figure, str]:
-    """Distance of every tracked point from where the model has it, before and after all causes, fitted and held-out recordings."""
+    """Distance of every tracked point from where the model has it, before and after all causes.
+
+    Fitted and held-out recordings.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.5, 3.4), layout="constrained")

@@ -1,7 +1,9 @@
-"""Joint angles between the counts of an incremental encoder, and which encoders have a zero that holds for one run only.
+"""Joint angles between the counts of an incremental encoder.
 
-Within a run, the counts of neighbouring rows show where between two counts a moving motor is: the angles are smoothed over
-``SMOOTHED`` seconds, which is short against the motion of an arm.
+And which encoders have a zero that holds for one run only.
+
+Within a run, the counts of neighbouring rows show where between two counts a moving motor is: the angles are smoothed
+over ``SMOOTHED`` seconds, which is short against the motion of an arm.
 """
 
 from __future__ import annotations
@@ -22,9 +24,12 @@ _PAUSE = 1.5
 
 
 def between_counts(t: Array, q: Array) -> Array:
-    """Angles q (N, joints) rad at t (N,) s as local cubics over ``SMOOTHED`` s (Savitzky and Golay, Anal. Chem. 36, 1964).
+    """Angles q (N, joints) rad at t (N,) s as local cubics over ``SMOOTHED`` s (Savitzky and Golay, Anal.
 
-    Rows nearer to a missing sample than that, stretches shorter than that, and rows too far apart for it stay as they are.
+    Chem. 36, 1964).
+
+    Rows nearer to a missing sample than that, stretches shorter than that, and rows too far apart for it stay as they
+    are.
     """
     smooth = q.copy()
     period = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
@@ -45,7 +50,10 @@ def between_counts(t: Array, q: Array) -> Array:
 
 
 def counts_of(recording: Recording) -> Array | None:
-    """(joints,) rad of one count of the encoders whose zero is set anew at every start, 0 for others; None where it is not known."""
+    """(joints,) rad of one count of the encoders whose zero is set anew at every start, 0 for others.
+
+    None where it is not known.
+    """
     calibration, joints = recording.calibration, recording.rig.get("joint", [])
     if calibration is None or len(joints) != recording.joints or "scale" not in calibration:
         return None

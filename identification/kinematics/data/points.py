@@ -10,7 +10,10 @@ from identification.kinematics.models.chain import Index, Mask
 
 @dataclass(frozen=True)
 class Points:
-    """Tracked points: q (N, joints) rad or m as recorded, xyz (N, 3) m, deflections (N, joints, extensions) per unit."""
+    """Tracked points: q (N, joints) rad or m as recorded, xyz (N, 3) m.
+
+    Deflections (N, joints, extensions) per unit.
+    """
 
     q: Array
     xyz: Array

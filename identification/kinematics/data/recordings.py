@@ -1,4 +1,7 @@
-"""Recordings as runs for calibration: tracked points of the same triggers, in which frame, and where the target sits."""
+"""Recordings as runs for calibration.
+
+Tracked points of the same triggers, in which frame, and where the target sits.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +48,8 @@ def read_tracked(path: Path, tracker: Path | None = None) -> Tracked:
 def tracked(recording: Recording, tracker: Path | None = None) -> Tracked:
     """A recording with its tracked points, matched by trigger number; or with those of a separately recorded file.
 
-    Angles and points that the instruments themselves call stale, late, missing or saturated are none. InputError where there are no points.
+    Angles and points that the instruments themselves call stale, late, missing or saturated are none. InputError where
+    there are no points.
     """
     table = recording.rig.get("tracker", {})
     target = tuple(float(v) for v in table["target"]) if "target" in table else None

@@ -1,8 +1,10 @@
-"""Rows that belong to another trigger: a delay between points and joint angles, in rows, that is constant or changes in a run.
+"""Rows that belong to another trigger.
 
-The point moves with velocity v = J(q) q'. If it is recorded ``delay`` too late, the residual is -v delay; so in every window with
-enough motion, delay = -sum(v . r) / sum(v . v). A dropped edge makes all later rows one early or late: a step in the delay of a
-whole row (effects ``dropped_trigger`` and ``tracker_latency``).
+a delay between points and joint angles, in rows, that is constant or changes in a run.
+
+The point moves with velocity v = J(q) q'. If it is recorded ``delay`` too late, the residual is -v delay; so in every
+window with enough motion, delay = -sum(v . r) / sum(v . v). A dropped edge makes all later rows one early or late: a
+step in the delay of a whole row (effects ``dropped_trigger`` and ``tracker_latency``).
 """
 
 from __future__ import annotations
@@ -102,7 +104,10 @@ def find_step(run: Run, chain: Chain, noise: float) -> Shift | None:
 
 
 def find_constant(run: Run, chain: Chain, noise: float) -> Shift | None:
-    """A delay of all points of a run by one to three whole rows, or None. A latency that is no whole number stays a latency."""
+    """A delay of all points of a run by one to three whole rows, or None.
+
+    A latency that is no whole number stays a latency.
+    """
     found = delays(run, chain, noise)
     if len(found.first) < 3:
         return None
@@ -115,7 +120,10 @@ def find_constant(run: Run, chain: Chain, noise: float) -> Shift | None:
 
 
 def _if_better(run: Run, chain: Chain, shift: Shift) -> Shift | None:
-    """The shift, if it makes the points fit a quarter better where the arm moves: anything else was the model's own error."""
+    """The shift, if it makes the points fit a quarter better where the arm moves.
+
+    Anything else was the model's own error.
+    """
     moving = np.abs(run.velocity()).max(axis=1) > 0.0
     moving[: shift.first] = False
     at = position_jacobian(chain, np.nan_to_num(run.q))[0]

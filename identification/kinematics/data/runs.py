@@ -15,9 +15,12 @@ from identification.kinematics.models.chain import Index, Mask
 
 @dataclass(frozen=True)
 class Run:
-    """One recording: name, t (N,) s, q (N, joints) rad or m, xyz (N, 3) m; NaN where missing. Row k of all is one trigger.
+    """One recording: name, t (N,) s, q (N, joints) rad or m, xyz (N, 3) m; NaN where missing.
 
-    count  (joints,) rad of one count where an encoder's zero is this run's own, else 0; None: not known (``encoder_steps``)
+    Row k of all is one trigger.
+
+    count  (joints,) rad of one count where an encoder's zero is this run's own, else 0; None: not known
+           (``encoder_steps``)
     """
 
     name: str
@@ -49,8 +52,10 @@ class Run:
 
 
 def shifted(run: Run, first: int, by: int) -> Run:
-    """The run with its points from row ``first`` on taken from ``by`` rows later (earlier for negative); rows that then have no
-    point get NaN."""
+    """The run with its points from row ``first`` on taken from ``by`` rows later (earlier for negative).
+
+    Rows that then have no point get NaN.
+    """
     xyz = run.xyz.copy()
     rows = np.arange(first, len(xyz))
     source = rows + by
@@ -82,8 +87,8 @@ def velocity_of(runs: Sequence[Run], rows: Sequence[Index]) -> Array:
 def correlation_time(residual: Array, rows: Sequence[Index]) -> float:
     """How many points in a row count as one, >= 1: the integrated autocorrelation of residuals (N, 3), in points.
 
-    Points of one sweep share encoder steps and what the model lacks; taken as independent they would promise too much (Sokal,
-    "Monte Carlo methods in statistical mechanics", 1996: window at five times the integral).
+    Points of one sweep share encoder steps and what the model lacks; taken as independent they would promise too much
+    (Sokal, "Monte Carlo methods in statistical mechanics", 1996: window at five times the integral).
     """
     ends = np.cumsum([0, *map(len, rows)])
     longest = min(4000, max(map(len, rows)) - 1)

@@ -1,9 +1,9 @@
 """A tracker's own file, recorded during the run, assigned to the run's triggers.
 
-The tracker makes one edge a sample; the run has one row an edge. Both lists are the same events, with members missing on either
-side (a lost edge; samples that the tracker did not keep) and on two clocks. Equal counts alone prove nothing, so the intervals are
-compared: jitter and pauses are a signature. The best start is where most intervals agree; from there on, events are paired by time,
-with the clocks' drift followed.
+The tracker makes one edge a sample; the run has one row an edge. Both lists are the same events, with members missing
+on either side (a lost edge; samples that the tracker did not keep) and on two clocks. Equal counts alone prove nothing,
+so the intervals are compared: jitter and pauses are a signature. The best start is where most intervals agree; from
+there on, events are paired by time, with the clocks' drift followed.
 """
 
 from __future__ import annotations
@@ -59,7 +59,10 @@ class Merge:
 
 
 def read_tracker(path: str | Path) -> TrackerFile:
-    """A CSV file with columns t, x, y, z (s, m). Empty cells and nan are broken beams. InputError says what is wrong."""
+    """A CSV file with columns t, x, y, z (s, m).
+
+    Empty cells and nan are broken beams. InputError says what is wrong.
+    """
     try:
         with os.fdopen(open_regular(path), newline="", encoding="utf-8") as file:
             rows = list(csv.reader(file))
@@ -99,7 +102,8 @@ def merge(rows_t: Array, tracker: TrackerFile, *, most: int = 2000) -> Merge:
     if abs(theirs / period - 1.0) > 0.02:
         raise InputError(
             tracker.name,
-            f"has a sample every {1e3 * theirs:.4g} ms, the run a row every {1e3 * period:.4g} ms: not the same triggers",
+            f"has a sample every {1e3 * theirs:.4g} ms, the run a row every {1e3 * period:.4g} ms: not the same "
+            "triggers",
         )
     best, second = _starts(a, b, period, most)
     pairs = _pair(a, b, best.offset, best.drift, period)
@@ -115,8 +119,8 @@ def merge(rows_t: Array, tracker: TrackerFile, *, most: int = 2000) -> Merge:
 def _starts(a: Array, b: Array, period: float, most: int) -> tuple[_Clocks, float]:
     """The best start, and the cost of the next best one.
 
-    A start is which row the first sample belongs to, or which sample the first row: a shift by whole periods. Each is tried on up to
-    ``most`` events by pairing every row with the nearest sample and following the clocks.
+    A start is which row the first sample belongs to, or which sample the first row: a shift by whole periods. Each is
+    tried on up to ``most`` events by pairing every row with the nearest sample and following the clocks.
     """
     reach = abs(len(a) - len(b)) + _REACH
     tried: list[_Clocks] = []
@@ -136,7 +140,10 @@ def _starts(a: Array, b: Array, period: float, most: int) -> tuple[_Clocks, floa
 
 @dataclass(frozen=True)
 class _Clocks:
-    """One start followed: t_tracker = t + offset + drift (t - t0); how well the pairs agree (s), and its cost against other starts."""
+    """One start followed: t_tracker = t + offset + drift (t - t0).
+
+    How well the pairs agree (s), and its cost against other starts.
+    """
 
     offset: float
     drift: float

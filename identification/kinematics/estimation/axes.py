@@ -1,7 +1,7 @@
 """From circles to a kinematic model: the axis lines, brought into one configuration, give D-H (thesis 6.3).
 
-Features are taken from the last joint inward, as they are measured. Putting them together goes outward, because an axis that was
-seen while earlier joints were elsewhere must first be rotated back about those.
+Features are taken from the last joint inward, as they are measured. Putting them together goes outward, because an axis
+that was seen while earlier joints were elsewhere must first be rotated back about those.
 """
 
 from __future__ import annotations
@@ -19,10 +19,13 @@ from identification.kinematics.models.product_of_exponentials import Exponential
 
 
 def circle_point_model(circles: Sequence[Circle], nominal: Chain) -> Array:
-    """Values (values,) of the chain from circle-point analysis alone; ``nominal`` in standard D-H order, roughly in place.
+    """Values (values,) of the chain from circle-point analysis alone.
 
-    Joints that were not swept keep their nominal place relative to the one before. The zero of the last swept joint, and its place
-    along its own axis, follow from the target, and are only as accurate as the known place of the target on the arm.
+    ``nominal`` in standard D-H order, roughly in place.
+
+    Joints that were not swept keep their nominal place relative to the one before. The zero of the last swept joint,
+    and its place along its own axis, follow from the target, and are only as accurate as the known place of the target
+    on the arm.
     """
     hub = axes_at_zero(circles, nominal)
     near = Table(_rows(nominal), base_pose(nominal), np.eye(4), hub.prismatic)
@@ -47,7 +50,10 @@ def circle_point_model(circles: Sequence[Circle], nominal: Chain) -> Array:
 
 
 def axes_at_zero(circles: Sequence[Circle], nominal: Chain) -> Exponentials:
-    """All axes and the target at joint angles zero: measured where there is a circle, else nominal relative to the one before."""
+    """All axes and the target at joint angles zero.
+
+    Measured where there is a circle, else nominal relative to the one before.
+    """
     seen = {c.joint - 1: c for c in circles}
     hub = exponentials_of(nominal)
     directions, points = hub.lines()
@@ -93,8 +99,10 @@ def _with_outer(screws: Sequence[Array], joint: int, at: Array, home: Array) -> 
 
 
 def _turn_to(circle: Circle, back: Array, predicted: Array, screw: Array) -> Array:
-    """The turn about a swept axis that brings the predicted target at joint angle zero into the measured direction, and the slide
-    along it that brings it into the measured plane."""
+    """The turn about a swept axis that brings the predicted target.
+
+    At joint angle zero, into the measured direction; and the slide along it that brings it into the measured plane.
+    """
     w, point = screw[:3], np.cross(screw[:3], screw[3:])
     measured = back[:3, :3] @ circle.zero
     arm = predicted - point
@@ -110,7 +118,10 @@ def _moved(pose: Array, direction: Array, point: Array) -> tuple[Array, Array]:
 
 
 def _line_to_line(w: Array, p: Array, to_w: Array, to_p: Array) -> Array:
-    """The smallest motion (4, 4) that carries one directed line into another: the shortest turn, then a shift across it."""
+    """The smallest motion (4, 4) that carries one directed line into another.
+
+    The shortest turn, then a shift across it.
+    """
     normal = np.cross(w, to_w)
     sine = float(np.linalg.norm(normal))
     pose = np.eye(4)

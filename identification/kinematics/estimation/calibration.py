@@ -1,10 +1,12 @@
 """Recordings with a tracker -> kinematic parameters: the whole procedure, on runs of arrays.
 
 1. an unknown tracker frame: the pose that best fits the points of the nominal arm to the measured ones;
-2. circles of single-joint sweeps, and D-H from them: a second starting point besides the nominal, and the features themselves;
+2. circles of single-joint sweeps, and D-H from them: a second starting point besides the nominal, and the features
+   themselves;
 3. robust least squares on all points (``map_estimation``);
 4. rows that belong to another trigger are found and realigned (``row_shifts``), and the fit repeated;
-5. extensions - sag, encoder scale and ripple, coupling, delay - each tried on points that the fit has not seen (``cross_validation``);
+5. extensions - sag, encoder scale and ripple, coupling, delay - each tried on points that the fit has not seen
+   (``cross_validation``);
 6. a zero of its own for every run whose counters were set at its start (``run_zeros``);
 7. the error on held-out runs, which took no part in any of this.
 """
@@ -110,7 +112,10 @@ class Settings:
 
 @dataclass
 class _Work:
-    """A calibration in progress. rows: those of ``runs`` that ``points`` were taken from; split: ``held_out`` are blocks of the same runs."""
+    """A calibration in progress. rows: those of ``runs`` that ``points`` were taken from.
+
+    Split: ``held_out`` are blocks of the same runs.
+    """
 
     arm: Arm
     settings: Settings
@@ -142,10 +147,12 @@ def calibrate(
     *,
     progress: Progress | None = None,
 ) -> Calibration:
-    """The calibration of an arm from ``runs``, judged on ``held_out`` (or, where there is none, on every fifth block of rows).
+    """The calibration of an arm from ``runs``.
 
-    target (3,) m: nominal place of the tracked target in the frame of the last link. InputError: not enough usable points, or joints that
-    disagree with the model.
+    Judged on ``held_out`` (or, where there is none, on every fifth block of rows).
+
+    target (3,) m: nominal place of the tracked target in the frame of the last link. InputError: not enough usable
+    points, or joints that disagree with the model.
     """
     tell: Progress = progress or (lambda _: None)
     _check(arm, [*runs, *held_out])
@@ -176,7 +183,10 @@ def calibrate(
 
 
 def _extend_and_realign(work: _Work) -> None:
-    """Extensions, then rows that belong to another trigger; where there are such rows, the fit and the extensions once more."""
+    """Extensions, then rows that belong to another trigger.
+
+    Where there are such rows, the fit and the extensions once more.
+    """
     if work.settings.extend:
         _extend(work)
     if _realign(work):
@@ -260,7 +270,10 @@ def _weaknesses(work: _Work, rank: int) -> list[str]:
 
 
 def predicted(calibration: Calibration, run: Run, gravity: Gravity | None, *, before: bool = False) -> Array:
-    """Positions (N, 3) m of the target over a run, by the calibrated or (``before``) the nominal arm; NaN where q is missing."""
+    """Positions (N, 3) m of the target over a run, by the calibrated or (``before``) the nominal arm.
+
+    NaN where q is missing.
+    """
     q = np.nan_to_num(run.q)
     if before:
         at = position(calibration.nominal, q)
@@ -285,7 +298,10 @@ def _check(arm: Arm, runs: Sequence[Run]) -> None:
 
 
 def _split(runs: Sequence[Run]) -> tuple[list[Run], list[Run]]:
-    """Every run in blocks of a fiftieth of its rows, every fifth held out: the points of the others are NaN in each half."""
+    """Every run in blocks of a fiftieth of its rows, every fifth held out.
+
+    The points of the others are NaN in each half.
+    """
     kept, left = [], []
     for run in runs:
         block = np.arange(len(run.t)) * 50 // max(len(run.t), 1) if len(run.t) >= 250 else np.arange(len(run.t))
@@ -321,7 +337,9 @@ def _extend(work: _Work) -> None:
 
 
 def _realign(work: _Work) -> bool:
-    """Moves points back to their own rows where the delay steps within a run, or is a whole number of rows throughout; whether any was.
+    """Moves points back to their own rows where the delay steps within a run, or is a whole number of rows throughout.
+
+    Whether any was.
 
     Blocks of one run, some held out, are moved alike: as the fitted half of the run shows.
     """

@@ -1,12 +1,13 @@
 """Circle-point analysis: the plane, centre and radius of the circle that the target draws while one joint turns.
 
-Mooring, Roth and Driels, "Fundamentals of Manipulator Calibration", 1991, ch. 5; thesis 6.3. The plane comes from the smallest
-singular vector of the points, the circle in it from Kasa's linear fit (IEEE Trans. IM 25, 1976) refined on true distances, both
-without wrong points. The residual is resolved in three directions, over the joint's angle:
+Mooring, Roth and Driels, "Fundamentals of Manipulator Calibration", 1991, ch. 5; thesis 6.3. The plane comes from the
+smallest singular vector of the points, the circle in it from Kasa's linear fit (IEEE Trans. IM 25, 1976) refined on
+true distances, both without wrong points. The residual is resolved in three directions, over the joint's angle:
 
     across      along the axis: a second axis moving, a wobbling bearing
     radial      along the radius: an encoder cannot cause it
-    tangential  along the path, from encoder angle against angle on the circle: encoder scale, eccentricity (once a turn), sag
+    tangential  along the path, from encoder angle against angle on the circle: encoder scale, eccentricity (once a
+                turn), sag
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ class Circle:
     axis        (3,) unit vector along the joint axis, in the sense of positive joint angle
     centre      (3,) m; radius m
     arc         rad, swept
-    q           (N,) rad, the joint's angle; at (joints,) rad, where the others were (the joint's own entry: where it began)
+    q           (N,) rad, the joint's angle; at (joints,) rad, where the others were (the joint's own entry: where it
+                began)
     zero        (3,) unit vector from the centre to where the target is at joint angle 0
     across, radial, tangential  (N,) m, residuals; inlier (N,) bool
     std_angle   rad and std_centre m: standard deviations of the axis's direction and of the centre
@@ -178,7 +180,8 @@ def _with_encoder(q: Array, xyz: Array, joint: int, plane: _Plane) -> Circle:
     slope = 1.0 + np.polyfit(own[good], ahead[good], 1)[0]
     if not 0.8 < slope < 1.25 or np.std(ahead[good]) > 0.3:
         raise DegenerateSweep(
-            f"joint {joint}: the target turned {slope:.3g} times as far as the encoder says; is it this joint's channel?"
+            f"joint {joint}: the target turned {slope:.3g} times as far as the encoder says; is it this joint's "
+            "channel?"
         )
     centred = float(np.median(ahead[good]))
     tangential = plane.radius * (ahead - centred)
@@ -211,7 +214,10 @@ def _spread(angle: Array) -> float:
 
 
 def _uncertainty(flat: Array, radius: float, off: Array) -> tuple[float, float]:
-    """Standard deviations of axis direction (rad) and centre (m): worst direction, independent points of equal noise."""
+    """Standard deviations of axis direction (rad) and centre (m).
+
+    Worst direction, independent points of equal noise.
+    """
     noise = float(np.std(off))
     _, spread, basis = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)
     u, v = flat @ basis[0] / radius, flat @ basis[1] / radius

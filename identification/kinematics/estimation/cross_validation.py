@@ -1,4 +1,7 @@
-"""How good a calibration is on points, and which extensions earn their place: judged on points that the fit has not seen."""
+"""How good a calibration is on points, and which extensions earn their place.
+
+Judged on points that the fit has not seen.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,8 @@ from identification.selection.stepwise import MeasurementModel, Score, select
 class PositionError:
     """Error of predicted positions over points.
 
-    rms      m, a coordinate: sqrt(mean(r^2)) over all coordinates, so that a perfect model shows the tracker's own noise
+    rms      m, a coordinate: sqrt(mean(r^2)) over all coordinates, so that a perfect model shows the tracker's own
+             noise
     mean, largest  m, distance in space
     outliers number of points left out: further off than 5 robust deviations
     """
@@ -34,7 +38,10 @@ class PositionError:
 
 
 def position_error(residual: Array, *, reject: bool = True) -> PositionError:
-    """The error of residuals (N, 3) m; beam breaks and wrong points, detected by their robust scale, are left out and counted."""
+    """The error of residuals (N, 3) m.
+
+    Beam breaks and wrong points, detected by their robust scale, are left out and counted.
+    """
     length = np.linalg.norm(residual, axis=1)
     keep = np.ones(len(length), bool)
     if reject and len(length):
@@ -61,8 +68,11 @@ SIGNIFICANT = 3.0
 
 @dataclass(frozen=True)
 class Trial:
-    """One extension conditional on those accepted so far: rms m per coordinate of left-out points ``before`` and ``after``; z: its gain over the
-    standard error between blocks."""
+    """One extension conditional on those accepted so far.
+
+    Rms m per coordinate of left-out points ``before`` and ``after``; z: its gain over the standard error between
+    blocks.
+    """
 
     extension: Extension
     before: float
@@ -84,9 +94,10 @@ def choose(
 ) -> tuple[list[Extension], list[Trial]]:
     """Extensions accepted one after the other, the best first, and the trials of every round's best.
 
-    Points are cut into blocks (N,) of neighbours; whole blocks are left out in turn, so that no point is predicted from its own
-    neighbours. A candidate is accepted if its gain on left-out blocks exceeds ``SIGNIFICANT`` standard errors (between blocks) and a share of
-    the rms. All of it on the linearised problem, which after the fit is exact to a micrometre.
+    Points are cut into blocks (N,) of neighbours; whole blocks are left out in turn, so that no point is predicted from
+    its own neighbours. A candidate is accepted if its gain on left-out blocks exceeds ``SIGNIFICANT`` standard errors
+    (between blocks) and a share of the rms. All of it on the linearised problem, which after the fit is exact to a
+    micrometre.
 
     deflect gives the deflections (N, joints, parameters) of extensions at ``points``.
     """
@@ -189,7 +200,10 @@ class LeftOutPoints(MeasurementModel[Extension, Chosen]):
 
 @dataclass(frozen=True)
 class _Linear:
-    """About an estimate: residual (N, 3), columns per prior deviation (N, 3, p), where u0 (p,) stands, dp/dq (N, 3, joints)."""
+    """About an estimate: residual (N, 3), columns per prior deviation (N, 3, p).
+
+    Where u0 (p,) stands, dp/dq (N, 3, joints).
+    """
 
     residual: Array
     columns: Array

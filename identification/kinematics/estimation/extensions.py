@@ -1,8 +1,10 @@
-"""What turns the joints besides the recorded angle: effects that only tracked points show, linear in their parameters, q + D(q) c.
+"""What turns the joints besides the recorded angle.
 
-Which effects, with which parameters, units and laws: ``arm_model.effects``, those observed by ``Instrument.CALIBRATION``. A coupling is one
-candidate for every joint that may drive it. Constants are left to the joint's theta. Which of them are real is decided on points that the fit has
-not seen.
+Effects that only tracked points show, linear in their parameters, q + D(q) c.
+
+Which effects, with which parameters, units and laws: ``arm_model.effects``, those observed by
+``Instrument.CALIBRATION``. A coupling is one candidate for every joint that may drive it. Constants are left to the
+joint's theta. Which of them are real is decided on points that the fit has not seen.
 """
 
 from __future__ import annotations
@@ -51,7 +53,10 @@ class Extension:
 
 
 def candidates(moving: Sequence[int], prismatic: Sequence[bool], *, gravity: bool, velocity: bool) -> list[Extension]:
-    """What could be there, for the joints (from 1) that move: couplings between neighbours, and from 4 to 6 of a wrist."""
+    """What could be there, for the joints (from 1) that move.
+
+    Couplings between neighbours, and from 4 to 6 of a wrist.
+    """
     turning = [j for j in moving if not prismatic[j - 1]]
     out = []
     for effect in CATALOGUE.values():

@@ -1,10 +1,11 @@
 """Robust maximum a posteriori estimation of a chain's values from tracked points, with the exact Jacobian.
 
-Minimised is  sum_i rho(|p_i - f(q_i, x)| / s) + sum_k ((x_k - x0_k) / scale_k)^2  by Levenberg-Marquardt: the first sum over
+Minimised is  sum_i rho(|p_i - f(q_i, x)| / s) + sum_k ((x_k - x0_k) / scale_k)^2  by Levenberg-Marquardt: the first sum
+              over
 points, with noise s estimated along the way, the second the priors, which decide only what the points cannot. While the
-estimate is still moving, points count with Geman and McClure's weight (Stat. 1985), so that beam breaks and wrong points pull
-little; at the end they are dropped altogether and the rest counts fully, so that the result and its covariance are those of
-ordinary least squares on the good points.
+estimate is still moving, points count with Geman and McClure's weight (Stat. 1985), so that beam breaks and wrong
+points pull little; at the end they are dropped altogether and the rest counts fully, so that the result and its
+covariance are those of ordinary least squares on the good points.
 
 Joint extensions (sag, scale ...) enter as deflections of the joint angle, linear in their parameters: q + D(q) c.
 """
@@ -22,7 +23,10 @@ from identification.kinematics.models.chain import Mask, position, position_jaco
 from identification.kinematics.models.parameters import Parameters
 
 REJECT = 5.0
-"""Points further off than this many noise deviations are outliers: 1.5e-5 of Gaussian points in three dimensions are."""
+"""Points further off than this many noise deviations are outliers.
+
+1.5e-5 of Gaussian points in three dimensions are.
+"""
 _MEDIAN_OF_NORM = 1.5382  # median length of a standard normal vector in three dimensions
 _COARSE = 1500  # points with which the estimate is brought near; all of them then settle it
 _FLOOR = 1e-6  # m; better than any tracker: noise-free simulated data still needs a scale
@@ -143,7 +147,10 @@ def _descend(
     *,
     enough: float = 1e-6,
 ) -> tuple[Array, int]:
-    """Levenberg-Marquardt until Newton's decrement (twice the fall of the cost still to be had, in squared deviations) is ``enough``."""
+    """Levenberg-Marquardt until Newton's decrement.
+
+    It is (twice the fall of the cost still to be had, in squared deviations) is ``enough``.
+    """
     damping = 1e-6
     for iteration in range(1, limit + 1):
         residual, jacobian = problem.linear(x)

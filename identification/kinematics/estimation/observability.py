@@ -1,10 +1,11 @@
 """What a set of poses shows of the parameters: identifiable rank, and the observability indices O1 to O5.
 
-O1 to O5 from the singular values s1 >= ... >= sp of the identification Jacobian, columns per unit of what is expected of each
-parameter, for m poses (Sun and Hollerbach, "Observability index selection for robot calibration", ICRA 2008):
+O1 to O5 from the singular values s1 >= ... >= sp of the identification Jacobian, columns per unit of what is expected
+of each parameter, for m poses (Sun and Hollerbach, "Observability index selection for robot calibration", ICRA 2008):
 
     O1 = (s1 ... sp)^(1/p) / sqrt(m)   Borm and Menq: D-optimality        O2 = sp / s1     Driels and Pathre: condition
-    O3 = sp                            Nahvi et al.: E-optimality         O4 = sp^2 / s1   noise amplification, Nahvi and Hollerbach
+    O3 = sp                            Nahvi et al.: E-optimality         O4 = sp^2 / s1   noise amplification, Nahvi
+                                       and Hollerbach
     O5 = 1 / (1/s1 + ... + 1/sp)       A-optimality
 """
 
@@ -20,7 +21,10 @@ from identification.kinematics.models.chain import position_jacobian
 from identification.kinematics.models.parameters import Parameters
 
 RANK_TOLERANCE = 1e-8
-"""Relative to the largest singular value: parameters that do the same thing come out at 1e-16, distinct ones above 1e-4."""
+"""Relative to the largest singular value.
+
+Parameters that do the same thing come out at 1e-16, distinct ones above 1e-4.
+"""
 RESTING = np.radians(0.5)
 """A joint (rad; m for prismatic ones) that moves less than this rests: its encoder's flicker is no motion."""
 

@@ -1,8 +1,11 @@
-"""Encoder zeros that hold for one run only (``preset = "start"``): estimated for fitted runs, bounded for predicted ones.
+"""Encoder zeros that hold for one run only (``preset = "start"``).
 
-A counter that is set at each start is up to one count off, differently in every run: at joint 2 of the Puma one count is 0.07 mm at the
-target, as much as the noise of the tracker. Each fitted run gets zeros of its own, with one count as prior standard deviation. The zeros of
-a run that is to be predicted are unknown; ``expected`` is the error that they cause.
+Estimated for fitted runs, bounded for predicted ones.
+
+A counter that is set at each start is up to one count off, differently in every run: at joint 2 of the Puma one count
+is 0.07 mm at the target, as much as the noise of the tracker. Each fitted run gets zeros of its own, with one count as
+prior standard deviation. The zeros of a run that is to be predicted are unknown; ``expected`` is the error that they
+cause.
 """
 
 from __future__ import annotations
@@ -46,7 +49,9 @@ def with_own_zeros(
 
 
 def zero_columns(runs: Sequence[Run], rows: Sequence[Index]) -> tuple[Array, Array]:
-    """Deflections (N, joints, zeros) of the chosen rows of all runs, and prior deviations (zeros,) rad: one zero a run and joint.
+    """Deflections (N, joints, zeros) of the chosen rows of all runs, and prior deviations (zeros,) rad.
+
+    One zero a run and joint.
 
     Runs without a known count have none.
     """

@@ -1,4 +1,7 @@
-"""Where a calibration begins: the pose of the tracker, the circles of single-joint sweeps, and the better of two starting points."""
+"""Where a calibration begins.
+
+The pose of the tracker, the circles of single-joint sweeps, and the better of two starting points.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,8 @@ def place_tracker(
     if frame_known and as_given > 0.1 and laid_over < as_given / 4:
         frame_known = False
         warnings.append(
-            f"the points are {1e3 * as_given:.0f} mm off the model in the stated tracker frame and {1e3 * laid_over:.1f} mm once laid "
+            f"the points are {1e3 * as_given:.0f} mm off the model in the stated tracker frame and "
+            f"{1e3 * laid_over:.1f} mm once laid "
             "over it: the frame was taken as unknown and estimated"
         )
     if frame_known:
@@ -56,7 +60,10 @@ def best_circles(runs: Sequence[Run]) -> tuple[list[Circle], list[str]]:
 
 
 def values_from_circles(arm: Arm, circles: Sequence[Circle], nominal: Chain) -> Array | None:
-    """Values of the chain by circle-point analysis; None without circles, or for a convention that it does not cover."""
+    """Values of the chain by circle-point analysis.
+
+    None without circles, or for a convention that it does not cover.
+    """
     if not circles or any(j.convention != "standard" for j in arm.joints):
         return None
     return circle_point_model(circles, nominal)

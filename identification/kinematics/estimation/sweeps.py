@@ -28,8 +28,8 @@ class Sweep:
 def find_sweeps(q: Array, *, window: int = 50) -> list[Sweep]:
     """Sweeps of a recording q (N, joints) rad, in time order; only those that go far enough for a circle.
 
-    Rows are cut into windows; each is given to the joint that alone moves in it, and equal neighbours are joined. A window in which
-    nothing moves belongs to the sweep around it.
+    Rows are cut into windows; each is given to the joint that alone moves in it, and equal neighbours are joined. A
+    window in which nothing moves belongs to the sweep around it.
     """
     n = len(q)
     owner = []

@@ -1,9 +1,9 @@
 """A kinematic chain as a sequence of elementary transforms, with positions and their exact Jacobian.
 
-Every kinematic model used here (D-H, Hayati, Whitney-Lozinski, S-model) is a product of rotations about and translations
-along the coordinate axes of the moving frame; they differ only in the order and number of the factors (Corke and Haviland,
-"Not your grandmother's toolbox", ICRA 2021, call this an elementary transform sequence). Written so, one loop gives the
-forward kinematics and one rule the Jacobian of all models:
+Every kinematic model used here (D-H, Hayati, Whitney-Lozinski, S-model) is a product of rotations about and
+translations along the coordinate axes of the moving frame; they differ only in the order and number of the factors
+(Corke and Haviland, "Not your grandmother's toolbox", ICRA 2021, call this an elementary transform sequence). Written
+so, one loop gives the forward kinematics and one rule the Jacobian of all models:
 
     d p / d value = axis                       for a translation,
     d p / d value = axis x (p - origin)        for a rotation,

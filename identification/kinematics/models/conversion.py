@@ -1,11 +1,11 @@
 """Product of exponentials -> D-H, Hayati, Whitney-Lozinski and S-model.
 
 A frame is put on every joint axis (z along it) and the transform from one to the next is split into elementary factors.
-Turning a frame about its own z and sliding it along is free: that freedom is carried on into the next link (D-H, Hayati),
-kept in the link's own six numbers (S-model, Whitney-Lozinski), and at the end into the tool.
+Turning a frame about its own z and sliding it along is free: that freedom is carried on into the next link (D-H,
+Hayati), kept in the link's own six numbers (S-model, Whitney-Lozinski), and at the end into the tool.
 
-The common normal of two axes has two directions, and where axes intersect or are parallel it is not unique at all; ``near``
-(a table of the same model, usually the nominal one) chooses. Without it: a >= 0, and d = 0 on parallel axes.
+The common normal of two axes has two directions, and where axes intersect or are parallel it is not unique at all;
+``near`` (a table of the same model, usually the nominal one) chooses. Without it: a >= 0, and d = 0 on parallel axes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from identification.kinematics.models.chain import product, xyz_ypr
 from identification.kinematics.models.product_of_exponentials import Exponentials
 
 PARALLEL = np.sin(np.radians(5.0))
-"""Below this sine of the angle between neighbouring axes D-H is ill-conditioned (d runs away) and Hayati's beta is used."""
+"""Below this sine of the angle between neighbouring axes D-H is ill-conditioned (d runs away) and Hayati's beta is
+used."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +142,7 @@ def _common_normal(step: Array, wanted: Array | None) -> tuple[float, float, flo
 
 
 def _hayati_row(step: Array, wanted: Array | None) -> Array:
-    """theta, d, a, alpha, beta such that the next axis passes through the new origin, which lies at the wanted height d."""
+    """theta, d, a, alpha, beta such that the next axis passes through the new origin, at the required height d."""
     z, p = step[:3, 2], step[:3, 3]
     d = 0.0 if wanted is None else float(wanted[1])
     foot = p + z * (d - p[2]) / z[2]

@@ -1,7 +1,10 @@
-"""An arm whose joints are placed as URDF does, described by Denavit-Hartenberg parameters instead, so that it can be calibrated.
+"""An arm whose joints are placed as URDF does, described by Denavit-Hartenberg parameters instead.
 
-By the product of exponentials: axes and end frame at rest say all of the kinematics. The frames of the links then lie elsewhere in them,
-and with them masses, inertias, the tool and the tracked target are carried over: motion, torques and tracked points stay what they were.
+So it can be calibrated.
+
+By the product of exponentials: axes and end frame at rest say all of the kinematics. The frames of the links then lie
+elsewhere in them, and with them masses, inertias, the tool and the tracked target are carried over: motion, torques and
+tracked points stay what they were.
 """
 
 from __future__ import annotations
@@ -20,7 +23,9 @@ from identification.kinematics.models.product_of_exponentials import Exponential
 
 
 def in_denavit_hartenberg(arm: Arm) -> tuple[Arm, Array]:
-    """The same arm in D-H (Hayati where axes are parallel), and the pose (4, 4) of its old last link frame in the new one.
+    """The same arm in D-H (Hayati where axes are parallel).
+
+    And the pose (4, 4) of its old last link frame in the new one.
 
     An arm in D-H already comes back as it is, with the identity.
     """
@@ -57,6 +62,17 @@ def _carried(joint: Joint, now: Joint, pose: Array) -> Joint:
     mass, com, about = about_com(transform(barycentric(joint.mass, joint.com, joint.inertia), pose))
     xx, yy, zz, xy, yz, xz = about
     return replace(
-        joint, convention="standard", theta=now.theta, d=now.d, a=now.a, alpha=now.alpha, beta=now.beta,
-        xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0), mass=mass, com=com, inertia=(xx, yy, zz, xy, yz, xz),
-    )  # fmt: skip
+        joint,
+        convention="standard",
+        theta=now.theta,
+        d=now.d,
+        a=now.a,
+        alpha=now.alpha,
+        beta=now.beta,
+        xyz=(0.0, 0.0, 0.0),
+        rpy=(0.0, 0.0, 0.0),
+        axis=(0.0, 0.0, 1.0),
+        mass=mass,
+        com=com,
+        inertia=(xx, yy, zz, xy, yz, xz),
+    )

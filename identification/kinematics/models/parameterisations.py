@@ -1,15 +1,19 @@
 """The four classical parameterisations of a serial arm, each as a chain of elementary transforms.
 
-Denavit-Hartenberg    Rz(theta + q) Tz(d + q) Tx(a) Rx(alpha)              Denavit and Hartenberg, J. Appl. Mech. 22, 1955
-Hayati                ... Ry(beta) last; d fixed where axes are parallel   Hayati and Mirmirani, J. Robotic Systems 2(4), 1985
-Whitney-Lozinski      six numbers a link, three translations and three     Whitney, Lozinski and Rourke, J. Dyn. Sys. Meas.
+Denavit-Hartenberg    Rz(theta + q) Tz(d + q) Tx(a) Rx(alpha)              Denavit and Hartenberg, J. Appl. Mech. 22,
+                      1955
+Hayati                ... Ry(beta) last; d fixed where axes are parallel   Hayati and Mirmirani, J. Robotic Systems
+                      2(4), 1985
+Whitney-Lozinski      six numbers a link, three translations and three     Whitney, Lozinski and Rourke, J. Dyn. Sys.
+                      Meas.
                       rotations: Rz(q) Tx Ty Tz Rz Ry Rx                   Control 108(1), 1986
-S-model               Rz(beta + q) Tz(d + q) Tx(a) Rx(alpha) Rz(gamma) Tz(b)  Stone, "Kinematic Modeling, Identification, and
+S-model               Rz(beta + q) Tz(d + q) Tx(a) Rx(alpha) Rz(gamma) Tz(b)  Stone, "Kinematic Modeling,
+                      Identification, and
                                                                            Control of Robotic Manipulators", Kluwer 1987
 
-Joint coordinates q are about (revolute) or along (prismatic) z of the frame before the link. Tables are arrays with one row
-a joint; ``prismatic`` says which joints translate. Angles rad, lengths m. ``base`` (4, 4) is the frame of joint 1 in the
-world, ``tool`` (4, 4) the end frame in the frame of the last link.
+Joint coordinates q are about (revolute) or along (prismatic) z of the frame before the link. Tables are arrays with one
+row a joint; ``prismatic`` says which joints translate. Angles rad, lengths m. ``base`` (4, 4) is the frame of joint 1
+in the world, ``tool`` (4, 4) the end frame in the frame of the last link.
 """
 
 from __future__ import annotations
@@ -53,7 +57,10 @@ def hayati_link(joint: int, row: ArrayLike, prismatic: bool) -> list[Step]:
 
 
 def whitney_lozinski(table: ArrayLike, *, base: ArrayLike, tool: ArrayLike, prismatic: Sequence[bool]) -> Chain:
-    """Six-parameter links; ``table`` (joints, 6): x, y, z, yaw, pitch, roll of the next frame after the joint's motion."""
+    """Six-parameter links.
+
+    ``table`` (joints, 6): x, y, z, yaw, pitch, roll of the next frame after the joint's motion.
+    """
     motions: tuple[Motion, ...] = ("tx", "ty", "tz", "rz", "ry", "rx")
     steps = []
     for j, row in enumerate(_table(table, 6, prismatic)):

@@ -5,9 +5,9 @@ World here is the frame in which the tracker's points are given. The chain is
     nominal base (fixed) . base (a small correction, in link frame 0) . joints . target
 
 Several parameters do the same thing, and data cannot separate them (Everett and Hsu, IEEE T-RA 1988; Mooring, Roth and
-Driels, "Fundamentals of Manipulator Calibration", 1991): turning the base about joint 1 and joint 1's theta; the last link and
-the target. What is known decides. A tracker whose frame was surveyed leaves such an error in the joint; an unknown frame
-takes it. A target whose place the rig file gives stays there, and the last link takes the error.
+Driels, "Fundamentals of Manipulator Calibration", 1991): turning the base about joint 1 and joint 1's theta; the last
+link and the target. What is known decides. A tracker whose frame was surveyed leaves such an error in the joint; an
+unknown frame takes it. A target whose place the rig file gives stays there, and the last link takes the error.
 """
 
 from __future__ import annotations
@@ -32,8 +32,9 @@ UNKNOWN_FRAME = 10.0
 class Trust:
     """Prior standard deviations: how far from the nominal an arm of this kind may be.
 
-    angle rad (joint zeros and twists), length m (of links), base_angle rad and base_length m (the mounting), target m. The defaults
-    cover the errors of the thesis's Puma (2.75 degrees, 3 mm) twice over; with data they only decide what data cannot.
+    angle rad (joint zeros and twists), length m (of links), base_angle rad and base_length m (the mounting), target m.
+    The defaults cover the errors of the thesis's Puma (2.75 degrees, 3 mm) twice over; with data they only decide what
+    data cannot.
     """
 
     angle: float = 0.05
@@ -100,7 +101,8 @@ def chain_of(arm: Arm, target: Sequence[float], where: str = "model") -> Chain:
         if joint.convention == "placed":
             raise InputError(
                 where,
-                f"joint[{j + 1}]: convention 'placed' has no D-H parameters to estimate; in_denavit_hartenberg(arm) gives it some",
+                f"joint[{j + 1}]: convention 'placed' has no D-H parameters to estimate; in_denavit_hartenberg(arm) "
+                "gives it some",
             )
         row = (joint.theta, joint.d, joint.a, joint.alpha, joint.beta)
         steps += link_steps(j, row, not joint.revolute, joint.convention == "modified")
@@ -108,7 +110,10 @@ def chain_of(arm: Arm, target: Sequence[float], where: str = "model") -> Chain:
 
 
 def link_steps(joint: int, row: Sequence[float], prismatic: bool, modified: bool) -> list[Step]:
-    """One link: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta), or Craig's order Rx(alpha) Tx(a) Ry(beta) Rz(theta + q) Tz(d)."""
+    """One link: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta).
+
+    Or Craig's order Rx(alpha) Tx(a) Ry(beta) Rz(theta + q) Tz(d).
+    """
     value = dict(zip(("theta", "d", "a", "alpha", "beta"), row, strict=True))
     motion: dict[str, Motion] = {"theta": "rz", "d": "tz", "a": "tx", "alpha": "rx", "beta": "ry"}
     order = ("alpha", "a", "beta", "theta", "d") if modified else ("theta", "d", "a", "alpha", "beta")
@@ -119,8 +124,8 @@ def link_steps(joint: int, row: Sequence[float], prismatic: bool, modified: bool
 def parallel_next(arm: Arm) -> list[bool]:
     """Whether the twist of each link is (nearly) zero, so that two neighbouring axes are parallel and beta is wanted.
 
-    Standard D-H: the axes of joints j and j + 1. Modified: those of joints j - 1 and j. The outermost twists (of the last link, or
-    of the first modified one) join no two axes.
+    Standard D-H: the axes of joints j and j + 1. Modified: those of joints j - 1 and j. The outermost twists (of the
+    last link, or of the first modified one) join no two axes.
     """
     out = []
     for j, joint in enumerate(arm.joints):
@@ -130,7 +135,10 @@ def parallel_next(arm: Arm) -> list[bool]:
 
 
 def calibrated_arm(arm: Arm, chain: Chain, *, frame_known: bool) -> Arm:
-    """The arm with the chain's values. With an unknown tracker frame the mounting stays nominal (see ``tracker_pose``)."""
+    """The arm with the chain's values.
+
+    With an unknown tracker frame the mounting stays nominal (see ``tracker_pose``).
+    """
     value = {s.name: s.value for s in chain.steps}
     joints = tuple(
         replace(

@@ -1,8 +1,10 @@
-"""Product of exponentials: T(q) = exp([S1] q1) ... exp([Sn] qn) M (Brockett 1984; Lynch and Park, "Modern Robotics", ch. 4).
+"""Product of exponentials: T(q) = exp([S1] q1) ... exp([Sn] qn) M (Brockett 1984.
 
-A screw S = (w, v) is the joint axis in the world at q = 0: w its direction and v = -w x p for a point p on it (revolute),
-w = 0 and v the direction (prismatic). M is the end frame at q = 0. It has no singular cases and no choices of frames, so it
-is the hub through which the other models are converted.
+Lynch and Park, "Modern Robotics", ch. 4).
+
+A screw S = (w, v) is the joint axis in the world at q = 0: w its direction and v = -w x p for a point p on it
+(revolute), w = 0 and v the direction (prismatic). M is the end frame at q = 0. It has no singular cases and no choices
+of frames, so it is the hub through which the other models are converted.
 """
 
 from __future__ import annotations
@@ -29,7 +31,10 @@ class Exponentials:
         return tuple(bool(np.linalg.norm(s[:3]) < 0.5) for s in self.screws)
 
     def lines(self) -> tuple[Array, Array]:
-        """Direction and the point nearest to the world's origin (joints, 3) of every axis; the origin for prismatic joints."""
+        """Direction and the point nearest to the world's origin (joints, 3) of every axis.
+
+        The origin for prismatic joints.
+        """
         w, v = self.screws[:, :3], self.screws[:, 3:]
         sliding = np.array(self.prismatic)[:, None]
         return np.where(sliding, v, w), np.where(sliding, 0.0, np.cross(w, v))
@@ -73,7 +78,9 @@ def exponentials_of(chain: Chain) -> Exponentials:
 
 
 def from_lines(direction: ArrayLike, point: ArrayLike, home: ArrayLike, at: ArrayLike) -> Exponentials:
-    """Revolute arm from its axis lines (joints, 3) and end frame (4, 4) as seen in the configuration ``at`` (joints,) rad.
+    """Revolute arm from its axis lines (joints, 3) and end frame (4, 4).
+
+    As seen in the configuration ``at`` (joints,) rad.
 
     The axes at q = 0 follow by turning every axis back about the ones before it.
     """

@@ -106,7 +106,8 @@ def _parameter_table(table: dict[str, Any]) -> str:
     text += (
         f"<p>Base at ({', '.join(f'{1e3 * v:.3f}' for v in base[:3, 3])}) mm; "
         f"target at ({', '.join(f'{1e3 * v:.3f}' for v in tool[:3, 3])}) mm in the frame of the last link.</p>"
-        "<small>A value without a std was held: it is aliased with other parameters. Aliased parameters (last link and target position; "
+        "<small>A value without a std was held: it is aliased with other parameters. Aliased parameters (last link "
+        "and target position; "
         "rotation of the base and offset of joint 1) are decided by prior knowledge.</small>"
     )
     return _table(["", "theta", "alpha", "beta", "a", "d"], rows) + text
@@ -131,7 +132,8 @@ def _effects(table: dict[str, Any]) -> str:
         )
         found.append(f"<li>{effect['effect']}{place}: {html.escape(values)}</li>")
     return (
-        "<h2>Beyond geometry</h2><p>Each effect was cross-validated on blocks of points; the best of each step is listed, until none "
+        "<h2>Beyond geometry</h2><p>Each effect was cross-validated on blocks of points; the best of each step is "
+        "listed, until none "
         "improves the held-out error.</p>"
         + _table(["effect", "held-out rms before", "after", "gain / std error", ""], rows)
         + (f"<ul>{''.join(found)}</ul>" if found else "")
@@ -143,11 +145,23 @@ def _circles_text(table: dict[str, Any]) -> str:
     for c in table["circles"]:
         r, wave = c["residual_rms"], c["once_a_turn"]
         turn = f"{1e3 * wave['amplitude']:.3f} mrad ({100 * wave['share']:.0f} %)" if wave["share"] > 0.3 else "-"
-        rows.append([f"joint {c['joint']}", _mm(c["radius"]), f"{np.degrees(c['arc']):.0f}°", f"{1e6 * c['std']['axis']:.0f} µrad",
-                     _mm(r["across"]), _mm(r["radial"]), _mm(r["tangential"]), turn])  # fmt: skip
+        rows.append(
+            [
+                f"joint {c['joint']}",
+                _mm(c["radius"]),
+                f"{np.degrees(c['arc']):.0f}°",
+                f"{1e6 * c['std']['axis']:.0f} µrad",
+                _mm(r["across"]),
+                _mm(r["radial"]),
+                _mm(r["tangential"]),
+                turn,
+            ]
+        )
     return _table(["", "radius", "arc", "axis ±", "across", "radial", "tangential", "once per turn"], rows) + (
-        "<small>Tangential: encoder angle against the angle on the circle. Once per turn: encoder eccentricity, or gravity "
-        "sag of a joint about a horizontal axis; the least-squares fit discriminates them. Encoders do not affect across and radial residuals.</small>"
+        "<small>Tangential: encoder angle against the angle on the circle. Once per turn: encoder eccentricity, or "
+        "gravity "
+        "sag of a joint about a horizontal axis; the least-squares fit discriminates them. Encoders do not affect "
+        "across and radial residuals.</small>"
     )
 
 
@@ -157,7 +171,8 @@ def _cube(cube: CubeReport) -> str:
         for k, (before, after, over) in enumerate(zip(cube.before, cube.after, cube.overshoot, strict=True), 1)
     ]
     return _table(["point", "error of the nominal arm", "of the calibrated arm", "overshoot"], rows) + (
-        f"<small>{html.escape(cube.run)}: ISO 9283, cube of {1e3 * cube.side:.0f} mm, five points of its diagonal plane. Distances between "
+        f"<small>{html.escape(cube.run)}: ISO 9283, cube of {1e3 * cube.side:.0f} mm, five points of its diagonal "
+        "plane. Distances between "
         "the measured standstill positions and what the nominal and the calibrated model predict.</small>"
     )
 

@@ -22,8 +22,9 @@ NAMES = ("theta", "alpha", "a", "d", "beta")
 def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
     """The result as JSON has it; m and rad, joints from 1, poses as four rows of four.
 
-    base is the pose of link frame 0 in the base frame; tool the pose of the tracked target in the frame of the last link (a point
-    has no orientation: the rotation is that of the link). position_rms is a coordinate's: sqrt(mean(r^2)) over all coordinates.
+    base is the pose of link frame 0 in the base frame; tool the pose of the tracked target in the frame of the last
+    link (a point has no orientation: the rotation is that of the link). position_rms is a coordinate's: sqrt(mean(r^2))
+    over all coordinates.
     """
     calibrated = calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known)
     tool = np.eye(4)
@@ -57,8 +58,13 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         },
         "effects": _effects(calibration),
         "tried": [
-            {"effect": t.extension.name, "joint": t.extension.joint, "unseen_rms": {"before": t.before, "after": t.after},
-             "z": t.z, "accepted": t.accepted}
+            {
+                "effect": t.extension.name,
+                "joint": t.extension.joint,
+                "unseen_rms": {"before": t.before, "after": t.after},
+                "z": t.z,
+                "accepted": t.accepted,
+            }
             for t in calibration.trials
         ],
         "circles": [_circle(c) for c in calibration.circles],
@@ -68,7 +74,7 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         "fit": [run.name for run in calibration.runs],
         "held_out": "split" if calibration.split else [run.name for run in calibration.held_out],
         "warnings": list(calibration.warnings),
-    }  # fmt: skip
+    }
 
 
 def calibrated_model(arm: Arm, calibration: Calibration) -> Arm:
@@ -96,7 +102,8 @@ def summary(table: dict[str, Any]) -> str:
     for part, words in (("fit", "fitted points  "), ("held_out", "held-out points")):
         rms, better = table["position_rms"][part], table["improvement"][part]
         lines.append(
-            f"{words}  {1e3 * rms['before']:8.3f} mm -> {1e3 * rms['after']:7.3f} mm rms per coordinate ({100 * better:.2f} % better)"
+            f"{words}  {1e3 * rms['before']:8.3f} mm -> {1e3 * rms['after']:7.3f} mm rms per coordinate "
+            f"({100 * better:.2f} % better)"
         )
     lines.append(f"identifiable     {table['identifiable']} parameters; tracker noise {1e3 * table['noise']:.4f} mm")
     for effect in table["effects"]:
@@ -142,8 +149,11 @@ def _error(error: PositionError) -> dict[str, Any]:
 
 
 def _floor(calibration: Calibration) -> dict[str, float]:
-    """m rms a coordinate, of the held-out error: the points' noise as fitted, the held-out runs' own encoder zeros, and both with what
-    p estimated parameters add on N points: sqrt(noise^2 + zeros^2) sqrt(1 + p/N)."""
+    """m rms a coordinate, of the held-out error.
+
+    The points' noise as fitted, the held-out runs' own encoder zeros, and both with what p estimated parameters add on
+    N points: sqrt(noise^2 + zeros^2) sqrt(1 + p/N).
+    """
     noise, zeros = calibration.fit.noise, calibration.zero_error
     points = 3.0 * float(np.sum(calibration.fit.inlier)) / calibration.correlated
     both = np.hypot(noise, zeros) * np.sqrt(1.0 + calibration.fit.effective / max(points, 1.0))

@@ -1,7 +1,7 @@
 """Using a calibration: where the arm really is, which angles really reach a pose, and what to command instead.
 
-Off-line programming plans with the nominal model. To have the real arm reach what was planned, command joint targets whose pose,
-by the calibrated model, is the planned one (Veitschegger and Wu, IEEE J-RA 4(1), 1988, "pose correction").
+Off-line programming plans with the nominal model. To have the real arm reach what was planned, command joint targets
+whose pose, by the calibrated model, is the planned one (Veitschegger and Wu, IEEE J-RA 4(1), 1988, "pose correction").
 """
 
 from __future__ import annotations
@@ -50,8 +50,10 @@ def corrected_forward(model: Corrected, q: ArrayLike) -> Array:
 def corrected_inverse(
     model: Corrected, pose: ArrayLike, start: ArrayLike, *, tolerance: float = 1e-9, iterations: int = 100
 ) -> Array:
-    """(joints,) angles whose corrected_forward is ``pose`` (4, 4), near ``start`` (joints,); arms with fewer than six joints reach
-    the position only. InputError if none is found."""
+    """(joints,) angles whose corrected_forward is ``pose`` (4, 4), near ``start`` (joints,).
+
+    Arms with fewer than six joints reach the position only. InputError if none is found.
+    """
     pose, q = np.asarray(pose, float), np.array(start, float)
     rows = 6 if len(model.arm) >= 6 else 3
     damping = 1e-9
@@ -71,7 +73,9 @@ def corrected_inverse(
 
 
 def corrected_targets(nominal: Arm, model: Corrected, q: ArrayLike) -> Array:
-    """(N, joints) angles to command instead of q (N, joints), so that the real tool is where the nominal arm would have it.
+    """(N, joints) angles to command instead of q (N, joints).
+
+    The real tool is where the nominal arm would have it.
 
     InputError names the first target that the calibrated arm cannot reach.
     """

@@ -1,8 +1,8 @@
 """The ISO 9283 cube: five points of a diagonal plane, as an experiment and as a report.
 
-A cube of given side stands in the workspace, edges parallel to the base frame. P1 is the centre; P2 to P5 lie on the diagonals of one of
-the four planes through opposite edges, at a tenth of the diagonal's length from its ends (ISO 9283:1998, 6.8). The arm goes round
-P1 .. P5 and stands at each.
+A cube of given side stands in the workspace, edges parallel to the base frame. P1 is the centre; P2 to P5 lie on the
+diagonals of one of the four planes through opposite edges, at a tenth of the diagonal's length from its ends (ISO
+9283:1998, 6.8). The arm goes round P1 .. P5 and stands at each.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ from identification.kinematics.use.correction import Corrected, corrected_invers
 NAME = "iso_cube"
 """Name of the experiment, by which a recording is known to be of the cube."""
 _ROOM = 1.2
-"""A place for a cube has room for one larger by that: at the edge of its reach the real arm may fall short of the nominal one."""
+"""A place for a cube has room for one larger by that.
+
+At the edge of its reach the real arm may fall short of the nominal one.
+"""
 _STANDING = 2e-4  # rad over a window: at rest
 _SLIP = 0.01  # rad: a servo that creeps or slips through its friction has not left
 
@@ -55,7 +58,8 @@ def cube_points(centre: ArrayLike, side: float = 0.5) -> Array:
 def cube_targets(arm: Arm, centre: ArrayLike, side: float, posture: ArrayLike, model: Corrected | None = None) -> Array:
     """(5, joints) rad: joint targets for P1 .. P5 with the tool oriented as in ``posture`` (joints,).
 
-    By the nominal ``arm``, or - to have the real arm go there - by the calibrated ``model``. InputError names a point out of reach.
+    By the nominal ``arm``, or - to have the real arm go there - by the calibrated ``model``. InputError names a point
+    out of reach.
     """
     wanted = forward(arm, np.asarray(posture, float))
     use = Corrected(arm) if model is None else model
@@ -97,7 +101,10 @@ def posture_of(arm: Arm, side: float = 0.5) -> Array:
 def cube_experiment(
     targets: Array, side: float, *, speed: float = 1.0, acceleration: float = 2.0, hold: float = 3.0
 ) -> Experiment:
-    """Round the five points and back to the first, standing ``hold`` s at each: a servo with slow integral action needs that long."""
+    """Round the five points and back to the first, standing ``hold`` s at each.
+
+    a servo with slow integral action needs that long.
+    """
     segments: list[Segment] = [Hold(type="hold", duration=hold)]
     for q in [*targets[1:], targets[0]]:
         segments += [Move(type="move", to=[float(v) for v in q]), Hold(type="hold", duration=hold)]
@@ -113,8 +120,10 @@ def cube_experiment(
 
 
 def cube_report(run: Run, nominal: Array, calibrated: Array, side: float) -> CubeReport | None:
-    """The report of a run over the cube, from predicted positions (N, 3) m of the nominal and the calibrated arm; None if the arm
-    did not stand at five places."""
+    """The report of a run over the cube, from predicted positions (N, 3) m of the nominal and the calibrated arm.
+
+    None if the arm did not stand at five places.
+    """
     stops = standstills(run)
     if len(stops) < 5:
         return None
@@ -151,7 +160,10 @@ def standstills(run: Run, shortest: float = 0.3) -> list[tuple[int, int]]:
 
 
 def _overshoot(run: Run, first: int, last: int, rest: Array) -> float:
-    """m beyond ``rest`` along the direction of the last centimetres of the way in; up to the tracker's noise it is none."""
+    """m beyond ``rest`` along the direction of the last centimetres of the way in.
+
+    Up to the tracker's noise it is none.
+    """
     back = np.linalg.norm(np.nan_to_num(run.xyz[:first] - rest), axis=1)
     away = np.flatnonzero(back > 0.02)
     if not len(away):

@@ -1,9 +1,9 @@
 """Which poses to measure: D-optimal selection, how many are enough, and an experiment file that ``record`` runs.
 
-Each pose adds J'J / sigma^2 to the information about the parameters. From many random poses within limits those are taken, one by
-one, that raise its determinant most, and then exchanged while that gains (Fedorov, "Theory of Optimal Experiments", 1972; for arms,
-Daney, Papegay and Madeline, IJRR 24(12), 2005). The priors make the determinant finite from the first pose on and keep directions
-out of it that no pose shows.
+Each pose adds J'J / sigma^2 to the information about the parameters. From many random poses within limits those are
+taken, one by one, that raise its determinant most, and then exchanged while that gains (Fedorov, "Theory of Optimal
+Experiments", 1972; for arms, Daney, Papegay and Madeline, IJRR 24(12), 2005). The priors make the determinant finite
+from the first pose on and keep directions out of it that no pose shows.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ class PosePlan:
     """Selected poses and what they promise.
 
     q           (N, joints) rad, in an order of short ways
-    error       (N,) m: model error (rms a coordinate, over the whole workspace) expected with the first 1, 2 .. N poses selected
+    error       (N,) m: model error (rms a coordinate, over the whole workspace) expected with the first 1, 2 .. N poses
+                selected
     enough      how many poses bring it to ENOUGH x noise; None: more than N
     random      m: the same error for N random poses, for comparison
     """
@@ -56,9 +57,9 @@ def select_poses(
 ) -> PosePlan:
     """``count`` poses for a tracked ``target`` (3,) m and tracker noise of ``noise`` m a coordinate and point.
 
-    Candidates are random within 95 % of the joint ranges; those are left out that bring a link's origin beyond the shoulder, or
-    the target, below ``floor`` m in the base frame (None: anything goes) or the target within 0.25 m of the axis of joint 1: the
-    arm's own column. A person still looks whether the cell has room.
+    Candidates are random within 95 % of the joint ranges; those are left out that bring a link's origin beyond the
+    shoulder, or the target, below ``floor`` m in the base frame (None: anything goes) or the target within 0.25 m of
+    the axis of joint 1: the arm's own column. A person still looks whether the cell has room.
     """
     if count < 2:
         raise InputError("--poses", f"{count} poses determine nothing; use at least 2, better 30")
@@ -180,14 +181,20 @@ def _updated(inverse: Array, rows: Array, sign: float) -> Array:
 
 
 def _model_error(information: Array, check: Array) -> float:
-    """rms a coordinate (m) of the model's own error over the check poses (N, 3, p), expected from the information of some poses."""
+    """rms a coordinate (m) of the model's own error over the check poses (N, 3, p).
+
+    Expected from the information of some poses.
+    """
     stacked = information.reshape(-1, information.shape[2])
     covariance = np.linalg.inv(stacked.T @ stacked + np.eye(information.shape[2]))
     return float(np.sqrt(np.mean(np.einsum("nip,nip->ni", check @ covariance, check))))
 
 
 def _short_way(q: Array) -> list[int]:
-    """An order that goes to the nearest pose left (largest joint travel counts), beginning at the one nearest to zero."""
+    """An order that goes to the nearest pose left (largest joint travel counts).
+
+    Beginning at the one nearest to zero.
+    """
     left = list(range(len(q)))
     at = np.zeros(q.shape[1])
     order = []

@@ -1,5 +1,7 @@
-"""Simulated measurements for these tests: a Puma with random kinematic errors, seen by a tracker. Uses arm_model's own forward
-kinematics, which shares no code with the chains that are estimated."""
+"""Simulated measurements for these tests: a Puma with random kinematic errors, seen by a tracker.
+
+Uses arm_model's own forward kinematics, which shares no code with the chains that are estimated.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,10 @@ def puma(root: Path) -> Arm:
 
 
 def with_errors(arm: Arm, generator: np.random.Generator, angle: float = 0.01, length: float = 0.002) -> Arm:
-    """Every link and the mounting off by normal errors of that size (rad, m); Hayati's beta on joint 2, whose axis is parallel."""
+    """Every link and the mounting off by normal errors of that size (rad, m).
+
+    Hayati's beta on joint 2, whose axis is parallel.
+    """
     joints = []
     for j, joint in enumerate(arm.joints):
         d_angle, d_length = generator.normal(size=3) * angle, generator.normal(size=2) * length

@@ -88,7 +88,10 @@ def test_sag_and_delay_are_found_by_name(arms) -> None:
     ],
 )
 def test_errors_between_encoder_and_joint_are_found_by_name(arms, name, joint, by, wanted) -> None:
-    """A wrong number of lines, an eccentric encoder, and an axis driven through another (a3 with a2): links stand where it puts them."""
+    """A wrong number of lines, an eccentric encoder, and an axis driven through another (a3 with a2).
+
+    Links stand where it puts them.
+    """
     nominal, true = arms
 
     def bent(name_: str, seed: int) -> Run:

@@ -101,7 +101,10 @@ def test_what_a_script_needs_of_poses_and_cube_is_in_the_json(root: Path, tmp_pa
 
 
 def test_a_model_from_urdf_is_given_d_h_parameters(root: Path, recordings, tmp_path: Path) -> None:
-    """The target stays where it is on the arm, though the last link's frame is another; the result is a model like any other."""
+    """The target stays where it is on the arm, though the last link's frame is another.
+
+    The result is a model like any other.
+    """
     fitted, held = recordings
     write_urdf(tmp_path / "puma.urdf", puma(root))
     write_model(tmp_path / "placed.toml", read_urdf(tmp_path / "puma.urdf"))

@@ -22,12 +22,18 @@ def placed(generator: np.random.Generator, joints: int = 6) -> Arm:
     """Joints anywhere, about any axis."""
     every = [
         Joint(
-            convention="placed", mass=float(generator.uniform(1, 5)), com=tuple(generator.uniform(-0.1, 0.1, 3)),
-            inertia=(0.1, 0.12, 0.11, 0.01, 0.0, -0.01), xyz=tuple(generator.uniform(-0.4, 0.4, 3)),
-            rpy=tuple(generator.uniform(-2, 2, 3)), axis=tuple(generator.normal(size=3)), rotor_inertia=1e-4, gear=50.0,
+            convention="placed",
+            mass=float(generator.uniform(1, 5)),
+            com=tuple(generator.uniform(-0.1, 0.1, 3)),
+            inertia=(0.1, 0.12, 0.11, 0.01, 0.0, -0.01),
+            xyz=tuple(generator.uniform(-0.4, 0.4, 3)),
+            rpy=tuple(generator.uniform(-2, 2, 3)),
+            axis=tuple(generator.normal(size=3)),
+            rotor_inertia=1e-4,
+            gear=50.0,
         )
         for _ in range(joints)
-    ]  # fmt: skip
+    ]
     return Arm(name="placed", joints=tuple(every))
 
 

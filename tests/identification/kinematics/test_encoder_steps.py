@@ -48,7 +48,10 @@ def test_gaps_and_slow_rows_are_left_alone(root: Path) -> None:
 
 
 def test_counters_set_at_every_start_do_not_bend_the_arm(root: Path) -> None:
-    """Three runs whose zeros differ by up to a count: each gets its own, and the error left on another run is what was announced."""
+    """Three runs whose zeros differ by up to a count.
+
+    Each gets its own, and the error left on another run is what was announced.
+    """
     nominal = puma(root)
     true = with_errors(nominal, np.random.default_rng(21))
     generator = np.random.default_rng(22)

@@ -44,7 +44,10 @@ def test_a_modified_arm_is_calibrated_in_its_own_convention(root: Path) -> None:
 
 
 def test_reaches_the_noise_floor_on_random_arms(root: Path) -> None:
-    """The goal: held-out rms <= 1.1 sigma sqrt(1 + p / N) and 98 % better, on at least 95 of 100 arms; N coordinates measured."""
+    """The goal: held-out rms <= 1.1 sigma sqrt(1 + p / N) and 98 % better, on at least 95 of 100 arms.
+
+    N coordinates measured.
+    """
     nominal, poses = puma(root), 60
     reached = better = 0
     for seed in range(100):
@@ -79,7 +82,10 @@ def test_wrong_points_are_left_out(root: Path) -> None:
 
 
 def test_deviations_are_those_of_the_estimates(root: Path) -> None:
-    """Over many noises the estimates of well-determined values scatter as their deviations say (chi-square, 60 trials each)."""
+    """Over many noises the estimates of well-determined values scatter as their deviations say.
+
+    By chi-square, 60 trials each.
+    """
     generator = np.random.default_rng(4)
     nominal = puma(root)
     true = with_errors(nominal, generator)

@@ -31,7 +31,10 @@ def tracker_of(when: np.ndarray, drift: float, offset: float) -> TrackerFile:
     late_start=st.integers(0, 8),
 )
 def test_every_row_gets_its_own_sample(seed: int, drift: float, lost_edges: int, unkept: int, late_start: int) -> None:
-    """Edges lost by the run, samples not kept by the tracker, rows before its first sample, two clocks: still the same events."""
+    """Edges lost by the run, samples not kept by the tracker, rows before its first sample, two clocks.
+
+    Still the same events.
+    """
     generator = np.random.default_rng(seed)
     when = events(seed, 1200, 2e-5)
     edges = np.delete(np.arange(1200), generator.choice(np.arange(20, 1200), lost_edges, replace=False))

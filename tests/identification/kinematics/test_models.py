@@ -1,4 +1,7 @@
-"""Models and conversions: identities on random arms, against scipy's rotations and exponentials written independently."""
+"""Models and conversions.
+
+Identities on random arms, against scipy's rotations and exponentials written independently.
+"""
 
 from __future__ import annotations
 
@@ -116,8 +119,16 @@ def test_every_model_gives_the_same_poses(seed: int) -> None:
 def test_hayati_near_the_nominal_comes_back_as_it_was(seed: int) -> None:
     """Parameters, not only poses, survive the way through the exponentials when the nominal chooses the branches."""
     generator = np.random.default_rng(seed)
-    nominal = np.array([[0, 0.67, 0, np.pi / 2, 0], [0, 0, 0.43, 0, 0], [0, 0.15, 0.02, -np.pi / 2, 0],
-                        [0, 0.43, 0, np.pi / 2, 0], [0, 0, 0, -np.pi / 2, 0], [0, 0, 0, 0, 0]])  # fmt: skip
+    nominal = np.array(
+        [
+            [0, 0.67, 0, np.pi / 2, 0],
+            [0, 0, 0.43, 0, 0],
+            [0, 0.15, 0.02, -np.pi / 2, 0],
+            [0, 0.43, 0, np.pi / 2, 0],
+            [0, 0, 0, -np.pi / 2, 0],
+            [0, 0, 0, 0, 0],
+        ]
+    )
     true = nominal + generator.normal(size=(6, 5)) * 5e-3
     true[:, 4] = [0, 4e-3, 0, 0, 0, 0]
     true[1, 1] = 0.0  # Hayati: d stays where the next axis is parallel

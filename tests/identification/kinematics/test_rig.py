@@ -25,7 +25,10 @@ from tests.ports import free_endpoint
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_rig_with_a_wrong_model_is_calibrated_and_corrected(root: Path, tmp_path: Path) -> None:
-    """The arm that moves has errors of its own; encoders count, the tracker streams every third point and its noise is 0.06 mm."""
+    """The arm that moves has errors of its own.
+
+    Encoders count, the tracker streams every third point and its noise is 0.06 mm.
+    """
     nominal = puma(root)
     write_model(tmp_path / "true.toml", with_errors(nominal, np.random.default_rng(77)))
     text = (root / "config/puma560_sim.toml").read_text()
@@ -67,7 +70,10 @@ def stops_of(experiment: Path) -> np.ndarray:
 
 
 def miss(recording: Path, commanded: np.ndarray, planned: np.ndarray, nominal) -> np.ndarray:
-    """(5,) m from the planned points, without the servos' own share: they stop a milliradian or two short in friction."""
+    """(5,) m from the planned points, without the servos' own share.
+
+    They stop a milliradian or two short in friction.
+    """
     run = read_tracked(recording).run
     halves = [slice((a + b) // 2, b) for a, b in standstills(run)][:5]
     at = np.array([np.nanmedian(run.xyz[h], axis=0) for h in halves])

@@ -1,4 +1,7 @@
-"""Table 6.1 of the thesis through the whole rig: joints 1 to 3 swept once each, errors of its size, a target off its place, links that sag."""
+"""Table 6.1 of the thesis through the whole rig.
+
+Joints 1 to 3 swept once each, errors of its size, a target off its place, links that sag.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,10 @@ from tests.ports import free_endpoint
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_three_sweeps_stop_where_the_thesis_stopped_and_poses_go_on(root: Path, tmp_path: Path) -> None:
-    """The thesis has 82.7 % in simulation. The target sits 2, -1.5, 2 mm from where the rig file has it, and sweeps cannot tell; links sag."""
+    """The thesis has 82.7 % in simulation.
+
+    The target sits 2, -1.5, 2 mm from where the rig file has it, and sweeps cannot tell; links sag.
+    """
     nominal = root / "config/models/puma560.toml"
     sag = tuple(EffectTerm("link_sag", joint, {"compliance": 4e-5}) for joint in (2, 3))
     write_model(tmp_path / "true.toml", replace(thesis_arm(read_model(nominal)), effects=sag))

@@ -20,7 +20,10 @@ def test_with_a_cluster_per_row_it_is_whites_estimator() -> None:
 
 @pytest.mark.parametrize("clusters", [12, 60])
 def test_std_is_the_scatter_of_fits_to_correlated_residuals(clusters: int) -> None:
-    """Errors that are constant within a cluster, as columns are: the textbook formula is too small by a factor of several."""
+    """Errors that are constant within a cluster, as columns are.
+
+    The textbook formula is too small by a factor of several.
+    """
     rng = np.random.default_rng(2)
     cluster = np.repeat(np.arange(clusters), 30)
     x = np.column_stack(
