@@ -222,9 +222,9 @@ def test_numbers_of_a_urdf_file(root: Path, tmp_path: Path) -> None:
 
 def test_val_is_never_sent_a_number_that_is_none() -> None:
     for value in (*NOT_FINITE, 1e300):
-        with pytest.raises(ValueError, match="no angle"):
+        with pytest.raises(ValueError, match="no angle|not an angle"):
             val.drive(1, value, 100)
-        with pytest.raises(ValueError, match="no angle"):
+        with pytest.raises(ValueError, match="no angle|not an angle"):
             val.move([0.0, value, 0.0, 0.0, 0.0, 0.0])
     heading, hand = "X Y Z O A T JT1 JT2 JT3 JT4 JT5 JT6", "1 2 3 4 5 6"
     assert val.where((heading, hand, "1 2 3 4 5 6")) == [1, 2, 3, 4, 5, 6]

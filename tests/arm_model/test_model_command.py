@@ -48,7 +48,7 @@ def test_every_effect_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(parameter["unit"] for effect in listed for parameter in effect["parameters"])
     assert run(["model", "--effects"]) == 0
     printed = capsys.readouterr().out
-    assert "backlash (transmission, of a joint)" in printed and "half_gap             rad" in printed
+    assert "backlash (transmission, per joint)" in printed and "half_gap             rad" in printed
     assert "observed by current, link encoder, tracker, closed loop; excited by load reversal" in printed
     assert run(["model"]) == 2
     assert capsys.readouterr().err == "error: model: needs a model file, as config/models/puma560.toml\n"

@@ -52,7 +52,7 @@ def test_the_command_line_takes_them_and_says_so(
     assert run(["model", "config/models/scara.toml"]) == 0
     printed = capsys.readouterr()
     assert printed.out.startswith("SCARA")
-    assert printed.err == "note: there is no config/models/scara.toml here; armscope's own is taken\n"
+    assert printed.err == "note: there is no config/models/scara.toml here; using the file shipped with armscope\n"
 
 
 def test_no_shipped_file_is_written_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

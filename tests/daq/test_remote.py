@@ -116,7 +116,7 @@ def test_record_there_and_fetch(machines: TwoMachines) -> None:
     status, out, err = machines.record()
     assert status == 0, err
     assert f"{machines.there / 'run.mcap'}: " in out
-    assert "'armscope fetch' brings it" in out
+    assert "'armscope fetch' copies it" in out
     assert files(machines.office) == before
     assert open_recording(machines.there / "run.mcap").ledger.lost == 0
 

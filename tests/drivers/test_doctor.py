@@ -64,7 +64,7 @@ def test_what_is_wrong_with_the_wiring_is_told(tmp_path: Path, capsys: pytest.Ca
     box.close()
     assert status == 3
     assert (
-        "column 4 of 4: 100% of its values are saturated, look at what is wired there"
+        "column 4 of 4: 100% of its values are saturated, check its wiring and range"
         in found["devices"][0]["problems"][0]
     )
 
