@@ -97,7 +97,7 @@ class Guard:
         """
         with self._lock:
             self._refuse_if_tripped("the arm")
-            self._fed = self.clock.monotonic_ns()
+            self._fed = self._watched = self.clock.monotonic_ns()
             self._slow = None
             self._speeds = _speed_check(self.rig)
             self._watch()
@@ -210,13 +210,17 @@ class Guard:
 
     def _watchdog(self, end: threading.Event) -> None:
         while not end.wait(self.rig.watchdog / 4):
-            if self.clock.monotonic_ns() - self._fed > self.rig.watchdog * 1e9:
+            now = self.clock.monotonic_ns()
+            if now - self._fed > self.rig.watchdog * 1e9:
                 self._starved()
                 return
+            self._watched = now
 
     def _starved(self) -> None:
+        """Trips the guard: by the device that was awaited, unless this whole program stood still as well."""
+        stood_still = self.clock.monotonic_ns() - self._watched > self.rig.watchdog * 0.75e9
         if self.tripped is None:
-            self.silent = self._awaited or self._slow
+            self.silent = None if stood_still else self._awaited or self._slow
         who = "the sampler was not active" if self.silent is None else f"{self.silent} did not answer"
         self.trip(f"{who} for {self.rig.watchdog:g} s")
 

@@ -17,6 +17,7 @@ from drivers.reconnect import Reconnect, or_fault
 
 ADVICE = "is the bus terminated, are the encoders powered?"
 SEEK_EVERY = 1_000_000_000  # ns
+SEEK_AGAIN = 200_000_000  # ns after a node that could not be set up
 Node = Annotated[int, Field(ge=1, le=127)]
 
 
@@ -174,8 +175,10 @@ class EncoderNodes:
                 booted.append(number)
                 if number in self.config.nodes:
                     self._restarted.add(number)
-                    with contextlib.suppress(OSError):
+                    try:
                         self._set_up(number)
+                    except OSError:  # still busy with its restart, or off the bus once more
+                        self._asked = self._clock.monotonic_ns() - SEEK_EVERY + SEEK_AGAIN
             elif identifier & ~0x7F == cia.EMERGENCY and len(data) == 8 and data[:2] != b"\x00\x00":
                 self._emergencies[number] = data
         return booted
