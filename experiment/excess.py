@@ -7,6 +7,7 @@ that matter: a day's motion takes milliseconds, and as much memory as half a min
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
@@ -19,6 +20,8 @@ from experiment.demand import Demand
 
 BLOCK = 1 << 15
 """Instants that are looked at together."""
+LOOKS = 64
+"""Blocks that are looked at for the furthest value of limits that are known to be broken."""
 WINDOW = round(FELT / STEP)
 
 
@@ -70,20 +73,34 @@ def excesses(
 def _beyond(demand: Demand, limits: Array) -> Array:
     """(4, n) the largest -position, position, speed and acceleration beyond ``limits`` (4, n).
 
-    Where they are not beyond them, some value within.
+    Where they are not beyond them, some value within. The stretches whose bounds go furthest come first: what they
+    reach excludes most others. Where it does not, ``LOOKS`` blocks are enough for the value of a limit that is known to
+    be broken; whether one is broken is looked for everywhere.
     """
     most = limits.copy()
-    waiting = list(_stretches(demand))[::-1]
+    waiting: list[tuple[float, int, int, Array]] = []
+
+    def enter(first: int, last: int) -> None:
+        reach = demand.bounds(first * STEP, (last + 2 * WINDOW) * STEP).reach
+        if not (reach <= most).all():
+            beyond = np.nan_to_num(reach - limits, nan=np.inf).max()
+            heapq.heappush(waiting, (-float(beyond), first, last, reach))
+
+    for first, last in _stretches(demand):
+        enter(first, last)
+    looks = 0
     while waiting:
-        first, last = waiting.pop()
-        within = demand.bounds(first * STEP, (last + 2 * WINDOW) * STEP).reach <= most
-        if within.all():
+        _, first, last, reach = heapq.heappop(waiting)
+        enough = (most > limits) & (looks >= LOOKS)
+        if ((reach <= most) | enough).all():
             continue
         if last - first <= BLOCK:
             most = np.maximum(most, _looked_at(demand, first, last))
+            looks += 1
         else:
             middle = (first + last) // 2
-            waiting += [(middle, last), (first, middle)]
+            enter(first, middle)
+            enter(middle, last)
     return most
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 
 from arm_io import DeviceFault, InputError
@@ -147,6 +147,7 @@ WHOLE = f"rate = 1000\n{HUGE_REPEAT.format(3)}" + (
     max_examples=100, deadline=None, phases=[Phase.explicit, Phase.generate], suppress_health_check=list(HealthCheck)
 )
 @given(where=st.lists(st.tuples(st.integers(0, 200), ODD), min_size=1, max_size=3))
+@example(where=[(1, "1e6"), (1, "1e6"), (76, "1e6")])  # a million seconds, each further beyond the limits than the last
 def test_odd_numbers_in_an_experiment(lab: Lab, session: Any, where: list[tuple[int, str]]) -> None:
     """Armed or refused, and soon; what was armed can be disarmed."""
     text = WHOLE

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from arm_io import InputError
-from experiment import Demand, Experiment, demand_of, experiment_of
+from experiment import Demand, Experiment, demand_of, excess, experiment_of
 from experiment.bounds import FELT, STEP
 from experiment.excess import Kind, excesses, instants_of
 
@@ -229,6 +229,20 @@ def test_an_excess_of_a_moment_late_in_a_day_is_found() -> None:
     ]
     [drift] = excesses(demand_of(experiment(drifting)), high=np.array([0.5, 9.0]))
     assert drift.joint == 1 and drift.value == pytest.approx(0.9, abs=1e-9)
+
+
+def test_the_furthest_of_a_million_seconds_is_found_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every block goes further beyond the limit than the one before it: few of the 300 000 are looked at."""
+    looks: list[int] = []
+    look = excess._looked_at
+
+    def counted(demand: Any, first: int, last: int) -> Any:
+        looks.append(first)
+        return look(demand, first, last)
+
+    monkeypatch.setattr(excess, "_looked_at", counted)
+    [far] = excesses(demand_of(experiment([dict(type="drive", joint=1, by=1e6)])), high=np.array([0.5, 9.0]))
+    assert far.joint == 1 and far.value == pytest.approx(1e6, rel=1e-6) and len(looks) < 100
 
 
 @pytest.mark.parametrize(
