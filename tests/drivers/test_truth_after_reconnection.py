@@ -165,8 +165,8 @@ def judge(
     Rows from a restart on have an offset of their own.
 
     fastest  the signal's highest speed, per s
-    since    host ns at which the restart was over, after which rows have to come back; a row within a period of it shows
-             the value before it or after it
+    since    host ns at which the restart was over, after which rows have to come back; a row within a period of it
+             shows the value before it or after it
     """
     quality = rows.quality[:, column]
     shown = (quality & NOT_NOW) == 0
