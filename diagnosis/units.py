@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from arm_model import Joint
 
 SLIDING = {
@@ -14,6 +18,8 @@ SLIDING = {
     "N m s2/rad2": "N s2/m2",
     "kg m2": "kg",
 }
+MILLI = ("A", "rad", "m")
+"""Units whose small values are written in thousandths."""
 
 
 def unit_at(joint: Joint, unit: str, name: str = "") -> str:
@@ -27,3 +33,9 @@ def unit_at(joint: Joint, unit: str, name: str = "") -> str:
     if unit == "N m/A":
         return f"{'N m' if joint.revolute else 'N'}/{joint.current_unit}"
     return unit if joint.revolute or name == "phase" else SLIDING.get(unit, unit)
+
+
+def readable(unit: str, values: Sequence[float]) -> tuple[float, str]:
+    """Factor and unit in which some values are written: mA, mrad and mm where all are far below one."""
+    finite = [abs(v) for v in values if np.isfinite(v)]
+    return (1e3, f"m{unit}") if unit in MILLI and max(finite, default=1.0) < 0.5 else (1.0, unit)

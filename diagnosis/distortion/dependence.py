@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from diagnosis.distortion.random_walk import STEP
-from diagnosis.experiments.t_optimality import ROWS_FOR_ONE
+from diagnosis.residual.run import ROWS_FOR_ONE
 
 BINS = 12
 DRAWS = 400

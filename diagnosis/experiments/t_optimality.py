@@ -21,17 +21,14 @@ from diagnosis.cause import EffectKey
 from diagnosis.experiments.motions import Stage, Trial
 from diagnosis.measurements.currents.columns import columns
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of, free_columns
-from diagnosis.residual.expected_current import COMPARE_BAND
-from diagnosis.residual.run import ROWS_PER_SECOND, Run, residual_run
+from diagnosis.residual.run import ROWS_FOR_ONE, ROWS_PER_SECOND, Run, residual_run
 from diagnosis.residual.run_setup import loaded
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.design import Columns, Dataset
+from diagnosis.selection.design import Dataset
 from experiment import demand_of
 
 SIMULATED_RATE = 2.0 * ROWS_PER_SECOND
 """Rows/s of a simulated motion: enough for the bands of ``evidence``."""
-ROWS_FOR_ONE = ROWS_PER_SECOND / (2.0 * COMPARE_BAND)
-"""Rows that count as one: the filters leave 2 x COMPARE_BAND independent values a second."""
 
 
 @dataclass(frozen=True)
@@ -144,12 +141,6 @@ def _left(told: _Told, squares: Array, k: int) -> float:
     keep = values > 1e-9 * values[-1]
     along = vectors[:, keep].T @ (told.toward[seen, k] / scale)
     return max(float(squares[k] - along @ (along / values[keep])), 0.0)
-
-
-def _whole(columns: Columns, length: int) -> Array:
-    whole = np.zeros((length, columns.x.shape[1]))
-    whole[columns.where] = columns.x
-    return whole
 
 
 def rival_of(shapes: Sequence[Candidate], nuisances: Sequence[Candidate], runs: Sequence[Run], arm: Arm) -> Rival:

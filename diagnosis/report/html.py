@@ -21,7 +21,8 @@ from diagnosis.report.plots.link_encoders import link_overview
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
 from diagnosis.report.plots.single_axis import wave_figure
 from diagnosis.report.tables import errors, left, rough, summary, unseen
-from diagnosis.report.wording import doubted, sentence, small, title, value
+from diagnosis.report.wording import doubted, sentence, title, value
+from diagnosis.units import readable
 
 
 def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recording] = ()) -> str:
@@ -164,7 +165,7 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
         )
         for p in cause.parameters
     ]
-    factor, unit = small(cause.unit, (cause.before, cause.after))
+    factor, unit = readable(cause.unit, (cause.before, cause.after))
     less = f", {cause.before / cause.after:.3g} times less" if 0.0 < cause.after < cause.before else ""
     sure = "" if len(cause.group) == 1 else " that this cause, or one indistinguishable from it, is present"
     parts = [

@@ -14,7 +14,8 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure_share import FROM
 from diagnosis.report.plots.residuals import SURE
-from diagnosis.report.wording import estimate, gain, place, small, title
+from diagnosis.report.wording import estimate, gain, place, title
+from diagnosis.units import readable
 
 
 def summary(result: Diagnosis) -> str:
@@ -40,7 +41,7 @@ def errors(table: dict[str, Any], extended: bool) -> str:
     for s in table["signals"]:
         held = s["error_rms"].get("held_out", {})
         values = [held.get("before", nan), held.get("after", nan), s["noise_rms"]]
-        factor, unit = small(s["unit"], values)
+        factor, unit = readable(s["unit"], values)
         told = [f"{factor * v:.3g}" for v in (values if extended else values[1:])]
         rows.append([s["signal"] if s["joint"] else "tracked points", str(s["joint"] or ""), *told, escape(unit)])
     head = ["signal", "joint", *(["before", "after"] if extended else ["error"]), "noise", "unit"]

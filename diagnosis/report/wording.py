@@ -5,15 +5,11 @@ What the report, the terminal and the rig's questions say alike.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from diagnosis.cause import Cause, Estimate, in_words
 from diagnosis.diagnose import Diagnosis
-
-MILLI = ("A", "rad", "m")
-"""Units whose small values are told in thousandths."""
+from diagnosis.units import readable
 
 
 def title(cause: Cause) -> str:
@@ -73,13 +69,7 @@ def value(one: Estimate) -> str:
     return f"{one.value:.{int(np.clip(digits, 1, 6))}g}"
 
 
-def small(unit: str, values: Sequence[float]) -> tuple[float, str]:
-    """Factor and unit in which some values are easily read: mA, mrad and mm where all are far below one."""
-    finite = [abs(v) for v in values if np.isfinite(v)]
-    return (1e3, f"m{unit}") if unit in MILLI and max(finite, default=1.0) < 0.5 else (1.0, unit)
-
-
 def gain(cause: Cause) -> str:
     """``0.154 -> 0.0042 A``, before and after."""
-    factor, unit = small(cause.unit, (cause.before, cause.after))
+    factor, unit = readable(cause.unit, (cause.before, cause.after))
     return f"{cause.before * factor:.3g} -> {cause.after * factor:.2g} {unit}"

@@ -35,6 +35,8 @@ from diagnosis.residual.expected_current import (
 from diagnosis.residual.noise import angle_noise, scatter
 
 ROWS_PER_SECOND = 100
+ROWS_FOR_ONE = ROWS_PER_SECOND / (2.0 * COMPARE_BAND)
+"""Rows that count as one: the filters leave 2 x COMPARE_BAND independent values per second."""
 CREEP = 0.02
 """rad/s (m/s): below it friction depends on more than the velocity."""
 

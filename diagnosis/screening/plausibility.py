@@ -12,9 +12,10 @@ import numpy as np
 from arm_io import InputError
 from arm_model import Arm
 from daq.recording import Recording
-from diagnosis.measurements.currents.detectability import STANDSTILL
 from diagnosis.residual.run import Run
 
+STANDSTILL = 0.005
+"""rad (m): smaller motion of a joint is standstill."""
 BEYOND = 4.0
 """Times the limits of a joint: no arm was there, but one in degrees was."""
 ALIKE, OPPOSITE = 0.8, -0.5

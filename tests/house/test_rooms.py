@@ -30,6 +30,21 @@ ROOMS = {
         "kinematics.use",
         "kinematics.report",
     ),
+    "diagnosis": (
+        "residual",
+        "screening",
+        "selection",
+        "measurements.single_axis",
+        "measurements.link_encoders",
+        "measurements.tracker",
+        "measurements.demands",
+        "measurements.currents",
+        "closed_loop",
+        "experiments",
+        "distortion",
+        "report.plots",
+        "report",
+    ),
 }
 """From the lowest to the highest.
 

@@ -10,12 +10,11 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, Excitation, Instrument
 from arm_model.rigid_body import rigid_torque
 from diagnosis.cause import EffectKey, Undetectable
+from diagnosis.screening.plausibility import STANDSTILL
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.units import unit_at
 
-STANDSTILL = 0.005
-"""rad (m): smaller motion of a joint is standstill."""
 SHOWS_FROM = 1 / 3
 """Effect-to-noise ratio of the currents above which an effect is detectable."""
 BY_CURRENTS = frozenset({Instrument.CURRENT, Instrument.SINGLE_AXIS, Instrument.LAG})

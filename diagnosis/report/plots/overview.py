@@ -16,8 +16,8 @@ from diagnosis.report.plots.link_encoders import link_figure
 from diagnosis.report.plots.residuals import SURE, unit_of
 from diagnosis.report.plots.single_axis import axis_figure
 from diagnosis.report.plots.tracker import tracker_figure
-from diagnosis.report.wording import small
 from diagnosis.residual.run import ROWS_PER_SECOND
+from diagnosis.units import readable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -92,7 +92,7 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
     certain = deviation < SURE * np.concatenate([np.full(len(r.t), r.noise[joint - 1]) for r in result.held_out])
     residuals = [(y[side.of(joint)] * deviation)[certain] for y in (side.y, result.left.held_out)]
     largest = max((float(np.abs(values).max()) for values in residuals if len(values)), default=1.0)
-    factor, unit = small(result.arm.joints[joint - 1].current_unit, [largest])
+    factor, unit = readable(result.arm.joints[joint - 1].current_unit, [largest])
     figure = Figure(figsize=(10.5, 3.2))
     figure.subplots_adjust(left=0.085, right=0.99, bottom=0.16, top=0.9, wspace=0.05)
     axes = figure.subplots(1, 2, sharey=True)
