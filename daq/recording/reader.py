@@ -125,8 +125,8 @@ class Recording(RecordingHead):
 def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int | None = None) -> Recording:
     """Reads a recording, finished or cut off (``RUN.mcap.active``); of the latter the ledger lists what is missing.
 
-    damaged  True: of a damaged file everything that can be read, with ``notes``; False: it is refused, so that nobody
-             computes with holes unawares
+    damaged  True: of a damaged file everything that can be read, with ``notes``; False: it is refused where more than
+             chunks of rows is damaged (those are in the ledger), for what else stood there is not known
     most_numbers  rows times joints to be kept of each signal: in a longer recording rows are averaged, and raw counts,
                   volts and clocks
              left out (``daq.recording.thinned``); None: everything as it was recorded
@@ -144,10 +144,11 @@ def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int
 def head_of(path: Path, contents: Contents, *, damaged: bool) -> RecordingHead:
     """The head of what was found, reported to every listener (``daq.recording.losses``).
 
-    InputError where it is damaged, and must not be.
+    InputError where more of it is damaged than chunks of rows, and must not be.
     """
-    if contents.damages and not damaged:
-        raise InputError(path, f"is damaged: {contents.damages[0].sentence}; 'armscope recover' keeps what can be read")
+    harm = [damage for damage in contents.damages if not damage.rows]
+    if harm and not damaged:
+        raise InputError(path, f"is damaged: {harm[0].sentence}; 'armscope recover' keeps what can be read")
     ledger, sure = contents.ledger()
     notes = contents.notes(sure)
     opened(Account(path, ledger, notes))

@@ -170,9 +170,21 @@ def test_other_files_are_refused(original: Original, rubbish: bytes, with_magic:
         open_recording(path)
 
 
-def test_a_damaged_file_is_not_read_unawares(original: Original) -> None:
+def test_a_damaged_chunk_is_in_the_ledger(original: Original) -> None:
     data = bytearray(original.finished)
     data[data.index(b"zstd") + 500] ^= 1
+    path = original.folder / "chunk.mcap"
+    path.write_bytes(data)
+    recording = open_recording(path)
+    assert len(recording) < ROWS - LOSS.rows and "cannot be read" in recording.notes[0]
+    assert recording.ledger.losses[0] == Loss(0, CHUNK, LossReason.DAMAGED)
+
+
+def test_a_damaged_file_is_not_read_unnoticed(original: Original) -> None:
+    """In an attachment, nothing tells what is lost."""
+    data = bytearray(original.finished)
+    data[data.index(b"zstd") + 500] ^= 1
+    data[data.index(b"rig.toml") + 60] ^= 1
     path = original.folder / "broken.mcap"
     path.write_bytes(data)
     with pytest.raises(InputError, match="is damaged: bytes .* 'armscope recover' keeps what can be read"):

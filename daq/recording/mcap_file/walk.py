@@ -64,12 +64,13 @@ class File:
 class Damage:
     """Bytes ``start`` to ``end`` of the file that could not be read, and why.
 
-    ``end`` of the file: it is cut off there.
+    ``end`` of the file: it is cut off there. ``rows``: nothing but a chunk of rows stood there, and its indexes.
     """
 
     start: int
     end: int
     what: str
+    rows: bool = False
 
     @property
     def sentence(self) -> str:
@@ -105,13 +106,21 @@ def walk(data: memoryview) -> Iterator[Part]:
             end, part = _record(data, place)
         except _BrokenRecord as error:
             end = _resume(data, place)
-            part = Damage(place, end, str(error))
+            part = Damage(place, end, str(error), rows=_is_chunk(data, place, end))
         if part is not None:
             yield part
         if isinstance(part, End):
             return
         place = end
         held = release(data, held, place)
+
+
+def _is_chunk(data: memoryview, place: int, end: int) -> bool:
+    """Whether the damaged stretch is one chunk: any other record of ours behind it would have been resumed at."""
+    if place + 9 > len(data):
+        return False
+    opcode, length = struct.unpack_from("<BQ", data, place)
+    return bool(opcode == Opcode.CHUNK and place + 9 + length <= end < len(data))
 
 
 def _resume(data: memoryview, place: int) -> int:
