@@ -125,68 +125,73 @@ class _Kernel:
         builder.branch(head)
         builder.position_at_end(after)
 
-    def _emit_run(
-        self,
-        builder: ir.IRBuilder,
-        first: Any,
-        last: Any,
-        timing: Any,
-        params: Any,
-        states: Any,
-        memories: Any,
-        currents: Any,
-        demands: Any,
-        demand_stride: Any,
-        rows: Any,
-        row_substep: Any,
-        row_weights: Any,
-        out: Any,
-    ) -> None:
-        n, nx, nc = self.system.joints, len(self.system.states), len(self.system.memories)
-        scalars = {name: builder.load(builder.gep(timing, [INT(k)])) for k, name in enumerate(TIMING)}
+    def _emit_run(self, builder: ir.IRBuilder, *arguments: Any) -> None:
+        given = _Arguments(*arguments)
+        scalars = {name: builder.load(builder.gep(given.timing, [INT(k)])) for k, name in enumerate(TIMING)}
         ticks = builder.fptosi(scalars["ticks"], INT)
-        substeps = builder.fptosi(scalars["substeps"], INT)
-        room = {name: builder.alloca(self.lane, max(size, 1), name) for name, size in _room(n, nx).items()}
-        table = _RowTable(builder.alloca(INT, name="row"), row_substep, row_weights)
+        room = {
+            name: builder.alloca(self.lane, max(size, 1), name)
+            for name, size in _room(self.system.joints, len(self.system.states)).items()
+        }
+        table = _RowTable(builder.alloca(INT, name="row"), given.row_substep, given.row_weights)
 
         def block(index: Any) -> None:
-            def part(base: Any, size: Any) -> Any:
-                return builder.gep(base, [builder.mul(index, size)])
-
-            current = part(currents, INT(2 * n))
-            lanes = _Lanes(
-                x=part(states, INT(nx)),
-                current=current,
-                command=builder.gep(current, [INT(n)]),
-                params=part(params, INT(len(self.params))),
-                out=part(out, builder.mul(rows, INT(nx + n))),
-            )
-            memory, demand = part(memories, INT(nc)), part(demands, demand_stride)
+            lanes = self._lanes(builder, given, index)
             builder.store(INT(0), table.row)
+            self._loop(builder, INT(0), ticks, lambda number: self._tick(builder, scalars, room, lanes, table, number))
 
-            def tick(number: Any) -> None:
-                here = builder.gep(demand, [builder.mul(number, INT(n))])
-                builder.call(self.servo, [lanes.x, memory, here, lanes.params, lanes.command])
-                with builder.if_then(builder.fcmp_ordered("==", scalars["half_decay"], DOUBLE(0.0))):
-                    for k in range(n):  # no lag: the current is what is commanded, at once
-                        self._store(builder, self._load(builder, lanes.command, k), lanes.current, k)
+        self._loop(builder, given.first, given.last, block)
 
-                def substep(part: Any) -> None:
-                    step_number = builder.add(builder.mul(number, substeps), part)
-                    elapsed = builder.fmul(builder.sitofp(step_number, DOUBLE), scalars["step"])
-                    time = builder.fadd(elapsed, scalars["start"])
-                    self._step(builder, scalars, room, lanes, time)
-                    self._rows(builder, scalars, room, lanes, time, table, step_number)
-                    for k in range(nx):
-                        self._store(builder, self._load(builder, room["next"], k), lanes.x, k)
-                    for k in range(n):
-                        self._store(builder, self._load(builder, room["end"], k), lanes.current, k)
+    def _lanes(self, builder: ir.IRBuilder, given: _Arguments, index: Any) -> _Lanes:
+        """The arrays of block ``index``."""
+        n, nx, nc = self.system.joints, len(self.system.states), len(self.system.memories)
 
-                self._loop(builder, INT(0), substeps, substep)
+        def part(base: Any, size: Any) -> Any:
+            return builder.gep(base, [builder.mul(index, size)])
 
-            self._loop(builder, INT(0), ticks, tick)
+        current = part(given.currents, INT(2 * n))
+        return _Lanes(
+            x=part(given.states, INT(nx)),
+            memory=part(given.memories, INT(nc)),
+            current=current,
+            command=builder.gep(current, [INT(n)]),
+            demand=part(given.demands, given.demand_stride),
+            params=part(given.params, INT(len(self.params))),
+            out=part(given.out, builder.mul(given.rows, INT(nx + n))),
+        )
 
-        self._loop(builder, first, last, block)
+    def _tick(
+        self,
+        builder: ir.IRBuilder,
+        scalars: dict[str, Any],
+        room: dict[str, Any],
+        lanes: _Lanes,
+        table: _RowTable,
+        number: Any,
+    ) -> None:
+        """Servo tick ``number``: the commands, then the substeps and their output rows."""
+        n, nx = self.system.joints, len(self.system.states)
+        demand = builder.gep(lanes.demand, [builder.mul(number, INT(n))])
+        builder.call(self.servo, [lanes.x, lanes.memory, demand, lanes.params, lanes.command])
+        substeps = builder.fptosi(scalars["substeps"], INT)
+        # Without a lag the current equals its command at once.
+        with builder.if_then(builder.fcmp_ordered("==", scalars["half_decay"], DOUBLE(0.0))):
+            self._copy(builder, lanes.command, lanes.current, n)
+
+        def substep(part: Any) -> None:
+            step_number = builder.add(builder.mul(number, substeps), part)
+            elapsed = builder.fmul(builder.sitofp(step_number, DOUBLE), scalars["step"])
+            time = builder.fadd(elapsed, scalars["start"])
+            self._step(builder, scalars, room, lanes, time)
+            self._rows(builder, scalars, room, lanes, time, table, step_number)
+            self._copy(builder, room["next"], lanes.x, nx)
+            self._copy(builder, room["end"], lanes.current, n)
+
+        self._loop(builder, INT(0), substeps, substep)
+
+    def _copy(self, builder: ir.IRBuilder, source: Any, target: Any, count: int) -> None:
+        for k in range(count):
+            self._store(builder, self._load(builder, source, k), target, k)
 
     def _step(
         self, builder: ir.IRBuilder, scalars: dict[str, Any], room: dict[str, Any], lanes: _Lanes, time: Any
@@ -271,12 +276,33 @@ class _Kernel:
 
 
 @dataclass(frozen=True)
+class _Arguments:
+    """Arguments of ``run``, in its order; pointers to the first block's values."""
+
+    first: Any
+    last: Any
+    timing: Any
+    params: Any
+    states: Any
+    memories: Any
+    currents: Any
+    demands: Any
+    demand_stride: Any
+    rows: Any
+    row_substep: Any
+    row_weights: Any
+    out: Any
+
+
+@dataclass(frozen=True)
 class _Lanes:
     """Pointers to one block's values."""
 
     x: Any
+    memory: Any
     current: Any
     command: Any
+    demand: Any
     params: Any
     out: Any
 

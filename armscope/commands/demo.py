@@ -37,13 +37,11 @@ def command(
     make_folder(folder)
     rig_file = _write_rig(folder)
     runs = {name: folder / f"{name}.mcap" for name in (fit, held_out)}
-    model = shipped_folder() / "models/puma560.toml"
-
     _say(
         "1. A rig. Six motors' encoders on counters, six Hall transducers on a 12-bit converter, and a tracker whose",
         f"   1 kHz trigger latches them all. Here they are simulated: {rig_file}",
     )
-    _tell("doctor", str(rig_file))
+    _show("doctor", rig_file)
     with _Daemon(rig_file) as daemon:
         _say("2. The daemon has the devices open. A second program subscribes to everything it publishes over Zenoh.")
         listener = _Listener(daemon.rig)
@@ -51,46 +49,32 @@ def command(
             purpose = "to identify the arm from" if name == fit else "held out: another motion"
             _say(f"{number}. Recording '{name}', {purpose}.")
             experiment = shipped_folder() / f"experiments/{name}.toml"
-            _tell("record", "--rig", str(rig_file), "--experiment", str(experiment), "--out", str(run))
+            _show("record", "--rig", rig_file, "--experiment", experiment, "--out", run)
         _say("   " + listener.end())
+    _identify_and_compare(folder, runs[fit], runs[held_out])
+
+
+def _identify_and_compare(folder: Path, fit: Path, held_out: Path) -> None:
+    """The recordings identified, and the identified model beside the measurement."""
     _say("5. Identification: which friction, inertia and gravity explain the measured currents?")
-    result = _ask(
-        "identify",
-        str(runs[fit]),
-        "--model",
-        str(model),
-        "--held-out",
-        str(runs[held_out]),
-        "--out",
-        str(folder / "identified"),
-    )
+    identified, model = folder / "identified", shipped_folder() / "models/puma560.toml"
+    result = _ask("identify", fit, "--model", model, "--held-out", held_out, "--out", identified)
     error = result["relative_error"]
     _say(
-        f"   {len(result['parameters'])} parameters; the torque is explained to {error['fit']:.1%} on '{fit}'"
-        + (f" and {error['held_out']:.1%} on '{held_out}', which was held out." if error.get("held_out") else "."),
-        f"   The report: {folder / 'identified/report.html'}",
+        f"   {len(result['parameters'])} parameters; the torque is explained to {error['fit']:.1%} on '{fit.stem}'"
+        + (f" and {error['held_out']:.1%} on '{held_out.stem}', which was held out." if error.get("held_out") else "."),
+        f"   The report: {identified / 'report.html'}",
     )
     _say("6. The identified model, simulated on the same demands, against what was measured.")
     simulated, picture = folder / "simulated.mcap", folder / "currents.png"
-    _ask(
-        "simulate",
-        "--model",
-        str(folder / "identified/model.toml"),
-        "--like",
-        str(runs[held_out]),
-        "--out",
-        str(simulated),
-    )
-    _run("plot", str(runs[held_out]), str(simulated), "--out", str(picture))
+    _ask("simulate", "--model", identified / "model.toml", "--like", held_out, "--out", simulated)
+    _run("plot", held_out, simulated, "--out", picture)
     _say("Measured and simulated currents:")
     print(picture.resolve())
 
 
 def _write_rig(folder: Path) -> Path:
-    """The simulated Puma under a name and an endpoint of its own.
-
-    The demo disturbs no daemon that runs here.
-    """
+    """The rig file of the simulated Puma with its own name and endpoint, so that the demo disturbs no other daemon."""
     table = read_toml(shipped_folder() / "puma560_sim.toml")
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -132,17 +116,17 @@ class _Listener:
     def __init__(self, rig: Rig) -> None:
         self._session = open_session(rig, listen=False)
         self._subscriber = Subscriber(self._session, keys_of(rig.name))
-        self._heard = self._missed = self._runs = 0
+        self._received = self._missed = self._runs = 0
         self._ended = False
         self._thread = threading.Thread(target=self._listen)
         self._thread.start()
 
     def end(self) -> str:
-        """What it heard."""
+        """One sentence: rows received and missed."""
         self._ended = True
         self._thread.join()
         self._session.close()
-        return f"The subscriber received {self._heard} rows in {self._runs} runs and missed {self._missed}."
+        return f"The subscriber received {self._received} rows in {self._runs} runs and missed {self._missed}."
 
     def _listen(self) -> None:
         while not self._ended or not self._subscriber.tally.complete:
@@ -151,32 +135,31 @@ class _Listener:
                 break
             if block is not None and block.last:
                 tally = self._subscriber.tally
-                self._heard += tally.received
+                self._received += tally.received
                 self._missed += tally.missed
                 self._runs += 1
 
 
-def _command(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "armscope", *arguments]
+def _command(*arguments: str | Path) -> list[str]:
+    return [sys.executable, "-m", "armscope", *map(str, arguments)]
 
 
-def _run(*arguments: str, show: bool = False) -> str:
-    """Runs another armscope command; its failure is ours."""
+def _run(*arguments: str | Path) -> str:
+    """The standard output of another armscope command; DeviceFault if it fails."""
     ended = subprocess.run(_command(*arguments), stdout=subprocess.PIPE, text=True)
     if ended.returncode not in (0, 4):
-        raise DeviceFault("demo", f"'armscope {' '.join(arguments)}' ended with {ended.returncode}")
-    if show:
-        print("".join(f"     {line}\n" for line in ended.stdout.splitlines()), end="", flush=True)
+        raise DeviceFault("demo", f"'armscope {' '.join(map(str, arguments))}' ended with {ended.returncode}")
     return ended.stdout
 
 
-def _tell(*arguments: str) -> None:
-    print(f"   $ armscope {' '.join(arguments)}", flush=True)
-    _run(*arguments, show=True)
+def _show(*arguments: str | Path) -> None:
+    print(f"   $ armscope {' '.join(map(str, arguments))}", flush=True)
+    lines = _run(*arguments).splitlines()
+    print("".join(f"     {line}\n" for line in lines), end="", flush=True)
 
 
-def _ask(*arguments: str) -> dict[str, Any]:
-    print(f"   $ armscope {' '.join(arguments)}", flush=True)
+def _ask(*arguments: str | Path) -> dict[str, Any]:
+    print(f"   $ armscope {' '.join(map(str, arguments))}", flush=True)
     answer: dict[str, Any] = json.loads(_run(*arguments, "--json"))
     return answer
 

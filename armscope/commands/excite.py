@@ -6,9 +6,15 @@ import json
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from arm_model import Arm
+    from daq.rig import Rig
+    from experiment import Experiment
+    from identification.experiment_design import Limits, Series
 
 
 class Criterion(StrEnum):
@@ -37,14 +43,11 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
 ) -> None:
     """Designs an excitation."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     from arm_io import InputError
     from arm_model import read_model
     from daq.rig import read_rig
     from experiment import write_experiment
-    from identification.experiment_design import Limits, Series, design_excitation
+    from identification.experiment_design import Series
     from identification.preprocessing import rate_beside
 
     checked = None if rig is None else read_rig(rig, drivers=False)
@@ -52,30 +55,50 @@ def command(
     if path is None:
         raise InputError("--model", "is missing, and no --rig names one")
     arm = read_model(path)
+    series = Series(duration, fundamental, harmonics)
+    designed = _design(arm, series, _limits(arm, checked), criterion, candidates, seed)
+    if checked is not None and checked.trigger is not None:
+        rate = rate_beside(arm, checked.trigger.rate)
+        if rate != checked.trigger.rate:
+            designed = designed.model_copy(update={"rate": rate})
+    write_experiment(out, designed, heading=f"Excitation for {arm.name}, seed {seed}, {candidates} candidates.")
+    if as_json:
+        joints = len(arm)
+        table = {"file": str(out), "duration": duration, "joints": joints, "harmonics": harmonics}
+        print(json.dumps(table | {"rate": designed.rate}))
+    else:
+        sampled = f", {designed.rate:g} rows/s (not a multiple of the setpoint rate)" if designed.rate else ""
+        print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints{sampled}")
+
+
+def _limits(arm: Arm, rig: Rig | None) -> Limits:
+    """The limits of the arm, and of the rig if one is given; InputError if their joints differ in number."""
+    from arm_io import InputError
+    from identification.experiment_design import Limits
+
     limits = Limits.of(arm)
-    if checked is not None:
-        if checked.joints != len(arm):
-            raise InputError(str(rig), f"has {checked.joints} joints, the model '{arm.name}' has {len(arm)}")
-        limits = limits.within(arm, **checked.limits.model_dump())
+    if rig is None:
+        return limits
+    if rig.joints != len(arm):
+        raise InputError("--rig", f"has {rig.joints} joints, the model '{arm.name}' has {len(arm)}")
+    return limits.within(arm, **rig.limits.model_dump())
+
+
+def _design(arm: Arm, series: Series, limits: Limits, criterion: Criterion, candidates: int, seed: int) -> Experiment:
+    """The best of the candidate motions; shows progress on a terminal."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from identification.experiment_design import design_excitation
+
     with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
         task = bar.add_task("designing", total=1.0)
-        found = design_excitation(
+        return design_excitation(
             arm,
-            Series(duration, fundamental, harmonics),
+            series,
             criterion=criterion.value,
             limits=limits,
             candidates=candidates,
             seed=seed,
             progress=lambda share, text: bar.update(task, completed=share, description=text),
         )
-    if checked is not None and checked.trigger is not None:
-        beside = rate_beside(arm, checked.trigger.rate)
-        if beside != checked.trigger.rate:  # else the rig's own
-            found = found.model_copy(update={"rate": beside})
-    write_experiment(out, found, heading=f"Excitation for {arm.name}, seed {seed}, {candidates} candidates.")
-    if as_json:
-        told = {"file": str(out), "duration": duration, "joints": len(arm), "harmonics": harmonics, "rate": found.rate}
-        print(json.dumps(told))
-    else:
-        sampled = f", {found.rate:g} rows/s (not a multiple of the setpoint rate)" if found.rate else ""
-        print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints{sampled}")

@@ -27,7 +27,7 @@ def test_demo(root: Path, tmp_path: Path) -> None:
     picture = Path(ended.stdout.splitlines()[-1])
     assert picture.read_bytes().startswith(b"\x89PNG")
     runs = [open_recording(tmp_path / f"demo/{name}.mcap") for name in ("excitation", "iso_cube")]
-    (heard,) = re.findall(r"heard (\d+) rows in 2 runs and missed 0", ended.stdout)
-    assert int(heard) == sum(map(len, runs))
+    (received,) = re.findall(r"received (\d+) rows in 2 runs and missed 0", ended.stdout)
+    assert int(received) == sum(map(len, runs))
     assert all(recording.ledger.lost == 0 for recording in runs)
     assert (tmp_path / "demo/identified/report.html").stat().st_size > 1000
