@@ -116,17 +116,18 @@ def _case(arm: Arm, fitted: list[Recording], held: list[Recording], remarks: tup
 
 def _kept(case: Case, out: Path, status: Status) -> dict[str, Any]:
     from diagnosis.experiments import separations
-    from diagnosis.report import write_diagnosis
+    from diagnosis.report import Experiments, write_diagnosis
 
     case.separate = separations(case.result, progress=status.update)
-    return write_diagnosis(out, case.result, case.fit, case.held_out, case.separate, progress=status.update)
+    experiments = Experiments(separate=case.separate)
+    return write_diagnosis(out, case.result, case.fit, case.held_out, experiments, status.update)
 
 
 def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, status: Status) -> dict[str, Any]:
     """The case decided as far as the rig's experiments can; every stage is written whole before the next begins."""
     from armscope.adaptive_diagnosis import Bench, go_on, limits_of, rig_of
     from diagnosis import diagnose
-    from diagnosis.report import write_diagnosis
+    from diagnosis.report import Experiments, write_diagnosis
 
     table: dict[str, Any] = {}
     checked = rig_of(rig, len(arm))
@@ -142,11 +143,8 @@ def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, s
 
     def keep(case: Case) -> None:
         table.clear()
-        table.update(
-            write_diagnosis(
-                out, case.result, case.fit, case.held_out, case.separate, case.experiments, limits, status.update
-            )
-        )
+        experiments = Experiments(separate=case.separate, recorded=case.experiments, limits=limits)
+        table.update(write_diagnosis(out, case.result, case.fit, case.held_out, experiments, status.update))
 
     bench = Bench(rig, checked, out, yes, say, judge, keep)
     go_on(bench, case, most, status.update)

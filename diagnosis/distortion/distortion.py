@@ -123,8 +123,7 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
 
     def paths_of(ratio: float, scale: float) -> tuple[Path, ...]:
         return tuple(
-            _path(run, recording, joint, model, step, *smoothed(*step, ratio), scale)
-            for (run, recording), step in zip(pairs, steps)
+            _path(run, recording, joint, model, step, ratio, scale) for (run, recording), step in zip(pairs, steps)
         )
 
     paths = paths_of(ratio, scale)
@@ -198,11 +197,12 @@ def _path(
     joint: int,
     model: float,
     step: tuple[Array, Array],
-    x: Array,
-    variance: Array,
+    ratio: float,
     scale: float,
 ) -> Path:
+    """The parameter along one recording, from the score and information of its steps."""
     score, seen = step
+    x, variance = smoothed(score, seen, ratio)
     rows, count = round(STEP * ROWS_PER_SECOND), len(x)
 
     def mean(values: Array) -> Array:

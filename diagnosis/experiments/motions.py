@@ -23,6 +23,9 @@ from arm_model.system import inverse_dynamics
 from experiment import Experiment
 from identification.experiment_design import Limits, Series, design_excitation
 
+Segment = dict[str, Any]
+"""A segment of an experiment, as its file has it."""
+
 SPEEDS = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)
 """Of the joint's full speed."""
 LONG = 12.0
@@ -124,8 +127,8 @@ def _moving(stage: Stage, joints: Sequence[int]) -> Iterator[Trial]:
     yield from _excitations(stage)
 
 
-def _experiment(stage: Stage, name: str, pose: Array, segments: list[dict[str, Any]], **more: Any) -> Experiment:
-    there: list[dict[str, Any]] = []
+def _experiment(stage: Stage, name: str, pose: Array, segments: list[Segment], **more: Any) -> Experiment:
+    there: list[Segment] = []
     if np.max(np.abs(pose - stage.start)) > 1e-6:
         there = [{"type": "move", "to": pose.tolist(), "speed": APPROACH}]
     hold = {"type": "hold", "duration": 0.5}
@@ -148,90 +151,138 @@ def _standing(stage: Stage, pose: Array, *, off: bool) -> Trial:
     return Trial(f"{name}, for 5 s", _experiment(stage, name, pose, held, setup=setup), ())
 
 
+@dataclass(frozen=True)
+class _Axis:
+    """One joint (from 1) of a stage, to be moved about a pose (n,) rad."""
+
+    stage: Stage
+    pose: Array
+    joint: int
+
+    @property
+    def low(self) -> float:
+        return float(self.stage.limits.position[self.joint - 1, 0])
+
+    @property
+    def high(self) -> float:
+        return float(self.stage.limits.position[self.joint - 1, 1])
+
+    @property
+    def span(self) -> float:
+        return self.high - self.low
+
+    @property
+    def full(self) -> float:
+        """Full speed, rad/s (m/s)."""
+        return float(self.stage.limits.speed[self.joint - 1])
+
+    @property
+    def unit(self) -> str:
+        return "rad" if self.stage.arm.joints[self.joint - 1].revolute else "m"
+
+    def inside(self, margin: float = 0.0) -> float:
+        """The position at the pose, at least ``margin`` inside the limits."""
+        return float(np.clip(self.pose[self.joint - 1], self.low + margin, self.high - margin))
+
+    def around(self, length: float) -> tuple[float, float]:
+        """A stretch of a length within the limits, with the pose as near to its middle as it can be."""
+        a = float(np.clip(self.inside() - length / 2, self.low, max(self.low, self.high - length)))
+        return a, min(a + length, self.high)
+
+    def to(self, place: float, speed: float) -> Segment:
+        """A move at a share of the full speed."""
+        return {"type": "drive", "joint": self.joint, "to": place, "speed": speed}
+
+    def chirp(self, middle: float, amplitude: float, low: float, high: float) -> list[Segment]:
+        """A sine about ``middle`` from ``low`` to ``high`` Hz, and the way there."""
+        band = {"frequency": low, "to_frequency": high, "duration": LONG}
+        return [self.to(middle, 0.25), {"type": "chirp", "joint": self.joint, "amplitude": amplitude, **band}]
+
+    def trial(self, name: str, words: str, segments: list[Segment]) -> Trial:
+        experiment = _experiment(self.stage, f"joint {self.joint} {name}", self.pose, segments)
+        return Trial(f"joint {self.joint} {words}", experiment, (self.joint,))
+
+
 def of_joint(stage: Stage, pose: Array, joint: int) -> Iterator[Trial]:
     """All families of motions of one joint (from 1) about a pose (n,) rad."""
-    low, high = stage.limits.position[joint - 1]
-    full, unit = float(stage.limits.speed[joint - 1]), "rad" if stage.arm.joints[joint - 1].revolute else "m"
-    at = float(np.clip(pose[joint - 1], low, high))
-    span = high - low
-    if span < 1e-3:
+    axis = _Axis(stage, pose, joint)
+    if axis.span < 1e-3:
         return
+    yield from _back_and_forth(axis)
+    yield _ladder(axis)
+    yield _sweep(axis)
+    yield from _ramps(axis)
+    yield from _chirps(axis)
+    yield from _through_the_vertical(axis)
+    yield _repeated(axis)
 
-    def trial(name: str, words: str, segments: list[dict[str, Any]]) -> Trial:
-        return Trial(f"joint {joint} {words}", _experiment(stage, f"joint {joint} {name}", pose, segments), (joint,))
 
-    def to(place: float, speed: float) -> dict[str, Any]:
-        return {"type": "drive", "joint": joint, "to": place, "speed": speed}
-
+def _back_and_forth(axis: _Axis) -> Iterator[Trial]:
     for share in SPEEDS:
-        speed = share * full
-        far = min(span, speed * LONG / 2)
-        a, b = _around(at, far, low, high)
+        speed = share * axis.full
+        far = min(axis.span, speed * LONG / 2)
+        a, b = axis.around(far)
         times = int(np.clip(LONG / (2 * far / speed + 2 * share), 1, 6))
         often = TIMES.get(times, f"{times} times")
-        words = f"back and forth {often} between {a:.3g} and {b:.3g} {unit} at {speed:.2g} {unit}/s"
-        cycle = {"type": "repeat", "times": times, "segment": [to(b, share), to(a, share)]}
-        yield trial(f"at {share:g} of its speed", words, [to(a, 0.25), cycle])
-    yield trial(
-        "up a ladder of speeds",
-        f"back and forth at {', '.join(f'{s * full:.2g}' for s in SPEEDS[1:])} {unit}/s",
-        [
-            move
-            for s in SPEEDS[1:]
-            for a, b in [_around(at, min(span, s * full), low, high)]
-            for move in (to(a, 0.25), to(b, s), to(a, s))
-        ],
-    )
-    sweep = min(1.0, span / full / (LONG / 2))
-    words = f"once through {low:.3g} to {high:.3g} {unit} and back at {sweep * full:.2g} {unit}/s"
-    yield trial("in a slow sweep", words, [to(low, 0.25), to(high, sweep), to(low, sweep)])
+        words = f"back and forth {often} between {a:.3g} and {b:.3g} {axis.unit} at {speed:.2g} {axis.unit}/s"
+        cycle = {"type": "repeat", "times": times, "segment": [axis.to(b, share), axis.to(a, share)]}
+        yield axis.trial(f"at {share:g} of its speed", words, [axis.to(a, 0.25), cycle])
+
+
+def _ladder(axis: _Axis) -> Trial:
+    moves = []
+    for share in SPEEDS[1:]:
+        a, b = axis.around(min(axis.span, share * axis.full))
+        moves += [axis.to(a, 0.25), axis.to(b, share), axis.to(a, share)]
+    words = f"back and forth at {', '.join(f'{share * axis.full:.2g}' for share in SPEEDS[1:])} {axis.unit}/s"
+    return axis.trial("up a ladder of speeds", words, moves)
+
+
+def _sweep(axis: _Axis) -> Trial:
+    low, high, full = axis.low, axis.high, axis.full
+    share = min(1.0, axis.span / full / (LONG / 2))
+    words = f"once through {low:.3g} to {high:.3g} {axis.unit} and back at {share * full:.2g} {axis.unit}/s"
+    return axis.trial("in a slow sweep", words, [axis.to(low, 0.25), axis.to(high, share), axis.to(low, share)])
+
+
+def _ramps(axis: _Axis) -> Iterator[Trial]:
     for size in (0.005, 0.02):
-        middle = float(np.clip(at, low + size, high - size))
-        ramps = {
-            "type": "chirp",
-            "joint": joint,
-            "amplitude": size,
-            "frequency": 0.15,
-            "to_frequency": 0.4,
-            "duration": LONG,
-        }
+        middle = axis.inside(size)
         words = (
-            f"swaying slowly (0.15 to 0.4 Hz) by {size:g} {unit} about {middle:.3g} {unit}, so that its "
+            f"swaying slowly (0.15 to 0.4 Hz) by {size:g} {axis.unit} about {middle:.3g} {axis.unit}, so that its "
             "torque ramps up and down"
         )
-        yield trial("in slow small ramps of torque", words, [to(middle, 0.25), ramps])
+        yield axis.trial("in slow small ramps of torque", words, axis.chirp(middle, size, 0.15, 0.4))
+
+
+def _chirps(axis: _Axis) -> Iterator[Trial]:
+    acceleration = float(axis.stage.limits.acceleration[axis.joint - 1])
     for fastest in (2.0, 8.0):
         pulse = 2 * np.pi * fastest
-        size = 0.9 * min(full / pulse, float(stage.limits.acceleration[joint - 1]) / pulse**2, span / 2)
-        middle = float(np.clip(at, low + size, high - size))
-        chirp = {
-            "type": "chirp",
-            "joint": joint,
-            "amplitude": size,
-            "frequency": 0.2,
-            "to_frequency": fastest,
-            "duration": LONG,
-        }
-        words = f"in a chirp of 0.2 to {fastest:g} Hz, {size:.2g} {unit} about {middle:.3g} {unit}"
-        yield trial("in a chirp", words, [to(middle, 0.25), chirp])
-    for place in _vertical(stage, pose, joint):
-        a, b = max(low, place - 0.2), min(high, place + 0.2)
-        share = min(1.0, 0.1 / full)
-        cycle = {"type": "repeat", "times": 2, "segment": [to(b, share), to(a, share)]}
+        size = 0.9 * min(axis.full / pulse, acceleration / pulse**2, axis.span / 2)
+        middle = axis.inside(size)
+        words = f"in a chirp of 0.2 to {fastest:g} Hz, {size:.2g} {axis.unit} about {middle:.3g} {axis.unit}"
+        yield axis.trial("in a chirp", words, axis.chirp(middle, size, 0.2, fastest))
+
+
+def _through_the_vertical(axis: _Axis) -> Iterator[Trial]:
+    for place in _vertical(axis.stage, axis.pose, axis.joint):
+        a, b = max(axis.low, place - 0.2), min(axis.high, place + 0.2)
+        share = min(1.0, 0.1 / axis.full)
+        cycle = {"type": "repeat", "times": 2, "segment": [axis.to(b, share), axis.to(a, share)]}
         words = (
-            f"slowly through {place:.3g} {unit}, where gravity at it changes sign (between {a:.3g} and {b:.3g}, twice)"
+            f"slowly through {place:.3g} {axis.unit}, where gravity at it changes sign (between {a:.3g} and {b:.3g}, "
+            "twice)"
         )
-        yield trial("through the vertical", words, [to(a, 0.25), cycle])
-    a, b = _around(at, min(span, full), low, high)
-    cycle = {"type": "repeat", "times": 4, "segment": [to(b, 0.5), to(a, 0.5), {"type": "hold", "duration": 1.0}]}
-    words = f"through one cycle four times, with holds, between {a:.3g} and {b:.3g} {unit}"
-    yield trial("in one cycle repeated", words, [to(a, 0.25), cycle])
+        yield axis.trial("through the vertical", words, [axis.to(a, 0.25), cycle])
 
 
-def _around(at: float, far: float, low: float, high: float) -> tuple[float, float]:
-    """A stretch of length ``far`` within low..high, with ``at`` as near to its middle as it can be."""
-    a = float(np.clip(at - far / 2, low, max(low, high - far)))
-    return a, min(a + far, high)
+def _repeated(axis: _Axis) -> Trial:
+    a, b = axis.around(min(axis.span, axis.full))
+    held = [axis.to(b, 0.5), axis.to(a, 0.5), {"type": "hold", "duration": 1.0}]
+    cycle = {"type": "repeat", "times": 4, "segment": held}
+    words = f"through one cycle four times, with holds, between {a:.3g} and {b:.3g} {axis.unit}"
+    return axis.trial("in one cycle repeated", words, [axis.to(a, 0.25), cycle])
 
 
 def _vertical(stage: Stage, pose: Array, joint: int) -> list[float]:

@@ -8,11 +8,12 @@ if TYPE_CHECKING:
     from diagnosis.report.plots.overview import overview
     from diagnosis.report.text import diagnosis_text
     from diagnosis.report.wording import title
-    from diagnosis.report.write import table_of, write_diagnosis
+    from diagnosis.report.write import Experiments, table_of, write_diagnosis
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
+    "Experiments",
     "diagnosis_text",
     "overview",
     "table_of",

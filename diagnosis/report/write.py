@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -147,27 +148,39 @@ def _cause(cause: Cause) -> dict[str, Any]:
     }
 
 
+@dataclass(frozen=True, kw_only=True)
+class Experiments:
+    """Experiments proposed and recorded on a rig.
+
+    separate  ``diagnosis.experiments.separations`` of the result; None: they are searched for while writing
+    recorded  those that led to this result
+    limits    of the rig, in addition to those of the model
+    """
+
+    separate: Mapping[int, Separation] | None = None
+    recorded: Sequence[Mapping[str, Any]] = ()
+    limits: Limits | None = None
+
+
+NONE = Experiments()
+
+
 def write_diagnosis(
     out: Path,
     result: Diagnosis,
     fit: list[Recording],
     held_out: list[Recording],
-    separate: Mapping[int, Separation] | None = None,
-    experiments: Sequence[Mapping[str, Any]] = (),
-    limits: Limits | None = None,
+    experiments: Experiments = NONE,
     progress: Callable[[str], None] = lambda sentence: None,
 ) -> dict[str, Any]:
-    """Writes DIR/diagnosis.json, report.html, model.toml, separate_K.toml.
+    """Writes DIR/diagnosis.json, report.html, model.toml and the proposed experiments.
 
-    The latter for every cause K whose group a motion separates, and show_K.toml for motions that would show what these
-    recordings could not.
-
-    separate: ``diagnosis.experiments.discriminating.separations`` of the result; left out, they are looked for here.
-    experiments: what was recorded to come this far; limits: of a rig, beside the model's.
+    separate_K.toml discriminates the ambiguity group of cause K; show_K.toml makes effects detectable that these
+    recordings could not show.
     """
     make_folder(out)
     table = table_of(result, fit, held_out)
-    for place, found in (separations(result) if separate is None else separate).items():
+    for place, found in (separations(result) if experiments.separate is None else experiments.separate).items():
         row = table["causes"][place]
         row["separate_by"], row["separation"] = found.words, None
         if found.experiment is not None:
@@ -175,9 +188,9 @@ def write_diagnosis(
             write_experiment(path, found.experiment, heading=_heading(result.causes[place], found))
             row["separate_by"] = str(path)
             row["separation"] = {"motion": found.words, "distance": round(found.distance, 1), "tried": found.tried}
-    _add_showing(out, table, shown_by(result, limits, progress))
-    if experiments:
-        table["experiments"] = [dict(one) for one in experiments]
+    _add_showing(out, table, shown_by(result, experiments.limits, progress))
+    if experiments.recorded:
+        table["experiments"] = [dict(one) for one in experiments.recorded]
     progress("report")
     write_model(out / "model.toml", result.extended)
     write_text(out / "report.html", report(result, table, held_out))

@@ -19,8 +19,9 @@ from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, Cause, EffectKey, Estimate, Signal, Structure, confidence_of
 from diagnosis.measurements.link_encoders.columns import Rows, late, orders, standing_orders, turns, variant, width
-from diagnosis.measurements.link_encoders.model import LIMITS, OVER_NOISE, Chosen, LinkEncoders, link_encoders
+from diagnosis.measurements.link_encoders.model import LIMITS, OVER_NOISE, LinkEncoders, link_encoders
 from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.candidate_model import Chosen
 from diagnosis.units import unit_at
 from identification.selection import BLOCK_SECONDS, select
 from identification.selection.cluster_covariance import cluster_covariance

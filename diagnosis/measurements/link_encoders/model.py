@@ -27,9 +27,8 @@ from diagnosis.measurements.link_encoders.columns import (
     width,
 )
 from diagnosis.selection.candidate import Candidate
-from identification.selection import BLOCK_SECONDS, Limits, MeasurementModel, Score, Split, p_value, scaled
-
-Chosen = tuple[Candidate, ...]
+from diagnosis.selection.candidate_model import CandidateModel, Chosen
+from identification.selection import BLOCK_SECONDS, Limits, Score, Split, p_value, scaled
 
 LIMITS = Limits(
     max_causes=20,
@@ -48,7 +47,7 @@ SHORTEST = 0.3
 
 
 @dataclass(frozen=True)
-class LinkEncoders(MeasurementModel[Candidate, Chosen]):
+class LinkEncoders(CandidateModel):
     """rows: fit and held-out rows.
 
     Whole: the rows that parameters are estimated from: those of fit, or of two parts of the same recordings all.
@@ -61,18 +60,6 @@ class LinkEncoders(MeasurementModel[Candidate, Chosen]):
     scale: Array
     limits: Limits = LIMITS
     cache: dict[tuple[int, Candidate, int], Array] = field(default_factory=dict, repr=False)
-
-    def start(self) -> Chosen:
-        """Nothing chosen."""
-        return ()
-
-    def chosen(self, state: Chosen) -> Chosen:
-        """The candidates of a state."""
-        return state
-
-    def scores(self, state: Chosen) -> list[Score[Candidate]]:
-        """Every effect at every joint, at the nonlinear parameter that fits best."""
-        return [self.score(candidate, state) for candidate in self.best(state)]
 
     def admissible(self, score: Score[Candidate], state: Chosen) -> bool:
         """Whether a candidate matters, also in the held-out set alone.
@@ -90,18 +77,6 @@ class LinkEncoders(MeasurementModel[Candidate, Chosen]):
     def entered(self, score: Score[Candidate], admissible: Sequence[Score[Candidate]], state: Chosen) -> Chosen:
         """With the candidate."""
         return (*state, score.candidate)
-
-    def without(self, candidate: Candidate, state: Chosen) -> Chosen:
-        """Without the candidate."""
-        return tuple(c for c in state if c is not candidate)
-
-    def conditional(self, candidate: Candidate, without: Chosen, state: Chosen) -> Score[Candidate]:
-        """One candidate conditional on all others."""
-        return self.score(candidate, without)
-
-    def needed(self, score: Score[Candidate], state: Chosen) -> bool:
-        """Whether it still matters."""
-        return score.share > (self.limits.kept_gain or 0.0)
 
     def score(self, candidate: Candidate, chosen: Sequence[Candidate]) -> Score[Candidate]:
         """Gain in units of the joints' scales, and its share of what was left where the candidate is felt."""

@@ -17,9 +17,10 @@ from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.cause import Estimate
 from diagnosis.measurements.single_axis.columns import Rows, columns, fine, rows_of, waves
-from diagnosis.measurements.single_axis.model import LIMITS, Chosen, SingleAxis
+from diagnosis.measurements.single_axis.model import LIMITS, SingleAxis
 from diagnosis.residual.expected_current import low_pass
 from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.candidate_model import Chosen
 from diagnosis.selection.estimates import estimates
 from identification.selection import Score, Split, select
 from identification.selection.cluster_covariance import cluster_covariance

@@ -18,9 +18,8 @@ from scipy import optimize
 from arm_io.types import Array
 from diagnosis.measurements.single_axis.columns import Rows, candidates, columns, waves
 from diagnosis.selection.candidate import Candidate
-from identification.selection import Limits, MeasurementModel, Score, Split, p_value, scaled_lstsq
-
-Chosen = tuple[Candidate, ...]
+from diagnosis.selection.candidate_model import CandidateModel, Chosen
+from identification.selection import Limits, Score, Split, p_value, scaled_lstsq
 
 LIMITS = Limits(
     max_causes=6,
@@ -36,7 +35,7 @@ PRESLIDING = (0.6, 1.6)
 
 
 @dataclass(frozen=True)
-class SingleAxis(MeasurementModel[Candidate, Chosen]):
+class SingleAxis(CandidateModel):
     """rows: fit and held-out rows.
 
     Whole: the rows that parameters are estimated from: those of fit, or of two parts of the same recordings all.
@@ -49,18 +48,6 @@ class SingleAxis(MeasurementModel[Candidate, Chosen]):
     one_run: bool
     limits: Limits = LIMITS
     cache: dict[tuple[int, Candidate], Array] = field(default_factory=dict, repr=False)
-
-    def start(self) -> Chosen:
-        """Nothing chosen."""
-        return ()
-
-    def chosen(self, state: Chosen) -> Chosen:
-        """The candidates of a state."""
-        return state
-
-    def scores(self, state: Chosen) -> list[Score[Candidate]]:
-        """Every effect that is not chosen, at the nonlinear parameters that fit best."""
-        return [self.score(candidate, state) for candidate in self.best(state)]
 
     def admissible(self, score: Score[Candidate], state: Chosen) -> bool:
         """Whether a candidate matters, is physically admissible, and holds across the directions."""
@@ -76,18 +63,6 @@ class SingleAxis(MeasurementModel[Candidate, Chosen]):
         """With the candidate; each then refined conditional on the others."""
         chosen = [*state, score.candidate]
         return tuple(self._refined(candidate, [c for c in chosen if c is not candidate]) for candidate in chosen)
-
-    def without(self, candidate: Candidate, state: Chosen) -> Chosen:
-        """Without the candidate."""
-        return tuple(c for c in state if c is not candidate)
-
-    def conditional(self, candidate: Candidate, without: Chosen, state: Chosen) -> Score[Candidate]:
-        """One candidate conditional on all others."""
-        return self.score(candidate, without)
-
-    def needed(self, score: Score[Candidate], state: Chosen) -> bool:
-        """Whether it still matters."""
-        return score.share > (self.limits.kept_gain or 0.0)
 
     def best(self, chosen: Sequence[Candidate]) -> list[Candidate]:
         """For every effect that is not chosen, the nonlinear parameters that leave least of the fit rows."""
