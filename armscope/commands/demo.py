@@ -42,9 +42,8 @@ def command(
         f"   1 kHz trigger latches them all. Here they are simulated: {rig_file}",
     )
     _show("doctor", rig_file)
-    with _Daemon(rig_file) as daemon:
+    with _Daemon(rig_file) as daemon, _Listener(daemon.rig) as listener:
         _say("2. The daemon has the devices open. A second program subscribes to everything it publishes over Zenoh.")
-        listener = _Listener(daemon.rig)
         for number, (name, run) in enumerate(runs.items(), 3):
             purpose = "to identify the arm from" if name == fit else "held out: another motion"
             _say(f"{number}. Recording '{name}', {purpose}.")
@@ -74,17 +73,20 @@ def _identify_and_compare(folder: Path, fit: Path, held_out: Path) -> None:
 
 
 def _write_rig(folder: Path) -> Path:
-    """The rig file of the simulated Puma with its own name and endpoint, so that the demo disturbs no other daemon."""
+    """The rig file of the simulated Puma; its own name and endpoint, so that the demo disturbs no other daemon."""
     table = read_toml(shipped_folder() / "puma560_sim.toml")
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
     table |= {
         "name": f"puma560_demo_{os.getpid()}",
+        "watchdog": 3.0,  # s: no arm can be harmed, and the computer may be busy
         "model": str(shipped_folder() / "models/puma560.toml"),
         "zenoh": {"endpoint": endpoint},
     }
-    write_toml(folder / "rig.toml", table, heading="config/puma560_sim.toml, with its own name and endpoint")
+    write_toml(
+        folder / "rig.toml", table, heading="config/puma560_sim.toml, with a name, endpoint and watchdog of its own"
+    )
     return folder / "rig.toml"
 
 
@@ -111,25 +113,32 @@ class _Daemon:
 
 
 class _Listener:
-    """Counts every row that the daemon publishes."""
+    """Counts every row that the daemon publishes, until it is left."""
 
     def __init__(self, rig: Rig) -> None:
         self._session = open_session(rig, listen=False)
         self._subscriber = Subscriber(self._session, keys_of(rig.name))
         self._received = self._missed = self._runs = 0
-        self._ended = False
+        self._ended = self._left = False
         self._thread = threading.Thread(target=self._listen)
         self._thread.start()
 
-    def end(self) -> str:
-        """One sentence: rows received and missed."""
-        self._ended = True
+    def __enter__(self) -> _Listener:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended = self._left = True
         self._thread.join()
         self._session.close()
+
+    def end(self) -> str:
+        """One sentence, once every row of the runs has come: rows received and missed."""
+        self._ended = True
+        self._thread.join()
         return f"The subscriber received {self._received} rows in {self._runs} runs and missed {self._missed}."
 
     def _listen(self) -> None:
-        while not self._ended or not self._subscriber.tally.complete:
+        while not self._left and not (self._ended and self._subscriber.tally.complete):
             block = self._subscriber.receive(0.2)
             if block is None and self._ended:
                 break

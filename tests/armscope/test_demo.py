@@ -31,3 +31,16 @@ def test_demo(root: Path, tmp_path: Path) -> None:
     assert int(received) == sum(map(len, runs))
     assert all(recording.ledger.lost == 0 for recording in runs)
     assert (tmp_path / "demo/identified/report.html").stat().st_size > 1000
+
+
+def test_a_recording_that_fails_ends_the_demo(root: Path, tmp_path: Path) -> None:
+    """Its daemon and its subscriber end with it."""
+    ended = subprocess.run(
+        [sys.executable, "-m", "armscope", "demo", "--out", "demo", "--fit", "no_such_experiment"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(root)},
+        text=True,
+        capture_output=True,
+        timeout=100,
+    )
+    assert ended.returncode == 3 and "no_such_experiment" in ended.stderr.splitlines()[-1]
