@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers import RigContext
 from drivers.can_bus import frame_bits
 from drivers.protocols import Block, EdgeSource, Plan, Quality
 
@@ -72,7 +73,7 @@ def device(driver: str, **options: Any) -> Iterator[Any]:
         if not ready.wait(20):
             raise RuntimeError(f"the simulator of {driver} did not start")
         module = importlib.import_module(f"drivers.{driver}")
-        box = module.make(driver, module.Config.model_validate(options), {})
+        box = module.make(driver, module.Config.model_validate(options), RigContext())
         box.open()
         yield box
         box.close()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from pydantic import BaseModel
 
+from drivers import RigContext
 from drivers.protocols import Block, CounterMode, Identity, Plan
-from drivers.registry import World
 
 
 class OwnTime:
@@ -38,9 +38,11 @@ class Config(BaseModel):
 class Replayed:
     """drivers.protocols: Device, Latched, and what its Config makes of it."""
 
-    def __init__(self, name: str, config: Config, world: World) -> None:
+    def __init__(self, name: str, config: Config, context: RigContext) -> None:
         self.name, self.config = name, config
-        self.clock: OwnTime = world.setdefault("host_clock", OwnTime())
+        if not isinstance(context.clock, OwnTime):
+            context.clock = OwnTime()
+        self.clock = context.clock
         rows = int(config.rate * config.seconds)
         random = np.random.default_rng(1)
         self.number = np.arange(rows)
@@ -97,6 +99,6 @@ class Tracker(Replayed):
         return self.read()
 
 
-def make(name: str, config: Config, world: World) -> Replayed:
+def make(name: str, config: Config, context: RigContext) -> Replayed:
     """A closed device."""
-    return (Counter if config.counters else Tracker if config.tracker else Replayed)(name, config, world)
+    return (Counter if config.counters else Tracker if config.tracker else Replayed)(name, config, context)

@@ -10,13 +10,14 @@ if TYPE_CHECKING:
     from drivers.clock import SystemClock
     from drivers.counting import extend
     from drivers.loopback import is_loopback
-    from drivers.registry import World, check_config, find_devices, make_device
+    from drivers.registry import check_config, find_devices, make_device
+    from drivers.rig_context import RigContext
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
+    "RigContext",
     "SystemClock",
-    "World",
     "check_config",
     "empty",
     "extend",

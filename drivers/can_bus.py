@@ -17,7 +17,7 @@ from typing import Annotated, Any
 from pydantic import Field, field_validator
 
 from arm_io.table import Table
-from drivers.registry import World
+from drivers.rig_context import RigContext
 
 MOST = 4096  # frames that a mailbox holds: unread frames are not kept for ever
 ATTENDED = (
@@ -259,8 +259,6 @@ def _arrival(stamp: float) -> int:
     return now - age if 0 <= age < OLDEST * 1e9 else now
 
 
-def shared_bus(world: World, config: CanConfig) -> CanBus:
+def shared_bus(context: RigContext, config: CanConfig) -> CanBus:
     """The rig's one bus at this interface and channel."""
-    buses: dict[tuple[str, str], CanBus] = world.setdefault("can", {})
-    key = (config.interface, config.channel)
-    return buses.setdefault(key, CanBus(config))
+    return context.shared(("CAN", config.interface, config.channel), lambda: CanBus(config))

@@ -20,10 +20,9 @@ from pydantic import Field
 from arm_io import DeviceFault
 from arm_io.table import Table
 from drivers.blocks import join
-from drivers.clock import SystemClock
 from drivers.counting import check_channel
 from drivers.protocols import Block, EdgeSource, HostClock, Identity, Plan, Quality
-from drivers.registry import World
+from drivers.rig_context import RigContext
 
 SAMPLES_PER_SECOND = 83_333.0
 PORT_LINES = 8  # of the first digital port
@@ -216,9 +215,9 @@ class NiLabPc:
         return DeviceFault(self.name, what)
 
 
-def make(name: str, config: Config, world: World) -> NiLabPc:
+def make(name: str, config: Config, context: RigContext) -> NiLabPc:
     """The card at ``config.device``, closed."""
-    return NiLabPc(name, config, world.get("host_clock", SystemClock()))
+    return NiLabPc(name, config, context.clock)
 
 
 def find(config: Config) -> list[str]:

@@ -17,11 +17,10 @@ from pydantic import Field
 from arm_io import DeviceFault
 from arm_io.table import NoSeconds, Table
 from drivers.blocks import one_row
-from drivers.clock import SystemClock
 from drivers.counting import check_channel
 from drivers.protocols import Block, CounterMode, HostClock, Identity, Plan, Quality
 from drivers.reconnect import Reconnect, or_fault
-from drivers.registry import World
+from drivers.rig_context import RigContext
 
 ADVICE = "is the counter's kernel module loaded?"
 SYSFS = "/sys/bus/counter/devices"
@@ -208,9 +207,9 @@ def parse_count(text: bytes) -> int:
     return int(text)
 
 
-def make(name: str, config: Config, world: World) -> LinuxCounter:
+def make(name: str, config: Config, context: RigContext) -> LinuxCounter:
     """The counter at ``config.device``, closed."""
-    return LinuxCounter(name, config, world.get("host_clock", SystemClock()))
+    return LinuxCounter(name, config, context.clock)
 
 
 def find(config: Config) -> list[str]:

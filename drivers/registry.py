@@ -1,13 +1,9 @@
 """Finds a driver by the import path in the rig file and makes its device.
 
 A driver module offers ``Config`` (a pydantic model of the device's table, without ``name`` and ``driver``) and
-``make(name, config, world) -> Device``, which touches no hardware. It may offer ``find(config) -> list[str]``: what
-there is of its kind on this machine, which ``doctor`` names where a device does not answer.
-
-``world`` is one dict a rig. ``daq.rig.rig_file.make_world`` puts into it ``simulation`` (the rig file's table of that
-name), ``model`` (path of the arm's model, or None) and ``folder`` (of the rig file). Drivers that share something (one
-simulated arm, one TCP connection) keep it there under their own key. A backend that runs on a time of its own leaves a
-``HostClock`` at ``world["host_clock"]``, at the latest when its devices have been opened.
+``make(name, config, context) -> Device``, which touches no hardware; ``context`` is the rig's ``RigContext``. It may
+offer ``find(config) -> list[str]``: the devices of its kind on this machine, which ``doctor`` lists if one does not
+answer.
 """
 
 from __future__ import annotations
@@ -20,8 +16,7 @@ from pydantic import BaseModel
 
 from arm_io import InputError, check_table
 from drivers.protocols import Device
-
-World = dict[str, Any]
+from drivers.rig_context import RigContext
 
 
 def find_driver(path: str, where: str = "driver") -> ModuleType:
@@ -53,7 +48,7 @@ def find_devices(path: str, table: dict[str, Any], where: str) -> list[str]:
     return found
 
 
-def make_device(path: str, name: str, table: dict[str, Any], world: World, where: str) -> Device:
+def make_device(path: str, name: str, table: dict[str, Any], context: RigContext, where: str) -> Device:
     """A closed device, ready to ``open``."""
-    device: Device = find_driver(path, where).make(name, check_config(path, table, where), world)
+    device: Device = find_driver(path, where).make(name, check_config(path, table, where), context)
     return device

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from arm_io import DeviceFault
 from arm_io.table import Rate, Table
-from drivers import registry
+from drivers import RigContext
 from drivers.protocols import Block, EdgeSource, Identity, Plan, Quality
 from sim_backend.electronics import adc, noise
 from sim_backend.electronics.adc import Converter
@@ -173,6 +173,6 @@ def _no_values(seen: Seen) -> Block:
     return Block(none, none, none, np.empty((len(seen.edge), 0), np.uint8))
 
 
-def make(name: str, config: Config, world: registry.World) -> Card:
+def make(name: str, config: Config, context: RigContext) -> Card:
     """A closed card."""
-    return Card(name, config, world_of(world))
+    return Card(name, config, world_of(context))

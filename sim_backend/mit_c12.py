@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 
 from arm_io import DeviceFault
 from arm_io.table import Rate, Table
-from drivers import registry
+from drivers import RigContext
 from drivers.protocols import Block, CounterMode, Identity, Plan, Quality
 from sim_backend.electronics import quadrature
 from sim_backend.electronics.counter_register import Register
@@ -207,6 +207,6 @@ def _from(at: NDArray[np.int64], since: int, begin: float) -> NDArray[np.bool_]:
     return (at - since) * 1e-9 >= begin
 
 
-def make(name: str, config: Config, world: registry.World) -> Card:
+def make(name: str, config: Config, context: RigContext) -> Card:
     """A closed card."""
-    return Card(name, config, world_of(world))
+    return Card(name, config, world_of(context))

@@ -18,7 +18,7 @@ from pydantic import Field, field_validator
 from arm_io import DeviceFault
 from arm_io.table import Rate, Table
 from arm_io.types import Array
-from drivers import registry
+from drivers import RigContext
 from drivers.protocols import Block, EdgeSource, Identity, Plan, Quality
 from sim_backend.electronics import noise
 from sim_backend.rig.faults import BeamBreak, TrackerStops
@@ -190,6 +190,6 @@ def _block(points: Array) -> Block:
     return Block(none, none, none, quality, points=points)
 
 
-def make(name: str, config: Config, world: registry.World) -> Tracker:
+def make(name: str, config: Config, context: RigContext) -> Tracker:
     """A closed tracker: one that streams, or one that keeps its points until it is asked."""
-    return (StreamingTracker if config.stream else Tracker)(name, config, world_of(world))
+    return (StreamingTracker if config.stream else Tracker)(name, config, world_of(context))

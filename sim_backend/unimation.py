@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from arm_io import DeviceFault
 from arm_io.table import Table
-from drivers import registry
+from drivers import RigContext
 from drivers.protocols import Identity, Plan
 from experiment import Demand, Experiment, demand_of
 from sim_backend.arm.signals import Mover
@@ -106,6 +106,6 @@ class Controller:
         self._world.check_plugged(self.name, self._world.epoch_ns())
 
 
-def make(name: str, config: Config, world: registry.World) -> Controller:
+def make(name: str, config: Config, context: RigContext) -> Controller:
     """A closed controller."""
-    return Controller(name, config, world_of(world))
+    return Controller(name, config, world_of(context))

@@ -18,7 +18,7 @@ import numpy as np
 import typer
 
 from arm_io import InputError
-from daq.rig import COUNTS_PER_LINE, DeviceTable, Rig, make_world, read_rig
+from daq.rig import COUNTS_PER_LINE, DeviceTable, Rig, context_of, read_rig
 from drivers import check_config, is_loopback
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def make_simulators(rig: Rig, where: str | Path) -> list[Simulator]:
     from sim_backend.rig import world_of
 
     modules = {device.name: _simulator_of(device, where) for device in rig.device}
-    world = world_of(make_world(rig))
+    world = world_of(context_of(rig))
     trigger = TriggerLine()
     gear = np.array([joint.gear for joint in rig.joint])
     puma.warm_up(world)

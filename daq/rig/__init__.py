@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from daq.rig.bench import Bench
     from daq.rig.calibration import COUNTS_PER_LINE
     from daq.rig.preflight import check_motion, check_plan
-    from daq.rig.rig_file import LONGEST_RIG_NAME, DeviceTable, Rig, make_world, read_rig
+    from daq.rig.rig_file import LONGEST_RIG_NAME, DeviceTable, Rig, context_of, read_rig
 else:
     __getattr__ = lazy(__name__)
 
@@ -20,6 +20,6 @@ __all__ = [
     "Rig",
     "check_motion",
     "check_plan",
-    "make_world",
+    "context_of",
     "read_rig",
 ]

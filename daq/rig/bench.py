@@ -12,7 +12,7 @@ from arm_io import DeviceFault, InputError
 from daq.rig.calibration import Calibration, calibration_of, counts_at
 from daq.rig.channels import Columns, columns_of
 from daq.rig.guard import Guard
-from daq.rig.rig_file import Rig, check_channels, make_devices, make_world
+from daq.rig.rig_file import Rig, check_channels, context_of, make_devices
 from drivers import SystemClock
 from drivers.protocols import Device, HostClock, Identity, QuadratureCounter
 
@@ -33,8 +33,8 @@ class Bench:
             raise InputError(rig.name, "trigger: is missing; this rig has no devices and is for imported data only")
         self.rig = rig
         self.trigger = rig.trigger
-        self._world = make_world(rig)
-        self.devices: dict[str, Device] = make_devices(rig, self._world, rig.name)
+        self._context = context_of(rig)
+        self.devices: dict[str, Device] = make_devices(rig, self._context, rig.name)
         check_channels(rig, self.devices, rig.name)
         self.columns: Columns = columns_of(rig, self.devices)
         self.calibration: Calibration = calibration_of(rig, self.columns)
@@ -48,7 +48,7 @@ class Bench:
         try:
             for name, device in self.devices.items():
                 self.identities[name] = device.open()
-            self.clock = self._world.get("host_clock", self.clock)
+            self.clock = self._context.clock
             self.guard.clock = self.clock
             self.guard.make_safe()
             for joint in self.rig.joint:

@@ -19,7 +19,7 @@ from pydantic import ConfigDict, Field, PrivateAttr, field_validator, model_vali
 
 from arm_io import InputError, check_table, read_toml
 from arm_io.table import Rate, Seconds, Table
-from drivers import World, check_config, is_loopback, make_device
+from drivers import RigContext, check_config, is_loopback, make_device
 from drivers.protocols import (
     AnalogInput,
     AnalogOutput,
@@ -325,20 +325,20 @@ def read_rig(path: str | Path, *, drivers: bool = True) -> Rig:
     if drivers:
         for number, device in enumerate(rig.device, 1):
             check_config(device.driver, device.options, f"{path}: device[{number}] ({device.name})")
-        check_channels(rig, make_devices(rig, make_world(rig), path), path)
+        check_channels(rig, make_devices(rig, context_of(rig), path), path)
     return rig
 
 
-def make_world(rig: Rig) -> World:
-    """The dict that the rig's drivers share: see ``drivers.registry``."""
-    return {"simulation": dict(rig.simulation), "model": rig.model_path, "folder": rig._folder}
+def context_of(rig: Rig) -> RigContext:
+    """What the rig's drivers share."""
+    return RigContext(simulation=dict(rig.simulation), model=rig.model_path, folder=rig._folder)
 
 
-def make_devices(rig: Rig, world: World, where: str | Path = "rig") -> dict[str, Device]:
+def make_devices(rig: Rig, context: RigContext, where: str | Path = "rig") -> dict[str, Device]:
     """The rig's devices by name, in the order of the file, closed; making one must not touch any hardware."""
     return {
         device.name: make_device(
-            device.driver, device.name, device.options, world, f"{where}: device[{number}] ({device.name})"
+            device.driver, device.name, device.options, context, f"{where}: device[{number}] ({device.name})"
         )
         for number, device in enumerate(rig.device, 1)
     }

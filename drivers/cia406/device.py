@@ -17,9 +17,8 @@ from drivers.cia406 import protocol as cia
 from drivers.cia406.nodes import Config as Config
 from drivers.cia406.nodes import EncoderNodes
 from drivers.cia406.synced import SyncedEncoders
-from drivers.clock import SystemClock
 from drivers.protocols import Block, HostClock, Identity, Plan, Quality
-from drivers.registry import World
+from drivers.rig_context import RigContext
 
 SEARCH = 0.3  # s for all nodes to answer
 
@@ -88,10 +87,10 @@ class Cia406Encoders(EncoderNodes):
         self._answers.take()
 
 
-def make(name: str, config: Config, world: World) -> EncoderNodes:
+def make(name: str, config: Config, context: RigContext) -> EncoderNodes:
     """The encoders of ``config.nodes``, closed."""
     kind = Cia406Encoders if config.sync == "host" else SyncedEncoders
-    return kind(name, config, shared_bus(world, config), world.get("host_clock", SystemClock()))
+    return kind(name, config, shared_bus(context, config), context.clock)
 
 
 def find(config: Config) -> list[str]:

@@ -15,11 +15,10 @@ from arm_io import DeviceFault
 from arm_io.table import NoSeconds, Seconds, Table
 from drivers.blocks import one_row
 from drivers.can_bus import CanBus, CanConfig, Mailbox, frame_bits, shared_bus
-from drivers.clock import SystemClock
 from drivers.isabellenhuette_ivts import protocol as ivt
 from drivers.protocols import Block, HostClock, Identity, Plan, Quality
 from drivers.reconnect import Reconnect, or_fault
-from drivers.registry import World
+from drivers.rig_context import RigContext
 
 ADVICE = "is the bus terminated, are the sensors powered?"
 TRIES = 3  # of a command
@@ -245,9 +244,9 @@ class IvtSensors:
         return DeviceFault(self.name, what)
 
 
-def make(name: str, config: Config, world: World) -> IvtSensors:
+def make(name: str, config: Config, context: RigContext) -> IvtSensors:
     """The sensors of ``config.sensors``, closed."""
-    return IvtSensors(name, config, shared_bus(world, config), world.get("host_clock", SystemClock()))
+    return IvtSensors(name, config, shared_bus(context, config), context.clock)
 
 
 def find(config: Config) -> list[str]:

@@ -22,14 +22,13 @@ from pydantic import Field, model_validator
 from arm_io import DeviceFault
 from arm_io.table import NoSeconds, Seconds, Table
 from drivers.blocks import join
-from drivers.clock import SystemClock
 from drivers.counting import check_channel, extend
 from drivers.labjack_t7 import protocol as t7
 from drivers.labjack_t7 import setup as setup
 from drivers.labjack_t7.link import T7Link
 from drivers.protocols import Block, CounterMode, EdgeSource, HostClock, Identity, Plan, Quality
 from drivers.reconnect import Reconnect, or_fault
-from drivers.registry import World
+from drivers.rig_context import RigContext
 from drivers.tick_clock import TickClock
 
 ADVICE = "is it powered, and is the cable in?"
@@ -347,9 +346,9 @@ class LabJackT7:
         return DeviceFault(self.name, what)
 
 
-def make(name: str, config: Config, world: World) -> LabJackT7:
+def make(name: str, config: Config, context: RigContext) -> LabJackT7:
     """The T7 at ``config.host``, closed."""
-    return LabJackT7(name, config, world.get("host_clock", SystemClock()))
+    return LabJackT7(name, config, context.clock)
 
 
 def find(config: Config) -> list[str]:

@@ -17,11 +17,10 @@ from pydantic import Field, model_validator
 from arm_io import DeviceFault, InputError, read_file
 from arm_io.table import NoSeconds, Rate, Table
 from drivers.blocks import empty
-from drivers.clock import SystemClock
 from drivers.loopback import is_loopback
 from drivers.protocols import Block, EdgeSource, HostClock, Identity, Plan, Quality
 from drivers.reconnect import Reconnect, in_words
-from drivers.registry import World
+from drivers.rig_context import RigContext
 from drivers.serial_port import SerialPort
 from drivers.tracker_stream.protocol import Frames, Lines
 
@@ -227,6 +226,6 @@ class TrackerStream:
         return DeviceFault(self.name, what)
 
 
-def make(name: str, config: Config, world: World) -> TrackerStream:
+def make(name: str, config: Config, context: RigContext) -> TrackerStream:
     """The tracker whose points arrive where ``config`` says, closed."""
-    return TrackerStream(name, config, world.get("host_clock", SystemClock()))
+    return TrackerStream(name, config, context.clock)

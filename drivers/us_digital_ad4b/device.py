@@ -5,11 +5,10 @@ from __future__ import annotations
 from arm_io import DeviceFault
 from arm_io.table import NoSeconds, Seconds, Table
 from drivers.blocks import one_row
-from drivers.clock import SystemClock
 from drivers.counting import check_channel, fell_to_zero
 from drivers.protocols import Block, CounterMode, HostClock, Identity, Plan, Quality
 from drivers.reconnect import Reconnect, or_fault
-from drivers.registry import World
+from drivers.rig_context import RigContext
 from drivers.serial_port import SerialPort, serial_ports
 from drivers.us_digital_ad4b import protocol as ad4b
 
@@ -172,9 +171,9 @@ class Ad4b:
         return DeviceFault(self.name, what)
 
 
-def make(name: str, config: Config, world: World) -> Ad4b:
+def make(name: str, config: Config, context: RigContext) -> Ad4b:
     """The AD4-B at ``config.port``, closed."""
-    return Ad4b(name, config, world.get("host_clock", SystemClock()))
+    return Ad4b(name, config, context.clock)
 
 
 def find(config: Config) -> list[str]:

@@ -14,11 +14,10 @@ from arm_io import DeviceFault
 from arm_io.table import NoSeconds, Seconds, Table
 from drivers import stream_age
 from drivers.blocks import one_row
-from drivers.clock import SystemClock
 from drivers.counting import check_channel, fell_to_zero
 from drivers.protocols import Block, CounterMode, EdgeSource, HostClock, Identity, Plan, Quality
 from drivers.reconnect import Reconnect, or_fault
-from drivers.registry import World
+from drivers.rig_context import RigContext
 from drivers.serial_port import SerialPort, serial_ports
 from drivers.us_digital_qsb import protocol as qsb
 
@@ -274,9 +273,9 @@ class Qsb:
         return DeviceFault(self.name, what)
 
 
-def make(name: str, config: Config, world: World) -> Qsb:
+def make(name: str, config: Config, context: RigContext) -> Qsb:
     """The QSB at ``config.port``, closed."""
-    return Qsb(name, config, world.get("host_clock", SystemClock()))
+    return Qsb(name, config, context.clock)
 
 
 def find(config: Config) -> list[str]:

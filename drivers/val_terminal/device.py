@@ -16,10 +16,9 @@ from pydantic import Field
 
 from arm_io import DeviceFault
 from arm_io.table import Seconds, Table
-from drivers.clock import SystemClock
 from drivers.protocols import HostClock, Identity, Plan
 from drivers.reconnect import or_fault
-from drivers.registry import World
+from drivers.rig_context import RigContext
 from drivers.serial_port import SerialPort, serial_ports
 from drivers.val_terminal import protocol as val
 from experiment import Experiment
@@ -325,9 +324,9 @@ def _flat(segments: list[Segment]) -> list[Segment]:
     return flat
 
 
-def make(name: str, config: Config, world: World) -> ValTerminal:
+def make(name: str, config: Config, context: RigContext) -> ValTerminal:
     """The controller at ``config.port``, closed."""
-    return ValTerminal(name, config, world.get("host_clock", SystemClock()))
+    return ValTerminal(name, config, context.clock)
 
 
 def find(config: Config) -> list[str]:

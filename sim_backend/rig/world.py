@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from arm_io import DeviceFault, InputError, check_table
 from arm_io.types import Array
-from drivers import SystemClock, registry
+from drivers import RigContext, SystemClock
 from drivers.protocols import CounterMode, HostClock
 from experiment import Experiment
 from sim_backend.arm.signals import Mover, Run
@@ -235,28 +235,29 @@ class World:
                 raise DeviceFault(device, "stopped answering; check its plug and its power")
 
 
-def world_of(shared: registry.World) -> World:
-    """The world that a rig's drivers share, made when the first of them asks; leaves ``host_clock`` for the rig."""
-    if "sim_backend" not in shared:
-        from sim_backend.arm.plant import read_arm
+def world_of(context: RigContext) -> World:
+    """The world that a rig's drivers share, made when the first of them asks; its clock becomes the rig's."""
+    return context.shared("sim_backend", lambda: _make_world(context))
 
-        settings = check_table("simulation", shared.get("simulation", {}), Simulation)
-        clock: HostClock = FastClock() if settings.pace == "fast" else SystemClock()
-        plant = read_arm(*_models(settings, shared), settings.settle + settings.hold)
-        try:
-            shared["sim_backend"] = World(settings, plant, clock)
-        except ValueError as error:
-            raise InputError("simulation", str(error)) from None
-        shared["host_clock"] = clock
-    world: World = shared["sim_backend"]
+
+def _make_world(context: RigContext) -> World:
+    from sim_backend.arm.plant import read_arm
+
+    settings = check_table("simulation", context.simulation, Simulation)
+    clock: HostClock = FastClock() if settings.pace == "fast" else SystemClock()
+    plant = read_arm(*_models(settings, context), settings.settle + settings.hold)
+    try:
+        world = World(settings, plant, clock)
+    except ValueError as error:
+        raise InputError("simulation", str(error)) from None
+    context.clock = clock
     return world
 
 
-def _models(settings: Simulation, shared: registry.World) -> tuple[Path, Path | None]:
-    """Which file the arm that moves is in, and the rig's own model, if that is another."""
-    known = None if shared.get("model") is None else Path(shared["model"])
+def _models(settings: Simulation, context: RigContext) -> tuple[Path, Path | None]:
+    """The model file of the arm that moves, and the rig's own model if that is another."""
     if settings.model is not None:
-        return Path(shared.get("folder", ".")) / settings.model, known
-    if known is None:
+        return context.folder / settings.model, context.model
+    if context.model is None:
         raise InputError("simulation", "model: no arm to move; give the rig a model, or name one here")
-    return known, None
+    return context.model, None

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from arm_io import DeviceFault
-from drivers.clock import SystemClock
+from drivers import RigContext
 from drivers.counting import check_channel
 from drivers.protocols import Block, CounterMode, Device, HostClock, Identity, Plan, Quality
-from drivers.registry import World
 from experiment import Demand, Experiment, demand_of
 
 STEP = 3  # counts an edge on channel 0
@@ -98,11 +97,11 @@ class Line:
 class Card:
     """Rows latched on the line's edges, with faults."""
 
-    def __init__(self, name: str, config: Config, world: World) -> None:
+    def __init__(self, name: str, config: Config, context: RigContext) -> None:
         self.name, self.config = name, config
-        self.clock: HostClock = world.get("host_clock", SystemClock())
-        self.line: Line = world.setdefault("line", Line(self.clock))
-        self.slow = "slow_arming" in world.get("simulation", {})  # the devices of a rig are armed 23 ms apart
+        self.clock: HostClock = context.clock
+        self.line = context.shared("line", lambda: Line(self.clock))
+        self.slow = "slow_arming" in context.simulation  # the devices of a rig are armed 23 ms apart
         self.numbered = config.numbered
         self.lines = ("start", "brake")
         self.high: dict[str, bool] = {}
@@ -189,8 +188,8 @@ class Card:
 class Counter(Card):
     """Quadrature counter, trigger input and lines."""
 
-    def __init__(self, name: str, config: Config, world: World) -> None:
-        super().__init__(name, config, world)
+    def __init__(self, name: str, config: Config, context: RigContext) -> None:
+        super().__init__(name, config, context)
         self.width = (config.bits,) * config.channels
         self.presets = [0] * config.channels
         self.modes: dict[int, CounterMode] = {}
@@ -227,8 +226,8 @@ class Counter(Card):
 class Analog(Card):
     """Analogue inputs, latched."""
 
-    def __init__(self, name: str, config: Config, world: World) -> None:
-        super().__init__(name, config, world)
+    def __init__(self, name: str, config: Config, context: RigContext) -> None:
+        super().__init__(name, config, context)
         self.range_volts = ((-10.0, 10.0),) * config.channels
         self.bits = config.bits
         self.output_range = ((-5.0, 5.0),)
@@ -253,8 +252,8 @@ class Analog(Card):
 class Tracker(Card):
     """A tracker that streams its points."""
 
-    def __init__(self, name: str, config: Config, world: World) -> None:
-        super().__init__(name, config, world)
+    def __init__(self, name: str, config: Config, context: RigContext) -> None:
+        super().__init__(name, config, context)
         self.rate = 1000.0
         self.memory = config.memory or 1000
         del self.numbered, self.lines
@@ -274,8 +273,8 @@ class Tracker(Card):
 class MemoryTracker(Card):
     """A tracker whose points stay in its memory until they are recalled."""
 
-    def __init__(self, name: str, config: Config, world: World) -> None:
-        super().__init__(name, config, world)
+    def __init__(self, name: str, config: Config, context: RigContext) -> None:
+        super().__init__(name, config, context)
         self.rate = 1000.0
         self.memory = config.memory or 1000
         del self.numbered, self.lines
@@ -287,9 +286,9 @@ class MemoryTracker(Card):
 class Slow:
     """Analogue inputs without a latch: they show the milliseconds since the clock's zero, at the time of asking."""
 
-    def __init__(self, name: str, config: Config, world: World) -> None:
+    def __init__(self, name: str, config: Config, context: RigContext) -> None:
         self.name, self.config = name, config
-        self.clock: HostClock = world.get("host_clock", SystemClock())
+        self.clock: HostClock = context.clock
         self.range_volts = ((-10.0, 1e6),) * config.channels
         self.bits = 16
         self.polls = 0
@@ -323,10 +322,10 @@ class Slow:
 class Controller:
     """An arm controller that plays the demand of an experiment."""
 
-    def __init__(self, name: str, config: Config, world: World) -> None:
+    def __init__(self, name: str, config: Config, context: RigContext) -> None:
         self.name, self.config = name, config
         self.joints = config.channels
-        self.clock: HostClock = world.get("host_clock", SystemClock())
+        self.clock: HostClock = context.clock
         self.duration, self.begun, self.stopped = 0.0, 0, 0
         self.experiment: object = None
         self.motion: Demand | None = None
@@ -388,11 +387,11 @@ KINDS = {
 }
 
 
-def make(name: str, config: Config, world: World) -> Device:
+def make(name: str, config: Config, context: RigContext) -> Device:
     """A closed test device."""
-    if "own_time" in world.get("simulation", {}):
-        world.setdefault("host_clock", Clock())
-    return KINDS[config.kind](name, config, world)  # type: ignore[no-any-return, abstract]
+    if "own_time" in context.simulation and not isinstance(context.clock, Clock):
+        context.clock = Clock()
+    return KINDS[config.kind](name, config, context)  # type: ignore[no-any-return, abstract]
 
 
 __all__ = ["STEP", "Clock", "Config", "Line", "Quality", "make"]

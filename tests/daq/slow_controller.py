@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from drivers import registry
+from drivers import RigContext
 from drivers.protocols import Plan
 from sim_backend import unimation
 from sim_backend.rig.world import world_of
@@ -32,6 +32,6 @@ class Controller(unimation.Controller):
         super().start()
 
 
-def make(name: str, config: Config, world: registry.World) -> Controller:
+def make(name: str, config: Config, context: RigContext) -> Controller:
     """A closed controller."""
-    return Controller(name, config, world_of(world))
+    return Controller(name, config, world_of(context))

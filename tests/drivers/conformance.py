@@ -4,7 +4,7 @@ One function a promise of ``drivers.protocols``, for simulated devices and hardw
 
 ``check(specimen)`` asks a device for every shape it has. A laboratory's own driver is checked the same way::
 
-    check(Specimen(make=lambda: my_driver.make("card", my_config, {}), source=EdgeSource.TIMER, rate=100.0))
+    check(Specimen(make=lambda: my_driver.make("card", my_config, RigContext()), source=EdgeSource.TIMER, rate=100.0))
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from arm_io import DeviceFault
-from drivers import can_bus
+from drivers import RigContext, can_bus
 from drivers.blocks import join
 from drivers.cia406 import device as cia406
 from drivers.cia406.protocol import ABSENT, Rounds
@@ -40,7 +40,7 @@ def sockets(folder: Path) -> dict[str, Any]:
 def together(driver: Any, simulator: Any, where: Any) -> Iterator[tuple[Any, Any]]:
     box = simulator.make("box", where, swing_wires())
     box.open()
-    device = driver.make("device", where, {})
+    device = driver.make("device", where, RigContext())
     yield device, box
     device.close()
     box.close()
@@ -214,8 +214,8 @@ def test_bus_off_of_a_shared_bus_is_recovered_from_by_both(monkeypatch: pytest.M
     here = cia406.Config(nodes=(1,), bits=25, timeout=0.2, **bus)
     there = isabellenhuette_ivts.Config(sensors=SENSORS[:1], period=5, **bus)
     boxes = [sim_cia406.make("e", here, swing_wires()), sim_ivts.make("i", there, swing_wires())]
-    world: dict[str, Any] = {}
-    devices = [cia406.make("e", here, world), isabellenhuette_ivts.make("i", there, world)]
+    context = RigContext()
+    devices = [cia406.make("e", here, context), isabellenhuette_ivts.make("i", there, context)]
     for each in boxes + devices:
         each.open()
     for device in devices:
@@ -238,13 +238,13 @@ def test_bus_off_of_a_shared_bus_is_recovered_from_by_both(monkeypatch: pytest.M
 
 def test_a_bus_with_nobody_on_it() -> None:
     where = cia406.Config(nodes=(9,), **virtual())
-    device = cia406.make("nobody", where, {})
+    device = cia406.make("nobody", where, RigContext())
     with pytest.raises(DeviceFault, match="node 9, object 1000h"):
         device.open()
-    sensor = isabellenhuette_ivts.make("nobody", isabellenhuette_ivts.Config(**virtual()), {})
+    sensor = isabellenhuette_ivts.make("nobody", isabellenhuette_ivts.Config(**virtual()), RigContext())
     with pytest.raises(DeviceFault, match="did not answer"):
         sensor.open()
-    absent = cia406.make("absent", cia406.Config(nodes=(9,), interface="socketcan", channel="can7"), {})
+    absent = cia406.make("absent", cia406.Config(nodes=(9,), interface="socketcan", channel="can7"), RigContext())
     with pytest.raises(DeviceFault, match="adapter"):
         absent.open()
 
@@ -255,10 +255,10 @@ def test_a_node_that_is_no_encoder_or_counts_otherwise() -> None:
     box.open()
     other = cia406.Config(nodes=(1,), bits=24, interface=where.interface, channel=where.channel)
     with pytest.raises(DeviceFault, match="correct 'bits'"):
-        cia406.make("other", other, {}).open()
+        cia406.make("other", other, RigContext()).open()
     box.encoders[1].node.data_store[0x1000] = {0: (401).to_bytes(4, "little")}
     with pytest.raises(DeviceFault, match="profile is 401"):
-        cia406.make("device", where, {}).open()
+        cia406.make("device", where, RigContext()).open()
     box.close()
 
 
@@ -329,7 +329,7 @@ def test_a_sensor_made_for_another_current_is_told() -> None:
     bus = virtual()
     box = sim_ivts.make("box", isabellenhuette_ivts.Config(rated_current=100.0, **bus), swing_wires())
     box.open()
-    device = isabellenhuette_ivts.make("device", isabellenhuette_ivts.Config(rated_current=300.0, **bus), {})
+    device = isabellenhuette_ivts.make("device", isabellenhuette_ivts.Config(rated_current=300.0, **bus), RigContext())
     device.open()
     assert device.check()[0] == "the sensor at 521h is made for 100 A, not 300: correct 'rated_current'"
     device.close()
@@ -343,12 +343,12 @@ def test_two_drivers_share_one_bus() -> None:
     boxes = [sim_cia406.make("e", here, swing_wires()), sim_ivts.make("i", there, swing_wires())]
     for box in boxes:
         box.open()
-    world: dict[str, Any] = {}
-    devices = [cia406.make("e", here, world), isabellenhuette_ivts.make("i", there, world)]
+    context = RigContext()
+    devices = [cia406.make("e", here, context), isabellenhuette_ivts.make("i", there, context)]
     for device in devices:
         device.open()
         device.arm(POLL)
-    assert len(world["can"]) == 1
+    assert devices[0]._bus is devices[1]._bus
     for _ in range(5):
         assert not devices[0].poll().quality.any()
         assert not (devices[1].poll().quality & Quality.MISSING).any()

@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from arm_io import DeviceFault
+from drivers import RigContext
 from drivers.blocks import join
 from drivers.cia406 import device as cia406
 from drivers.cia406 import protocol as cia
@@ -37,7 +38,7 @@ def encoders() -> Iterator[tuple[Any, Any]]:
     where = cia406.Config(nodes=(1, 2, 5), bits=25, sync=2, patience=5.0, interface="virtual", channel=uuid.uuid4().hex)
     box = simulator.make("box", where, swing_wires())
     box.open()
-    device = cia406.make("device", where, {})
+    device = cia406.make("device", where, RigContext())
     yield device, box
     device.close()
     box.close()
@@ -96,7 +97,7 @@ def test_every_sync_of_the_node_is_a_row(encoders: tuple[Any, Any]) -> None:
 def test_somebody_else_makes_the_syncs_anyway(encoders: tuple[Any, Any]) -> None:
     _, box = encoders
     where = box.config.model_copy(update={"sync": "bus"})
-    device = cia406.make("listener", where, {})
+    device = cia406.make("listener", where, RigContext())
     device.open()
     with pytest.raises(DeviceFault, match="0 SYNCs were heard in .* who makes them"):
         device.arm(TIMER)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from arm_io import DeviceFault
+from drivers import RigContext
 from drivers import comedi_ni_labpc as driver
 from drivers.protocols import EdgeSource, Plan, Quality
 
@@ -60,7 +61,7 @@ def fake_comedilib() -> types.ModuleType:
 def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[driver.NiLabPc, types.ModuleType]]:
     library = fake_comedilib()
     monkeypatch.setitem(sys.modules, "comedi", library)
-    device = driver.make("card", driver.Config(inputs=4), {})
+    device = driver.make("card", driver.Config(inputs=4), RigContext())
     yield device, library
     device.close()
     for file in (library.reading, library.writing):
@@ -116,7 +117,7 @@ def test_an_overrun_is_a_fault_and_ceilings_are_refused(card) -> None:
 
 
 def test_without_the_binding_or_with_another_card() -> None:
-    device = driver.make("card", driver.Config(), {})
+    device = driver.make("card", driver.Config(), RigContext())
     if "comedi" not in sys.modules:
         with pytest.raises(DeviceFault, match="not installed"):
             device.open()

@@ -17,6 +17,7 @@ import pytest
 
 import drivers
 import sim_backend
+from drivers import RigContext
 from drivers.protocols import Device, EdgeSource, Plan
 from sim_backend.protocol.wires import Wires
 from sim_backend.rig.clock import FastClock
@@ -41,7 +42,7 @@ def on_its_wire(
     box = simulator.make(name, where, wires or swing_wires())
     box.open()
     try:
-        yield lambda: driver.make(name, where, {}), box
+        yield lambda: driver.make(name, where, RigContext()), box
     finally:
         box.close()
 
@@ -117,7 +118,7 @@ def comedi_ni_labpc(tmp: Path) -> Iterator[Specimen]:
         os.write(library.writing, b"\0\x04" * 4 * round(seconds * 1000))
 
     try:
-        yield Specimen(lambda: driver.make("card", driver.Config(inputs=4), {}), TIMER, 1000.0, wait=scans)
+        yield Specimen(lambda: driver.make("card", driver.Config(inputs=4), RigContext()), TIMER, 1000.0, wait=scans)
     finally:
         sys.modules.pop("comedi") if before is None else sys.modules.__setitem__("comedi", before)
         os.close(library.reading)
@@ -127,14 +128,14 @@ def comedi_ni_labpc(tmp: Path) -> Iterator[Specimen]:
 @contextmanager
 def simulated(name: str, options: dict[str, Any], root: Path) -> Iterator[Specimen]:
     """A device of the simulated rig; the tracker beside it makes the edges once the Lab-PC raises the start line."""
-    world: dict[str, Any] = {"simulation": {"pace": "fast"}, "model": root / "config/models/puma560.toml"}
+    context = RigContext(simulation={"pace": "fast"}, model=root / "config/models/puma560.toml")
 
     def make(driver: str, **table: Any) -> Any:
         module = importlib.import_module(f"sim_backend.{driver}")
-        return module.make(driver, module.Config.model_validate(table), world)
+        return module.make(driver, module.Config.model_validate(table), context)
 
     tracker, card = make("optotrak"), make("lab_pc")
-    clock = world["host_clock"]
+    clock = context.clock
     assert isinstance(clock, FastClock)
     with ExitStack() as stack:
         for device in (tracker, card):
@@ -159,13 +160,13 @@ def simulated(name: str, options: dict[str, Any], root: Path) -> Iterator[Specim
 @contextmanager
 def in_memory(kind: str) -> Iterator[Specimen]:
     """The instruments of the tests of daq, which must not promise less than a real device."""
-    world: dict[str, Any] = {"simulation": {"own_time": True}}
+    context = RigContext(simulation={"own_time": True})
     config = instruments.Config(kind=kind, max_rate=5000.0 if kind != "controller" else None, free_running=True)
-    instruments.make("first", config, world)
-    line = world.setdefault("line", instruments.Line(world["host_clock"]))
+    instruments.make("first", config, context)
+    line = context.shared("line", lambda: instruments.Line(context.clock))
     source = POLL if kind == "polled" else TRACKER
     yield Specimen(
-        lambda: instruments.make(kind, config, world), source, 1000.0, wait=world["host_clock"].sleep, end=line.reset
+        lambda: instruments.make(kind, config, context), source, 1000.0, wait=context.clock.sleep, end=line.reset
     )
 
 

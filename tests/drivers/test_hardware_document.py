@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from daq.rig.rig_file import read_rig
+from drivers import RigContext
 from drivers.protocols import EdgeSource
 from sim_backend.protocol.serving import Loop, Terminal
 from tests.drivers.conformance import Specimen, check
@@ -41,7 +42,7 @@ def test_the_example_driver_keeps_its_promises(root: Path, tmp_path: Path, monke
     loop = Loop(answer, lambda: [terminal.fileno()])
     loop.start()
     config = module.Config(port=str(tmp_path / "box"))
-    promises = check(Specimen(lambda: module.make("box", config, {}), EdgeSource.POLL, 50.0))
+    promises = check(Specimen(lambda: module.make("box", config, RigContext()), EdgeSource.POLL, 50.0))
     assert "presets_are_shown_and_registers_wrap" in promises
     loop.stop()
     terminal.close()

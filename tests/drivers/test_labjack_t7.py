@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from arm_io import DeviceFault
+from drivers import RigContext
 from drivers.blocks import join
 from drivers.counting import extend
 from drivers.labjack_t7 import device as driver
@@ -40,7 +41,7 @@ def rig() -> Iterator[tuple[driver.LabJackT7, simulator.SimulatedT7, Wires]]:
     where = config()
     box = simulator.make("t7", where, wires)
     box.open()
-    device = driver.make("t7", where, {})
+    device = driver.make("t7", where, RigContext())
     yield device, box, wires
     device.close()
     box.close()
@@ -326,7 +327,7 @@ def test_its_own_watchdog_lowers_the_outputs() -> None:
     where = config(watchdog=1)
     box = simulator.make("t7", where, wires)
     box.open()
-    device = driver.make("t7", where, {})
+    device = driver.make("t7", where, RigContext())
     device.open()
     device.arm(Plan(TIMER, 1000.0, None))
     device.write_line("start", True)
@@ -355,7 +356,7 @@ def test_another_device_at_its_address_is_told_from_a_t7() -> None:
     box.registers.put(t7.PRODUCT_ID, struct.pack(">f", 4.0))
     box.open()
     with pytest.raises(DeviceFault, match="product 4, not a T7"):
-        driver.make("t7", where, {}).open()
+        driver.make("t7", where, RigContext()).open()
     box.close()
     with pytest.raises(DeviceFault, match="on the network"):
-        driver.make("t7", where, {}).open()
+        driver.make("t7", where, RigContext()).open()

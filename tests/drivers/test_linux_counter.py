@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from arm_io import DeviceFault, InputError
+from drivers import RigContext
 from drivers import linux_counter as driver
 from drivers.blocks import join
 from drivers.counting import extend
@@ -25,7 +26,7 @@ def rig(tmp_path: Path) -> Iterator[tuple[driver.LinuxCounter, simulator.Simulat
     where = driver.Config(sysfs=str(tmp_path), counts=(0, 2), patience=2.0)
     box = simulator.make("counter", where, swing_wires())
     box.open()
-    device = driver.make("counter", where, {})
+    device = driver.make("counter", where, RigContext())
     yield device, box
     device.close()
     box.close()
@@ -78,6 +79,6 @@ def test_a_module_unloaded_and_loaded_again(rig) -> None:
 
 def test_no_counter_at_all(tmp_path: Path) -> None:
     with pytest.raises(DeviceFault, match="kernel module"):
-        driver.make("counter", driver.Config(sysfs=str(tmp_path)), {}).open()
+        driver.make("counter", driver.Config(sysfs=str(tmp_path)), RigContext()).open()
     with pytest.raises(InputError, match="a simulated counter cannot be in"):
         simulator.make("counter", driver.Config(), swing_wires())

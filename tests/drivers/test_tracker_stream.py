@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from arm_io import DeviceFault
+from drivers import RigContext
 from drivers.blocks import join
 from drivers.protocols import Block, EdgeSource, Plan, PositionTracker, Quality
 from drivers.tracker_stream import device as driver
@@ -33,7 +34,7 @@ def rig(
     wires = swing_wires()
     box = simulator.make("tracker", where, wires)
     box.open()
-    device = driver.make("tracker", where, {})
+    device = driver.make("tracker", where, RigContext())
     yield device, box
     device.close()
     box.close()
@@ -89,7 +90,7 @@ def test_an_earlier_run_is_known_though_nothing_of_it_was_waiting(tmp_path: Path
     """Armed between two lines, and in the middle of one: 21 cut in two is no frame 1."""
     port = Terminal("tracker", str(tmp_path / "tracker"))
     port.open()
-    device = driver.make("tracker", driver.Config(serial=str(tmp_path / "tracker")), {})
+    device = driver.make("tracker", driver.Config(serial=str(tmp_path / "tracker")), RigContext())
     device.open()
     device.arm(Plan(ON_EDGES, 1000.0, 10))
     port.write(b"1,0.1,1,2,3\n2,0.2,1,2,3\n", 0)
@@ -200,7 +201,7 @@ def test_a_broken_beam_is_a_missing_point(rig) -> None:
 
 def test_datagrams_of_strangers_and_old_ones_are_not_taken() -> None:
     where = driver.Config(port=free_port(), sender="127.0.0.2")
-    device = driver.make("tracker", where, {})
+    device = driver.make("tracker", where, RigContext())
     device.open()
     device.arm(Plan(ON_EDGES, 1000.0, 10))
     with (
@@ -239,7 +240,7 @@ def test_refused_configurations() -> None:
 def test_no_file_is_a_fault(tmp_path: Path) -> None:
     for options, what in (({}, "keeps no file"), ({"file": str(tmp_path / "none.csv")}, "has the tracker written it")):
         with pytest.raises(DeviceFault, match=what):
-            driver.make("tracker", driver.Config(port=5, **options), {}).recall()
+            driver.make("tracker", driver.Config(port=5, **options), RigContext()).recall()
     (tmp_path / "bad.csv").write_text("frame,seconds,x,y,z\n1,0.1,1,2,3\nrubbish\n")
     with pytest.raises(DeviceFault, match="not every line"):
-        driver.make("tracker", driver.Config(port=5, file=str(tmp_path / "bad.csv")), {}).recall()
+        driver.make("tracker", driver.Config(port=5, file=str(tmp_path / "bad.csv")), RigContext()).recall()

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from arm_io import DeviceFault
+from drivers import RigContext
 from drivers.counting import extend
 from drivers.protocols import CounterMode, EdgeSource, Plan, Quality
 from drivers.us_digital_ad4b import device as us_digital_ad4b
@@ -59,7 +60,7 @@ def test_24_bits_wrap_at_speed(tmp_path: Path) -> None:
     wires.counts = lambda channel, at: at // 40
     box = sim_ad4b.make("fast", where, wires)
     box.open()
-    device = us_digital_ad4b.make("fast", where, {})
+    device = us_digital_ad4b.make("fast", where, RigContext())
     device.open()
     device.arm(POLL)
     block = poll_for(device, 1.6, 0.0)
@@ -154,7 +155,7 @@ def test_a_port_that_is_not_there(tmp_path: Path) -> None:
         (us_digital_qsb, us_digital_qsb.Config(port=str(tmp_path / "none"))),
         (us_digital_ad4b, us_digital_ad4b.Config(port=str(tmp_path / "none"))),
     ):
-        device = driver.make("nobody", where, {})
+        device = driver.make("nobody", where, RigContext())
         with pytest.raises(
             DeviceFault, match=f"^nobody: {tmp_path}/none: No such file or directory; is the .* plugged in"
         ):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from arm_io import DeviceFault
+from drivers import RigContext
 from drivers.blocks import join
 from drivers.protocols import EdgeSource, Plan, Quality
 from drivers.serial_port import SerialPort
@@ -153,7 +154,9 @@ def test_a_host_that_was_away_takes_no_old_count_for_a_new_one(tmp_path: Path) -
 def test_a_host_that_was_away_does_not_forgive_a_slow_line(tmp_path: Path) -> None:
     """All that has piled up is counted, so that what is still under way is known afterwards as before."""
     box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
-    device = us_digital_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), {})
+    device = us_digital_qsb.make(
+        "counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), RigContext()
+    )
     box.open()
     with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
         device.open()
@@ -205,7 +208,9 @@ class SlowWire:
 def test_a_streamed_count_that_was_held_up_on_its_way_is_marked(tmp_path: Path, delay: float) -> None:
     """Every poll finds new bytes, and nothing in them tells that they are old."""
     box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
-    device = us_digital_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), {})
+    device = us_digital_qsb.make(
+        "counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), RigContext()
+    )
     box.open()
     with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
         device.open()
@@ -232,7 +237,9 @@ def test_a_stream_that_stays_behind_is_begun_anew(tmp_path: Path, monkeypatch: p
     """
     monkeypatch.setattr(us_digital_qsb, "BEHIND", 500_000_000)
     box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
-    device = us_digital_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), {})
+    device = us_digital_qsb.make(
+        "counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), RigContext()
+    )
     box.open()
     with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
         device.open()
@@ -256,7 +263,9 @@ def test_a_stream_that_stays_behind_is_begun_anew(tmp_path: Path, monkeypatch: p
 def test_a_line_that_is_slow_from_the_beginning_is_told(tmp_path: Path) -> None:
     """The stream alone cannot show it."""
     box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
-    device = us_digital_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), {})
+    device = us_digital_qsb.make(
+        "counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), RigContext()
+    )
     box.open()
     with SlowWire(tmp_path / "qsb", tmp_path / "end") as wire:
         device.open()

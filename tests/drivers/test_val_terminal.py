@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from arm_io import DeviceFault
+from drivers import RigContext
 from drivers.val_terminal import device as driver
 from experiment import Experiment, demand_of
 from experiment.file import read_experiment
@@ -63,7 +64,7 @@ def rig(tmp_path: Path) -> Iterator[tuple[driver.ValTerminal, simulator.Simulate
     )
     box = simulator.make("val", where, Wires(counts=counts, volts=volts, arm=arm))
     box.open()
-    device = driver.make("val", where, {})
+    device = driver.make("val", where, RigContext())
     yield device, box, arm
     device.close()
     box.close()

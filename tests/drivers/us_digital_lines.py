@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers import RigContext
 from drivers.blocks import join
 from drivers.counting import extend
 from drivers.protocols import Block, EdgeSource, Plan, Quality
@@ -24,7 +25,7 @@ NOT_NOW = Quality.MISSING | Quality.STALE | Quality.LATE  # a row so marked does
 def pair(driver: Any, simulator: Any, where: Any) -> Iterator[tuple[Any, Any]]:
     box = simulator.make("counter", where, swing_wires())
     box.open()
-    device = driver.make("counter", where, {})
+    device = driver.make("counter", where, RigContext())
     yield device, box
     device.close()
     box.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from drivers import RigContext
 from drivers.protocols import Block, EdgeSource, Plan
 from experiment import Experiment
 from sim_backend import lab_pc, mit_c12, optotrak, unimation
@@ -42,11 +43,13 @@ def make_rig(
 ) -> Rig:
     """Six joints on one counter card, eight inputs, a tracker that streams all its points; a table of options each."""
     world = World(Simulation(seed=seed, fault=list(faults), **(simulation or {})), FollowerPlant(), FastClock())
+    context = RigContext()
+    context.shared("sim_backend", lambda: world)
     rig = Rig(
         world,
         mit_c12.Card("counter", mit_c12.Config(joints=[1, 2, 3, 4, 5, 6], bits=[24] * 6, **(counter or {})), world),
         lab_pc.Card("analog", lab_pc.Config(**({"conversion_rate": 250e3} | (analog or {}))), world),
-        optotrak.make("tracker", optotrak.Config(**({"stream": 1000.0} | (tracker or {}))), {"sim_backend": world}),
+        optotrak.make("tracker", optotrak.Config(**({"stream": 1000.0} | (tracker or {}))), context),
         unimation.Controller("arm", unimation.Config(), world),
     )
     for device in (*rig.acquiring, rig.arm):

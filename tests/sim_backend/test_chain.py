@@ -16,6 +16,7 @@ from daq.rig.bench import open_bench
 from daq.rig.rig_file import Rig, read_rig
 from drivers.protocols import Quality
 from experiment import Experiment, demand_of
+from sim_backend.rig import world_of
 from tests.daq.benches import joined
 from tests.sim_backend.recordings import fast_rig
 
@@ -152,7 +153,7 @@ def test_hidden_arm_moves_under_the_servos_of_the_known_one(root: Path, tmp_path
     write_model(tmp_path / "hidden.toml", replace(arm, joints=(*arm.joints[:2], heavy, *arm.joints[3:])))
     rig = _fast(root, model=str(tmp_path / "hidden.toml"))
     with open_bench(rig) as bench:
-        moved = bench._world["sim_backend"].plant.arm
+        moved = world_of(bench._context).plant.arm
     assert moved.joints[2].mass == 9.6
     from arm_model.servo import servo_gains
 
