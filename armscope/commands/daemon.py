@@ -11,11 +11,12 @@ from typing import Annotated
 import typer
 
 from arm_io import make_folder
+from armscope.commands.options import RigOption
 from daq.service import Service
 
 
 def command(
-    rig: Annotated[Path, typer.Option(metavar="RIG.toml", help="the rig")],
+    rig: RigOption,
     recordings: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="recordings go only here; required where the rig's endpoint is not loopback"),

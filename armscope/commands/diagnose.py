@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from arm_io import InputError
+from armscope.commands.options import HeldOut, Json
 
 if TYPE_CHECKING:
     from rich.status import Status
@@ -32,12 +33,7 @@ def command(
     model: Annotated[
         Path | None, typer.Option(metavar="MODEL.toml", help="nominal model to be diagnosed; default: the rig's")
     ] = None,
-    held_out: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--held-out", metavar="B.mcap ...", help="held-out recordings; default: the last 40 % of each recording"
-        ),
-    ] = None,
+    held_out: HeldOut = None,
     rig: Annotated[
         Path | None,
         typer.Option(metavar="RIG.toml", help="record experiments on this rig that discriminate ambiguity groups"),
@@ -51,7 +47,7 @@ def command(
             help="instead: estimate this parameter (joint2.viscous) as time-varying and report what it correlates with",
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print diagnosis.json and nothing else")] = False,
+    as_json: Json = False,
 ) -> int:
     """Diagnoses recordings against a model."""
     from rich.console import Console

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from armscope.commands.options import Json, RigArgument
 from armscope.commands.status import ask
 
 _SECONDS = 60.0
@@ -15,8 +12,8 @@ _SECONDS = 60.0
 
 
 def command(
-    rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="the rig to disarm")],
-    as_json: Annotated[bool, typer.Option("--json", help="print the answer as JSON")] = False,
+    rig: RigArgument,
+    as_json: Json = False,
 ) -> None:
     told = ask(rig, "disarm", timeout=_SECONDS)
     print(json.dumps({"state": told["state"]}) if as_json else told["state"])

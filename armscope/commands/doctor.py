@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import time
 from dataclasses import asdict
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 
 from arm_io import DeviceFault
+from armscope.commands.options import Json, RigArgument
 from daq.rig import Bench, DeviceTable, check_plan, read_rig
 from daq.service import RigLock
 from drivers import find_devices
@@ -28,8 +27,8 @@ WORRIES = {
 
 
 def command(
-    rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="the rig")],
-    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+    rig: RigArgument,
+    as_json: Json = False,
 ) -> int:
     checked = read_rig(rig)
     bench = Bench(checked)

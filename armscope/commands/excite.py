@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armscope.commands.options import Json
+
 if TYPE_CHECKING:
     from arm_model import Arm
     from daq.rig import Rig
@@ -40,7 +42,7 @@ def command(
     ] = Criterion.d,
     candidates: Annotated[int, typer.Option(min=32, help="number of candidate motions")] = 1600,
     seed: Annotated[int, typer.Option(help="seed of the random candidates; the same seed gives the same motion")] = 1,
-    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+    as_json: Json = False,
 ) -> None:
     """Designs an excitation."""
     from arm_io import InputError

@@ -9,13 +9,14 @@ from typing import Annotated
 
 import typer
 
+from armscope.commands.options import Json
 from daq.recording import open_long, write_csv
 
 
 def command(
     recording: Annotated[Path, typer.Argument(help="RUN.mcap")],
     out: Annotated[Path, typer.Option(help="the CSV to write (replaced if it is there)")],
-    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+    as_json: Json = False,
 ) -> None:
     data = open_long(recording)
     columns = write_csv(out, data)

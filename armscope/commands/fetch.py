@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from arm_io import InputError
+from armscope.commands.options import Json
 from daq.rig import read_rig
 from daq.service import call, keys_of, open_session
 from daq.service.transfer import fetch
@@ -28,7 +29,7 @@ def command(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="file to write; default: NAME in the working directory")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+    as_json: Json = False,
 ) -> None:
     checked = read_rig(rig, drivers=False)
     keys = keys_of(checked.name)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armscope.commands.options import HeldOut, Json
+
 if TYPE_CHECKING:
     from identification.preprocessing import Readiness
 
@@ -40,10 +42,7 @@ def command(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="folder for identification.json, report.html, model.toml")
     ] = None,
-    held_out: Annotated[
-        list[Path] | None,
-        typer.Option("--held-out", metavar="RUN.mcap", help="held-out recording; may be repeated"),
-    ] = None,
+    held_out: HeldOut = None,
     method: Annotated[
         Method,
         typer.Option(
@@ -64,7 +63,7 @@ def command(
         bool,
         typer.Option("--check", help="only check the recordings, without fitting: rows, excitation, saturation, lag"),
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print identification.json and nothing else")] = False,
+    as_json: Json = False,
 ) -> None:
     """Identifies an arm."""
     from rich.console import Console

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from arm_io import read_text
+from armscope.commands.options import Json, RecordingOut
 from daq.recording import Attachments, Table, TimeUnit, read_csv_blocks, write_blocks
 from daq.recording.provenance import file_identity, provenance
 from daq.rig import read_rig
@@ -17,13 +18,13 @@ from daq.rig import read_rig
 
 def command(
     table: Annotated[Path, typer.Argument(help="CSV: t, q1.., i1.., and qref, ql, v, temp by joint, x, y, z")],
-    out: Annotated[Path, typer.Option(help="the recording to write (replaced if it is there)")],
+    out: RecordingOut,
     rig: Annotated[Path | None, typer.Option(help="rig file with the joints; default: joints from the columns")] = None,
     keep_extra: Annotated[bool, typer.Option("--keep-extra", help="keep columns with unknown names")] = False,
     time_unit: Annotated[
         TimeUnit | None, typer.Option("--time-unit", help="unit of the column t; required if it does not look like s")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+    as_json: Json = False,
 ) -> None:
     checked = None if rig is None else read_rig(rig, drivers=False)
     joints = None if checked is None else checked.joints

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from armscope.commands.options import Json, RecordingArgument
 from daq.recording import open_long
 from daq.recording.summary import summary, verification_table
 
@@ -16,9 +16,9 @@ _LONGEST = 10
 
 
 def command(
-    recording: Annotated[Path, typer.Argument(help="RUN.mcap, or RUN.mcap.active")],
+    recording: RecordingArgument,
     verify: Annotated[bool, typer.Option("--verify", help="verify the checksum of every record")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print everything as JSON")] = False,
+    as_json: Json = False,
 ) -> int:
     table = summary(open_long(recording, damaged=True))
     if verify:

@@ -15,6 +15,7 @@ import typer
 from arm_io import InputError
 from arm_model import Arm, read_model, write_model
 from arm_model.symbolic import Expr, Tape
+from armscope.commands.options import Json
 
 
 class Form(StrEnum):
@@ -50,7 +51,7 @@ def command(
         bool, typer.Option(help="list the effects that a model may have, with their parameters; needs no model")
     ] = False,
     tip: Annotated[str | None, typer.Option(help="last link, of a URDF file that branches")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+    as_json: Json = False,
 ) -> None:
     if effects:
         _catalogue(as_json)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from arm_io import InputError, check_file
+from armscope.commands.options import Json
 from daq.recording import open_long, plot
 
 
@@ -16,7 +17,7 @@ def command(
     recordings: Annotated[list[Path], typer.Argument(help="RUN.mcap ...: measured first, then simulated")],
     out: Annotated[Path, typer.Option(help="the picture (.png, .svg or .pdf)")],
     joint: Annotated[list[int] | None, typer.Option(help="only this joint (may be given more than once)")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+    as_json: Json = False,
 ) -> None:
     if out.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(out, "the name of a picture must end in .png, .svg or .pdf")

@@ -13,6 +13,7 @@ import typer
 
 from armscope.api.recording import record
 from armscope.commands.fetch import transfer_shown
+from armscope.commands.options import Json, RigOption
 from experiment import read_experiment
 
 Table = dict[str, Any]
@@ -20,7 +21,7 @@ _DONE, _DEVICE_FAILED, _SAMPLES_LOST = 0, 3, 4
 
 
 def command(
-    rig: Annotated[Path, typer.Option(metavar="RIG.toml", help="the rig")],
+    rig: RigOption,
     experiment: Annotated[Path, typer.Option(metavar="EXP.toml", help="the motion")],
     out: Annotated[
         Path,
@@ -29,7 +30,7 @@ def command(
         ),
     ],
     fetch: Annotated[bool, typer.Option("--fetch", help="copy the recording here from the daemon's folder")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+    as_json: Json = False,
 ) -> int:
     from daq.rig import read_rig
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from armscope.commands.options import Json
 from daq.acquisition import SENTENCES
 from daq.recording import ledger_table
 from daq.recording.recover import recover
@@ -17,7 +18,7 @@ def command(
     recording: Annotated[Path, typer.Argument(help="RUN.mcap.active, or a damaged RUN.mcap")],
     out: Annotated[Path | None, typer.Option(help="the recording to write; default: without '.active'")] = None,
     force: Annotated[bool, typer.Option("--force", help="replace an existing file")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+    as_json: Json = False,
 ) -> int:
     result = recover(recording, out, replace=force)
     if as_json:

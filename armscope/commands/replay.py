@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from arm_io import InputError, check_table
+from armscope.commands.options import Json, RecordingArgument
 from daq.recording import open_long
 from daq.rig import Rig, read_rig
 from daq.service import Publisher, blocks_of, keys_of, open_session, paced
@@ -21,7 +22,7 @@ MAY_BE_INFINITE = ("--speed", "--wait")
 
 
 def command(
-    recording: Annotated[Path, typer.Argument(metavar="RUN.mcap", help="the recording, finished or not")],
+    recording: RecordingArgument,
     speed: Annotated[
         float, typer.Option(metavar="X", help="speed relative to real time; inf: as fast as subscribers receive")
     ] = 1.0,
@@ -30,7 +31,7 @@ def command(
     ] = None,
     endpoint: Annotated[str, typer.Option(help="another loopback endpoint")] = "tcp/127.0.0.1:7447",
     wait: Annotated[float, typer.Option(metavar="S", help="maximum time to wait for the first subscriber, s")] = 2.0,
-    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+    as_json: Json = False,
 ) -> None:
     if not speed > 0:
         raise InputError("--speed", f"must be above 0, or inf (is {speed:g})")

@@ -10,11 +10,12 @@ import typer
 
 from arm_io import InputError
 from arm_io.plain_data import point_of
+from armscope.commands.options import Json, RecordingOut
 
 
 def command(
     model: Annotated[Path, typer.Option(help="the arm (config/models/*.toml)")],
-    out: Annotated[Path, typer.Option(help="the recording to write (replaced if it is there)")],
+    out: RecordingOut,
     experiment: Annotated[Path | None, typer.Option(help="experiment file with the motion")] = None,
     like: Annotated[Path | None, typer.Option(help="recording whose demands (qref) the arm follows")] = None,
     rate: Annotated[float | None, typer.Option(help="rows/s; default: the experiment's, else 1000")] = None,
@@ -22,7 +23,7 @@ def command(
         str | None,
         typer.Option(help="x,y,z of a tracker target in the frame of the last link, m; adds xyz to the recording"),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print the result as JSON")] = False,
+    as_json: Json = False,
 ) -> None:
     from armscope.api.simulation import simulate
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
+from armscope.commands.options import Json, RigArgument
 from daq.rig import read_rig
 from daq.service import call, keys_of, open_session
 
@@ -15,8 +14,8 @@ Table = dict[str, Any]
 
 
 def command(
-    rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="the rig whose daemon is asked")],
-    as_json: Annotated[bool, typer.Option("--json", help="print the answer as JSON")] = False,
+    rig: RigArgument,
+    as_json: Json = False,
 ) -> None:
     told = ask(rig, "status")
     print(json.dumps(told) if as_json else _text(told))

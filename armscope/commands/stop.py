@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from armscope.api.recording import text_of
+from armscope.commands.options import Json, RigArgument
 from armscope.commands.record import status_of
 from armscope.commands.status import ask
 
@@ -18,10 +15,8 @@ _END_SECONDS = 60.0
 
 
 def command(
-    rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="the rig whose run is ended")],
-    as_json: Annotated[
-        bool, typer.Option("--json", help="print the answer as JSON: state, and last, the result")
-    ] = False,
+    rig: RigArgument,
+    as_json: Json = False,
 ) -> int:
     told = ask(rig, "stop", {"wait": True}, timeout=_END_SECONDS)
     result = told.get("last")

@@ -1,7 +1,7 @@
 """The service: one rig, its devices open, waiting for commands; one run at a time.
 
 Three threads. The one that calls ``step`` decides: it takes the commands and owns the state, and does nothing that
-takes long, so that ``status`` and ``stop`` are always heard. Another talks to the devices: it arms, starts and takes
+takes long, so that ``status`` and ``stop`` are always answered. Another talks to the devices: it arms, starts and takes
 the rows (``daq.service.process.worker``). A third reads files for clients. docs/daemon.md has the table of commands;
 refusals are ``InputError`` and ``DeviceFault``.
 """
@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import os
 import time
-from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
@@ -21,6 +20,7 @@ from arm_io import DeviceFault, InputError, read_text
 from daq.acquisition.states import End
 from daq.rig.bench import Bench
 from daq.rig.rig_file import Rig, read_rig
+from daq.service.commands.answers import Outcome, PendingAnswers
 from daq.service.commands.arguments import (
     ArmArguments,
     NoArguments,
@@ -42,7 +42,6 @@ from daq.service.transfer.served import ServedFolder
 from daq.service.zenoh_session import keys_of
 
 Table = dict[str, Any]
-Outcome = Future[Any]
 STATE_SECONDS = 0.25
 STUCK_SECONDS = 5.0
 """How long a run may take to end after the guard tripped."""
@@ -82,9 +81,8 @@ class Service:
         self._armed: Armed | None = None
         self._why_disarmed: str | None = None
         self._cancel: str | None = None  # why arming is to end in idle
-        self._answers: list[tuple[Outcome, Callable[[Any], Any], Outcome]] = []  # as ``_later`` makes them
-        self._waiting_for_end: list[Outcome] = []
-        self._told = self._tripped = 0.0
+        self._answers = PendingAnswers()
+        self._published_at = self._tripped = 0.0
         if folder is None and not self.rig.zenoh.loopback and role == "daemon":
             raise InputError(
                 "--recordings",
@@ -117,7 +115,7 @@ class Service:
         self.end(End.TERMINATED)
         self._devices.close()
         self._served.close()
-        self._settle()
+        self._answers.settle()
         if self._endpoint is not None:
             self._endpoint.close_commands()
         if hasattr(self, "_jobs"):
@@ -142,8 +140,12 @@ class Service:
         self._collect()
         if not self._stuck():
             self._watchdog.alive()
-        if self._publisher is not None and time.monotonic() - self._told > STATE_SECONDS and self.run is not None:
-            self._tell()
+        if (
+            self._publisher is not None
+            and time.monotonic() - self._published_at > STATE_SECONDS
+            and self.run is not None
+        ):
+            self._publish_state()
 
     def wake(self) -> None:
         """Makes ``step`` return; from a signal handler or another thread."""
@@ -165,7 +167,7 @@ class Service:
         return outcome
 
     def ask(self, verb: str, arguments: Table | None = None) -> Table:
-        """As ``obey``, waiting for the answer; commands of others are heard meanwhile."""
+        """As ``obey``, waiting for the answer; commands of other clients are obeyed meanwhile."""
         outcome = self.obey(verb, arguments)
         while not outcome.done():
             self.step(0.05)
@@ -208,20 +210,20 @@ class Service:
         checked("identity", arguments, NoArguments)
         if self.state != "idle":
             return self._jobs.known_identities()
-        return self._later(self._devices.submit(self._jobs.identities))
+        return self._answers.of(self._devices.submit(self._jobs.identities))
 
     def _arm(self, arguments: Table) -> Outcome:
         self._refuse_unless_idle("arm")
-        wanted = checked("arm", arguments, ArmArguments)
-        if wanted.rig_sha256 not in (None, self.rig_sha256):
+        request = checked("arm", arguments, ArmArguments)
+        if request.rig_sha256 not in (None, self.rig_sha256):
             raise InputError(
                 "daemon", f"runs rig '{self.rig.name}' from a file of other content; restart it, or use that file"
             )
-        job = partial(self._jobs.arm, wanted, self._served.folder, self._publisher, time.monotonic())
+        job = partial(self._jobs.arm, request, self._served.folder, self._publisher, time.monotonic())
         self._job = self._devices.submit(job)
         self._why_disarmed = self._cancel = None
         self._go("arming")
-        return self._later(self._job, self._armed_answer)
+        return self._answers.of(self._job, self._armed_answer)
 
     def _start(self, arguments: Table) -> Outcome:
         checked("start", arguments, NoArguments)
@@ -232,7 +234,7 @@ class Service:
         self._job = self._devices.submit(partial(self._jobs.run, self.run, started))
         self._armed = None
         self._go("running")
-        return self._later(started, lambda _: {"state": "running"})
+        return self._answers.of(started, lambda _: {"state": "running"})
 
     def _stop(self, arguments: Table) -> Table | Outcome:
         wait = checked("stop", arguments, StopArguments).wait
@@ -240,14 +242,14 @@ class Service:
         self._stop_all(End.STOPPED)
         if self.state == "idle" or not (wait or was_armed):
             return {"state": self.state}
-        return self._at_the_end()
+        return self._answers.at_idle()
 
     def _disarm(self, arguments: Table) -> Table | Outcome:
         checked("disarm", arguments, NoArguments)
         if self.state == "running":
             raise InputError("daemon", "disarm: is running; 'stop' ends a run")
         self._stop_all(End.STOPPED)
-        return {"state": self.state} if self.state == "idle" else self._at_the_end()
+        return {"state": self.state} if self.state == "idle" else self._answers.at_idle()
 
     def _zero(self, arguments: Table) -> Outcome:
         self._refuse_unless_idle("zero", "not during a run")
@@ -255,7 +257,7 @@ class Service:
         position = [0.0] * self.rig.joints if wanted is None else wanted
         if len(position) != self.rig.joints:
             raise InputError("daemon", f"zero: position: must be {self.rig.joints} numbers, is {len(position)}")
-        return self._later(self._devices.submit(partial(self._jobs.zero, position)))
+        return self._answers.of(self._devices.submit(partial(self._jobs.zero, position)))
 
     def _reset(self, arguments: Table) -> Table:
         checked("reset", arguments, NoArguments)
@@ -266,15 +268,13 @@ class Service:
 
     def _go(self, state: str) -> None:
         self.state = state
-        self._tell()
+        self._publish_state()
 
     def _go_idle(self, result: Table | None = None) -> None:
         """result  of the run that has ended, if one has."""
         self.run = self._armed = None
         self._go("idle")
-        waiting, self._waiting_for_end = self._waiting_for_end, []
-        for answer in waiting:
-            answer.set_result({"state": "idle", "last": result})
+        self._answers.settle_idle(result)
 
     def _stop_all(self, reason: End) -> None:
         """Makes for idle from any state."""
@@ -300,7 +300,7 @@ class Service:
                 self._armed_now(job)
             else:
                 self._ended(job)
-        self._settle()
+        self._answers.settle()
         self._expire()
 
     def _armed_answer(self, armed: Armed) -> Table:
@@ -360,29 +360,6 @@ class Service:
         doing = f"is {self.state}" if self.run is None else f"is {self.state} with {self.run.request.out}"
         raise InputError("daemon", f"{verb}: {doing}; {why}")
 
-    def _later(self, work: Outcome, then: Callable[[Any], Any] = lambda result: result) -> Outcome:
-        """The answer to a command whose work is done on another thread.
-
-        ``then`` makes it of the result, on this one.
-        """
-        answer: Outcome = Future()
-        self._answers.append((work, then, answer))
-        return answer
-
-    def _settle(self) -> None:
-        done = [entry for entry in self._answers if entry[0].done()]
-        self._answers = [entry for entry in self._answers if not entry[0].done()]
-        for work, then, answer in done:
-            try:
-                answer.set_result(then(work.result()))
-            except Exception as error:
-                answer.set_exception(error)
-
-    def _at_the_end(self) -> Outcome:
-        answer: Outcome = Future()
-        self._waiting_for_end.append(answer)
-        return answer
-
     def _open_endpoint(self) -> None:
         try:
             self._endpoint = Endpoint(self.rig, self._inbox, self.wake)
@@ -396,18 +373,15 @@ class Service:
         return None if self._endpoint is None else self._endpoint.publisher
 
     def _stuck(self) -> bool:
-        """Whether the devices should have been done long ago: a driver hangs.
-
-        Then only the service manager can help.
-        """
+        """Whether a driver hangs: the devices take longer than they may. Only the service manager can help then."""
         if self.state != "running":
             return self._devices.busy_seconds > STUCK_ARMING_SECONDS
         tripped = self.bench.guard.tripped is not None
         self._tripped = (self._tripped or time.monotonic()) if tripped else 0.0
         return tripped and time.monotonic() - self._tripped > STUCK_SECONDS
 
-    def _tell(self) -> None:
-        self._told = time.monotonic()
+    def _publish_state(self) -> None:
+        self._published_at = time.monotonic()
         if self._publisher is not None:
             self._publisher.state({"state": self.state, "run": self.run.progress() if self.run else None})
         self._watchdog.status(f"rig {self.rig.name}: {self.state}")

@@ -1,0 +1,22 @@
+"""Options and arguments that several commands have: one wording for one thing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Json = Annotated[bool, typer.Option("--json", help="print the result as JSON and nothing else")]
+RigOption = Annotated[Path, typer.Option(metavar="RIG.toml", help="the rig")]
+RigArgument = Annotated[Path, typer.Argument(metavar="RIG.toml", help="the rig")]
+RecordingArgument = Annotated[Path, typer.Argument(metavar="RUN.mcap", help="the recording, finished or not (.active)")]
+RecordingOut = Annotated[
+    Path, typer.Option(metavar="RUN.mcap", help="the recording to write; an existing file is replaced")
+]
+HeldOut = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--held-out", metavar="B.mcap ...", help="held-out recordings; default: the last part of each fitted recording"
+    ),
+]
