@@ -37,6 +37,7 @@ from experiment import Experiment, demand_of
 
 PATIENCE = 0.5  # s without a trigger, or that a device may lag behind the others, before it counts as gone
 RATE_TOLERANCE = 0.01  # relative: a trigger that is further off the rig's rate is noted
+START_WINDOW = 0.002  # s that the start signal may take; the demand's times are known to half of it
 START_TOLERANCE = 0.05  # rad (m): how far the first row may be from the experiment's start pose
 
 
@@ -114,12 +115,15 @@ class Acquisition:
         try:
             self._intake.arm_afresh()
             self._join.begin_at(clock.monotonic_ns())
-            self.bench.guard.start(motion=self.experiment is not None)
+            before, after = self.bench.guard.start(motion=self.experiment is not None)
         except BaseException as error:
             self._end(Ending(End.DEVICE_LOST, str(error)))
             raise
-        self.started_ns = self._newest_ns = clock.monotonic_ns()
-        self._intake.start(self.started_ns)
+        self.started_ns, self._newest_ns = (before + after) // 2, after
+        if self.experiment is not None and after - before > START_WINDOW * 1e9:
+            late = 0.5e-6 * (after - before)
+            self.notes.append(f"the start signal took {2 * late:.2g} ms: the demand's times are known to {late:.2g} ms")
+        self._intake.start(after)
 
     def stop(self, reason: End = End.STOPPED, detail: str = "") -> None:
         """Ends the run with the rows of the triggers so far; from any thread."""

@@ -90,10 +90,11 @@ class Guard:
             if self.controller is not None:
                 self.controller.load(experiment)
 
-    def start(self, *, motion: bool) -> None:
+    def start(self, *, motion: bool) -> tuple[int, int]:
         """Starts the arm, if it has a ``motion``, and raises the start line.
 
-        From now on the watchdog expects ``feed``.
+        From now on the watchdog expects ``feed``. Returns host ns before and after the call by which the start signal
+        went out.
         """
         with self._lock:
             self._refuse_if_tripped("the arm")
@@ -101,10 +102,13 @@ class Guard:
             self._slow = None
             self._speeds = _speed_check(self.rig)
             self._watch()
+            before = self.clock.monotonic_ns()
             if motion and self.controller is not None:
                 self.controller.start()
             if START in self.rig.outputs:
+                before = self.clock.monotonic_ns()
                 self.set_line(START, True)
+            return before, self.clock.monotonic_ns()
 
     # Supervision
 
