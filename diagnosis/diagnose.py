@@ -23,7 +23,8 @@ from diagnosis.closed_loop.comparison import Compared, along_motion, compare, fa
 from diagnosis.find_causes import Named, has_dynamics, named_causes
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.detectability import not_judged, not_visible
-from diagnosis.measurements.currents.unexplained import ABOVE_NOISE, noise_ratio
+from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.unexplained import noise_ratio
 from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
 from diagnosis.measurements.single_axis.causes import AxisSide
@@ -241,7 +242,7 @@ def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure], arm
         "the held-out ones: "
         "hold out a recording with a similar motion of this joint"
         for joint, loud in by_joint.items()
-        if loud > ABOVE_NOISE
+        if loud > LIMITS.above_noise
     )
 
 

@@ -22,7 +22,6 @@ from scipy import signal
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Effect, Instrument, observed_by
-from arm_model.effects.definition import SYSTEMATIC
 from arm_model.rigid_body import mass_matrix
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate_batch
@@ -33,26 +32,11 @@ from diagnosis.residual.noise import scatter
 from diagnosis.residual.run_setup import loaded, setup_of
 from diagnosis.units import unit_at
 from identification.preprocessing import demand_of_run
-from identification.selection import BLOCK_SECONDS, p_value
+from identification.selection import BLOCK_SECONDS, Thresholds, p_value
 from identification.selection.cluster_covariance import cluster_covariance
 
 BAND = (10.0, 100.0)
 """Hz."""
-FASTEST = 300.0
-"""Hz: highest resonance that is tried. A faster one leaves nothing in the band, and its loop takes smaller steps."""
-ABOVE_NOISE = 2.0
-"""Residual-to-noise ratio in the band above which the closed loop does not follow a joint."""
-MOVES = 0.01
-"""rad (m) that a joint moves at least."""
-FOLLOWED = 0.7
-"""Largest share of moving joints above the noise: where nearly all are, the servos are not those of the arm."""
-PROMISING, MOST = 0.4, 0.75
-"""Share of the energy above the noise that the best of the first values must explain at the joint, and the best of all
-at all joints held out."""
-SIGNIFICANT = 0.05
-"""Probability below which the gain over blocks is no chance."""
-ALIKE = 0.05
-"""Share by which play must explain more than a spring: small play between springy teeth is one."""
 SEARCHED_IN = 2
 """Recordings of the fitted side in which values are searched: those that the loop follows worst."""
 END_SECONDS = 0.2
@@ -62,6 +46,35 @@ LANES = 40
 STEPS = np.array([0.7, 0.85, 0.95, 1.05, 1.18, 1.4])
 """Factors by which each parameter is then varied about the best, the others as they are; dampings by their cubes."""
 ROUNDS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResonanceLimits(Thresholds):
+    """What a transmission resonance must satisfy.
+
+    fastest      Hz: highest resonance that is tried: a faster one leaves nothing in the band, and its loop takes
+                 smaller steps
+    above_noise  residual-to-noise ratio in the band above which the closed loop does not follow a joint
+    moves        rad (m) that a joint must move
+    followed     largest share of moving joints above the noise: where nearly all are, the servos are not those of the
+                 arm
+    promising    share of the energy above the noise that the best of the first values must explain at the joint ...
+    explained    ... and the best of all at all joints, held out
+    significant  probability below which its gain over blocks is not chance
+    tie          share by which play must explain more than a spring: small play between springy teeth is one
+    """
+
+    fastest: float = 300.0
+    above_noise: float = 2.0
+    moves: float = 0.01
+    followed: float = 0.7
+    promising: float = 0.4
+    explained: float = 0.75
+    significant: float = 0.05
+    tie: float = 0.05
+
+
+LIMITS = ResonanceLimits()
 
 
 @dataclass(frozen=True)
@@ -96,11 +109,11 @@ def transmission_resonance(
     noise = np.sqrt(np.mean([scatter(r.i) ** 2 * _white_share(r) for r in fit], axis=0))
     missed = [_errors(arm, r)[0] for r in fit]
     noise_ratio = np.sqrt(np.mean(np.concatenate(missed) ** 2, axis=0)) / noise
-    moving = np.any([np.ptp(r.q, axis=0) > MOVES for r in fit], axis=0)
+    moving = np.any([np.ptp(r.q, axis=0) > LIMITS.moves for r in fit], axis=0)
     if (
         not np.isfinite(noise_ratio).all()
-        or noise_ratio.max() < ABOVE_NOISE
-        or np.mean(noise_ratio[moving] > ABOVE_NOISE) > FOLLOWED
+        or noise_ratio.max() < LIMITS.above_noise
+        or np.mean(noise_ratio[moving] > LIMITS.above_noise) > LIMITS.followed
     ):
         return None
     worst = sorted(range(len(fit)), key=lambda k: -float(np.sum(missed[k] ** 2)))[:SEARCHED_IN]
@@ -108,7 +121,7 @@ def transmission_resonance(
     strongest = [
         joint
         for joint in np.argsort(-noise_ratio)[:3] + 1
-        if joint in joints and noise_ratio[joint - 1] > max(ABOVE_NOISE, noise_ratio.max() / 2)
+        if joint in joints and noise_ratio[joint - 1] > max(LIMITS.above_noise, noise_ratio.max() / 2)
     ]
     promising = [
         trial_score
@@ -119,9 +132,7 @@ def transmission_resonance(
     ]
     most = max((share for share, _ in promising), default=0.0)
     # the simpler first of those that do as well; what its own joint would have, the other joints may refuse
-    for _, trial in sorted(
-        promising, key=lambda trial_score: (trial_score[0] < most - ALIKE, len(trial_score[1].values), -trial_score[0])
-    ):
+    for _, trial in sorted(promising, key=lambda one: (one[0] < most - LIMITS.tie, len(one[1].values), -one[0])):
         if (cause := _judged(arm, trial, fit, held_out, noise)) is not None:
             return cause
     return None
@@ -139,7 +150,7 @@ def _searched(
         grid |= {p.name: [*grid[p.name], p.value] for p in near.parameters}
     j = joint - 1
     link = float(np.mean([mass_matrix(arm, r.q[:1], rotors=False)[0, j, j] for r in recordings]))
-    stiffest = link * (2 * np.pi * FASTEST) ** 2
+    stiffest = link * (2 * np.pi * LIMITS.fastest) ** 2
     grid = {name: [v for v in values if "stiffness" not in name or v < stiffest] for name, values in grid.items()}
     if not all(grid.values()):
         return None
@@ -149,7 +160,7 @@ def _searched(
         shares = _shares(arm, trials, recordings[: 1 + turn], noise)  # the first values in the worst recording
         place = int(np.nanargmax(shares))
         share, best = float(shares[place]), trials[place]
-        if turn == 0 and not share > PROMISING:
+        if turn == 0 and not share > LIMITS.promising:
             return None
         steps = STEPS ** (0.6**turn)
         trials = [best] + [
@@ -252,7 +263,7 @@ def _judged(
         [np.add.reduceat((b**2 - a**2)[:, j], np.arange(0, len(a), n)) for (b, a), n in zip(pairs, rows)]
     )
     p = p_value(gains)
-    if not excess[1] < (1.0 - MOST) * excess[0] or p > SIGNIFICANT:
+    if not excess[1] < (1.0 - LIMITS.explained) * excess[0] or p > LIMITS.significant:
         return None
     unit = arm.joints[j].current_unit
     shows = CATALOGUE[trial.effect].shown(Instrument.CLOSED_LOOP, trial.values, {})
@@ -294,7 +305,7 @@ def _estimates(arm: Arm, trial: Trial, fit: Sequence[Recording], noise: Array) -
         block.append(first + np.arange(len(errors[0])) // round(BLOCK_SECONDS / r.dt))
         first = int(block[-1][-1]) + 1
     covariance = cluster_covariance(np.concatenate(sensitivity), [np.concatenate(residual)], np.concatenate(block))
-    relative = np.sqrt(np.diag(covariance) + SYSTEMATIC**2)
+    relative = np.sqrt(np.diag(covariance) + LIMITS.systematic**2)
     own = {p.name: p.unit for p in CATALOGUE[trial.effect].parameters}
     return [
         Estimate(n, trial.values[n], float(trial.values[n] * s), unit_at(arm.joints[j], own[n], n))

@@ -14,12 +14,14 @@ from arm_io import make_folder, write_text
 from arm_model import write_model
 from daq.recording import Recording
 from diagnosis.cause import Cause, in_words
+from diagnosis.closed_loop import resonance
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation, separations
 from diagnosis.experiments.revealing import Showing, shown_by
 from diagnosis.measurements.currents import limits as currents
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure_share import predictable
+from diagnosis.measurements.demands import wrist_coupling
 from diagnosis.measurements.link_encoders import model as link_encoders
 from diagnosis.measurements.single_axis import model as single_axis
 from diagnosis.measurements.tracker import model as tracker
@@ -27,14 +29,16 @@ from diagnosis.report.html import report
 from diagnosis.units import unit_at
 from experiment import Experiment, write_experiment
 from identification.experiment_design import Limits
-from identification.selection import Split
+from identification.selection import Split, Thresholds
 
 SCHEMA = "armscope.diagnosis/1"
-LIMITS = {
-    "currents": currents.LIMITS.to_json(),
-    "single_axis": single_axis.LIMITS.to_json(),
-    "link_encoders": link_encoders.LIMITS.to_json(),
-    "tracker": tracker.LIMITS.to_json(),
+LIMITS: dict[str, Thresholds] = {
+    "currents": currents.LIMITS,
+    "single_axis": single_axis.LIMITS,
+    "link_encoders": link_encoders.LIMITS,
+    "tracker": tracker.LIMITS,
+    "demands": wrist_coupling.LIMITS,
+    "closed_loop": resonance.LIMITS,
 }
 """Thresholds of every measurement model."""
 
@@ -57,7 +61,7 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
             for one in result.unexplained
         ],
         "warnings": list(result.warnings),
-        "limits": LIMITS,
+        "limits": {name: limits.to_json() for name, limits in LIMITS.items()},
     }
 
 

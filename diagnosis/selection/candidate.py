@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 from arm_model.effects import CATALOGUE, Effect, Values, solved, units
 from diagnosis.cause import EffectKey
@@ -12,9 +13,9 @@ from diagnosis.cause import EffectKey
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect at one joint (from 1.
+    """One effect at one joint, with values for its nonlinear parameters that are not spanned by columns.
 
-    None: of the whole arm), with values for its nonlinear parameters that are not spanned by columns.
+    joint: from 1; None: of the whole arm.
     """
 
     effect: str
@@ -46,7 +47,7 @@ class Candidate:
         continuous = {p.name for p in self.definition.parameters if not (p.whole or p.fixed)}
         return [name for name, _ in self.shape if name in continuous]
 
-    def at(self, name: str, value: float) -> Candidate:
+    def at(self, name: str, value: float) -> Self:
         """The same with another value of one nonlinear parameter."""
         return replace(self, shape=tuple((n, value if n == name else v) for n, v in self.shape))
 

@@ -4,44 +4,45 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from typing import TypeVar
 
 from diagnosis.selection.candidate import Candidate
 from identification.selection import MeasurementModel, Score
 
-Chosen = tuple[Candidate, ...]
+C = TypeVar("C", bound=Candidate)
 
 
-class CandidateModel(MeasurementModel[Candidate, Chosen]):
+class CandidateModel(MeasurementModel[C, tuple[C, ...]]):
     """What link encoders and a single axis have in common: the coefficients follow from the chosen candidates."""
 
     @abstractmethod
-    def best(self, chosen: Sequence[Candidate]) -> list[Candidate]:
+    def best(self, chosen: Sequence[C]) -> list[C]:
         """Every effect that is not chosen, at the nonlinear parameters that fit best conditional on the chosen."""
 
     @abstractmethod
-    def score(self, candidate: Candidate, chosen: Sequence[Candidate]) -> Score[Candidate]:
+    def score(self, candidate: C, chosen: Sequence[C]) -> Score[C]:
         """One candidate conditional on those chosen, on held-out data."""
 
-    def start(self) -> Chosen:
+    def start(self) -> tuple[C, ...]:
         """Nothing chosen."""
         return ()
 
-    def chosen(self, state: Chosen) -> Chosen:
+    def chosen(self, state: tuple[C, ...]) -> tuple[C, ...]:
         """The candidates of a state."""
         return state
 
-    def scores(self, state: Chosen) -> list[Score[Candidate]]:
+    def scores(self, state: tuple[C, ...]) -> list[Score[C]]:
         """All candidates of ``best``."""
         return [self.score(candidate, state) for candidate in self.best(state)]
 
-    def without(self, candidate: Candidate, state: Chosen) -> Chosen:
+    def without(self, candidate: C, state: tuple[C, ...]) -> tuple[C, ...]:
         """Without the candidate."""
         return tuple(c for c in state if c is not candidate)
 
-    def conditional(self, candidate: Candidate, without: Chosen, state: Chosen) -> Score[Candidate]:
+    def conditional(self, candidate: C, without: tuple[C, ...], state: tuple[C, ...]) -> Score[C]:
         """One candidate conditional on all others."""
         return self.score(candidate, without)
 
-    def needed(self, score: Score[Candidate], state: Chosen) -> bool:
+    def needed(self, score: Score[C], state: tuple[C, ...]) -> bool:
         """Whether the share that it explains still matters."""
         return score.share > (self.limits.kept_gain or 0.0)

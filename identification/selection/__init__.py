@@ -9,7 +9,7 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from identification.selection.least_squares import scaled, scaled_lstsq
-    from identification.selection.limits import Limits
+    from identification.selection.limits import Limits, Thresholds
     from identification.selection.significance import (
         BLOCK_SECONDS,
         Index,
@@ -30,6 +30,7 @@ __all__ = [
     "MeasurementModel",
     "Score",
     "Split",
+    "Thresholds",
     "benjamini_hochberg",
     "block_sums",
     "eliminate",

@@ -1,4 +1,4 @@
-"""Thresholds of a selection: one instance per measurement model, written into diagnosis.json."""
+"""Thresholds: one instance per measurement model, written into diagnosis.json (a calibration's: kinematics.json)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,23 @@ from typing import Any
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
-    """What a cause must satisfy; None: not asked by this measurement model.
+class Thresholds:
+    """Thresholds of one measurement model.
+
+    systematic  relative std of a parameter from the measurement model itself (first-order columns, filters), in
+                addition to that of the data
+    """
+
+    systematic: float = 0.02
+
+    def to_json(self) -> dict[str, Any]:
+        """The thresholds that are applied, by name."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits(Thresholds):
+    """What a cause must satisfy; None: not applied by this measurement model.
 
     max_causes    causes, and rounds of the search, at most
     fdr           false-discovery rate at which a candidate may enter, over all candidates of its round (Benjamini &
@@ -22,10 +37,8 @@ class Limits:
     attempts      candidates that are tried in one round, if those before them turn out not to be admissible once
                   refitted
     block_seconds s: length of the blocks whose gains are taken for independent: several times the longest correlation
-    of the residual
+                  of the residual
     independent   singular value below which columns of unit length count as dependent
-    systematic    relative std of a parameter from the measurement model itself (first-order columns, filters), beside
-                  that of the data
     """
 
     max_causes: int
@@ -38,8 +51,3 @@ class Limits:
     attempts: int = 1
     block_seconds: float = 1.0
     independent: float = 1e-5
-    systematic: float = 0.02
-
-    def to_json(self) -> dict[str, Any]:
-        """The thresholds that are asked, by name."""
-        return {name: value for name, value in asdict(self).items() if value is not None}

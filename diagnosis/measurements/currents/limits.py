@@ -29,16 +29,27 @@ class CurrentLimits(Limits):
                              tenth of it, that of the rest a hundredth
     worse                    times the first-order residual: an exact model that leaves more is outside of its range
     pair_share               share of the residual energy of a joint that two effects must explain to enter together
-    many, makeshift          causes of a joint with so many coefficients together are a makeshift for one function of
-                             one variable that leaves ``many_leave`` more than they do; and four or more whose energies
-                             exceed their sum's by ``makeshift`` (what is there adds up: hidden triples to 1.0) for one
-                             that leaves ``makeshift_leave`` of what they explain more
+    many, many_leave         causes of a joint with so many coefficients together are a makeshift for one function of
+                             one variable if that leaves at most this share more than they do
+    makeshift                energies of four or more causes over the energy of their sum above which they are one as
+                             well: independent causes add up, hidden triples to 1.0 ...
+    makeshift_leave          ... if that function leaves at most this share of what they explain more
     superfluous              share of its gain that a cause must keep conditional on unexplained structure, or it was a
                              name for part of that
     significant_sizes        std that some linear parameter of a cause must be from zero ...
     few_sizes                ... if there are fewer: more are determined together, not one by one
     searched_again           refuted causes in whose place another is searched; what has no better name by then is
                              unexplained
+    structure_gain           share of a joint's noise energy that unexplained structure must explain ...
+    structure_share          ... and share of what the causes explain there: a law that is right to a seventh of its
+                             amplitude is the right law
+    structure_p              its probability by chance: nothing tests a structure again, as a cause is tested
+    structures               structures searched for at one joint
+    above_noise              residual-to-noise ratio above which a residual is not noise, whatever it depends on: noise
+                             correlated over longer than the initial standstill is underestimated by a factor of two
+    far_above_noise          ratio that underestimated noise does not reach
+    likely_p, likely_share   of a residual above the noise: p-value below which a variable is reported, and share that
+                             its function must explain
     """
 
     large_gain: float = 0.25
@@ -60,6 +71,14 @@ class CurrentLimits(Limits):
     significant_sizes: float = 2.0
     few_sizes: int = 5
     searched_again: int = 2
+    structure_gain: float = 0.15
+    structure_share: float = 0.02
+    structure_p: float = 5e-3
+    structures: int = 3
+    above_noise: float = 2.5
+    far_above_noise: float = 6.0
+    likely_p: float = 0.05
+    likely_share: float = 0.5
 
 
 LIMITS = CurrentLimits(

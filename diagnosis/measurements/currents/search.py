@@ -14,7 +14,6 @@ from arm_model.effects import CATALOGUE
 from diagnosis.measurements.currents.design_matrix import dataset_with
 from diagnosis.measurements.currents.model import Currents, State, corrected, terms
 from diagnosis.measurements.currents.unexplained import (
-    FAR_ABOVE_NOISE,
     Unexplained,
     better_than_causes,
     unexplained_structure,
@@ -74,7 +73,7 @@ def _superfluous(found: Found) -> list[Candidate]:
             shares[c] = score(c, own, with_columns(others.fitted, touching), held_out).gain / alone
         elif c.joint is not None and c.joint in unknown:
             energy = float(np.sum(state.fitted.held_out[held_out.of(c.joint)] ** 2))
-            if energy > FAR_ABOVE_NOISE**2 * held_out.rows:
+            if energy > model.limits.far_above_noise**2 * held_out.rows:
                 shares[c] = model.limits.superfluous * alone / energy
     least = min(shares, key=lambda c: shares[c], default=None)
     return [least] if least is not None and shares[least] < model.limits.superfluous else []

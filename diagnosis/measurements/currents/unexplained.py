@@ -20,32 +20,11 @@ from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.cause import Signal, Structure
 from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
+from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.noise import quiet_noise
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with
 from identification.selection import Split, benjamini_hochberg, p_value
-
-MATTERS = 0.15
-"""A structure must explain this share of a joint's noise energy ..."""
-OF_EXPLAINED = 0.02
-"""... and this share of what the causes explain there.
-
-a law that is right to a seventh of its amplitude is the right law.
-"""
-CERTAIN = 5e-3
-"""Probability at which structure may be called by chance: there is no second look at it, as there is at a cause."""
-ABOVE_NOISE = 2.5
-"""Residual-to-noise ratio above which a residual is not noise, whatever it depends on.
-
-Noise correlated over longer than the initial standstill is underestimated by a factor of two.
-"""
-FAR_ABOVE_NOISE = 6.0
-"""Residual-to-noise ratio that underestimated noise does not reach."""
-PROBABLE, HALF = 0.05, 0.5
-"""For a residual above the noise: p-value below which a variable is reported, and share that its function must explain.
-"""
-MOST = 3
-"""Structures searched for at one joint."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +54,7 @@ def _left_at(joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm) -> tupl
     pairs: list[Pair] = []
     fit, held_out = data
     shapes = list(shapes_of(fit, held_out, fitted.fit, arm, joint))
-    for _ in range(MOST):
+    for _ in range(LIMITS.structures):
         best = _strongest(shapes, with_columns(fitted, pairs), fit, held_out, joint)
         if best is None:
             break
@@ -83,7 +62,7 @@ def _left_at(joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm) -> tupl
         structures.append(Structure(Signal.CURRENT, joint, name, share))
         pairs.append(pair)
         shapes = [shape for shape in shapes if shape.name != name]
-    if not pairs and (ratio := noise_ratio(fitted.held_out, held_out, joint)) > ABOVE_NOISE:
+    if not pairs and (ratio := noise_ratio(fitted.held_out, held_out, joint)) > LIMITS.above_noise:
         structures.append(_most_likely(shapes, fitted, held_out, joint, ratio))
     return structures, pairs
 
@@ -92,9 +71,9 @@ def _most_likely(shapes: Sequence[Shape], fitted: Fitted, held_out: Dataset, joi
     """Most likely explanatory variable of a residual already known to exceed the noise."""
     before = float(np.sum(fitted.held_out[held_out.of(joint)] ** 2))
     gains = [held_out.by_block(gain_of(shape.pair, fitted, held_out)[1]) for shape in shapes]
-    significant = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > HALF * before]
+    significant = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > LIMITS.likely_share * before]
     p, best = min(significant, default=(1.0, 0))
-    if p > PROBABLE:
+    if p > LIMITS.likely_p:
         return Structure(Signal.CURRENT, joint, f"no single variable ({ratio:.1f} times the noise)", 0.0)
     return Structure(Signal.CURRENT, joint, shapes[best].name, float(gains[best].sum()) / before)
 
@@ -103,7 +82,7 @@ def joints_above_noise(fitted: Fitted, held_out: Dataset, arm: Arm) -> list[int]
     """Joints whose residual exceeds the noise, the largest residual-to-noise ratio first."""
     by_joint = {joint: noise_ratio(fitted.held_out, held_out, joint) for joint in range(1, len(arm) + 1)}
     return sorted(
-        (joint for joint, value in by_joint.items() if value > ABOVE_NOISE), key=lambda joint: -by_joint[joint]
+        (joint for joint, value in by_joint.items() if value > LIMITS.above_noise), key=lambda joint: -by_joint[joint]
     )
 
 
@@ -121,7 +100,7 @@ def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
     own, block = residual[side.of(joint)], side.block[side.of(joint)]
     ratio = float(np.sqrt(np.mean(own[sure] ** 2)))
     quiet = float(quiet_noise(own[:, None], sure[:, None], block)[0])
-    return ratio if ratio > FAR_ABOVE_NOISE or ratio > 1.5 * quiet else 1.0
+    return ratio if ratio > LIMITS.far_above_noise or ratio > 1.5 * quiet else 1.0
 
 
 def better_than_causes(
@@ -140,7 +119,7 @@ def better_than_causes(
         by_function = residual_with(shape.pair, c, without, held_out)
         improvement = (with_causes.held_out**2 - by_function**2)[rows] * shape.known
         blocks = np.bincount(held_out.block[rows], weights=improvement).astype(float)
-        if blocks.sum() > MATTERS * held_out.rows and p_value(blocks) < CERTAIN:
+        if blocks.sum() > LIMITS.structure_gain * held_out.rows and p_value(blocks) < LIMITS.structure_p:
             return True
         if allowed and shape.name != "velocity" and blocks.sum() > -allowed:
             return True
@@ -159,8 +138,8 @@ def _strongest(
     rows = held_out.of(joint)
     before = float(np.sum(fitted.held_out[rows] ** 2))
     explained = float(np.sum(held_out.y[rows] ** 2)) - before
-    enough = max(MATTERS * held_out.rows, OF_EXPLAINED * explained)
-    significant = [k for k, gain in enumerate(gains) if q[k] < CERTAIN and gain.sum() > enough]
+    enough = max(LIMITS.structure_gain * held_out.rows, LIMITS.structure_share * explained)
+    significant = [k for k, gain in enumerate(gains) if q[k] < LIMITS.structure_p and gain.sum() > enough]
     if not significant:
         return None
     best = max(significant, key=lambda k: float(gains[k].sum()))

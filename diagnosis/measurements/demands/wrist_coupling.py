@@ -15,27 +15,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from arm_model.effects.definition import SYSTEMATIC
 from arm_model.effects.wrist import WRIST_COUPLING
 from daq.recording import Recording
 from diagnosis.cause import Estimate
 from diagnosis.residual.noise import angle_noise
 from diagnosis.screening.event import Event, Gain
-from identification.selection import BLOCK_SECONDS, block_sums, p_value, scaled_lstsq
+from identification.selection import BLOCK_SECONDS, Thresholds, block_sums, p_value, scaled_lstsq
 from identification.selection.cluster_covariance import cluster_covariance
 
 Index = NDArray[np.intp]
 
 PAIRS = ((5, 4), (6, 4), (6, 5))
 """Axis that turns, motor that turns it; from 1."""
-EXPLAINED = 0.9
-"""Share that the coupling must explain of the squared difference that the servo leaves, in held-out rows."""
-SIGNIFICANT = 0.05
-"""Probability below which the gain over blocks of held-out rows is no chance."""
-STEPS = 20.0
-"""Times the noise of the angle that the motor must turn."""
 OWN = 4
 """Columns of the servo's own error."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CouplingLimits(Thresholds):
+    """What a coupling must satisfy in held-out rows.
+
+    explained    share that it must explain of the squared difference that the servo leaves
+    significant  probability below which its gain over blocks is not chance
+    noise        times the noise of the angle that the motors must turn the axis
+    stds         how many std a coefficient must be from zero
+    """
+
+    explained: float = 0.9
+    significant: float = 0.05
+    noise: float = 20.0
+    stds: float = 3.0
+
+
+LIMITS = CouplingLimits()
 
 
 @dataclass(frozen=True)
@@ -137,13 +149,13 @@ def _coupled_axis(fit: Sequence[Recording], held_out: Sequence[Recording], axis:
     noise = float(np.mean([angle_noise(r.q)[axis - 1] for r in fit]))
     # in each direction separately: what one part shows and the other refutes is no coupling
     both_ways = all(
-        np.sum(after_**2) < (1.0 - EXPLAINED) * np.sum(without_rows**2)
+        np.sum(after_**2) < (1.0 - LIMITS.explained) * np.sum(without_rows**2)
         for without_rows, after_ in zip(without, residual)
     )
-    if not both_ways or p > SIGNIFICANT or turns < STEPS * noise:
+    if not both_ways or p > LIMITS.significant or turns < LIMITS.noise * noise:
         return None
     std = _std(source, values)[OWN:]
-    significant = np.abs(values[OWN:]) > 3 * std
+    significant = np.abs(values[OWN:]) > LIMITS.stds * std
     if not significant.any():
         return None
     named = tuple(m for m, there in zip(motors, significant) if there)
@@ -175,4 +187,4 @@ def _solved(x: Array, y: Array) -> Array:
 def _std(rows: _Rows, values: Array) -> Array:
     """Standard deviations of ``values``, for residuals that are correlated within a block."""
     covariance = cluster_covariance(rows.columns, [rows.difference - rows.columns @ values], rows.block)
-    return np.hypot(np.sqrt(np.diag(covariance)), SYSTEMATIC * np.abs(values))
+    return np.hypot(np.sqrt(np.diag(covariance)), LIMITS.systematic * np.abs(values))

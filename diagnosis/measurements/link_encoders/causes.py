@@ -10,26 +10,21 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, Instrument
-from arm_model.effects.definition import SYSTEMATIC
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, Cause, EffectKey, Estimate, Signal, Structure, confidence_of
-from diagnosis.measurements.link_encoders.columns import Rows, late, orders, standing_orders, turns, variant, width
-from diagnosis.measurements.link_encoders.model import LIMITS, OVER_NOISE, LinkEncoders, link_encoders
-from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.candidate_model import Chosen
+from diagnosis.measurements.link_encoders.columns import LinkCandidate, Rows, late, orders, standing_orders, turns
+from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders, link_encoders
+from diagnosis.selection.estimates import estimates
 from diagnosis.units import unit_at
 from identification.selection import BLOCK_SECONDS, select
 from identification.selection.cluster_covariance import cluster_covariance
 
-OFFSET = 1e-3
-"""rad (m): a constant between two encoders that is named; below, it is how they were zeroed."""
-PREDICTED = 0.3
-"""Share of the residual energy that one variable must predict to be reported."""
 BINS = 16
 
 
@@ -66,16 +61,16 @@ def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording])
     )
 
 
-def _settled(candidate: Candidate, model: LinkEncoders) -> Candidate:
+def _settled(candidate: LinkCandidate, model: LinkEncoders) -> LinkCandidate:
     """A gap at the value that its own coefficient asks for, instead of the nearest on the grid."""
-    if variant(candidate)[0] != "half_gap":
+    if candidate.variant[0] != "half_gap":
         return candidate
     for _ in range(4):
         candidate = candidate.at("half_gap", float(model.fitted([candidate], model.whole)[-1]))
     return candidate
 
 
-def _cause(candidate: Candidate, chosen: Chosen, model: LinkEncoders, arm: Arm) -> Cause:
+def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: Arm) -> Cause:
     others = model.without(candidate, chosen)
     conditional = model.score(candidate, others)
     felt = model.felt(candidate)
@@ -105,10 +100,10 @@ def _cause(candidate: Candidate, chosen: Chosen, model: LinkEncoders, arm: Arm) 
     )
 
 
-def _group(candidate: Candidate, others: Chosen, gain: float, model: LinkEncoders) -> tuple[EffectKey, ...]:
+def _group(candidate: LinkCandidate, others: Chosen, gain: float, model: LinkEncoders) -> tuple[EffectKey, ...]:
     group: list[EffectKey] = [candidate.key]
     for alias in candidate.definition.observed_by[Instrument.LINK_ENCODER].aliases:
-        if variant(candidate)[1] in orders(CATALOGUE[alias]):
+        if candidate.variant[1] in orders(CATALOGUE[alias]):
             group.append((alias, candidate.joint))
     for rival in model.best(others):
         felt = rival.joint == candidate.joint or len(model.rows.fit.joints) == 1
@@ -120,48 +115,29 @@ def _group(candidate: Candidate, others: Chosen, gain: float, model: LinkEncoder
     return tuple(group)
 
 
-def _parameters(candidate: Candidate, chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Estimate]:
-    """Values and standard deviations, by the sandwich of block scores."""
+def _parameters(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Estimate]:
+    """Values and std, by the sandwich of block scores."""
+    effect, rows, joint = candidate.definition, model.whole, arm.joints[(candidate.joint or 1) - 1]
     values, covariance = _fitted(chosen, model)
-    at = len(model.whole.joints) + sum(width(s) for s in chosen[: chosen.index(candidate)])
-    c, spread = values[at], float(np.sqrt(covariance[at, at]))
-    unit = "rad" if candidate.joint is None or arm.joints[candidate.joint - 1].revolute else "m"
-
-    def rough(value: float, std: float) -> float:
-        return float(np.hypot(std, SYSTEMATIC * value))
-
-    match variant(candidate)[0]:
-        case "":
-            delays = delays_by_joint(model.without(candidate, chosen), model)
-            scatter = float(np.std(delays, ddof=1) / np.sqrt(len(delays))) if len(delays) > 1 else 0.0
-            return [Estimate("delay", c, float(np.hypot(spread, scatter)), "s")]
-        case "drag":
-            k = float(model.whole.largest[int(np.flatnonzero(model.whole.joints == candidate.joint)[0])]) / c
-            joint = arm.joints[(candidate.joint or 1) - 1]
-            damping, std = _damping(candidate, chosen, model, k)
-            return [
-                Estimate("stiffness", k, rough(k, k * spread / c), unit_at(joint, "N m/rad")),
-                Estimate("damping", damping, std, unit_at(joint, "N m s/rad")),
-            ]
-        case "half_gap" | "by_load":
-            return [Estimate("half_gap", c, rough(c, spread), unit)]
-    sine, cosine = values[at : at + 2]
-    # d = -A sin(n q + phase), and of the encoder -e sin(n q - phase)
-    turned = 1.0 if candidate.definition.deflection is not None else -1.0
-    amplitude = float(np.hypot(sine, cosine))
-    return [
-        Estimate("amplitude", amplitude, rough(amplitude, spread), unit),
-        Estimate(
-            "order",
-            variant(candidate)[1],
-            0.1 / turns(model.whole, int(np.flatnonzero(model.whole.joints == candidate.joint)[0])),
-            "1",
-        ),
-        Estimate("phase", float(np.arctan2(-turned * cosine, -sine)), min(spread / max(amplitude, 1e-12), 3.2), "rad"),
-    ]
+    at = len(rows.joints) + sum(c.width for c in chosen[: chosen.index(candidate)])
+    own = slice(at, at + candidate.width)
+    c, covariance, systematic = values[own].tolist(), covariance[own, own], LIMITS.systematic
+    if effect.delay is not None:
+        # the scatter from joint to joint has the error of the measurement model in it
+        delays, systematic = delays_by_joint(model.without(candidate, chosen), model), 0.0
+        covariance = covariance + (np.var(delays, ddof=1) / len(delays) if len(delays) > 1 else 0.0)
+    if effect.wave:
+        k = int(np.flatnonzero(rows.joints == candidate.joint)[0])
+        covariance = block_diag(covariance, np.array([[(0.1 / turns(rows, k)) ** 2]]))
+    order = [p.name for p in effect.parameters if p.whole]
+    found = estimates(candidate, c, covariance, joint if candidate.joint else None, systematic, order)
+    if effect.spring is not None and effect.gap is None:
+        damping, std = _damping(candidate, chosen, model, found[0].value)
+        found.append(Estimate("damping", damping, std, unit_at(joint, "N m s/rad")))
+    return found
 
 
-def _damping(candidate: Candidate, chosen: Chosen, model: LinkEncoders, stiffness: float) -> tuple[float, float]:
+def _damping(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, stiffness: float) -> tuple[float, float]:
     """Damping N m s/rad (N s/m) of a spring and its standard deviation.
 
     By k d + c d' = load the twist lags by c / k: d = load / k - c / k^2 load'. The stamps of two encoders agree to half
@@ -231,12 +207,12 @@ def _best_instead(others: Chosen, model: LinkEncoders) -> str:
     return " and ".join(f"{name.replace('_', ' ')} would predict {share:.0%} at most" for name, share in best.items())
 
 
-def _sentence(candidate: Candidate, before: float, after: float, share: float, unit: str) -> str:
+def _sentence(candidate: LinkCandidate, before: float, after: float, share: float, unit: str) -> str:
     """What a person sees.
 
     The share may be more than that of the fall, as either part of one run is predicted from the other.
     """
-    order = {p.name: variant(candidate)[1] for p in candidate.definition.parameters if p.whole}
+    order = {p.name: candidate.variant[1] for p in candidate.definition.parameters if p.whole}
     shows = candidate.definition.shown(Instrument.LINK_ENCODER, order, {})
     return (
         f"{shows}: with it the held-out difference of joint {candidate.joint} falls from {1e3 * before:.3g} to "
@@ -251,7 +227,7 @@ def _offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
     values, covariance = _fitted(chosen, model)
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
         offset, std = float(values[k]), float(np.sqrt(covariance[k, k]))
-        if abs(offset) < max(OFFSET, 5 * std):
+        if abs(offset) < max(LIMITS.offset, LIMITS.offset_stds * std):
             continue
         unit = unit_at(arm.joints[joint - 1], "rad")
         residual = model.residual(chosen, model.rows.fit, model.rows.held_out)[:, k]
@@ -285,7 +261,7 @@ def _remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
     residuals = [model.residual(chosen, side, side) for side in (model.rows.fit, model.rows.held_out)]
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
         rms = float(np.sqrt(np.mean(residuals[1][:, k] ** 2)))
-        if rms < OVER_NOISE * model.rows.fit.noise[k]:
+        if rms < LIMITS.above_noise * model.rows.fit.noise[k]:
             continue
         remark = (
             f"joint {joint}: {1e3 * rms:.2g} m{unit_at(arm.joints[joint - 1], 'rad')} rms between its encoders is "
@@ -306,7 +282,7 @@ def _structure(chosen: Chosen, model: LinkEncoders) -> list[Structure]:
     structures = []
     residuals = [model.residual(chosen, model.rows.fit, side) for side in (model.rows.fit, model.rows.held_out)]
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
-        if float(np.sqrt(np.mean(residuals[1][:, k] ** 2))) < OVER_NOISE * model.rows.fit.noise[k]:
+        if float(np.sqrt(np.mean(residuals[1][:, k] ** 2))) < LIMITS.above_noise * model.rows.fit.noise[k]:
             continue
         against = {"position": "q", "velocity": "v", "load torque": "load"}
         shares = {
@@ -318,7 +294,7 @@ def _structure(chosen: Chosen, model: LinkEncoders) -> list[Structure]:
             for name, field in against.items()
         }
         name = max(shares, key=lambda variable: shares[variable])
-        if shares[name] > PREDICTED:
+        if shares[name] > LIMITS.predicted:
             structures.append(Structure(Signal.LINK_ANGLE, joint, name, shares[name]))
     return structures
 

@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.effects import Effect, Instrument, Parameter, observed_by
+from arm_model.effects import Effect, Instrument, Parameter, Signals, observed_by, solved, units
 from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
@@ -48,9 +48,8 @@ class Rows:
     """Rows of some recordings one after the other, at the joints (k,) that have both encoders (1-based).
 
     difference, q, v, load (m, k) rad, rad/s, N m (m, m/s, N); t (m,) s; starts: first row of each recording;
-    noise (k,): standard deviation of the difference from row to row and by the steps of the encoders; ratio (k,):
-    abs(gear); largest (k,) N m (N): the load of a unit coefficient of compliance, the same for all rows that are
-    compared.
+    noise (k,): std of the difference from row to row and by the steps of the encoders; ratio (k,): abs(gear);
+    largest (k,) N m (N): largest load, the same for all rows that are compared.
     """
 
     joints: Index
@@ -129,7 +128,48 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
     )
 
 
-def candidates(rows: Rows) -> Iterator[Candidate]:
+@dataclass(frozen=True)
+class LinkCandidate(Candidate):
+    """A candidate of the link encoders. ``shape``: what its columns are evaluated at.
+
+    "drag": friction between motor and gear, of a spring; "half_gap" or "by_load": of a gap, as the link is held by
+    friction or by its load; "order" or "turn_order": of a wave over the turn of the motor or of the joint; none: of a
+    delay.
+    """
+
+    @property
+    def variant(self) -> tuple[str, float]:
+        """Name and value of its shape."""
+        return self.shape[0] if self.shape else ("", 0.0)
+
+    @property
+    def width(self) -> int:
+        """Coefficients: a wave has a sine and a cosine."""
+        return 2 if self.definition.wave else 1
+
+    def parameters(self, coefficients: Sequence[float]) -> dict[str, float]:
+        """As of every candidate; the coefficient of a spring is its compliance."""
+        effect = self.definition
+        if effect.gap is not None:
+            return {effect.gap.name: coefficients[0]}
+        if effect.spring is not None:
+            return {p.name: 1.0 / coefficients[0] for p in effect.parameters if p.inverse}
+        return solved(effect, self._order(), coefficients)
+
+    def waves(self, angle: Array) -> Array:
+        """(m, 2) rad: the difference by a unit of each coefficient of a wave over an angle (m,) rad, by its own law."""
+        effect, signals = self.definition, Signals(motor=angle)
+        law = effect.deflection or effect.angle
+        assert law is not None
+        # what the link encoder reads in excess reduces the difference
+        sign = 1.0 if effect.deflection is not None else -1.0
+        return np.column_stack([sign * law(unit, signals) for unit in units(effect, self._order())])
+
+    def _order(self) -> dict[str, float]:
+        return {p.name: self.variant[1] for p in self.definition.parameters if p.whole}
+
+
+def candidates(rows: Rows) -> Iterator[LinkCandidate]:
     """Every candidate with each value of its nonlinear parameter."""
     yield late()
     for column, joint in enumerate(int(j) for j in rows.joints):
@@ -137,56 +177,42 @@ def candidates(rows: Rows) -> Iterator[Candidate]:
             yield from _at_joint(effect, rows, column, joint)
 
 
-def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[Candidate]:
+def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[LinkCandidate]:
     """Candidates of one effect at one joint.
 
     An effect that changes the description is a constant, which is always free.
     """
     load = rows.load[:, column]
     if effect.gap is not None:
-        yield from (Candidate(effect.name, joint, (("half_gap", gap),)) for gap in _gaps(effect.gap))
+        yield from (LinkCandidate(effect.name, joint, (("half_gap", gap),)) for gap in _gaps(effect.gap))
         if min(load.max(), -load.min()) > 0.05 * float(np.max(np.abs(load))):
-            yield Candidate(effect.name, joint, (("by_load", 1.0),))  # the load changes sides
+            yield LinkCandidate(effect.name, joint, (("by_load", 1.0),))  # the load changes sides
     elif effect.spring is not None:
         yield from (
-            Candidate(effect.name, joint, (("drag", drag),)) for drag in (DRAGS[:1] if rows.known_load else DRAGS)
+            LinkCandidate(effect.name, joint, (("drag", drag),)) for drag in (DRAGS[:1] if rows.known_load else DRAGS)
         )
     elif effect.wave and effect.deflection is not None:
-        yield from (Candidate(effect.name, joint, (("order", n),)) for n in orders(effect))
+        yield from (LinkCandidate(effect.name, joint, (("order", n),)) for n in orders(effect))
     elif effect.wave and np.ptp(rows.q[:, column]) > np.pi:
         # of the link encoder, whose angle is the joint's; over less than half a turn a slow wave is any bend
-        yield from (Candidate(effect.name, joint, (("turn_order", n),)) for n in orders(effect))
+        yield from (LinkCandidate(effect.name, joint, (("turn_order", n),)) for n in orders(effect))
 
 
-def variant(candidate: Candidate) -> tuple[str, float]:
-    """What a candidate is evaluated at, and its value.
-
-    "drag": friction between motor and gear, of a spring; "half_gap" or "by_load": of a gap, as the link is held by
-    friction or by its load; "order" and "turn_order": of a wave over the turn of the motor, of the joint; "": a delay.
-    """
-    return candidate.shape[0] if candidate.shape else ("", 0.0)
-
-
-def width(candidate: Candidate) -> int:
-    """Coefficients: a wave has a sine and a cosine."""
-    return 2 if variant(candidate)[0].endswith("order") else 1
-
-
-def standing_waves(residual: Array, rows: Rows, k: int) -> list[Candidate]:
+def standing_waves(residual: Array, rows: Rows, k: int) -> list[LinkCandidate]:
     """Waves of the gear at the k-th joint at the orders, whole or not, at which ``rest`` (m,) repeats most."""
     gears = (e for e in observed_by(Instrument.LINK_ENCODER) if e.wave and e.deflection is not None)
     joint = int(rows.joints[k])
     return [
-        Candidate(effect.name, joint, (("order", order),))
+        LinkCandidate(effect.name, joint, (("order", order),))
         for effect in gears
         for order in standing_orders(residual, rows, k)
     ]
 
 
-def late() -> Candidate:
+def late() -> LinkCandidate:
     """Stamps of the link encoders that are late, alike at all joints."""
     return next(
-        Candidate(effect.name, None) for effect in observed_by(Instrument.LINK_ENCODER) if effect.delay is not None
+        LinkCandidate(effect.name, None) for effect in observed_by(Instrument.LINK_ENCODER) if effect.delay is not None
     )
 
 
@@ -200,7 +226,7 @@ def orders(effect: Effect) -> tuple[float, ...]:
     return next((p.search for p in effect.parameters if p.whole), ())
 
 
-def columns(candidate: Candidate, rows: Rows, k: int) -> Array:
+def columns(candidate: LinkCandidate, rows: Rows, k: int) -> Array:
     """(m, c) rad: what a unit of each of c coefficients adds to the difference at the k-th joint of ``rows``.
 
     c = 0 where it is not felt.
@@ -209,24 +235,17 @@ def columns(candidate: Candidate, rows: Rows, k: int) -> Array:
         return rows.v[:, k, None]
     if rows.joints[k] != candidate.joint:
         return np.empty((rows.rows, 0))
-    return _own(*variant(candidate), rows, k)
-
-
-def _own(name: str, value: float, rows: Rows, k: int) -> Array:
-    q, load = rows.q[:, k], rows.load[:, k]
-    largest = float(rows.largest[k])
-    match name:
-        case "drag":
-            return (load - value * largest * _direction(rows.v[:, k]))[:, None] / largest
-        case "by_load":
+    q, load, largest = rows.q[:, k], rows.load[:, k], float(rows.largest[k])
+    match candidate.variant:
+        case "drag", drag:
+            return (load - drag * largest * _direction(rows.v[:, k]))[:, None]
+        case "by_load", _:
             return (load / np.hypot(load, 0.01 * largest))[:, None]
-        case "half_gap":
-            return _play(q, value, rows.starts)[:, None] / value
-        case "order":
-            angle = value * rows.ratio[k] * q
-        case _:
-            angle = value * q
-    return np.column_stack([np.sin(angle), np.cos(angle)])
+        case "half_gap", half_gap:
+            return _play(q, half_gap, rows.starts)[:, None] / half_gap
+        case "order", _:
+            return candidate.waves(rows.ratio[k] * q)
+    return candidate.waves(q)
 
 
 def turns(rows: Rows, k: int) -> float:

@@ -17,37 +17,51 @@ from arm_model import Arm
 from daq.recording import Recording
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.link_encoders.columns import (
+    LinkCandidate,
     Rows,
     candidates,
     columns,
     joints_with_both,
     rows_of,
     standing_waves,
-    variant,
-    width,
 )
-from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.candidate_model import CandidateModel, Chosen
+from diagnosis.selection.candidate_model import CandidateModel
 from identification.selection import BLOCK_SECONDS, Limits, Score, Split, p_value, scaled
 
-LIMITS = Limits(
+Chosen = tuple[LinkCandidate, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkLimits(Limits):
+    """Gains are shares of the squared residual at a joint.
+
+    above_noise     residual over the scatter from row to row below which a residual is noise
+    shortest_block  s: blocks are twice as long as the residual is correlated, from this length on to ``block_seconds``,
+                    of which a run of ten seconds has few
+    offset          rad (m): least constant between two encoders that is named; a smaller one is how they were zeroed
+    offset_stds     ... and how many std it must be from zero
+    predicted       share of the residual energy that one variable must predict to be reported
+    """
+
+    above_noise: float = 3.0
+    shortest_block: float = 0.3
+    offset: float = 1e-3
+    offset_stds: float = 5.0
+    predicted: float = 0.3
+
+
+LIMITS = LinkLimits(
     max_causes=20,
-    # of the squared difference that is left at a joint
     min_gain=0.2,
     kept_gain=0.1,
-    # ... of what it explains in the place of a cause; conditional on the cause, less than the rest of this share
+    # a rival explains this share of what a cause does; conditional on the cause, less than the rest of it
     ambiguity=0.95,
-    # at most: blocks are twice as long as the residual is correlated, from SHORTEST on
     block_seconds=BLOCK_SECONDS,
 )
-OVER_NOISE = 3.0
-"""Times the scatter from row to row: what is left below is noise."""
-SHORTEST = 0.3
-"""s: a run of ten seconds has few blocks of ``Limits.block_seconds``."""
 
 
 @dataclass(frozen=True)
-class LinkEncoders(CandidateModel):
+class LinkEncoders(CandidateModel[LinkCandidate]):
     """rows: fit and held-out rows.
 
     Whole: the rows that parameters are estimated from: those of fit, or of two parts of the same recordings all.
@@ -58,10 +72,10 @@ class LinkEncoders(CandidateModel):
     rows: Split[Rows]
     whole: Rows
     scale: Array
-    limits: Limits = LIMITS
-    cache: dict[tuple[int, Candidate, int], Array] = field(default_factory=dict, repr=False)
+    limits: LinkLimits = LIMITS
+    cache: dict[tuple[int, LinkCandidate, int], Array] = field(default_factory=dict, repr=False)
 
-    def admissible(self, score: Score[Candidate], state: Chosen) -> bool:
+    def admissible(self, score: Score[LinkCandidate], state: Chosen) -> bool:
         """Whether a candidate matters, also in the held-out set alone.
 
         It must do so where the residual is above the noise, and is physically admissible.
@@ -74,11 +88,11 @@ class LinkEncoders(CandidateModel):
             and self.is_physical(candidate, state)
         )
 
-    def entered(self, score: Score[Candidate], admissible: Sequence[Score[Candidate]], state: Chosen) -> Chosen:
+    def entered(self, score: Score[LinkCandidate], admissible: Sequence[Score[LinkCandidate]], state: Chosen) -> Chosen:
         """With the candidate."""
         return (*state, score.candidate)
 
-    def score(self, candidate: Candidate, chosen: Sequence[Candidate]) -> Score[Candidate]:
+    def score(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> Score[LinkCandidate]:
         """Gain in units of the joints' scales, and its share of what was left where the candidate is felt."""
         felt = self.felt(candidate)
         energy, correlated, falls = 0.0, 0.0, []
@@ -90,7 +104,7 @@ class LinkEncoders(CandidateModel):
             energy += float(np.sum(before**2))
             correlated = max(correlated, _correlated(after, float(judged.t[1] - judged.t[0])))
             falls.append((judged, before**2 - after**2))
-        seconds = float(np.clip(2.0 * correlated, SHORTEST, self.limits.block_seconds))
+        seconds = float(np.clip(2.0 * correlated, self.limits.shortest_block, self.limits.block_seconds))
         blocks = np.concatenate(
             [np.bincount(j.blocks(seconds), weights=fall) for j, falling in falls for fall in falling.T]
         )
@@ -100,18 +114,18 @@ class LinkEncoders(CandidateModel):
             gain=gain,
             p=p_value(blocks),
             blocks=blocks,
-            coefficients=np.zeros(width(candidate)),
+            coefficients=np.zeros(candidate.width),
             share=gain / max(energy, 1e-300),
         )
 
-    def best(self, chosen: Sequence[Candidate]) -> list[Candidate]:
+    def best(self, chosen: Sequence[LinkCandidate]) -> list[LinkCandidate]:
         """For each effect at each joint, the nonlinear parameter that fits best conditional on those chosen.
 
         a wave that is chosen may come again with another order only.
         """
         fit, everything = self.rows.fit, list(candidates(self.rows.fit))
-        taken: set[EffectKey] = {c.key for c in chosen if variant(c)[0] != "order"}
-        best: dict[EffectKey, tuple[float, Candidate]] = {}
+        taken: set[EffectKey] = {c.key for c in chosen if c.variant[0] != "order"}
+        best: dict[EffectKey, tuple[float, LinkCandidate]] = {}
         for k, joint in enumerate(int(j) for j in fit.joints):
             x = np.column_stack([np.ones(fit.rows), *(self.columns(c, fit, k) for c in chosen)])
             basis = np.linalg.qr(x / np.linalg.norm(x, axis=0))[0]
@@ -127,27 +141,27 @@ class LinkEncoders(CandidateModel):
         everywhere = [c for c in everything if c.joint is None and c.key not in taken]
         return everywhere + [candidate for _, candidate in best.values()]
 
-    def columns(self, candidate: Candidate, rows: Rows, k: int) -> Array:
+    def columns(self, candidate: LinkCandidate, rows: Rows, k: int) -> Array:
         """(m, c) rad: ``columns``, each computed once."""
         key = id(rows), candidate, k
         if key not in self.cache:
             self.cache[key] = columns(candidate, rows, k)
         return self.cache[key]
 
-    def stacked(self, chosen: Sequence[Candidate], rows: Rows) -> Array:
+    def stacked(self, chosen: Sequence[LinkCandidate], rows: Rows) -> Array:
         """(k m, c) columns over the joints' scales, joint after joint.
 
         a constant per joint, then those of every candidate.
         """
         joints = len(rows.joints)
-        x = np.zeros((joints, rows.rows, joints + sum(map(width, chosen))))
+        x = np.zeros((joints, rows.rows, joints + sum(c.width for c in chosen)))
         for k in range(joints):
             x[k, :, k] = 1.0
             at = joints
             for candidate in chosen:
                 own = self.columns(candidate, rows, k)
                 x[k, :, at : at + own.shape[1]] = own
-                at += width(candidate)
+                at += candidate.width
             x[k] /= self.scale[k]
         return x.reshape(joints * rows.rows, -1)
 
@@ -155,30 +169,30 @@ class LinkEncoders(CandidateModel):
         """(k m,) differences over the joints' scales, joint after joint."""
         return np.asarray((rows.difference / self.scale).T.ravel(), float)
 
-    def fitted(self, chosen: Sequence[Candidate], rows: Rows) -> Array:
+    def fitted(self, chosen: Sequence[LinkCandidate], rows: Rows) -> Array:
         """(c,) coefficients of all joints together."""
         x, size = scaled(self.stacked(chosen, rows))
         coefficients: Array = np.linalg.lstsq(x.T @ x, x.T @ self.response(rows), rcond=1e-11)[0] / size
         return coefficients
 
-    def residual(self, chosen: Sequence[Candidate], learned: Rows, judged: Rows) -> Array:
+    def residual(self, chosen: Sequence[LinkCandidate], learned: Rows, judged: Rows) -> Array:
         """(m, k) rad: difference of ``judged`` less what is predicted from ``learned``; its own constant is free."""
         predicted = (self.stacked(chosen, judged) @ self.fitted(chosen, learned)).reshape(len(judged.joints), -1).T
         residual = judged.difference - predicted * self.scale
         return np.asarray(residual - residual.mean(axis=0), float)
 
-    def is_physical(self, candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
+    def is_physical(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> bool:
         """Whether a compliance or a gap comes out positive."""
         effect = candidate.definition
         return (effect.spring is None and effect.gap is None) or bool(
             self.fitted([*chosen, candidate], self.rows.fit)[-1] > 0.0
         )
 
-    def felt(self, candidate: Candidate) -> list[int]:
+    def felt(self, candidate: LinkCandidate) -> list[int]:
         """Columns of the difference (from 0) in which a candidate shows."""
         return [k for k, joint in enumerate(self.rows.fit.joints) if candidate.joint in (None, joint)]
 
-    def _ahead(self, candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
+    def _ahead(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> bool:
         felt = self.felt(candidate)
         before, after = (
             float(np.sum((self.residual(some, *self.rows)[:, felt] / self.scale[felt]) ** 2))
@@ -186,10 +200,10 @@ class LinkEncoders(CandidateModel):
         )
         return before > after
 
-    def _over_noise(self, candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
+    def _over_noise(self, candidate: LinkCandidate, chosen: Sequence[LinkCandidate]) -> bool:
         felt = self.felt(candidate)
         rms = np.sqrt(np.mean(self.residual(chosen, *self.rows) ** 2, axis=0))
-        return bool(np.any(rms[felt] > OVER_NOISE * self.rows.fit.noise[felt]))
+        return bool(np.any(rms[felt] > self.limits.above_noise * self.rows.fit.noise[felt]))
 
 
 def link_encoders(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> LinkEncoders | None:

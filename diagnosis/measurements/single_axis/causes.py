@@ -16,11 +16,10 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from diagnosis.cause import Estimate
-from diagnosis.measurements.single_axis.columns import Rows, columns, fine, rows_of, waves
-from diagnosis.measurements.single_axis.model import LIMITS, SingleAxis
+from diagnosis.measurements.single_axis.columns import Rows, columns, encoder_noise, rows_of, waves
+from diagnosis.measurements.single_axis.model import LIMITS, Chosen, SingleAxis
 from diagnosis.residual.expected_current import low_pass
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.candidate_model import Chosen
 from diagnosis.selection.estimates import estimates
 from identification.selection import Score, Split, select
 from identification.selection.cluster_covariance import cluster_covariance
@@ -105,7 +104,7 @@ def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, 
         return None
     arm = with_sharp_friction(arm, [*fit, *held_out])
     rows = Split(rows_of(arm, fit, LIMITS.block_seconds), rows_of(arm, held_out, LIMITS.block_seconds), two_fold)
-    if not fine(arm, rows.fit):
+    if not encoder_noise(rows.fit) < LIMITS.encoder_noise:
         return None
     whole = rows_of(arm, [*fit, *held_out], LIMITS.block_seconds) if two_fold else rows.fit
     model = SingleAxis(rows, whole, two_fold or _goes_on(fit, held_out))

@@ -121,10 +121,11 @@ def _noise(arm: Arm, q: Array, rate: float) -> float:
     return float(inertia * wobble / arm.joints[0].drive_constant)
 
 
-def fine(arm: Arm, rows: Rows) -> bool:
-    """Whether what the encoder's steps leave is a thirtieth of the current that friction takes, at most."""
-    friction = arm.joints[0].ratio * max(arm.joints[0].coulomb) / arm.joints[0].drive_constant
-    return rows.noise < friction / 30
+def encoder_noise(rows: Rows) -> float:
+    """What the encoder's steps leave in the residual, as a share of the current that friction takes."""
+    drive = rows.arm.joints[0]
+    friction = drive.ratio * max(drive.coulomb) / drive.drive_constant
+    return rows.noise / friction if friction > 0.0 else np.inf
 
 
 def candidates(rows: Rows) -> Iterator[Candidate]:

@@ -18,24 +18,38 @@ from scipy import optimize
 from arm_io.types import Array
 from diagnosis.measurements.single_axis.columns import Rows, candidates, columns, waves
 from diagnosis.selection.candidate import Candidate
-from diagnosis.selection.candidate_model import CandidateModel, Chosen
+from diagnosis.selection.candidate_model import CandidateModel
 from identification.selection import Limits, Score, Split, p_value, scaled_lstsq
 
-LIMITS = Limits(
+Chosen = tuple[Candidate, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisLimits(Limits):
+    """Gains are shares of the squared residual: a drive repeats its motion, and with it what no effect explains.
+
+    presliding     coefficients of friction that builds up gradually, which is the model's own: one outside says that
+                   the data shows something else
+    encoder_noise  share of the friction current that the steps of the encoder may leave in the residual: above it, the
+                   encoder is too coarse to judge reversals
+    """
+
+    presliding: tuple[float, float] = (0.6, 1.6)
+    encoder_noise: float = 1 / 30
+
+
+LIMITS = AxisLimits(
     max_causes=6,
-    # of the squared residual that is left: a drive repeats its motion, and with it what no effect explains
     min_gain=0.08,
     kept_gain=0.04,
     ambiguity=0.95,
     # a stroke lasts a second or less
     block_seconds=0.3,
 )
-PRESLIDING = (0.6, 1.6)
-"""Friction that builds up gradually is the model's own: a coefficient outside says that it is not what is seen."""
 
 
 @dataclass(frozen=True)
-class SingleAxis(CandidateModel):
+class SingleAxis(CandidateModel[Candidate]):
     """rows: fit and held-out rows.
 
     Whole: the rows that parameters are estimated from: those of fit, or of two parts of the same recordings all.
@@ -46,7 +60,7 @@ class SingleAxis(CandidateModel):
     rows: Split[Rows]
     whole: Rows
     one_run: bool
-    limits: Limits = LIMITS
+    limits: AxisLimits = LIMITS
     cache: dict[tuple[int, Candidate], Array] = field(default_factory=dict, repr=False)
 
     def admissible(self, score: Score[Candidate], state: Chosen) -> bool:
@@ -126,7 +140,7 @@ class SingleAxis(CandidateModel):
         c = float(self.fitted([*chosen, candidate], rows)[-1])
         effect = candidate.definition
         if effect.unit_amplitude:
-            return PRESLIDING[0] < c < PRESLIDING[1]
+            return self.limits.presliding[0] < c < self.limits.presliding[1]
         if not effect.linear or effect.span is not None:
             return True
         parameter = effect.linear[-1]

@@ -33,15 +33,7 @@ from identification.kinematics.data import aligned
 from identification.kinematics.models import Chain, chain_of, position, position_jacobian, xyz_ypr
 from identification.selection import Split
 
-FEWEST_WRONG = 3
-"""Points that are wrong, or missing in a row, before it is worth a sentence."""
 OTHER_POSES = "more varied poses: armscope calibrate --poses 40"
-WORTH = 0.02
-"""Of the energy of what the points cannot tell, that each of the five must explain."""
-CERTAIN = 2.0
-"""Deviations that each of the five must be from zero."""
-COUNTS = 2.5
-"""Counts of the encoder below which a zero is not off: counters are set to a count."""
 
 
 @dataclass(frozen=True)
@@ -167,17 +159,17 @@ def _sparse(state: State, model: TrackedPoints) -> State:
     theta alone is a zero offset.
     """
     fit, steps = model.points.fit, model.steps
-    least = WORTH * 3 * len(fit) * model.level**2
+    least = LIMITS.geometry_gain * 3 * len(fit) * model.level**2
     for candidate in state.chosen:
         while candidate.effect == LINK_GEOMETRY.name and len(candidate.names) > 1:
             values, covariance = model.precise(state).coefficients(candidate)
             certain = np.abs(values) / np.sqrt(np.diag(covariance))
-            if candidate.names[0] == "d_theta" and abs(values[0]) < COUNTS * _step(candidate, steps):
+            if candidate.names[0] == "d_theta" and abs(values[0]) < LIMITS.zero_counts * _step(candidate, steps):
                 certain[0] = 0.0
             fewer = replace(candidate, names=tuple(np.delete(candidate.names, int(np.argmin(certain))).tolist()))
             without = model.refit([fewer if c is candidate else c for c in state.chosen], state)
             if (
-                certain.min() > CERTAIN
+                certain.min() > LIMITS.geometry_stds
                 and energy(point_residual(without, fit)) > energy(point_residual(state, fit)) + least
             ):
                 break
@@ -186,7 +178,7 @@ def _sparse(state: State, model: TrackedPoints) -> State:
     stays = [
         c
         for c, was in zip(chosen, state.chosen)
-        if c.names != ("d_theta",) or abs(state.coefficients(was)[0][0]) >= COUNTS * _step(c, steps)
+        if c.names != ("d_theta",) or abs(state.coefficients(was)[0][0]) >= LIMITS.zero_counts * _step(c, steps)
     ]
     return state if tuple(stays) == state.chosen else model.refit(stays, state)
 
@@ -237,7 +229,7 @@ def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str
     """Wrong and missing points, where fit and held-out recordings together show enough of them."""
     of_recordings = [outlier_set for part in outliers for outlier_set in part]
     wrong, missing = sum(o.wrong for o in of_recordings), sum(o.missing for o in of_recordings)
-    if max(wrong, missing) < FEWEST_WRONG:
+    if max(wrong, missing) < LIMITS.wrong_points:
         return None
     expected = sum(o.expected for o in of_recordings)
     share = (wrong + missing) / expected

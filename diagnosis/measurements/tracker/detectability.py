@@ -11,14 +11,11 @@ from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Instrument, observed_by
 from diagnosis.cause import EffectKey, Signal, Structure, Undetectable
 from diagnosis.measurements.tracker.columns import State, TrackedCandidate
+from diagnosis.measurements.tracker.model import LIMITS
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import Linear, columns_of, good, linear
 
 BINS = 24
-SHARE = 0.1
-"""Of what is left: less is not worth a sentence."""
-ROUGH = 1.3
-"""Times what the points cannot tell: below it what is left is noise as far as that is known."""
 
 
 def no_tracker(placed: bool, fitted: bool) -> list[Undetectable]:
@@ -57,7 +54,7 @@ def not_visible(moves: Mapping[TrackedCandidate, float], level: float, known: se
     """
     invisible, here = [], only_tracked()
     for candidate, size in moves.items():
-        if candidate.effect in here and candidate.key not in known and size < level / 3.0:
+        if candidate.effect in here and candidate.key not in known and size < LIMITS.detectable * level:
             where = f" at joint {candidate.joint}" if candidate.joint else ""
             by = f"by {1e3 * size:.2g} mm rms" if size > 1e-3 * level else "by nothing"
             why = f"even {_typical(candidate)[1]}{where} would move these points {by}; they tell {1e3 * level:.2g} mm"
@@ -74,7 +71,7 @@ def not_visible(moves: Mapping[TrackedCandidate, float], level: float, known: se
 
 def visible(moves: Mapping[TrackedCandidate, float], level: float) -> frozenset[EffectKey]:
     """Effects that these points would show, whatever the currents do."""
-    return frozenset(candidate.key for candidate, size in moves.items() if size >= level / 3.0)
+    return frozenset(candidate.key for candidate, size in moves.items() if size >= LIMITS.detectable * level)
 
 
 def _typical_squares(
@@ -113,7 +110,7 @@ def structure(sides: Sequence[Side], residuals: Sequence[Array], level: float) -
     kept = [good(residual) for residual in residuals]
     fit, held_out = (residual[keep] for residual, keep in zip(residuals, kept))
     total = float(np.sum(held_out**2))
-    if np.sqrt(np.mean(held_out**2)) < ROUGH * level:
+    if np.sqrt(np.mean(held_out**2)) < LIMITS.structure_noise * level:
         return []
     best: Structure | None = None
     generator = np.random.default_rng(0)
@@ -125,10 +122,10 @@ def structure(sides: Sequence[Side], residuals: Sequence[Array], level: float) -
         means = np.stack([np.bincount(which, weights=c, minlength=len(edges) + 1) / count for c in fit.T], axis=1)
         predicted = means[np.digitize(x, edges)]
         share = 1.0 - float(np.sum((held_out - predicted) ** 2)) / total
-        if share > SHARE and (best is None or share > best.share):
+        if share > LIMITS.structure_share and (best is None or share > best.share):
             inner = np.bincount(block, weights=np.sum(held_out * predicted, axis=1))
             signs = generator.choice([-1.0, 1.0], size=(200, len(inner)))
-            if np.mean(signs @ inner >= inner.sum()) < 0.01:
+            if np.mean(signs @ inner >= inner.sum()) < LIMITS.structure_p:
                 best = Structure(Signal.TRACKER, None, name, share)
     return [best] if best else []
 

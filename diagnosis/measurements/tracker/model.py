@@ -21,14 +21,37 @@ from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import by_block, columns_of, energy, linear, point_residual, squares
 from identification.selection import Limits, MeasurementModel, Score, Split, eliminate, p_value, select
 
-LIMITS = Limits(
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerLimits(Limits):
+    """Gains are shares of the energy that the points leave undetermined (noise, encoder zeros).
+
+    geometry_gain    share of that energy that each geometric error of a link must explain ...
+    geometry_stds    ... and how many std it must be from zero
+    zero_counts      counts of the encoder that a joint offset must exceed: counters are set to a count
+    wrong_points     wrong points, or points missing in a row, from which on they are reported
+    detectable       share of the std that the points leave undetermined by which an effect must move them
+    structure_noise  residual over that std below which a residual is noise
+    structure_share  share of the residual energy that a variable must predict to be reported
+    structure_p      its probability by chance
+    """
+
+    geometry_gain: float = 0.02
+    geometry_stds: float = 2.0
+    zero_counts: float = 2.5
+    wrong_points: int = 3
+    detectable: float = 1 / 3
+    structure_noise: float = 1.3
+    structure_share: float = 0.1
+    structure_p: float = 0.01
+
+
+LIMITS = TrackerLimits(
     max_causes=8,
     fdr=None,
     final_fdr=0.05,
-    # of the energy of what the points leave undetermined (noise, encoder zeros)
     min_gain=0.1,
     kept_gain=0.1,
-    # of the same energy
     tie=0.02,
     # of a cause's linear gain, that makes another worth a refit in its place
     ambiguity=0.7,
@@ -71,7 +94,7 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
     level: float
     steps: Array
     every: tuple[TrackedCandidate, ...]
-    limits: Limits = LIMITS
+    limits: TrackerLimits = LIMITS
 
     @property
     def undetermined(self) -> float:
