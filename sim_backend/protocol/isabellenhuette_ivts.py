@@ -14,6 +14,8 @@ from sim_backend.protocol.serving import Loop
 from sim_backend.protocol.wires import Wires
 
 SERIAL = bytes([0, 0, 0x16, 0x2E])
+WAITING, WAITING_NS = 3, 10_000_000
+"""Periods, and ns, for which a result may wait for the bus; later ones overwrite it, as in a controller's mailboxes."""
 
 
 class Sensor:
@@ -99,7 +101,8 @@ class SimulatedIvts:
                 step = int(period * 1e9)
                 at = (sensor.due[channel] or now) // step * step  # all sensors on one grid
                 sensor.due[channel] = at + step
-                if now - at > 1_000_000_000:
+                if now - at > max(WAITING * step, WAITING_NS):
+                    sensor.counter[channel] = (sensor.counter[channel] + 1) % 16
                     continue
                 value = int(np.rint(1000 * self.wires.volts(k, np.array([at], np.int64))[0])) if channel == 0 else 0
                 state = sensor.counter[channel]
