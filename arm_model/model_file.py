@@ -12,7 +12,7 @@ from arm_io import InputError, check_table, read_toml, write_toml
 from arm_io.table import Table
 from arm_io.toml import one_line
 from arm_model.description import IDENTITY, Arm, Controller, EffectTerm, Joint, Pose, Vector
-from arm_model.effects import check_terms
+from arm_model.effects import check_terms, dissipation
 from arm_model.rigid_body.inertia import unphysical
 
 
@@ -68,6 +68,8 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
     except ValidationError as error:
         raise InputError(where, one_line(error)) from None
     check_terms(arm, where)
+    if not arm.unphysical and (driven := dissipation.problem(arm)):
+        raise InputError(where, driven)
     return arm
 
 

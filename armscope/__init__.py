@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from arm_model.effects import CATALOGUE
     from armscope.api.calibration import Calibration, calibrate
     from armscope.api.diagnosis import Diagnosis, diagnose
-    from armscope.api.identification import identify
+    from armscope.api.identification import identify, predict
     from armscope.api.reading import open_recording as open
     from armscope.api.reading import read_experiment, read_model, read_rig
     from armscope.api.recording import Recorded, record
@@ -43,6 +43,7 @@ _HOMES = {
     "effects": "arm_model.effects:CATALOGUE",
     "identify": "armscope.api.identification:identify",
     "open": "armscope.api.reading:open_recording",
+    "predict": "armscope.api.identification:predict",
     "read_experiment": "armscope.api.reading:read_experiment",
     "read_model": "armscope.api.reading:read_model",
     "read_rig": "armscope.api.reading:read_rig",
@@ -68,6 +69,7 @@ __all__ = [
     "effects",
     "identify",
     "open",
+    "predict",
     "read_experiment",
     "read_model",
     "read_rig",

@@ -17,6 +17,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
+from arm_model.effects import dissipative
 from daq.recording import Recording
 from diagnosis.cause import Cause, Signal, Structure, Undetectable, extend, merge
 from diagnosis.closed_loop.comparison import Compared, along_motion, compare, faithful, with_smoothing_velocities
@@ -126,7 +127,8 @@ def diagnose(
     cleaned = screen(arm, recordings, progress)
     measured = measure(arm, recordings, cleaned, progress)
     named = named_causes(arm, measured.known, recordings, cleaned, progress)
-    causes, extended = extend_by(arm, measured, named, recordings)
+    causes, stated = extend_by(arm, measured, named, recordings)
+    extended = dissipative(stated, top_speeds(named))
     verified = verify(arm, extended, causes, recordings, named, judged=measured.judged)
     state, structures = named.found.state, _structures(measured, named)
     return Diagnosis(
@@ -145,7 +147,7 @@ def diagnose(
         tracked=measured.tracked,
         axis=named.axis,
         judged=measured.judged,
-        warnings=tuple(_warnings(arm, measured, named, structures)),
+        warnings=(*_warnings(arm, measured, named, structures), *_of_friction(stated, extended)),
     )
 
 
@@ -182,6 +184,12 @@ def extend_by(arm: Arm, measured: Measured, named: Named, recordings: Recordings
         extended = with_smoothing_velocities(extended, recordings.fit)
     resonant = [named.resonance] if named.resonance else []
     return merge([*resonant, *causes, *measured.of_links], measured.tracked.causes), extended
+
+
+def top_speeds(named: Named) -> Array:
+    """(n,) rad/s (m/s): the highest speed of each joint in any of the recordings."""
+    runs = [run for part in named.found.state.data for run in part.runs]
+    return np.asarray(np.max([np.abs(run.brisk_v).max(axis=0) for run in runs], axis=0))
 
 
 def verify(
@@ -251,6 +259,16 @@ def _of_width(arm: Arm, base: Arm) -> tuple[str, ...]:
     wide, narrow = (one.joints[0].sign_velocity for one in (arm, base))
     return (
         () if narrow == wide else (f"Coulomb smoothing velocity set to {narrow:.2g} instead of {wide:.2g} m/s (rad/s)",)
+    )
+
+
+def _of_friction(stated: Arm, extended: Arm) -> tuple[str, ...]:
+    """Says where the causes made friction that drives a joint, which is not what the extended model has."""
+    return tuple(
+        f"with the causes, friction of joint {j} would drive it at some speed: the extended model has the nearest "
+        "friction that opposes the motion at every speed"
+        for j, (before, after) in enumerate(zip(stated.joints, extended.joints), 1)
+        if (before.coulomb, before.viscous) != (after.coulomb, after.viscous)
     )
 
 

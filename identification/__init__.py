@@ -6,6 +6,7 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from identification.identify import check_runs, identify_by, own_friction
+    from identification.prediction import predict
     from identification.result import Identification
 else:
     __getattr__ = lazy(__name__)
@@ -15,4 +16,5 @@ __all__ = [
     "check_runs",
     "identify_by",
     "own_friction",
+    "predict",
 ]

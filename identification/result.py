@@ -69,6 +69,12 @@ class Prediction:
     def residual(self) -> Array:
         return self.measured - self.predicted
 
+    @property
+    def relative_error(self) -> float:
+        """Norm of the residual over norm of the measured torque, all joints; NaN without rows."""
+        size = float(np.linalg.norm(self.measured))
+        return float(np.linalg.norm(self.residual)) / size if size > 0 else math.nan
+
     def of(self, joint: int, sliding: bool = False) -> NDArray[np.bool_]:
         """(k,) the rows of a joint (from 0), or its sliding ones."""
         mine = self.joint == joint
@@ -79,10 +85,11 @@ class Prediction:
 class Identification:
     """What ``armscope identify`` writes; see ``to_json`` for the file's layout, which is the contract's.
 
-    arm         the model with the identified parameters, physically consistent
+    arm         the model with the identified parameters, physically consistent: what model.toml holds
+    predictions of ``arm`` itself; of a split, the late rows of each run by an arm made alike from the early ones
     bands       of the fitted runs
     covariance  (b, b) of ``base``
-    compared    relative errors of other models on the same rows: name -> (fit, held out)
+    compared    relative errors of other values on the same rows: name -> (fit, held out)
     extra       further entries of the file, by method
     runs        rows of each recording, and why some of them do not count
     """

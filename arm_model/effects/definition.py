@@ -170,6 +170,8 @@ class Effect:
     driven           its law looks at ``s.driver``
     sparse           acts at a few instants of a recording: may also be judged by when these are
     directional      differs between the directions of motion, or is made up for by an effect that does
+    friction         its torque depends on the velocity alone: part of the joint's friction, which opposes the motion as
+                     a whole (``arm_model.effects.dissipation``)
     """
 
     name: str
@@ -190,6 +192,7 @@ class Effect:
     driven: bool = False
     sparse: bool = False
     directional: bool = False
+    friction: bool = False
     torque: Law | None = None
     rate: Law | None = None
     deflection: Law | None = None

@@ -27,6 +27,7 @@ VISCOUS_FRICTION = Effect(
     observed_by=_AGAINST_VELOCITY,
     excited_by=Excitation.SPEED,
     directional=True,
+    friction=True,
     torque=lambda p, s: p.viscous * s.v,
 )
 
@@ -46,6 +47,7 @@ COULOMB_FRICTION = Effect(
     },
     observed_by=_AGAINST_VELOCITY,
     directional=True,
+    friction=True,
     torque=lambda p, s: p.coulomb * s.sign,
 )
 
@@ -68,6 +70,7 @@ FRICTION_ASYMMETRY = Effect(
     observed_by=_AGAINST_VELOCITY,
     special_cases=("viscous_friction", "coulomb_friction", "current_offset"),
     directional=True,
+    friction=True,
     torque=lambda p, s: (
         (p.positive * (s.sign + s.sign**2) + p.negative * (s.sign - s.sign**2)) / 2
         + (p.viscous_positive * (s.v + scalar.absolute(s.v)) + p.viscous_negative * (s.v - scalar.absolute(s.v))) / 2
@@ -106,6 +109,7 @@ STRIBECK_FRICTION = Effect(
     },
     # friction at rest and in reversal is inferred from friction while moving; the law of its turn is not known
     model_error=0.1,
+    friction=True,
     torque=lambda p, s: p.breakaway * scalar.exp(-((s.v / p.stribeck_velocity) ** 2)) * s.sign,
 )
 

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from arm_model import Arm
     from identification import Identification
     from identification.preprocessing import Readiness
+    from identification.result import Prediction
 
 Method = Literal["ols", "wls", "irls", "iv", "didim", "motor-link", "sequence", "friction"]
 Friction = Literal["symmetric", "asymmetric"]
@@ -68,3 +69,19 @@ def check(
     friction = friction or own_friction(arm)
     sparse = method in ONE_JOINT_A_RUN
     return check_runs(fitted, arm, held_out=held, friction=friction, sparse=sparse, progress=progress)
+
+
+def predict(
+    recordings: Source | Sequence[Source], model: File | Arm, *, progress: Callable[[str], None] = lambda _: None
+) -> list[Prediction]:
+    """Measured and predicted torque of each recording, with nothing fitted: what ``identify`` judges its model by.
+
+    recordings  one or several, as paths or objects; of very long ones the rows are averaged as they are read
+    model       the one that predicts, such as the model.toml that ``identify`` wrote
+    Raises InputError where a recording does not belong to the arm.
+    """
+    arm = read_model(model)
+    (runs,) = for_analysis(recordings)
+    from identification import predict
+
+    return predict(runs, arm, progress=progress)

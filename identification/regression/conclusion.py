@@ -12,19 +12,22 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm, parameter, with_parameters
+from arm_model.effects import driven
 from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from identification.preprocessing import checks
 from identification.preprocessing.signals import parallel_filter, sliding_rows, with_reversals
 from identification.preprocessing.spectrum import Band
 from identification.regression.effect_columns import is_effect, shown_torque
-from identification.regression.equations import Equations, model_values
+from identification.regression.equations import Equations, model_values, shown_rows
 from identification.regression.least_squares import Fit, relative_error
-from identification.regression.physical_consistency import consistent_parameters
+from identification.regression.physical_consistency import consistent_parameters, friction_rows
 from identification.regression.problem import Problem
 from identification.regression.uncertainty import Uncertainty
 from identification.result import Identification, Prediction, Value, unit_of
 
+UNCONSTRAINED = "least squares alone, not an arm that could exist"
+"""Name of the fit itself beside the arm that is written."""
 SPLIT = 0.7  # share of the time that is fitted where no recording is held out
 CERTAIN = 0.3  # of the value: a parameter with a larger standard deviation counts as not identifiable
 FELT = 0.02  # of the torque: unless the uncertainty is no more than this share of what the joints do
@@ -32,12 +35,14 @@ FELT = 0.02  # of the torque: unless the uncertainty is no more than this share 
 
 def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:
     """(p,) standard parameters of the physically consistent arm nearest to a fit."""
+    names = problem.base.names
     return consistent_parameters(
         problem.base.grouping[problem.excited],
         fit.values,
         information,
         model_values(problem.arm, problem.friction),
-        problem.base.names,
+        names,
+        friction=friction_rows(problem.arm, names, problem.top_speeds),
     )
 
 
@@ -50,16 +55,21 @@ def with_values(problem: Problem, physical: Array) -> Arm:
     values = dict(zip(problem.base.names, map(float, physical)))
     if problem.friction == "asymmetric":  # what was constant is in the two magnitudes now
         values |= {f"joint{j}.offset": 0.0 for j in range(1, len(problem.arm) + 1)}
-    else:
-        now = dict(zip(problem.base.names, model_values(problem.arm, problem.friction)))
-        for j, joint in enumerate(problem.arm.joints, 1):
-            uneven = joint.ratio * (joint.coulomb[0] - joint.coulomb[1]) / 2
-            uneven += values[f"joint{j}.offset"] - now[f"joint{j}.offset"]
-            if joint.coulomb[0] != joint.coulomb[1] and abs(uneven) <= values[f"joint{j}.coulomb"]:
-                values[f"joint{j}.coulomb_positive"] = values[f"joint{j}.coulomb"] + uneven
-                values[f"joint{j}.coulomb_negative"] = values.pop(f"joint{j}.coulomb") - uneven
-                values[f"joint{j}.offset"] = joint.ratio * joint.offset
-    return with_parameters(fixed_gains(problem.arm), values)  # the real servo does not follow our estimates
+    # the real servo does not follow our estimates
+    even = with_parameters(fixed_gains(problem.arm), values)
+    if problem.friction == "asymmetric":
+        return even
+    now = dict(zip(problem.base.names, model_values(problem.arm, problem.friction)))
+    for j, joint in enumerate(problem.arm.joints):
+        if joint.coulomb[0] == joint.coulomb[1]:
+            continue
+        name = f"joint{j + 1}.coulomb"
+        difference = joint.ratio * (joint.coulomb[0] - joint.coulomb[1]) / 2
+        difference += values[f"joint{j + 1}.offset"] - now[f"joint{j + 1}.offset"]
+        sides = {f"{name}_positive": values[name] + difference, f"{name}_negative": values[name] - difference}
+        uneven = with_parameters(even, {**sides, f"joint{j + 1}.offset": joint.ratio * joint.offset})
+        even = even if j in driven(uneven, problem.top_speeds) else uneven
+    return even
 
 
 def conclude(
@@ -73,13 +83,16 @@ def conclude(
     warnings = list(problem.warnings)
     physical = physical_values(problem, best, spread.information)
     identified = with_values(problem, physical)
-    predictions, held_names = _predictions(problem, best, solve, warnings)
-    for recording, run in zip(problem.fit, predictions):
-        sentences = checks.unexplained_channels(recording.path, run.residual, run.measured, run.joint)
-        warnings += [f"{run.run}: {sentence}" for sentence in sentences]
+    predictions, compared, held_names = _predictions(problem, best, identified, spread, solve, warnings)
+    # by the fit itself: an arm that could exist may not follow a channel that nevertheless knows of the motion
+    unconstrained = _residual(problem, problem.judged, best)
+    for number, recording in enumerate(problem.fit):
+        here = problem.judged.run == number
+        sentences = checks.unexplained_channels(
+            recording.path, unconstrained[here], problem.judged.torque[here], problem.judged.joint[here]
+        )
+        warnings += [f"{recording.path.name}: {sentence}" for sentence in sentences]
     predictions = _accounted_for(problem, predictions, identified, spread)
-    reduced = problem.base.grouping[problem.excited] @ physical
-    compared = {"physically consistent model": _errors(problem, reduced)}
     base, parameters = _named(problem, best, spread, physical)
     weak = [value.name for value in base if not value.identifiable]
     if weak:
@@ -111,7 +124,7 @@ def conclude(
         notes=notes,
         bands=[motion.band for motion in problem.motions],
         covariance=spread.covariance,
-        compared=compared,
+        compared={UNCONSTRAINED: compared},
         runs=problem.runs,
     )
 
@@ -136,12 +149,25 @@ def _check_friction(problem: Problem, best: Fit, spread: Uncertainty) -> None:
 
 
 def _predictions(
-    problem: Problem, best: Fit, solve: Callable[[Equations], Fit], warnings: list[str]
-) -> tuple[list[Prediction], list[str] | str]:
-    found = _predicted(problem, problem.judged, best.values, problem.fit, False)
+    problem: Problem,
+    best: Fit,
+    identified: Arm,
+    spread: Uncertainty,
+    solve: Callable[[Equations], Fit],
+    warnings: list[str],
+) -> tuple[list[Prediction], tuple[float, float], list[str] | str]:
+    """Predictions of the arm that is written, the relative errors of the fit itself, and what is held out.
+
+    Without held-out recordings an arm made from the first part of each, in the same way, predicts the rest.
+    """
+    judged = [with_reversals(motion) for motion in problem.motions]
+    found = predictions_of(problem.judged, shown_rows(identified, problem.arm, judged), problem.fit, False)
+    fitted = _error(problem, problem.judged, best)
     if problem.held is not None:
+        shown = shown_rows(identified, problem.arm, problem.held_motions)
+        found += predictions_of(problem.held, shown, problem.held_out, True)
         names = [str(recording.path) for recording in problem.held_out]
-        return found + _predicted(problem, problem.held, best.values, problem.held_out, True), names
+        return found, (fitted, _error(problem, problem.held, best)), names
     ends = np.array([motion.t[-1] for motion in problem.motions])
     window = np.array([4 / motion.band.parallel for motion in problem.motions])
     early = problem.rows.t < (SPLIT * ends - window)[problem.rows.run]
@@ -152,16 +178,19 @@ def _predictions(
         " give --held-out recordings of another motion before calling this model validated"
     )
     if early.sum() < 2 * len(problem.columns) or not late.any():
-        return found, "split"
+        return found, (fitted, float("nan")), "split"
     # Trained on part of the time, a direction may be unexcited that all of it excites: then least norm.
     first = solve(problem.rows.of(early))
-    return found + _predicted(problem, problem.judged.of(late), first.values, problem.fit, True), "split"
+    earlier = with_values(problem, physical_values(problem, first, spread.information))
+    rows = problem.judged.of(late)
+    found += predictions_of(rows, shown_rows(earlier, problem.arm, judged)[late], problem.fit, True)
+    return found, (fitted, _error(problem, rows, first)), "split"
 
 
-def _predicted(
-    problem: Problem, rows: Equations, values: Array, recordings: Sequence[Recording], held_out: bool
+def predictions_of(
+    rows: Equations, predicted: Array, recordings: Sequence[Recording], held_out: bool
 ) -> list[Prediction]:
-    predicted = rows.columns[:, problem.columns] @ values + problem.given(rows)
+    """One prediction per recording, of the torques ``predicted`` (rows,)."""
     found = []
     for run, recording in enumerate(recordings):
         here = rows.run == run
@@ -203,16 +232,14 @@ def _noise(problem: Problem, arm: Arm, band: Band) -> Array:
     return np.array([np.sqrt(np.mean(np.concatenate(parts) ** 2)) if any(map(len, parts)) else np.nan for parts in off])
 
 
-def _errors(problem: Problem, values: Array) -> tuple[float, float]:
-    """Relative error on the fitted and the held-out recordings."""
-    found = []
-    for rows in (problem.judged, problem.held):
-        if rows is None:
-            found.append(float("nan"))
-            continue
-        residual = rows.torque - problem.given(rows) - rows.columns[:, problem.columns] @ values
-        found.append(relative_error(rows.torque, residual))
-    return found[0], found[1]
+def _residual(problem: Problem, rows: Equations, fit: Fit) -> Array:
+    """(rows,) residual of the fitted values themselves, which need not make an arm that could exist."""
+    return np.asarray(rows.torque - problem.given(rows) - rows.columns[:, problem.columns] @ fit.values)
+
+
+def _error(problem: Problem, rows: Equations, fit: Fit) -> float:
+    """Relative error of the fitted values themselves."""
+    return relative_error(rows.torque, _residual(problem, rows, fit))
 
 
 def _named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) -> tuple[list[Value], list[Value]]:

@@ -276,6 +276,19 @@ def _effect_rows(arm: Arm, model: Arm, motion: Motion, moved: Motion) -> Array:
     return np.asarray(parallel_filter(motion, both)[row, joint])
 
 
+def measured_rows(motions: Sequence[Motion]) -> Equations:
+    """The rows of ``equations`` without columns: measured torques, and where they come from."""
+    parts = []
+    for run, motion in enumerate(motions):
+        t, usable = equation_rows(motion)
+        joint, row = np.nonzero(usable.T)
+        torque = parallel_filter(motion, motion.torque * equation_weight(motion))[row, joint]
+        sliding = sliding_rows(motion)[row, joint]
+        parts.append((torque, joint, np.full(len(row), run, np.intp), t[row], sliding))
+    torque, joint, run_of, t, sliding = (np.concatenate(part) for part in zip(*parts))
+    return Equations(np.empty((len(torque), 0)), torque, joint, run_of, t, (), sliding=sliding)
+
+
 def shown_rows(arm: Arm, model: Arm, motions: Sequence[Motion]) -> Array:
     """(rows,) the torque that a recording of ``arm`` shows on these motions, as the rows of ``equations``."""
     parts = []

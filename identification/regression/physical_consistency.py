@@ -5,12 +5,13 @@ A rigid body exists if its 4x4 pseudo-inertia  P = [[tr(I)/2 1 - I, h], [h^T, m]
 3(1), 2018). Base parameters leave many arms; the one nearest to a prior in Bregman's log-det divergence is taken (Lee,
 Wensing, Park, IEEE T-RO 36(3), 2020), which needs no units to be balanced:
 
-    min  1/2 |K delta - beta|^2_S  +  regularisation * sum_links [ tr(P0^-1 P) - logdet(P) ]  +  barrier * sum [ f / f0
-         - log(f) ]
+    min  1/2 |K delta - beta|^2_S  +  regularisation * sum_links [ tr(P0^-1 P) - logdet(P) ]  +  barrier * sum [ g / g0
+         - log(g) ]
 
-over links and frictions f (the same divergence of one number: where no data speaks, the prior's own value is the
-nearest), with S the inverse covariance of beta. Convex and self-concordant: damped Newton steps reach it from the
-prior.
+over links and what must not be negative, g (the same divergence of one number: where no data speaks, the prior's own
+value is the nearest), with S the inverse covariance of beta. Friction is one g per speed and direction: the total of a
+joint opposes its motion (``arm_model.effects.dissipation``), whatever the sign of one coefficient. Convex and
+self-concordant: damped Newton steps reach it from the prior.
 """
 
 from __future__ import annotations
@@ -20,18 +21,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm_io.types import Array
+from arm_model import Arm
+from arm_model.effects import CATALOGUE, effect_friction, speeds
 from arm_model.rigid_body.inertia import PARAMETERS
 from identification.regression.effect_columns import definition, is_effect
 
 REGULARISATION = 1e-2  # a divergence of 1 (a mass 2.1 times the prior's) weighs like a tenth of a standard deviation
 BARRIER = 1e-3
+OF_ONE_SPEED = 0.04  # weight of the friction at one speed: the 25 of a direction weigh like one number
 SMALLEST = (
     1e-6  # of the arm's mean link: what a massless or sizeless prior is given, so that it can be written as a body
 )
-DISSIPATIVE = {
-    *("rotor_inertia", "viscous", "viscous_positive", "viscous_negative"),
-    *("coulomb", "coulomb_positive", "coulomb_negative"),
-}
+NEVER_NEGATIVE = ("rotor_inertia",)
+"""Parameters of a drive that must not be negative, each for itself."""
 
 
 def pseudo_inertia(parameters: Array) -> Array:
@@ -68,17 +70,20 @@ def consistent_parameters(
     prior: Array,
     names: Sequence[str],
     *,
+    friction: Array | None = None,
     regularisation: float = REGULARISATION,
 ) -> Array:
     """(p,) physical standard parameters with grouping (b, p) @ them near base (b,).
 
     Its inverse covariance is ``information`` (b, b).
 
-    ``prior`` (p,): of ``names``; links without mass or inertia get a small one. Parameters that are neither of a link
-    nor friction are free, held to the prior only where no base parameter speaks of them; so are signed parameters of
-    effects, while those that have no sign (an amplitude, a share) stay positive as friction does.
+    ``prior`` (p,): of ``names``; links without mass or inertia get a small one. ``friction`` (k, p): ``friction_rows``,
+    whose product with the parameters must not be negative. Parameters that are neither of a link nor friction are free,
+    held to the prior only where no base parameter speaks of them; so are signed parameters of effects, while those that
+    have no sign (an amplitude, a share) stay positive.
     """
-    problem = _Problem(grouping, base, information, np.array(prior, float), names)
+    friction = np.empty((0, len(names))) if friction is None else friction
+    problem = _Problem(grouping, base, information, np.array(prior, float), names, friction)
     delta = problem.centre
     # From a path well inside the cone of bodies towards its wall, where the data may lie beyond it.
     for factor in 10.0 ** np.arange(6, -1, -1):
@@ -92,20 +97,28 @@ def consistent_parameters(
 class _Problem:
     """The convex function of the module's docstring, with its first and second derivatives."""
 
-    def __init__(self, grouping: Array, base: Array, information: Array, centre: Array, names: Sequence[str]) -> None:
+    def __init__(
+        self, grouping: Array, base: Array, information: Array, centre: Array, names: Sequence[str], friction: Array
+    ) -> None:
         of_effects = np.array([is_effect(name) for name in names], bool)
         self.links = [k for k, name in enumerate(names) if name.endswith(".mass") and not of_effects[k]]
-        self.friction = np.array([k for k, name in enumerate(names) if _never_negative(name)], np.intp)
+        single = np.array([k for k, name in enumerate(names) if _never_negative(name)], np.intp)
         _fill_bodies(centre, self.links)
-        least = np.where(of_effects[self.friction], 1e-6, 1e-3)
-        centre[self.friction] = np.maximum(np.abs(centre[self.friction]), least)
+        least = np.where(of_effects[single], 1e-6, 1e-3)
+        centre[single] = np.maximum(np.abs(centre[single]), least)
+        _fill_friction(centre, friction, names)
         self.centre = centre
+        # what must not be negative: rows (k, p) of the parameters, the prior's values (k,), and the weight of each
+        self.rows = np.concatenate([np.eye(len(names))[single], friction])
+        self.prior = self.rows @ centre
+        self.weight = np.concatenate([np.ones(len(single)), np.full(len(friction), OF_ONE_SPEED)])
         self.inverse = [np.linalg.inv(pseudo_inertia(centre[k : k + 10])) for k in self.links]
         self.quadratic = grouping.T @ information @ grouping
         self.linear = grouping.T @ information @ base
         self.constant = float(base @ information @ base)
         self.inertial = np.array([k + i for k in self.links for i in range(10)], np.intp)
-        free = np.setdiff1d(np.arange(len(names)), np.concatenate([self.inertial, self.friction]))
+        rubbing = np.flatnonzero(np.any(friction != 0, axis=0) & ~of_effects)
+        free = np.setdiff1d(np.arange(len(names)), np.concatenate([self.inertial, single, rubbing]))
         self.ridge = np.zeros(len(names))
         self.ridge[free] = 1e-6 / np.maximum(np.abs(centre[free]), 1.0) ** 2
         for k in np.flatnonzero(of_effects).tolist():  # what repeats a drive's own friction must not run off against it
@@ -113,7 +126,8 @@ class _Problem:
 
     def cost(self, delta: Array, regularisation: float, barrier: float) -> float:
         """Infinite outside the cone of bodies."""
-        if self.friction.size and np.min(delta[self.friction]) <= 0:
+        margin = self.rows @ delta
+        if margin.size and np.min(margin) <= 0:
             return np.inf
         total = 0.5 * float(delta @ self.quadratic @ delta - 2 * self.linear @ delta + self.constant)
         total += 0.5 * float(self.ridge @ (delta - self.centre) ** 2)
@@ -124,8 +138,7 @@ class _Problem:
             except np.linalg.LinAlgError:
                 return np.inf
             total += regularisation * float(np.sum(inverse * p) - 2 * np.sum(np.log(diagonal)))
-        friction = delta[self.friction]
-        return total + barrier * float(np.sum(friction / self.centre[self.friction] - np.log(friction)))
+        return total + barrier * float(self.weight @ (margin / self.prior - np.log(margin)))
 
     def derivatives(self, delta: Array, regularisation: float, barrier: float) -> tuple[Array, Array]:
         """Gradient (p,) and Hessian (p, p)."""
@@ -136,8 +149,9 @@ class _Problem:
             turned = np.linalg.solve(pseudo_inertia(delta[here]), _UNITS)  # P^-1 E_i
             gradient[here] += regularisation * (np.tensordot(_UNITS, inverse, 2) - np.trace(turned, axis1=1, axis2=2))
             hessian[here, here] += regularisation * np.einsum("iab,jba->ij", turned, turned)
-        gradient[self.friction] += barrier * (1 / self.centre[self.friction] - 1 / delta[self.friction])
-        hessian[self.friction, self.friction] += barrier / delta[self.friction] ** 2
+        margin = self.rows @ delta
+        gradient += barrier * self.rows.T @ (self.weight * (1 / self.prior - 1 / margin))
+        hessian += barrier * self.rows.T @ ((self.weight / margin**2)[:, None] * self.rows)
         return gradient, hessian
 
 
@@ -163,7 +177,45 @@ def _newton(problem: _Problem, delta: Array, regularisation: float, barrier: flo
 
 
 def _never_negative(name: str) -> bool:
-    return not definition(name).signed if is_effect(name) else name.split(".")[-1] in DISSIPATIVE
+    """Whether a parameter must not be negative for itself; friction must not as a whole."""
+    if not is_effect(name):
+        return name.split(".")[-1] in NEVER_NEGATIVE
+    return not (definition(name).signed or CATALOGUE[name.split(".")[-2]].friction)
+
+
+def friction_rows(arm: Arm, names: Sequence[str], top: Sequence[float] | Array) -> Array:
+    """(k, p) per unit parameter, N m (N) against the motion: one row per joint, direction and speed up to ``top`` (n,).
+
+    Columns of what is no friction are zero.
+    """
+    own = {"viscous": 1, "coulomb": 0}
+    found = []
+    for j in range(len(arm)):
+        v = speeds(arm, j, float(top[j]))
+        held = {term.name: term.parameters for term in arm.effects if term.joint == j + 1}
+        for direction, side in ((1, "positive"), (-1, "negative")):
+            rows = np.zeros((len(v), len(names)))
+            for k, name in enumerate(names):
+                head, _, rest = name.partition(".")
+                kind, _, way = rest.partition("_")
+                if head != f"joint{j + 1}":
+                    continue
+                if kind in own and way in ("", side):
+                    rows[:, k] = v ** own[kind]
+                elif is_effect(name) and (effect := CATALOGUE[rest.split(".")[0]]).friction:
+                    linear = {p.name: float(p.name == rest.split(".")[1]) for p in effect.linear}
+                    rows[:, k] = effect_friction(effect, {**held[effect.name], **linear}, v, direction)
+            found.append(rows[np.any(rows != 0, axis=1)])
+    return np.concatenate([np.empty((0, len(names))), *found])
+
+
+def _fill_friction(parameters: Array, rows: Array, names: Sequence[str]) -> None:
+    """Gives every joint (in place) as much Coulomb friction as its total needs to oppose the motion at every speed."""
+    for k, name in enumerate(names):
+        if ".coulomb" in name and not is_effect(name):
+            mine = rows[rows[:, k] > 0]
+            short = 1e-3 - (mine @ parameters).min(initial=np.inf)
+            parameters[k] += max(float(short), 0.0)
 
 
 def _fill_bodies(parameters: Array, links: Sequence[int]) -> None:

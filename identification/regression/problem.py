@@ -63,6 +63,11 @@ class Problem:
         """Indices of the excited base parameters' columns among the standard ones."""
         return self.base.kept[self.excited]
 
+    @property
+    def top_speeds(self) -> Array:
+        """(n,) rad/s (m/s): the highest speed of each joint in any of the runs."""
+        return np.max([np.abs(motion.qd).max(axis=0) for motion in [*self.motions, *self.held_motions]], axis=0)
+
     def given(self, rows: Equations) -> Array:
         """(rows,) torque of the base parameters that this data does not excite, at the model's own values.
 

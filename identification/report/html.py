@@ -24,7 +24,8 @@ METHODS = {
     "friction": "friction tuned until the simulated currents match the measured ones",
 }
 ERRORS = (
-    "Measured torque (current times drive constant) minus predicted torque, as rms and relative to the measured "
+    "Measured torque (current times drive constant) minus the torque that <i>model.toml</i> predicts, as rms and "
+    "relative to the measured "
     "torque, both through the same"
     " filter. <i>Sliding</i>: held-out rows away from reversals and standstill, where friction obeys Coulomb's law."
     " <i>Expected</i>: rms error expected from the noise of the fitted runs and the standard deviations of the "
@@ -92,14 +93,14 @@ def verdict(result: Identification) -> str:
     """The one sentence; training error alone validates nothing."""
     fit, held = result.relative_error(False), result.relative_error(True)
     if held != held:
-        return f"Relative error {fit:.2%} on the fitted runs. Not validated: no recording was held out."
+        return f"Relative error of model.toml {fit:.2%} on the fitted runs. Not validated: no recording was held out."
     if result.held_out == "split":
         return (
-            f"Relative error {fit:.2%} on the fitted runs, {held:.2%} on the last part of the same runs, predicted "
-            "from the first."
+            f"Relative error of model.toml {fit:.2%} on the fitted runs, {held:.2%} on the last part of the same runs, "
+            "predicted from the first."
             " Not validated: no other recording was held out."
         )
-    sentence = f"Relative error {fit:.2%} on the fitted runs, {held:.2%} on held-out recordings."
+    sentence = f"Relative error of model.toml {fit:.2%} on the fitted runs, {held:.2%} on held-out recordings."
     if far := result.joints_above_expected():
         off = ((j, _size(result.rms(True, j, sliding=True), result.torque_unit(j))) for j in far)
         joints = ", ".join(
@@ -123,7 +124,7 @@ def _errors(result: Identification) -> str:
         if explained:
             row += [_size(result.rms(True, j, sliding=True), unit), _size(result.expected_rms(j), unit)]
         rows.append(row)
-    total = {"all": (result.relative_error(False), result.relative_error(True))}
+    total = {"all (model.toml)": (result.relative_error(False), result.relative_error(True))}
     empty = [""] * (2 * explained)
     for name, (fit, held_out) in (total | result.compared).items():
         rows.append([escape(name), "", _percent(fit), "", _percent(held_out), *empty])

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import optimize
 
 from arm_io.types import Array
+from arm_model.effects import driven
 from diagnosis.measurements.single_axis.columns import Rows, candidates, columns, waves
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.candidate_model import CandidateModel
@@ -132,21 +133,32 @@ class SingleAxis(CandidateModel[Candidate]):
         return np.asarray(judged.residual - self.stacked(chosen, judged) @ self.fitted(chosen, learned), float)
 
     def is_physical(self, candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
-        """Friction at rest not negative; gradual friction the model's own.
+        """Whether total friction opposes the motion at every speed, and other coefficients have a sign that can be.
 
-        a share of friction between none and all of it.
+        Gradual friction is the model's own: a share between none and all of it.
         """
         rows = self.rows.fit
-        c = float(self.fitted([*chosen, candidate], rows)[-1])
+        coefficients = self.fitted([*chosen, candidate], rows)
+        c = float(coefficients[-1])
         effect = candidate.definition
+        if effect.friction:
+            return self._opposes_motion([*chosen, candidate], coefficients)
         if effect.unit_amplitude:
             return self.limits.presliding[0] < c < self.limits.presliding[1]
         if not effect.linear or effect.span is not None:
             return True
-        parameter = effect.linear[-1]
-        if parameter.unit == "N m" and not parameter.signed:
-            return c > -rows.arm.joints[0].ratio * max(rows.arm.joints[0].coulomb)
-        return effect.admits(parameter.name, c)
+        return effect.admits(effect.linear[-1].name, c)
+
+    def _opposes_motion(self, candidates: Sequence[Candidate], coefficients: Array) -> bool:
+        """Whether friction is dissipative with all these candidates at these coefficients, up to the highest speed."""
+        arm, at = self.rows.fit.arm, 0
+        for candidate in candidates:
+            count = self.columns(candidate, self.rows.fit).shape[1]
+            if candidate.definition.friction:
+                values = candidate.parameters(coefficients[at : at + count].tolist())
+                arm = arm.with_effect(candidate.effect, candidate.joint, **values)
+            at += count
+        return not driven(arm, [max(float(np.abs(rows.v).max()) for rows in self.rows)])
 
     def holds_across_directions(self, candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
         """Whether what one direction shows of it predicts the other, in both sets."""
