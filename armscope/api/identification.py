@@ -9,9 +9,8 @@ from armscope.api.reading import File, Source, for_analysis, read_model
 
 if TYPE_CHECKING:
     from arm_model import Arm
-    from identification import Identification
+    from identification import Identification, Prediction
     from identification.preprocessing import Readiness
-    from identification.result import Prediction
 
 Method = Literal["ols", "wls", "irls", "iv", "didim", "motor-link", "sequence", "friction"]
 Friction = Literal["symmetric", "asymmetric"]
