@@ -26,7 +26,7 @@ from arm_model.sensing import recorded
 from arm_model.simulation import simulate, simulate_batch
 from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
+from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
 from diagnosis.residual.run import Run, kept, residual_under
 from diagnosis.residual.run_setup import loaded, setup_of
 from identification.preprocessing import demand_of_run
@@ -58,7 +58,7 @@ class Compared:
 
     def error_rms(self, signal: str) -> Array:
         """(n,) root mean square of measured less simulated ``current`` (A) or ``angle`` (rad)."""
-        rate = 1.0 / float(np.median(np.diff(self.t)))
+        rate = rate_of(self.t)
         difference = getattr(self, signal) - getattr(self, f"simulated_{signal}")
         return rms_where(low_pass(difference, COMPARE_BAND, rate)[kept(rate)], self.known)
 

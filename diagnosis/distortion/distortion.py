@@ -26,12 +26,11 @@ from diagnosis.distortion.dependence import Path, Share, shares_of
 from diagnosis.distortion.random_walk import STEP, gains_of, likelihood, memory, smoothed, strength
 from diagnosis.measurements.currents.design_matrix import dataset_of, free_columns
 from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.run import ROWS_PER_SECOND, Run
 from diagnosis.units import unit_at
 from identification.selection import p_value
 
-SURE = 3.0
-"""Deviation over the instruments' noise up to which a row counts."""
 CERTAIN = 0.01
 """Probability of so strong a walk, or of so large a share, by chance, below which it is called real.
 
@@ -157,7 +156,7 @@ def _column(run: Run, name: str, value: float) -> Array:
     low, high = (
         inverse_dynamics(one, run.q, run.v, run.a) / one.joint_array("drive_constant") for one in (before, after)
     )
-    column: Array = (high - low) / (2 * step) / run.deviation * (run.deviation < SURE * run.noise)
+    column: Array = (high - low) / (2 * step) / run.deviation * comparable_rows(run)
     return column
 
 
@@ -168,12 +167,7 @@ def _residuals(runs: Sequence[Run], columns: Sequence[Array], arm: Arm) -> list[
     """
     side = dataset_of(runs)
     free = free_columns(side, arm)
-    wide = [np.concatenate(columns).T.ravel()]
-    for one in free:
-        whole = np.zeros(len(side.y))
-        whole[one.where] = one.x[:, 0]
-        wide.append(whole)
-    x = np.column_stack(wide)
+    x = np.column_stack([np.concatenate(columns).T.ravel(), *(one.dense(len(side.y)) for one in free)])
     coefficients = np.linalg.lstsq(x, side.y, rcond=None)[0]
     left = (side.y - x[:, 1:] @ coefficients[1:]).reshape(-1, side.rows).T
     return np.split(left, np.cumsum([len(run.t) for run in runs])[:-1])

@@ -13,8 +13,8 @@ from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure_share import FROM
-from diagnosis.report.plots.residuals import SURE
 from diagnosis.report.wording import estimate, gain, place, title
+from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.units import readable
 
 
@@ -83,7 +83,7 @@ def rough(result: Diagnosis, table: dict[str, Any]) -> str:
             cells = []
             for j in joints:
                 ratio = run.deviation[:, j - 1] / run.noise[j - 1]
-                sure = ratio < SURE
+                sure = comparable_rows(run)[:, j - 1]
                 several = ((y[side.of(j)][rows_here] * ratio)[sure] for y in (side.y, left))
                 told = [f"{np.sqrt(np.mean(y**2)):.1f}" for y in several] if sure.any() else ["rests"] * 2
                 cells.append(_change(told, bool(result.causes)))

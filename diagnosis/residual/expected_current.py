@@ -16,7 +16,7 @@ from scipy import signal
 from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
-from arm_model import Arm
+from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Effect, Signals, Values, described, values_of
 from arm_model.rigid_body import mass_matrix, rigid_torque
 from arm_model.system import inverse_dynamics
@@ -43,6 +43,17 @@ def low_pass(values: Array, band: float, rate: float) -> Array:
 def _sections(band: float, rate: float) -> Array:
     sections: Array = signal.butter(4, min(band / (rate / 2), 0.98), output="sos")
     return sections
+
+
+def rate_of(t: Array) -> float:
+    """Hz: rows per second of uniform times t (m,) s."""
+    return 1.0 / float(np.median(np.diff(t)))
+
+
+def coulomb_at(joint: Joint, sign: Array) -> Array:
+    """(m,) N m (N): Coulomb friction of a joint in the direction of ``sign`` (m,), smooth between -1 and 1."""
+    up, down = (joint.ratio * c for c in joint.coulomb)
+    return (up + down) / 2 + (up - down) / 2 * sign
 
 
 def motion_of(q: Array, band: float, rate: float) -> tuple[Array, Array, Array]:
@@ -82,7 +93,7 @@ def reading(arm: Arm, t: Array, q: Array, *, powered: bool = True) -> Array:
 
     Not ``powered``: the drives are off, no current flows, and the transducers show what they add themselves.
     """
-    rate = 1.0 / float(np.median(np.diff(t)))
+    rate = rate_of(t)
     angle = true_angle(arm, q)
     motion = motion_of(angle, MOTION_BAND, rate)
     bent, terms = described(arm), terms_of(arm)
@@ -111,8 +122,7 @@ def _with_states(
             j, drive = joint - 1, arm.joints[joint - 1]
             speed = motion[1][:, j]
             sign = speed / np.hypot(speed, drive.sign_velocity)
-            up, down = (drive.ratio * c for c in drive.coulomb)
-            s = Signals(q=motion[0][:, j], v=speed, sign=sign, coulomb=(up + down) / 2 + (up - down) / 2 * sign)
+            s = Signals(q=motion[0][:, j], v=speed, sign=sign, coulomb=coulomb_at(drive, sign))
             added[:, j] += effect.torque(values, replace(s, state=integrated(effect, values, s, 1.0 / rate)))
     stiff = motion_of(angle, COMPARE_BAND, rate)
     link = tuple(part.copy() for part in stiff)

@@ -27,8 +27,10 @@ from diagnosis.residual.expected_current import (
     COLUMN_BAND,
     COMPARE_BAND,
     MOTION_BAND,
+    coulomb_at,
     low_pass,
     motion_of,
+    rate_of,
     reading,
     true_angle,
 )
@@ -148,7 +150,7 @@ def residual_run(
     The recording is uniformly sampled and without gaps.
     still (n,) A: std of the currents at standstill, where that is known (``noise.still_noise``).
     """
-    rate = 1.0 / float(np.median(np.diff(t)))
+    rate = rate_of(t)
     angle = true_angle(arm, q)
     position, v, a = motion_of(angle, MOTION_BAND, rate)
     bent = described(arm)
@@ -255,7 +257,7 @@ def residual_under(run: Run, effects: Sequence[EffectTerm]) -> Array:
     if tuple(effects) == run.arm.effects:
         return run.residual
     t, q = run.raw
-    rate = 1.0 / float(np.median(np.diff(t)))
+    rate = rate_of(t)
     arm = replace(run.arm, effects=tuple(effects))
     return run.current - low_pass(reading(arm, t, q, powered=run.powered), COMPARE_BAND, rate)[kept(rate)]
 
@@ -266,7 +268,6 @@ def signals_of(run: Run, arm: Arm, joint: int) -> Signals:
     drive = arm.joints[j]
     v = run.brisk_v[:, j]
     sign = v / np.sqrt(v**2 + drive.sign_velocity**2)
-    up, down = (drive.ratio * c for c in drive.coulomb)
     return Signals(
         q=run.q[:, j],
         v=v,
@@ -274,7 +275,7 @@ def signals_of(run: Run, arm: Arm, joint: int) -> Signals:
         motor=drive.ratio * run.q[:, j],
         sign=sign,
         load=run.rigid[:, j],
-        coulomb=(up + down) / 2 + (up - down) / 2 * sign,
+        coulomb=coulomb_at(drive, sign),
         current=run.current[:, j],
         torque=run.current[:, j] * drive.drive_constant,
         t=run.t,

@@ -1,7 +1,6 @@
-"""Detectability and aliasing of columns before any fit: survival, smallest detectable amplitude, confusability.
+"""Aliasing of columns, conditional on those in the model.
 
-With W the columns that are free and P = I - Q Q^T the projector off their span, only P phi of an effect phi is
-detectable.
+With P = I - Q Q^T the projector off the span of the columns in the model, only P phi of an effect phi is detectable.
 """
 
 from __future__ import annotations
@@ -9,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import linalg
 
 from arm_io.types import Array
 
@@ -37,27 +36,6 @@ def span_of(columns: Array, tolerance: float = 1e-9) -> Span:
     q, r, _ = linalg.qr(columns, mode="economic", pivoting=True)
     rank = int(np.sum(np.abs(np.diag(r)) > tolerance * abs(r[0, 0])))
     return Span(np.ascontiguousarray(q[:, :rank]))
-
-
-def survival(span: Span, column: Array) -> float:
-    """P phi| / |phi| of one column (n,): 0 lies in the span and is not detectable, 1 is orthogonal to it."""
-    norm = float(np.linalg.norm(column))
-    return float(np.linalg.norm(span.remove(column))) / norm if norm > 0 else 0.0
-
-
-def smallest_detectable(
-    span: Span, column: Array, inflation: float = 1.0, false_alarm: float = 0.01, power: float = 0.9
-) -> float:
-    """Smallest amplitude of ``column`` (whitened: noise of unit variance) found with probability ``power``.
-
-    c_min = (z_alpha + z_beta) sqrt(inflation) / |P phi|; ``inflation`` is the variance inflation of coloured noise
-    (samples a correlation time). Infinite where nothing survives.
-    """
-    norm = float(np.linalg.norm(span.remove(column)))
-    if norm <= 1e-9 * max(float(np.linalg.norm(column)), 1e-300):
-        return float("inf")
-    z = float(stats.norm.isf(false_alarm)) + float(stats.norm.isf(1.0 - power))
-    return z * float(np.sqrt(inflation)) / norm
 
 
 def confusability(span: Span, one: Array, other: Array) -> float:

@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
+from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.run import Run
 from identification.selection import Split
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """Whitened residuals of all recordings of one side (fit or held out), joint after joint: y (n * rows,).
+    """Whitened residuals of a set of recordings (fit or held out), joint after joint.
 
-    Block (n * rows,).
-
-    together: the same recordings, those with one setup after the other merged; corrected (n,): energy, by joint, of
-    what an exact model has put right in y since it was first computed.
+    y, block   (n * rows,) residuals, and the number of the block that each is in
+    together   the same recordings, consecutive ones with the same setup merged
+    corrected  (n,) energy, by joint, of the corrections that an exact model has made to y
     """
 
     runs: tuple[Run, ...]
@@ -32,6 +32,16 @@ class Dataset:
     def of(self, joint: int) -> slice:
         """Where joint (1-based) stands in ``y``."""
         return slice((joint - 1) * self.rows, joint * self.rows)
+
+    def at_joint(self, name: str, joint: int) -> Array:
+        """(rows,) a field (m, n) of the runs at a joint (1-based)."""
+        values: Array = np.concatenate([getattr(run, name)[:, joint - 1] for run in self.runs])
+        return values
+
+    def comparable(self, joint: int) -> NDArray[np.bool_]:
+        """(rows,) where the residual of a joint (1-based) is compared; see ``comparable_rows``."""
+        rows: NDArray[np.bool_] = np.concatenate([comparable_rows(run)[:, joint - 1] for run in self.runs])
+        return rows
 
     def by_block(self, values: Array) -> Array:
         """(blocks,) sums of values (n * rows,), all joints together."""

@@ -43,17 +43,17 @@ PLAYS = (0.004, 0.01, 0.02, 0.05, 0.1)
 def variables(side: Dataset, arm: Arm, joint: int) -> Iterator[tuple[str, Array]]:
     """Name and values (rows,) of everything that a residual of this joint is held against."""
     yield "time", np.concatenate([run.t for run in side.runs])
-    yield "position", _gathered(side, "q", joint)
-    yield "motor angle", np.mod(_gathered(side, "q", joint) * arm.joints[joint - 1].ratio, 2 * np.pi)
-    yield "velocity", _gathered(side, "v", joint)
-    yield "acceleration", _gathered(side, "a", joint)
-    yield "load torque", _gathered(side, "rigid", joint)
-    yield "current", _gathered(side, "current", joint)
+    yield "position", side.at_joint("q", joint)
+    yield "motor angle", np.mod(side.at_joint("q", joint) * arm.joints[joint - 1].ratio, 2 * np.pi)
+    yield "velocity", side.at_joint("v", joint)
+    yield "acceleration", side.at_joint("a", joint)
+    yield "load torque", side.at_joint("rigid", joint)
+    yield "current", side.at_joint("current", joint)
     for other in range(1, len(arm) + 1):
         if other != joint:
-            yield f"position of joint {other}", _gathered(side, "q", other)
-            yield f"velocity of joint {other}", _gathered(side, "v", other)
-            yield f"current of joint {other}", _gathered(side, "current", other)
+            yield f"position of joint {other}", side.at_joint("q", other)
+            yield f"velocity of joint {other}", side.at_joint("v", other)
+            yield f"current of joint {other}", side.at_joint("current", other)
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def shapes_of(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint:
     width = arm.joints[joint - 1].sign_velocity
     factors = []
     for side in (fit, held_out):
-        v, over = _gathered(side, "v", joint), 1.0 / _gathered(side, "deviation", joint)
+        v, over = side.at_joint("v", joint), 1.0 / side.at_joint("deviation", joint)
         factors.append((over, over * v / np.hypot(v, width), over * v))
     for (name, x), (_, x_held_out) in zip(variables(fit, arm, joint), variables(held_out, arm, joint)):
         if name == "motor angle":
@@ -109,7 +109,7 @@ def _places(fit: Dataset, held_out: Dataset, joint: int) -> Iterator[Shape]:
 
     Narrow functions of the position, side by side.
     """
-    x, x_held_out = _gathered(fit, "q", joint), _gathered(held_out, "q", joint)
+    x, x_held_out = fit.at_joint("q", joint), held_out.at_joint("q", joint)
     edges = np.linspace(x.min(), x.max(), PLACES)
     if not np.ptp(x):
         return
@@ -117,7 +117,7 @@ def _places(fit: Dataset, held_out: Dataset, joint: int) -> Iterator[Shape]:
     in_fit, in_held_out = (
         Columns(
             np.maximum(1.0 - np.abs(values[:, None] - edges) / (edges[1] - edges[0]), 0.0)
-            / _gathered(side, "deviation", joint)[:, None],
+            / side.at_joint("deviation", joint)[:, None],
             side.of(joint),
         )
         for values, side in ((x, fit), (x_held_out, held_out))
@@ -133,27 +133,27 @@ def _splines(x: Array, knots: Array) -> Array:
 
 def _waves(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
     """The strongest ripple over the motor's angle, and over the angles of this joint and each other one together."""
-    over = 1.0 / _gathered(fit, "deviation", joint)
+    over = 1.0 / fit.at_joint("deviation", joint)
     weighted, ratio = residual[fit.of(joint)] * over, arm.joints[joint - 1].ratio
-    own = _gathered(fit, "q", joint)
+    own = fit.at_joint("q", joint)
     ripple = _ripple(weighted, own * ratio)
     if ripple is not None:
-        yield _wave("motor angle", fit, held_out, joint, lambda side: ripple * ratio * _gathered(side, "q", joint))
+        yield _wave("motor angle", fit, held_out, joint, lambda side: ripple * ratio * side.at_joint("q", joint))
     for other in range(1, len(arm) + 1):
-        if other != joint and np.ptp(_gathered(fit, "q", other)) > 0.0:
-            c, d = _plane_wave(weighted, own, _gathered(fit, "q", other))
+        if other != joint and np.ptp(fit.at_joint("q", other)) > 0.0:
+            c, d = _plane_wave(weighted, own, fit.at_joint("q", other))
             name = f"position and position of joint {other}"
             yield _wave(name, fit, held_out, joint, partial(_mixed, joint=joint, other=other, c=c, d=d))
 
 
 def _mixed(side: Dataset, joint: int, other: int, c: float, d: float) -> Array:
-    return c * _gathered(side, "q", joint) + d * _gathered(side, "q", other)
+    return c * side.at_joint("q", joint) + d * side.at_joint("q", other)
 
 
 def _wave(name: str, fit: Dataset, held_out: Dataset, joint: int, angle: Callable[[Dataset], Array]) -> Shape:
     columns = []
     for side in (fit, held_out):
-        over, phase = 1.0 / _gathered(side, "deviation", joint), angle(side)
+        over, phase = 1.0 / side.at_joint("deviation", joint), angle(side)
         columns.append(Columns(np.stack([np.sin(phase), np.cos(phase)], axis=1) * over[:, None], side.of(joint)))
     return Shape(name, Split(columns[0], columns[1]), np.ones(held_out.rows, bool))
 
@@ -198,7 +198,7 @@ def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Sha
         return
     pair = []
     for side, of_side in zip((fit, held_out), currents):
-        over = 1.0 / _gathered(side, "deviation", joint)
+        over = 1.0 / side.at_joint("deviation", joint)
         kept = [np.concatenate([_play(current, width * travel) - current for current in of_side]) for width in PLAYS]
         pair.append(Columns(np.stack(kept, axis=1) * over[:, None], side.of(joint)))
     yield Shape("current and its past", Split(pair[0], pair[1]), np.ones(held_out.rows, bool))
@@ -218,8 +218,3 @@ def _play(values: Array, width: float) -> Array:
         at = min(max(at, value - width), value + width)
         kept[row] = at
     return kept
-
-
-def _gathered(side: Dataset, name: str, joint: int) -> Array:
-    values: Array = np.concatenate([getattr(run, name)[:, joint - 1] for run in side.runs])
-    return values

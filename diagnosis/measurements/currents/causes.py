@@ -91,11 +91,9 @@ def _most_felt(before: Array, after: Array, side: Dataset) -> int:
 
 
 def _rms_in_amperes(whitened: Array, side: Dataset, joint: int) -> float:
-    """A: rms of a joint's residual where it is known to better than three times the instruments' noise."""
-    deviation = np.concatenate([run.deviation[:, joint - 1] for run in side.runs])
-    noise = np.concatenate([np.full(len(run.t), run.noise[joint - 1]) for run in side.runs])
-    certain = deviation < 3 * noise
-    values = (whitened[side.of(joint)] * deviation)[certain] if certain.any() else np.zeros(1)
+    """A: rms of a joint's residual over the rows that are compared."""
+    rows = side.comparable(joint)
+    values = (whitened[side.of(joint)] * side.at_joint("deviation", joint))[rows] if rows.any() else np.zeros(1)
     return float(np.sqrt(np.mean(values**2)))
 
 

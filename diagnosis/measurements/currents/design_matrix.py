@@ -60,12 +60,11 @@ def free_columns(side: Dataset, arm: Arm) -> list[Columns]:
     w^2)^(3/2), times F over the drive's constant.
     """
     columns = []
-    for j, joint in enumerate(arm.joints):
+    for j, joint in enumerate(arm.joints, 1):
         width = joint.sign_velocity
         force = joint.ratio * max(joint.coulomb) / joint.drive_constant
-        v = np.concatenate([run.v[:, j] for run in side.runs])
-        deviation = np.concatenate([run.deviation[:, j] for run in side.runs])
         if force > 0.0:
-            x = force * v * width**2 / np.hypot(v, width) ** 3 / deviation
-            columns.append(Columns(x[:, None], side.of(j + 1)))
+            v = side.at_joint("v", j)
+            x = force * v * width**2 / np.hypot(v, width) ** 3 / side.at_joint("deviation", j)
+            columns.append(Columns(x[:, None], side.of(j)))
     return columns

@@ -65,9 +65,7 @@ def not_visible(
 
 def _turns(side: Dataset, arm: Arm, joint: int) -> float:
     """Turns of a joint's motor from one end of its motion to the other."""
-    return float(
-        np.ptp(np.concatenate([run.q[:, joint - 1] for run in side.runs])) * arm.joints[joint - 1].ratio / (2 * np.pi)
-    )
+    return float(np.ptp(side.at_joint("q", joint)) * arm.joints[joint - 1].ratio / (2 * np.pi))
 
 
 def felt(candidate: Candidate, columns: Columns, rows: int) -> float:
@@ -89,9 +87,7 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
     if joint is None:
         return ""
     drive, j = arm.joints[joint - 1], joint - 1
-    q, v, a, load, current = (
-        np.concatenate([getattr(run, name)[:, j] for run in side.runs]) for name in ("q", "v", "a", "rigid", "current")
-    )
+    q, v, a, load, current = (side.at_joint(name, joint) for name in ("q", "v", "a", "rigid", "current"))
     if np.ptp(q) < STANDSTILL:
         return f"joint {joint} stood still"
     if need is Excitation.LOAD_REVERSAL and load.min() * load.max() > 0.0:

@@ -37,15 +37,11 @@ def detectable_orders(side: Dataset, residual: Array, arm: Arm, joint: int, high
     The gain of a column w sin(k motor + phase) is |sum r w exp(i k motor)|^2 / (sum w^2 / 2), with w the factor of the
     sine in the effect's law, attenuated by the filters.
     """
-    j, ratio = joint - 1, arm.joints[joint - 1].ratio
-
-    def gathered(name: str) -> Array:
-        return np.concatenate([getattr(run, name)[:, j] for run in side.runs])
-
-    over, v = 1.0 / gathered("deviation"), gathered("v")
-    weights = np.stack([over, over * v**2, over * gathered("rigid")], axis=1)
+    ratio = arm.joints[joint - 1].ratio
+    over, v = 1.0 / side.at_joint("deviation", joint), side.at_joint("v", joint)
+    weights = np.stack([over, over * v**2, over * side.at_joint("rigid", joint)], axis=1)
     weighted = residual[side.of(joint)][:, None] * weights
-    turn = np.exp(1j * ratio * gathered("q"))
+    turn = np.exp(1j * ratio * side.at_joint("q", joint))
     power, wave = np.zeros((highest + 1, weights.shape[1])), np.ones_like(turn)
     for order in range(1, highest + 1):
         wave = wave * turn

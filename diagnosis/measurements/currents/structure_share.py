@@ -18,10 +18,10 @@ RIDGE = 1e-3
 
 
 def predictable(fit: Dataset, held_out: Dataset, fit_residual: Array, held_out_residual: Array, arm: Arm) -> Array:
-    """(n,) share of the variance of every joint's held-out residual that a sum of smooth functions of its ``FROM``.
+    """(n,) share of the variance of each joint's held-out residual that smooth functions of its ``FROM`` predict.
 
-    Fitted to the other recordings, they predict it where these have been: 0 for noise. fitted, held (n * rows,):
-    whitened residuals in the layout of ``Dataset``.
+    Their sum is fitted to the other recordings and evaluated within the range of these: 0 for noise. Residuals
+    (n * rows,) are whitened, in the layout of ``Dataset``.
     """
     shares = np.zeros(len(arm))
     for joint in range(1, len(arm) + 1):
@@ -42,6 +42,6 @@ def predictable(fit: Dataset, held_out: Dataset, fit_residual: Array, held_out_r
 
 def _hats(values: Mapping[str, Array], knots: Sequence[Array], side: Dataset, joint: int) -> Array:
     """(rows, len(FROM) * KNOTS) hat functions of every variable over the deviation of each row."""
-    over = 1.0 / np.concatenate([run.deviation[:, joint - 1] for run in side.runs])
+    over = 1.0 / side.at_joint("deviation", joint)
     hats = [np.interp(values[name], at, unit) * over for name, at in zip(FROM, knots) for unit in np.eye(len(at))]
     return np.stack(hats, axis=1)

@@ -94,12 +94,12 @@ def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
     Only rows count in which the noise is that of the instruments. Noise correlated over longer than the initial
     standstill is underestimated; it is as large in the quietest seconds as in all others, and then the ratio is 1.
     """
-    sure = np.concatenate([(run.deviation[:, joint - 1] < 3.0 * run.noise[joint - 1]) for run in side.runs])
-    if not sure.any():
+    known = side.comparable(joint)
+    if not known.any():
         return 1.0
     own, block = residual[side.of(joint)], side.block[side.of(joint)]
-    ratio = float(np.sqrt(np.mean(own[sure] ** 2)))
-    quiet = float(quiet_noise(own[:, None], sure[:, None], block)[0])
+    ratio = float(np.sqrt(np.mean(own[known] ** 2)))
+    quiet = float(quiet_noise(own[:, None], known[:, None], block)[0])
     return ratio if ratio > LIMITS.far_above_noise or ratio > 1.5 * quiet else 1.0
 
 

@@ -18,7 +18,7 @@ from arm_model import Arm
 from diagnosis.cause import Estimate
 from diagnosis.measurements.single_axis.columns import Rows, columns, encoder_noise, rows_of, waves
 from diagnosis.measurements.single_axis.model import LIMITS, Chosen, SingleAxis
-from diagnosis.residual.expected_current import low_pass
+from diagnosis.residual.expected_current import low_pass, rate_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.estimates import estimates
 from identification.selection import Score, Split, select
@@ -83,14 +83,10 @@ def with_sharp_friction(arm: Arm, recordings: Sequence[Samples]) -> Arm:
     stroke's start it would hide what friction does there.
     """
     speed = max(
-        float(np.max(np.abs(np.diff(low_pass(q, 20.0, _rate(t)), axis=0)))) * _rate(t) for t, q, _ in recordings
+        float(np.max(np.abs(np.diff(low_pass(q, 20.0, rate_of(t)), axis=0)))) * rate_of(t) for t, q, _ in recordings
     )
     joint = arm.joints[0]
     return replace(arm, joints=(replace(joint, sign_velocity=min(joint.sign_velocity, max(TURN * speed, 1e-9))),))
-
-
-def _rate(t: Array) -> float:
-    return 1.0 / float(np.median(np.diff(t)))
 
 
 def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, two_fold: bool) -> AxisSide | None:

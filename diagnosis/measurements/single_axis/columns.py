@@ -21,7 +21,7 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Scale, Signals, Values, described, units
 from arm_model.system import inverse_dynamics
 from diagnosis.residual.encoder_step import encoder_step
-from diagnosis.residual.expected_current import integrated, low_pass, motion_of
+from diagnosis.residual.expected_current import coulomb_at, integrated, low_pass, motion_of, rate_of
 from diagnosis.selection.candidate import Candidate
 from identification.selection import Index
 
@@ -73,9 +73,8 @@ def rows_of(arm: Arm, recordings: Sequence[tuple[Array, Array, Array]], block_se
     parts, kept, first, noises = [], [], 0, []
     drive = arm.joints[0]
     constant = described(arm).joints[0].drive_constant
-    up, down = (drive.ratio * c for c in drive.coulomb)
     for t, q, i in recordings:
-        rate = 1.0 / float(np.median(np.diff(t)))
+        rate = rate_of(t)
         angle, v, a = motion_of(q, _bands(rate)[0], rate)
         expected = inverse_dynamics(arm, angle, v, a, time=t)[:, 0] / constant
         sign = v[:, 0] / np.hypot(v[:, 0], drive.sign_velocity)
@@ -85,7 +84,7 @@ def rows_of(arm: Arm, recordings: Sequence[tuple[Array, Array, Array]], block_se
             v=v[:, 0],
             a=a[:, 0],
             sign=sign,
-            coulomb=(up + down) / 2 + (up - down) / 2 * sign,
+            coulomb=coulomb_at(drive, sign),
             current=current,
             torque=current * constant,
             t=t - t[0],

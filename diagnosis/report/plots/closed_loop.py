@@ -12,6 +12,7 @@ from arm_io.types import Array
 from arm_report.palette import AFTER, BEFORE, GRID, SHADE
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.resonance import BAND
+from diagnosis.residual.expected_current import rate_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,7 +44,7 @@ def loop_figure(pairs: Sequence[tuple[Compared, Compared]], joint: int, unit: st
 
 
 def _spectrum(loops: Sequence[Compared], joint: int) -> tuple[Array, Array]:
-    rate = 1.0 / float(np.median(np.diff(loops[0].t)))
+    rate = rate_of(loops[0].t)
     rows = min(round(SEGMENT * rate), *(len(one.t) for one in loops))
     each = [signal.welch((one.current - one.simulated_current)[:, joint - 1], rate, nperseg=rows) for one in loops]
     return each[0][0], np.sqrt(np.mean([density for _, density in each], axis=0))

@@ -13,7 +13,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.report.plots.closed_loop import loop_figure
 from diagnosis.report.plots.link_encoders import link_figure
-from diagnosis.report.plots.residuals import SURE, unit_of
+from diagnosis.report.plots.residuals import unit_of
 from diagnosis.report.plots.single_axis import axis_figure
 from diagnosis.report.plots.tracker import tracker_figure
 from diagnosis.residual.run import ROWS_PER_SECOND
@@ -36,7 +36,8 @@ def overview(result: Diagnosis) -> tuple[Figure, str]:
     t = np.arange(side.rows) / ROWS_PER_SECOND
     for j, axis in enumerate(axes, 1):
         noise = np.concatenate([run.noise[j - 1] / run.deviation[:, j - 1] for run in result.held_out])
-        shown = noise > 1 / 3  # elsewhere, near standstill, the current is not determined
+        # elsewhere, near standstill, the current is not determined
+        shown = side.comparable(j)
         axis.axhspan(-2.0, 2.0, color=NOISE, lw=0.0, label="noise")
         lines = [(side.y, BEFORE, "before"), (result.left.held_out, AFTER, "after")]
         for values, colour, label in lines if result.causes else [(result.left.held_out, AFTER, "residual")]:
@@ -87,10 +88,9 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
     side = dataset_of(result.held_out)
     name = view_of(cause.effect)
     x = dict(variables(side, result.arm, joint))[name]
-    deviation = np.concatenate([run.deviation[:, joint - 1] for run in result.held_out])
+    deviation, known = side.at_joint("deviation", joint), side.comparable(joint)
     noise = float(np.mean([run.noise[joint - 1] for run in result.held_out]))
-    certain = deviation < SURE * np.concatenate([np.full(len(r.t), r.noise[joint - 1]) for r in result.held_out])
-    residuals = [(y[side.of(joint)] * deviation)[certain] for y in (side.y, result.left.held_out)]
+    residuals = [(y[side.of(joint)] * deviation)[known] for y in (side.y, result.left.held_out)]
     largest = max((float(np.abs(values).max()) for values in residuals if len(values)), default=1.0)
     factor, unit = readable(result.arm.joints[joint - 1].current_unit, [largest])
     figure = Figure(figsize=(10.5, 3.2))
@@ -98,7 +98,7 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
     axes = figure.subplots(1, 2, sharey=True)
     for axis, values, colour, title in zip(axes, residuals, (BEFORE, AFTER), ("without any cause", "with all causes")):
         axis.axhspan(-2 * factor * noise, 2 * factor * noise, color=NOISE, lw=0.0, label="noise")
-        axis.plot(x[certain], factor * values, ".", ms=1.6, color=colour)
+        axis.plot(x[known], factor * values, ".", ms=1.6, color=colour)
         axis.set_title(title, loc="left", fontsize="medium")
         axis.set_xlabel(f"{name} of joint {joint}, {unit_of(result, joint, name)}")
         axis.grid(color=GRID)

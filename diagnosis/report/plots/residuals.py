@@ -18,7 +18,7 @@ from diagnosis.closed_loop.comparison import Compared
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.basis_functions import variables
 from diagnosis.measurements.currents.design_matrix import dataset_of
-from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
+from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
 from diagnosis.selection.design import Dataset
 from diagnosis.units import unit_at
 
@@ -38,8 +38,6 @@ UNITS = {
     "current": "A",
     "temperature": "degC",
 }
-SURE = 3.0
-"""Deviation over the instruments' noise up to which a row counts: near standstill friction leaves the current open."""
 POINTS = 1500
 """Points of a line, at most: more than a picture has columns."""
 BINS = 24
@@ -48,12 +46,12 @@ BINS = 24
 def in_noise(result: Diagnosis, joint: int) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Held-out residual of a joint (from 1) before and after all causes (rows,), over the instruments' noise.
 
-    And which rows are sure.
+    The last are the rows that are compared.
     """
     side = dataset_of(result.held_out)
     ratio = np.concatenate([run.deviation[:, joint - 1] / run.noise[joint - 1] for run in result.held_out])
     where = side.of(joint)
-    return side.y[where] * ratio, result.left.held_out[where] * ratio, ratio < SURE
+    return side.y[where] * ratio, result.left.held_out[where] * ratio, side.comparable(joint)
 
 
 def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) -> tuple[Figure, str]:
@@ -179,7 +177,7 @@ def side_by_side(before: Compared, after: Compared, extended: bool, units: Seque
     figure = Figure(figsize=(10.5, height))
     figure.subplots_adjust(left=0.08, right=0.99, bottom=0.5 / height, top=1.0 - 0.3 / height, wspace=0.12, hspace=0.12)
     axes = figure.subplots(joints, 2, sharex=True, squeeze=False)
-    rate = 1.0 / float(np.median(np.diff(before.t)))
+    rate = rate_of(before.t)
     thin = slice(None, None, max(1, len(before.t) // POINTS))
     t = before.t[thin]
     measured = low_pass(before.current, COMPARE_BAND, rate)[thin]
