@@ -268,11 +268,9 @@ def _judged(
     unit = arm.joints[j].current_unit
     shows = CATALOGUE[trial.effect].shown(Instrument.CLOSED_LOOP, trial.values, {})
     sentence = (
-        f"{shows}: with it the closed loop on held-out demands follows the current of joint {trial.joint} between "
-        f"{BAND[0]:.0f} and "
-        f"{BAND[1]:.0f} Hz to {after[j]:.3g} instead of {before[j]:.3g} {unit} rms, better in "
-        f"{int(np.sum(gains > 0))} of {len(gains)} "
-        "one-second blocks"
+        f"{shows}: with it, the held-out closed-loop error of the current of joint {trial.joint} between "
+        f"{BAND[0]:.0f} and {BAND[1]:.0f} Hz falls from {before[j]:.3g} to {after[j]:.3g} {unit} rms, in "
+        f"{int(np.sum(gains > 0))} of {len(gains)} one-second blocks"
     )
     return Cause(
         effect=trial.effect,

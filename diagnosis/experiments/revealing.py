@@ -131,7 +131,8 @@ def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]
     if not able:
         return Showing(one)
     trial, most = max(able, key=lambda pair: pair[1])
-    words = f"no motion of it that was tried ({trial.words.removeprefix(f'joint {one.joint} ')}: {times_noise(most)})"
+    motion = trial.words.removeprefix(f"joint {one.joint} ")
+    words = f"no motion of this joint that was tried ({motion}: {times_noise(most)})"
     effect = CATALOGUE[one.effect]
     # what needs gravity comes with words for the instruments that show it without
     by_links = Instrument.LINK_ENCODER in effect.observed_by and effect.excited_by is not Excitation.GRAVITY

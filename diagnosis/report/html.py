@@ -1,4 +1,4 @@
-"""report.html of a diagnosis: verdict first, one section a cause, then what could not be seen and what is left.
+"""report.html of a diagnosis: the verdict, a section per cause, undetectable effects and unexplained structure.
 
 Opens without a network.
 """
@@ -21,7 +21,7 @@ from diagnosis.report.plots.link_encoders import link_overview
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
 from diagnosis.report.plots.single_axis import wave_figure
 from diagnosis.report.tables import errors, left, rough, summary, unseen
-from diagnosis.report.wording import doubted, sentence, title, value
+from diagnosis.report.wording import sentence, title, uncertain, value
 from diagnosis.units import readable
 
 
@@ -63,11 +63,11 @@ _HOW_ENCODERS = (
     " encoder: zero for a stiff arm with simultaneously sampled encoders. ± is two standard deviations.</p>"
 )
 MOST_PICTURES = {"held_out": 2, "fit": 1}
-"""Recordings of a side that are drawn; the tables have all."""
+"""Recordings of either set that are drawn; the tables have all."""
 
 
 def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
-    """What was asked, and of which recordings."""
+    """The question that the diagnosis answers, and the recordings that it is answered from."""
     names = f"{_counted(len(result.fit))} fitted, {_counted(len(result.held_out))} held out"
     if set(table["fit"]) & set(table["held_out"]):
         names = f"{_counted(len(result.fit))}, split by time: the first part fitted, the second held out"
@@ -81,7 +81,7 @@ def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
 
 
 def _next(result: Diagnosis, table: dict[str, Any]) -> str:
-    """What lies beside this page, and what it is for."""
+    """The other files in the folder, and their use."""
     said = ["In the same folder: <code>diagnosis.json</code> (every number)"]
     if result.causes:
         said.append(
@@ -104,17 +104,14 @@ def _counted(recordings: int) -> str:
 
 
 def _overview(result: Diagnosis) -> list[str]:
-    """How to read the pictures, and everything at a glance.
-
-    The currents, or where no model expects any, the encoders.
-    """
+    """How to read the pictures, and the residuals of all joints: currents, or encoders if no currents are expected."""
     if result.judged:
         return [_HOW, image(*plots.overview(result))]
     return [_HOW_ENCODERS, image(*link_overview(result.link, result.arm))] if result.link else []
 
 
 def _simulated(result: Diagnosis) -> list[str]:
-    """Closed loop beside what was measured, for some recordings of both sides."""
+    """Closed-loop simulation next to the measurement, for some recordings of either set."""
     parts = []
     units = tuple(dict.fromkeys(joint.current_unit for joint in result.arm.joints))
     for side, words in (("held_out", "held out"), ("fit", "fitted")):
@@ -159,7 +156,7 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
         (
             escape(p.name.replace("_", " ")),
             value(p),
-            f"± {2 * p.std:.2g}" if doubted(p) else "",
+            f"± {2 * p.std:.2g}" if uncertain(p) else "",
             escape("" if p.unit == "1" else p.unit),
             escape(meaning.get(p.name, "")),
         )

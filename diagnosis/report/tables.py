@@ -1,4 +1,4 @@
-"""The tables of a diagnosis' report: causes, errors, what is left, and what could not be seen."""
+"""Tables of the report: causes, errors, residuals, unexplained structure and undetectable effects."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from diagnosis.units import readable
 
 
 def summary(result: Diagnosis) -> str:
-    """One line a cause, to be seen before any picture."""
+    """One line per cause."""
     if not result.causes:
         return ""
     rows = []
@@ -42,8 +42,8 @@ def errors(table: dict[str, Any], extended: bool) -> str:
         held = s["error_rms"].get("held_out", {})
         values = [held.get("before", nan), held.get("after", nan), s["noise_rms"]]
         factor, unit = readable(s["unit"], values)
-        told = [f"{factor * v:.3g}" for v in (values if extended else values[1:])]
-        rows.append([s["signal"] if s["joint"] else "tracked points", str(s["joint"] or ""), *told, escape(unit)])
+        texts = [f"{factor * v:.3g}" for v in (values if extended else values[1:])]
+        rows.append([s["signal"] if s["joint"] else "tracked points", str(s["joint"] or ""), *texts, escape(unit)])
     head = ["signal", "joint", *(["before", "after"] if extended else ["error"]), "noise", "unit"]
     return _what_is_compared(table) + arm_report.table(rows, head, range(1, len(head) - 1))
 
@@ -69,7 +69,7 @@ def _what_is_compared(table: dict[str, Any]) -> str:
 def rough(result: Diagnosis, table: dict[str, Any]) -> str:
     """Residual of every joint in every recording, in units of the noise, without and with the causes.
 
-    And what of it is structure.
+    The last row is the share of it that is predictable.
     """
     joints = range(1, len(result.arm) + 1)
     rows = []
@@ -85,8 +85,8 @@ def rough(result: Diagnosis, table: dict[str, Any]) -> str:
                 ratio = run.deviation[:, j - 1] / run.noise[j - 1]
                 sure = comparable_rows(run)[:, j - 1]
                 several = ((y[side.of(j)][rows_here] * ratio)[sure] for y in (side.y, left))
-                told = [f"{np.sqrt(np.mean(y**2)):.1f}" for y in several] if sure.any() else ["rests"] * 2
-                cells.append(_change(told, bool(result.causes)))
+                texts = [f"{np.sqrt(np.mean(y**2)):.1f}" for y in several] if sure.any() else ["standstill"] * 2
+                cells.append(_change(texts, bool(result.causes)))
             rows.append([f"{escape(run.name)} ({words})", *cells])
     shares = {s["joint"]: s["predictable"] for s in table["signals"] if "predictable" in s}
     if shares:
@@ -107,12 +107,12 @@ def rough(result: Diagnosis, table: dict[str, Any]) -> str:
     return f"<p class=note>{note}.</p>{arm_report.table(rows, head, range(1, len(head)))}"
 
 
-def _change(told: Sequence[str], extended: bool) -> str:
-    return " &rarr; ".join(told) if extended and told[0] != "rests" else told[-1]
+def _change(texts: Sequence[str], extended: bool) -> str:
+    return " &rarr; ".join(texts) if extended and texts[0] != "standstill" else texts[-1]
 
 
 def unseen(table: dict[str, Any]) -> str:
-    """Effects that these recordings could not show, joint by joint, and what would."""
+    """Effects that were not detectable in these recordings, joint by joint, with detection experiments."""
     if not table["not_visible"]:
         return "<p>Every effect of the catalogue would have been detectable at its largest typical size.</p>"
     alike: dict[tuple[str, str, str], list[str]] = {}
@@ -125,11 +125,11 @@ def unseen(table: dict[str, Any]) -> str:
     rows, last = [], ("", "")
     for (names, why, experiment), several in joints.items():
         here = escape(names), escape(experiment)
-        # said once for all joints of an effect
-        told = ["" if one == before else one for one, before in zip(here, last)]
-        if told[0]:
-            told[1] = here[1]
-        rows.append([told[0], ", ".join(several), escape(why), told[1] or "as above"])
+        # once for all joints of an effect
+        texts = ["" if one == before else one for one, before in zip(here, last)]
+        if texts[0]:
+            texts[1] = here[1]
+        rows.append([texts[0], ", ".join(several), escape(why), texts[1] or "as above"])
         last = here
     return (
         "<p>These effects were neither found nor excluded. Sizes are the largest typical ones.</p>"
@@ -138,7 +138,7 @@ def unseen(table: dict[str, Any]) -> str:
 
 
 def left(table: dict[str, Any]) -> str:
-    """Structure that no effect explains, and the share of what is left that it is."""
+    """Unexplained structure, and its share of the residual variance."""
     if not table["unexplained"]:
         return "<p>None: position, velocity, load, time and the other joints predict nothing of the residual.</p>"
     rows = [

@@ -1,6 +1,6 @@
-"""A diagnosis in words: the verdict, names of causes, numbers with their doubt.
+"""A diagnosis in words: the verdict, names of causes, numbers with their uncertainty.
 
-What the report, the terminal and the rig's questions say alike.
+Report, terminal and the questions before an experiment on a rig share these sentences.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ def title(cause: Cause) -> str:
 
 
 def either(cause: Cause) -> str:
-    """A cause with what it may be as well: ``torque constant or current gain of joint 2``."""
+    """A cause with the rest of its ambiguity group: ``torque constant or current gain of joint 2``."""
     if len({joint for _, joint in cause.group}) > 1:
         return " or ".join(map(in_words, cause.group))
     names = " or ".join(effect.replace("_", " ") for effect, _ in cause.group)
@@ -32,12 +32,10 @@ def sentence(result: Diagnosis) -> str:
     grouped = any(len(cause.group) > 1 for cause in result.causes)
     causes = ("; " if grouped else ", ").join(map(either, result.causes))
     if result.verdict == "explained":
-        return f"Explained: {causes}." + ("" if result.warnings else " What is left is noise.")
+        return f"Explained: {causes}." + ("" if result.warnings else " The residual is noise.")
     places = ", ".join(against(one.signal, one.joint, one.against) for one in result.unexplained)
-    left = f"in {places} that no effect of the catalogue explains."
-    return (
-        f"Explained in part: {causes}. Structure is left {left}" if causes else f"Unexplained: structure is left {left}"
-    )
+    structure = f"structure in {places} that no effect of the catalogue explains."
+    return f"Explained in part: {causes}. There remains {structure}" if causes else f"Unexplained: {structure}"
 
 
 def place(signal: str, joint: int | None) -> str:
@@ -46,24 +44,24 @@ def place(signal: str, joint: int | None) -> str:
 
 
 def against(signal: str, joint: int | None, variable: str) -> str:
-    """``the current of joint 2 against position``; where no variable was found, what is said instead."""
+    """``the current of joint 2 against position``; or that no single variable predicts it."""
     return f"{place(signal, joint)}{', ' if variable.startswith('no ') else ' against '}{variable}"
 
 
 def estimate(one: Estimate) -> str:
-    """``half gap 0.001021 ± 0.000007 rad``: two standard deviations, and no more digits than these leave."""
+    """``half gap 0.001021 ± 0.000007 rad``: two std, and no more digits than these determine."""
     unit = "" if one.unit == "1" else f" {one.unit}"
-    return f"{one.name.replace('_', ' ')} {value(one)}{f' ± {2 * one.std:.2g}' if doubted(one) else ''}{unit}"
+    return f"{one.name.replace('_', ' ')} {value(one)}{f' ± {2 * one.std:.2g}' if uncertain(one) else ''}{unit}"
 
 
-def doubted(one: Estimate) -> bool:
-    """Whether a value has a deviation to tell; a whole number that was chosen has none."""
+def uncertain(one: Estimate) -> bool:
+    """Whether a value has a std; a whole number that was chosen has none."""
     return bool(np.isfinite(one.std) and one.std > 0.0)
 
 
 def value(one: Estimate) -> str:
-    """The value to the second digit of its two standard deviations."""
-    if not doubted(one) or one.value == 0.0:
+    """The value to the second digit of its two std."""
+    if not uncertain(one) or one.value == 0.0:
         return f"{one.value:.4g}"
     digits = np.floor(np.log10(abs(one.value))) - np.floor(np.log10(2 * one.std)) + 2
     return f"{one.value:.{int(np.clip(digits, 1, 6))}g}"

@@ -1,4 +1,4 @@
-"""diagnosis.json, report.html, model.toml and the separating experiments, as the contract fixes them."""
+"""Writes diagnosis.json, report.html, model.toml and the proposed experiments."""
 
 from __future__ import annotations
 
@@ -66,9 +66,9 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
 
 
 def _signals(result: Diagnosis) -> list[dict[str, Any]]:
-    """Errors of simulated current and position, in the band and at the rows of ``closed_loop``.
+    """Errors of simulated current and position with the noise of the instruments.
 
-    Beside the instruments' noise.
+    In the band and at the rows that ``closed_loop`` compares.
     """
     rows, in_loop = [], result.in_closed_loop
     fit, held_out = dataset_of(result.fit), dataset_of(result.held_out)
@@ -91,7 +91,7 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
         ("position", of_loop["angle"], result.encoder_noise, "rad"),
     ):
         for j in range(len(result.arm)):
-            told = {
+            errors_rms = {
                 half: {
                     when: float(np.sqrt(np.mean([pair[k][j] ** 2 for pair in pairs])))
                     for k, when in enumerate(("before", "after"))
@@ -99,9 +99,9 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
                 for half, pairs in errors.items()
                 if pairs
             }
-            if told:
+            if errors_rms:
                 here = unit_at(result.arm.joints[j], unit)
-                row = {"signal": name, "joint": j + 1, "unit": here, "error_rms": told}
+                row = {"signal": name, "joint": j + 1, "unit": here, "error_rms": errors_rms}
                 along = "demands" if in_loop or name == "position" else "measured motion"
                 row |= {"noise_rms": float(own[j]), "along": along}
                 if name == "current" and result.judged:
@@ -111,7 +111,7 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
 
 
 def _link_signals(result: Diagnosis) -> list[dict[str, Any]]:
-    """Motor less link encoder, its constant left out: held out, without and with its causes."""
+    """Motor minus link encoder without its constant, held out, without and with the causes."""
     if result.link is None:
         return []
     link, rows = result.link, []
@@ -132,7 +132,7 @@ def _link_signals(result: Diagnosis) -> list[dict[str, Any]]:
 
 
 def _tracker_signal(result: Diagnosis) -> list[dict[str, Any]]:
-    """The tracked points against the model at the measured angles, m rms a coordinate."""
+    """Tracked points against the model at the measured angles, m rms per coordinate."""
     if result.tracked is None or not result.tracked.rms:
         return []
     errors = {side: {"before": before, "after": after} for side, (before, after) in result.tracked.rms.items()}
@@ -203,7 +203,7 @@ def write_diagnosis(
 
 
 def _add_showing(out: Path, table: dict[str, Any], showing: Sequence[Showing]) -> None:
-    """What would show what was not visible; show_K.toml for every motion that does."""
+    """Adds the detection experiments, and writes show_K.toml for every motion among them."""
     written: list[Experiment] = []
     for row, one in zip(table["not_visible"], showing):
         row["experiment"] = one.invisible.experiment

@@ -47,7 +47,7 @@ def current_limits(recordings: Sequence[Recording]) -> list[Event]:
                     effect=CURRENT_LIMIT.name,
                     joint=j + 1,
                     parameters=[Estimate("limit", top - width, width, "A")],
-                    evidence=f"the current of joint {j + 1} lies flat at {top:.2f} A in {len(clipped)} of "
+                    evidence=f"the current of joint {j + 1} is clipped at {top:.2f} A in {len(clipped)} of "
                     f"{len(recordings)} recordings",
                     recordings=clipped,
                 )

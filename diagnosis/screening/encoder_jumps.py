@@ -60,7 +60,7 @@ def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
                     Estimate("resolution", step, 0.01 * step, "rad"),
                 ],
                 evidence=f"the angle of joint {j + 1} jumps by {size:.3g} rad between two rows at {t:.3f} s of "
-                f"{name} and stays there "
+                f"{name} and keeps that offset "
                 f"({len(with_jump)} of {len(recordings)} recordings show a jump)",
                 recordings=tuple(index for index, _ in with_jump),
                 gain=Gain(
@@ -125,8 +125,8 @@ def _dropped_triggers(recordings: Sequence[Recording], missing: Sequence[tuple[i
             Estimate("count", -float(count), 0.2, "1"),
             Estimate("period", period, 1e-3 * period, "s"),
         ],
-        evidence="all angles that move jump in one row as far as they turn in some rows: these rows of the "
-        f"counters are missing ({names})",
+        evidence="all moving angles jump at one row by as much as they turn in a whole number of rows: so many rows of "
+        f"the counters are missing ({names})",
         recordings=tuple(k for k, _, _ in instants),
     )
 

@@ -103,7 +103,7 @@ def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
         Estimate("count", float(best.count), best.count_std, "1"),
         Estimate("period", best.period, 1e-3 * best.period, "s"),
     ]
-    sentence = "the lag of the currents changes by whole rows and stays, in " + "; ".join(places)
+    sentence = "the lag of the currents changes once by a whole number of rows, in " + "; ".join(places)
     return Event(
         effect=DROPPED_TRIGGER.name,
         joint=None,

@@ -58,7 +58,7 @@ def mains_hum(recordings: Sequence[Recording]) -> list[Event]:
                     Estimate("frequency", float(np.median(frequencies)), 0.05, "Hz"),
                     Estimate("phase", lines[0].phase, 0.2, "rad"),
                 ],
-                evidence=f"the current of joint {j + 1} carries a line at {np.median(frequencies):.2f} Hz in all "
+                evidence=f"the current of joint {j + 1} has a spectral line at {np.median(frequencies):.2f} Hz in all "
                 f"{len(recordings)} recordings",
                 recordings=tuple(range(len(recordings))),
                 gain=Gain(

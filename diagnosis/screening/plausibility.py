@@ -57,10 +57,10 @@ def mixed_up(runs: Sequence[Run]) -> tuple[str, ...]:
         times = np.array([np.std(measured) / np.std(expected) for measured, expected in pairs])
         if len(excited) and np.mean(correlation < OPPOSITE) > 0.5:
             warnings.append(
-                f"currents of {run.name} run against what the model expects; is their sign that of the angles?"
+                f"currents of {run.name} have the opposite sign of the expected ones; have they the sign of the angles?"
             )
         elif len(excited) and np.mean((correlation > ALIKE) & (np.abs(np.log(times)) > np.log(OTHER_UNIT))) > 0.5:
             warnings.append(
-                f"currents of {run.name} are {np.median(times):.2g} times what the model expects; are they in its unit?"
+                f"currents of {run.name} are {np.median(times):.2g} times the expected ones; are they in its unit?"
             )
     return tuple(warnings)

@@ -41,9 +41,8 @@ def examined(
     )
     kept = sum(duration(recording) for recording in [*fit_stretches, *held_out_stretches])
     note = (
-        f"of {total:.0f} s of recordings, {kept:.0f} s in {len(fit_stretches) + len(held_out_stretches)} stretches, "
-        "evenly spread, were examined; events between "
-        "them were not searched for, and a drift of friction starts anew in each"
+        f"{kept:.0f} s in {len(fit_stretches) + len(held_out_stretches)} stretches, evenly spread over {total:.0f} s "
+        "of recordings, were examined; events between them were not searched for, and friction drift restarts in each"
     )
     return fit_stretches, held_out_stretches, note
 

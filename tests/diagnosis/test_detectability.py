@@ -62,7 +62,7 @@ def test_says_what_a_joint_did_not_do(one_joint: Run, arm: Arm) -> None:
     for effect in ("viscous_friction", "stribeck_friction", "cogging", "gear_ripple", "encoder_ripple", "backlash"):
         assert unseen[effect, 2].why.startswith("joint 2 stood still"), effect
         assert "joint 2" in unseen[effect, 2].experiment
-    assert "is nothing" in unseen["joint_zero_offset", 1].why  # its axis is upright
+    assert "is zero" in unseen["joint_zero_offset", 1].why  # its axis is upright
     for effect in ("viscous_friction", "coulomb_friction", "cogging"):
         assert (effect, 1) not in unseen, effect
 

@@ -47,7 +47,7 @@ def test_many_short_recordings_keep_some_seconds_each(tmp_path: Path) -> None:
     runs = [recorded(tmp_path / f"{k}.mcap", 12) for k in range(3)]
     fit, _, remark = examined(runs, [], most=2 * 6.0)
     assert [duration(one) for one in fit] == pytest.approx([10.0] * 3, abs=0.1)
-    assert remark is not None and "of 36 s" in remark
+    assert remark is not None and "over 36 s of recordings" in remark
 
 
 def test_a_long_recording_is_split_and_said_to_be_examined_in_part(tmp_path: Path) -> None:

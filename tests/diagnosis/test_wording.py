@@ -54,7 +54,7 @@ def test_a_group_is_never_told_as_one_lucky_member() -> None:
     assert either(apart) == "payload or link inertia of joint 6"
     alone = group_of(("backlash", 3), felt_at=3)
     result = Verdict("explained", [twins, alone])
-    told = "Explained: torque constant or current gain of joint 2; backlash of joint 3. What is left is noise."
+    told = "Explained: torque constant or current gain of joint 2; backlash of joint 3. The residual is noise."
     assert sentence(cast(Diagnosis, result)) == told
 
 

@@ -1,7 +1,4 @@
-"""Causes that the currents show.
-
-Those of the search, events in raw rows, and those of a finely measured single axis.
-"""
+"""Causes that the currents show: those of the search, events in raw rows, and those of a single axis."""
 
 from __future__ import annotations
 
@@ -26,7 +23,7 @@ from diagnosis.units import unit_at
 from identification.selection import Split
 
 BY_DIRECTION = {"positive", "negative", "viscous_positive", "viscous_negative"}
-"""Parameters that together are all the friction of an axis, each direction for itself."""
+"""Parameters that together are the friction of an axis per direction."""
 
 
 def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> Cause:
@@ -47,7 +44,7 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
         model.arm.joints[joint - 1].current_unit,
     )
     sentence = (
-        f"{definition.shows}: with it the held-out current error of joint {joint} falls from {before:.3g} to "
+        f"{definition.shows}: with it, the held-out current error of joint {joint} falls from {before:.3g} to "
         f"{after:.3g} {unit} rms, "
         f"in {int(np.sum(conditional.blocks > 0))} of {int(np.sum(conditional.blocks != 0))} one-second blocks "
         f"({where})"
@@ -125,7 +122,7 @@ def from_axis(axis_cause: AxisCause, arm: Arm) -> Cause:
     effect, drive = CATALOGUE[axis_cause.effect], arm.joints[0]
     units = {p.name: unit_at(drive, p.unit, p.name) for p in effect.parameters}
     sentence = (
-        f"{effect.shown(Instrument.SINGLE_AXIS, values, units)}: with it the held-out error of the command below 60 "
+        f"{effect.shown(Instrument.SINGLE_AXIS, values, units)}: with it, the held-out error of the command below 60 "
         f"Hz falls from {axis_cause.before:.3g} to "
         f"{axis_cause.after:.3g} {unit} rms, in {int(np.sum(axis_cause.gains > 0))} of {len(axis_cause.gains)} blocks"
     )
@@ -150,9 +147,9 @@ def from_axis(axis_cause: AxisCause, arm: Arm) -> Cause:
 
 
 def _by_direction(arm: Arm, more: Mapping[str, float]) -> str:
-    """All the friction of one axis, the model's and what is ``more``, in words.
+    """Total friction of one axis in words: that of the model and ``more``.
 
-    The model's offset is friction that differs, as long as it moves.
+    A constant offset of the model acts as friction that differs by direction while the axis moves.
     """
     drive = arm.joints[0]
     step, slope = unit_at(drive, "N m"), unit_at(drive, "N m s/rad")
@@ -162,6 +159,6 @@ def _by_direction(arm: Arm, more: Mapping[str, float]) -> str:
         f"{drive.ratio**2 * drive.viscous[k] + more[f'viscous_{side}']:.4g} {slope} {way}"
         for k, (side, sign, way) in enumerate((("positive", 1.0, "forwards"), ("negative", -1.0, "backwards")))
     ]
-    return f"all friction then is {', '.join(by_direction)}" + (
-        ", the model's constant offset counted in" if offset else ""
+    return f"total friction is then {', '.join(by_direction)}" + (
+        " (with the constant offset of the model)" if offset else ""
     )

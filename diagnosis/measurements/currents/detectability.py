@@ -1,4 +1,4 @@
-"""Effects that this data could not have shown, and the experiment that would show each."""
+"""Effects that these recordings cannot show, and the detection experiment of each."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from diagnosis.units import unit_at
 SHOWS_FROM = 1 / 3
 """Effect-to-noise ratio of the currents above which an effect is detectable."""
 BY_CURRENTS = frozenset({Instrument.CURRENT, Instrument.SINGLE_AXIS, Instrument.LAG})
-"""What shows nothing where the model expects no currents ..."""
+"""Instruments that show nothing where the model predicts no currents ..."""
 BY_ROWS = frozenset({Instrument.RAW, Instrument.DEMAND})
-"""... and what needs no model."""
+"""... and instruments that need no model."""
 INSTEAD = {
     Excitation.LOAD: "poses in which gravity loads {}, with and without a known payload",
     Excitation.GRAVITY: "a tracker, or a level at the link of {}",
-    Excitation.LOAD_REVERSAL: "{} slowly through a place where its load changes sign (for a link that hangs, the "
-    "vertical), or an encoder at the link",
+    Excitation.LOAD_REVERSAL: "{} slowly through a position where its load changes sign (the vertical, for a "
+    "hanging link), or an encoder at the link",
     Excitation.CURRENT: "larger currents of {}: a known payload, faster starts and stops",
     Excitation.SPEED: "{} back and forth at full speed, and at a tenth of it",
     Excitation.ACCELERATION: "{} back and forth as fast as it starts and stops",
@@ -38,10 +38,8 @@ def not_visible(
 ) -> list[Undetectable]:
     """Effects whose largest typical magnitude changes the held-out currents by less than a third of the noise.
 
-    None of ``known`` ones.
-
-    lines: ripples, whose columns are in the library only where they exceed the noise: a motor that made no whole turn
-    shows none.
+    lines: ripples, whose columns are in the library only where they exceed the noise; a motor that made no whole turn
+    shows none. known: effects that are not reported.
     """
     strongest: dict[EffectKey, float] = {c.key: 0.0 for c in lines if c.joint and _turns(held_out, arm, c.joint) < 1.0}
     for candidate, pair in library.items():
@@ -52,7 +50,7 @@ def not_visible(
         if strength < SHOWS_FROM and (effect, joint) not in known:
             reasons = (
                 _did(CATALOGUE[effect].excited_by, joint, held_out, arm),
-                f"even {_size(effect, arm, joint)} would be {times_noise(strength)}",
+                f"the effect of even {_size(effect, arm, joint)} is {times_noise(strength)}",
             )
             where = f"joint {joint}" if joint else "all joints"
             undetectable.append(
@@ -69,21 +67,21 @@ def _turns(side: Dataset, arm: Arm, joint: int) -> float:
 
 
 def felt(candidate: Candidate, columns: Columns, rows: int) -> float:
-    """Times the noise: rms over so many rows by which an effect of the largest typical size changes the currents.
+    """Rms, over the noise, by which an effect of the largest typical size changes the currents of some rows.
 
-    0 for a larger one.
+    0 where the shape is beyond the typical ones.
     """
     size = _typical(candidate)
     return float(np.sqrt(np.max(np.sum((columns.x * size) ** 2, axis=0)) / rows))
 
 
 def times_noise(strength: float) -> str:
-    """``0.2 times the noise``; a negligible ratio is said to be so."""
-    return "as good as nothing" if strength < 0.005 else f"{strength:.2g} times the noise"
+    """``0.2 times the noise``, or that it is negligible."""
+    return "negligible against the noise" if strength < 0.005 else f"{strength:.2g} times the noise"
 
 
 def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
-    """What a joint did in some recordings of what an effect needs; nothing where it did as others do."""
+    """How far the motion of a joint excited an effect; empty for an effect of the whole arm."""
     if joint is None:
         return ""
     drive, j = arm.joints[joint - 1], joint - 1
@@ -101,7 +99,7 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
         poses = np.concatenate([run.q[::10] for run in side.runs])
         gravity = rigid_torque(arm, poses, 0.0 * poses, 0.0 * poses)[:, j]
         change = f"changed by no more than {np.ptp(gravity):.2g} {unit_at(drive, 'N m')}"
-        return f"gravity at joint {joint} {change if np.abs(gravity).max() > 1e-6 else 'is nothing'}"
+        return f"gravity at joint {joint} {change if np.abs(gravity).max() > 1e-6 else 'is zero'}"
     if need is Excitation.CURRENT:
         return f"joint {joint} drew no more than {np.abs(current).max():.2g} {drive.current_unit}"
     if need is Excitation.ACCELERATION:
@@ -113,12 +111,12 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
 
 
 def not_judged(arm: Arm, of_links: Sequence[int]) -> list[Undetectable]:
-    """What currents would show, of a model that expects none.
+    """Effects that only currents show, for a model that predicts none.
 
-    Less what the two encoders of the joints ``of_links`` show without currents.
+    Without those that the two encoders of the joints ``of_links`` show.
     """
     why, instead = (
-        "the model has neither masses nor friction to hold currents against",
+        "the model has neither masses nor friction, so it predicts no currents",
         "armscope identify, then diagnose with its model",
     )
     undetectable = []

@@ -110,11 +110,11 @@ def wrist_coupling(fit: Sequence[Recording], held_out: Sequence[Recording]) -> l
     }
     rows = [Estimate(f"c{a}{m}", *coefficients.get((a, m), (0.0, 0.005)), "1") for a, m in PAIRS]
     parts = ", ".join(
-        f"{-100 * c:.1f} % of what motor {m} turns at axis {axis}" for (axis, m), (c, _) in coefficients.items()
+        f"{-100 * c:.1f} % of the angle of motor {m} at axis {axis}" for (axis, m), (c, _) in coefficients.items()
     )
     most = max(coupled, key=lambda axis_result: axis_result.before**2 - axis_result.after**2)
     sentence = (
-        f"motors depart from the demands of their own axes by {parts}: with it the held-out difference of motor "
+        f"motors deviate from the demands of their own axes by {parts}: with it, the held-out difference of motor "
         f"{most.axis} and demand "
         f"falls from {most.before:.3g} to {most.after:.3g} rad rms"
     )

@@ -189,40 +189,35 @@ def _skew_sentence(others: Chosen, model: LinkEncoders) -> str:
     low, high = float(shares.min()), float(shares.max())
     share = f"{low:.1%}" if len(shares) == 1 else f"{low:.1%} to {high:.1%}"
     sentence = (
-        f"motor less link encoder is velocity times one constant: {', '.join(f'{d * 1e3:.2f}' for d in delays)} ms "
-        f"at joint {where}, "
-        f"which predicts {share} of it in held-out rows: the link encoder's stamps are late"
+        f"motor minus link encoder is proportional to velocity, {', '.join(f'{d * 1e3:.2f}' for d in delays)} ms "
+        f"at joint {where}, which predicts {share} of its square in held-out rows: the link encoder is stamped late"
     )
     instead = _best_instead(others, model)
     return sentence + (f"; {instead}" if instead else "")
 
 
 def _best_instead(others: Chosen, model: LinkEncoders) -> str:
-    """Largest share that the effects confused with such a loop would predict in its place, at any joint."""
+    """Largest share that the effects confused with a delay would predict in its place, at any joint."""
     best: dict[str, float] = {}
     taken_for = late().definition.confused_with
     for candidate in model.best(others):
         if candidate.effect in taken_for and model.is_physical(candidate, others):
             best[candidate.effect] = max(best.get(candidate.effect, 0.0), model.score(candidate, others).share)
-    return " and ".join(f"{name.replace('_', ' ')} would predict {share:.0%} at most" for name, share in best.items())
+    return " and ".join(f"{name.replace('_', ' ')} would predict at most {share:.0%}" for name, share in best.items())
 
 
 def _sentence(candidate: LinkCandidate, before: float, after: float, share: float, unit: str) -> str:
-    """What a person sees.
-
-    The share may be more than that of the fall, as either part of one run is predicted from the other.
-    """
+    """Evidence of a cause; the share includes both folds, so it may exceed that of the fall."""
     order = {p.name: candidate.variant[1] for p in candidate.definition.parameters if p.whole}
     shows = candidate.definition.shown(Instrument.LINK_ENCODER, order, {})
     return (
-        f"{shows}: with it the held-out difference of joint {candidate.joint} falls from {1e3 * before:.3g} to "
-        f"{1e3 * after:.3g} m{unit} rms, "
-        f"{share:.0%} of its square"
+        f"{shows}: with it, the held-out difference of joint {candidate.joint} falls from {1e3 * before:.3g} to "
+        f"{1e3 * after:.3g} m{unit} rms; it explains {share:.0%} of its square"
     )
 
 
 def _offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
-    """Constants between two encoders, as far as they are large and the same in both halves."""
+    """Constants between two encoders that are large and significant."""
     causes = []
     values, covariance = _fitted(chosen, model)
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
@@ -243,9 +238,8 @@ def _offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
                 group=((JOINT_ZERO_OFFSET.name, joint),),
                 evidence=(
                     f"the motor encoder of joint {joint} reads {abs(1e3 * offset):.3g} m{unit} "
-                    f"{'more' if offset > 0 else 'less'} than the "
-                    "link encoder, everywhere alike; which of the two is off, a level or a tracker says, and the "
-                    "model stays as it is"
+                    f"{'more' if offset > 0 else 'less'} than the link encoder at all positions; a level or a tracker "
+                    "shows which of the two is wrong, so the model is not changed"
                 ),
                 felt_at=joint,
                 unit=unit,
@@ -264,16 +258,16 @@ def _remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
         if rms < LIMITS.above_noise * model.rows.fit.noise[k]:
             continue
         remark = (
-            f"joint {joint}: {1e3 * rms:.2g} m{unit_at(arm.joints[joint - 1], 'rad')} rms between its encoders is "
-            "left, "
-            f"{rms / model.rows.fit.noise[k]:.0f} times their scatter from row to row"
+            f"joint {joint}: the residual between its encoders is {1e3 * rms:.2g} "
+            f"m{unit_at(arm.joints[joint - 1], 'rad')} rms, {rms / model.rows.fit.noise[k]:.0f} times their scatter "
+            "from row to row"
         )
         orders = [
             standing_orders(values[:, k], side, k, 1)
             for values, side in zip(residuals, (model.rows.fit, model.rows.held_out))
         ]
         if all(orders) and abs(orders[0][0] - orders[1][0]) < 0.5 / turns(model.rows.fit, k):
-            remark += f"; part of it repeats {orders[0][0]:.3g} times a motor turn"
+            remark += f"; part of it repeats {orders[0][0]:.3g} times per motor revolution"
         yield remark
 
 

@@ -200,9 +200,8 @@ def _cause(named: Named, precise: State, state: State, model: TrackedPoints) -> 
     better, blocks = int(np.sum(named.score.blocks > 0)), int(np.sum(named.score.blocks != 0))
     where = "" if candidate.joint is None else f" of joint {candidate.joint}"
     sentence = (
-        f"{definition.shown(Instrument.TRACKER, {}, {})}{where}: with it the held-out points are off by "
-        f"{1e3 * now:.3g} instead of "
-        f"{1e3 * before:.3g} mm rms a coordinate, better in {better} of {blocks} one-second blocks"
+        f"{definition.shown(Instrument.TRACKER, {}, {})}{where}: with it, the error of the held-out points falls from "
+        f"{1e3 * before:.3g} to {1e3 * now:.3g} mm rms per coordinate, in {better} of {blocks} one-second blocks"
     )
     separate = None
     if len(group) > 1:
@@ -254,9 +253,8 @@ def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str
         after=0.0,
         group=((TRACKER_OUTLIERS.name, None),),
         evidence=(
-            f"{wrong} of {expected} tracked points are off by {1e3 * typical:.3g} mm from their neighbours, "
-            f"{missing} are missing in "
-            f"{sum(o.breaks for o in of_recordings)} breaks ({listed}); they were left out"
+            f"{wrong} of {expected} tracked points deviate from their neighbours by {1e3 * typical:.3g} mm and were "
+            f"excluded; {missing} are missing in {sum(o.breaks for o in of_recordings)} gaps ({listed})"
         ),
         felt_at=None,
         unit="m",

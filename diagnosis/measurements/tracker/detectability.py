@@ -1,4 +1,4 @@
-"""What the tracker's points could not have shown, and what is left of them that no cause explains."""
+"""Effects that the tracked points cannot show, and unexplained structure of their residual."""
 
 from __future__ import annotations
 
@@ -39,25 +39,25 @@ def only_tracked() -> list[str]:
 
 
 def sizes(every: Sequence[TrackedCandidate], nothing: State, sides: Sequence[Side]) -> dict[TrackedCandidate, float]:
-    """m rms: by how much the largest typical size of every effect moves the held-out points.
-
-    Once frame and target have been fitted to them.
-    """
+    """m rms: motion of the held-out points by the largest typical size of every effect, frame and target refitted."""
     parts = [linear(nothing, side) for side in sides]
     return {c: float(np.sqrt(_typical_squares(c, nothing, sides, parts))) for c in every}
 
 
 def not_visible(moves: Mapping[TrackedCandidate, float], level: float, known: set[EffectKey]) -> list[Undetectable]:
-    """Effects that only a tracker shows and that move the held-out points.
+    """Effects that only a tracker shows and that move the held-out points too little.
 
-    By less than a third of what they can tell (``level``, m); ``moves``: see ``sizes``.
+    level: m, std that the points leave undetermined; moves: see ``sizes``.
     """
     invisible, here = [], only_tracked()
     for candidate, size in moves.items():
         if candidate.effect in here and candidate.key not in known and size < LIMITS.detectable * level:
             where = f" at joint {candidate.joint}" if candidate.joint else ""
-            by = f"by {1e3 * size:.2g} mm rms" if size > 1e-3 * level else "by nothing"
-            why = f"even {_typical(candidate)[1]}{where} would move these points {by}; they tell {1e3 * level:.2g} mm"
+            by = f"by {1e3 * size:.2g} mm rms" if size > 1e-3 * level else "negligibly"
+            why = (
+                f"even {_typical(candidate)[1]}{where} would move these points {by}; "
+                f"their uncertainty is {1e3 * level:.2g} mm"
+            )
             invisible.append(
                 Undetectable(
                     candidate.effect,
@@ -77,10 +77,7 @@ def visible(moves: Mapping[TrackedCandidate, float], level: float) -> frozenset[
 def _typical_squares(
     candidate: TrackedCandidate, nothing: State, sides: Sequence[Side], parts: Sequence[Linear]
 ) -> float:
-    """m^2 a coordinate: the largest of its parameters' effects on the held-out points.
-
-    That frame and target do not take.
-    """
+    """m^2 per coordinate: largest effect of its parameters on the held-out points, frame and target refitted."""
     columns = [columns_of(candidate, nothing, side, part) / candidate.scales for side, part in zip(sides, parts)]
     free = [part.free.reshape(-1, part.free.shape[2]) for part in parts]
     largest = 0.0
@@ -103,9 +100,9 @@ def _typical(candidate: TrackedCandidate) -> tuple[list[float], str]:
 
 
 def structure(sides: Sequence[Side], residuals: Sequence[Array], level: float) -> list[Structure]:
-    """The variable that predicts most of what is left of the held-out points.
+    """The variable that predicts most of the residual of the held-out points.
 
-    Nothing where what is left is noise, or where nothing predicts a tenth of it beyond chance.
+    Empty where the residual is noise, or where no variable predicts enough of it.
     """
     kept = [good(residual) for residual in residuals]
     fit, held_out = (residual[keep] for residual, keep in zip(residuals, kept))

@@ -1,4 +1,4 @@
-"""The picture of what swings: the spectrum of what a closed loop does not follow, without and with the causes."""
+"""Spectrum of the closed-loop current error, without and with the causes."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 
 SEGMENT = 1.0
-"""s of every piece of which the spectrum is the mean."""
+"""s: length of the segments over which the spectrum is averaged."""
 
 
 def loop_figure(pairs: Sequence[tuple[Compared, Compared]], joint: int, unit: str) -> tuple[Figure, str]:
-    """Amplitude of measured less simulated current of a joint over frequency, in ``unit`` per root hertz.
+    """Amplitude density of measured minus simulated current of a joint, in ``unit`` per root hertz.
 
-    Of (before, after) held-out loops.
+    pairs: held-out loops (before, after).
     """
     from matplotlib.figure import Figure
 

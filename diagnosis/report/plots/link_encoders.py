@@ -1,4 +1,4 @@
-"""Motor less link encoder, as a person should see it."""
+"""Plots of motor minus link encoder."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AGAINST = {Variable.LOAD: ("load", "load", "N m"), Variable.VELOCITY: ("v", "velocity", "rad/s")}
-"""Field of the rows, name and unit of the variables that a difference is drawn against beside the joint's angle."""
+"""Field of the rows, name and unit of the variables that a difference is drawn against, in addition to the angle."""
 
 
 def link_overview(link: LinkSide, arm: Arm) -> tuple[Figure, str]:
@@ -39,7 +39,7 @@ def link_overview(link: LinkSide, arm: Arm) -> tuple[Figure, str]:
 
 
 def link_figure(link: LinkSide, arm: Arm, effect: str, joint: int) -> tuple[Figure, str]:
-    """Held-out difference of one joint's encoders over its angle (the loop) and over the telling variable.
+    """Held-out difference of one joint's encoders over its angle and over the variable that shows the effect best.
 
     Before and after all causes.
     """

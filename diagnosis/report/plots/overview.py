@@ -1,4 +1,4 @@
-"""The pictures of a diagnosis: what a person should see at a glance."""
+"""Overview of all residuals, and the plot of each cause."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def view_of(effect: str) -> str:
 
 
 def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
-    """The residual current of the joint that feels it, against the telling variable, before and after all causes."""
+    """The residual of the joint with the largest effect against the variable that shows it best, before and after."""
     from matplotlib.figure import Figure
 
     from diagnosis.measurements.currents.basis_functions import variables

@@ -1,7 +1,4 @@
-"""Simulated against measured, and what is between them against everything that it could hang on.
-
-In units of the noise.
-"""
+"""Simulated and measured currents, and the residual against the variables that it may depend on."""
 
 from __future__ import annotations
 
@@ -55,9 +52,9 @@ def in_noise(result: Diagnosis, joint: int) -> tuple[Array, Array, NDArray[np.bo
 
 
 def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) -> tuple[Figure, str]:
-    """The held-out residual of one joint against time, position, motor angle, velocity, its sign, load torque.
+    """The held-out residual of one joint against time, position, motor angle, velocity, its sign and load torque.
 
-    And temperature where recorded.
+    Against temperature as well where it is recorded.
     """
     from matplotlib.figure import Figure
 
@@ -92,7 +89,7 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
 
 
 def left_against(result: Diagnosis, joint: int, name: str) -> tuple[Figure, str] | None:
-    """What is left of a joint after all causes against the variable that predicts it.
+    """The residual of a joint with all causes against the variable that predicts it.
 
     None for a variable that has no rows of its own.
     """
@@ -166,10 +163,7 @@ def _with_unit(result: Diagnosis, joint: int, name: str) -> str:
 
 
 def side_by_side(before: Compared, after: Compared, extended: bool, units: Sequence[str]) -> tuple[Figure, str]:
-    """One recording: measured current and closed-loop simulation of every joint.
-
-    Beside it the error of the simulated angle.
-    """
+    """One recording: measured and simulated current of every joint, and the error of the simulated angle."""
     from matplotlib.figure import Figure
 
     joints = before.current.shape[1]

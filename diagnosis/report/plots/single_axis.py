@@ -1,4 +1,4 @@
-"""What one axis shows at its full rate, as a person should see it."""
+"""Plots of a single axis at its full rate."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def axis_figure(axis: AxisSide, effect: str, drive: Joint) -> tuple[Figure, str]
 
 
 def wave_figure(axis: AxisSide, drive: Joint) -> tuple[Figure, str]:
-    """What all causes leave, laid over one length of the wave, each direction by itself."""
+    """The residual with all causes over one length of the wave, per direction."""
     from matplotlib.figure import Figure
 
     assert axis.wave is not None

@@ -1,4 +1,4 @@
-"""The tracker's points, as a person should see them."""
+"""Plot of the tracked points."""
 
 from __future__ import annotations
 
