@@ -45,7 +45,7 @@ COMMANDS: dict[str, str] = {
     "diagnose": "detect and isolate errors of a model, extend the model, report the gain on held-out recordings",
     "calibrate": "estimate kinematic parameters from tracker data, plan poses, correct targets",
     "sim-devices": "simulate every device of a rig on its own protocol, until stopped",
-    "demo": "run through everything without hardware: record a simulated Puma, identify it, plot the result",
+    "demo": "run through everything without hardware: record a simulated Puma, identify it, diagnose a worn one",
 }
 """Command -> one line of help, in the order in which they are listed."""
 

@@ -1,4 +1,4 @@
-"""``armscope demo``: the whole experience without hardware, from the simulated Puma's encoders to its parameters."""
+"""``armscope demo``: from a simulated Puma's encoders to its parameters and faults, without hardware."""
 
 from __future__ import annotations
 
@@ -51,6 +51,7 @@ def command(
             _show("record", "--rig", rig_file, "--experiment", experiment, "--out", run)
         _say("   " + listener.end())
     _identify_and_compare(folder, runs[fit], runs[held_out])
+    _diagnose_worn(folder, (fit, held_out))
 
 
 def _identify_and_compare(folder: Path, fit: Path, held_out: Path) -> None:
@@ -68,8 +69,28 @@ def _identify_and_compare(folder: Path, fit: Path, held_out: Path) -> None:
     simulated, picture = folder / "simulated.mcap", folder / "currents.png"
     _ask("simulate", "--model", identified / "model.toml", "--like", held_out, "--out", simulated)
     _run("plot", held_out, simulated, "--out", picture)
-    _say("Measured and simulated currents:")
-    print(picture.resolve())
+    _say(f"   Measured and simulated currents: {picture}")
+
+
+def _diagnose_worn(folder: Path, experiments: tuple[str, str]) -> None:
+    """The same motions by an arm with faults that its model does not have; which ones they are."""
+    rig, model = shipped_folder() / "puma560_worn.toml", shipped_folder() / "models/puma560.toml"
+    _say(
+        "7. Another arm of this type, worn: three faults are hidden in it that its model lacks. The same motions,",
+        "   simulated faster than real time.",
+    )
+    runs = [folder / f"worn_{name}.mcap" for name in experiments]
+    for name, run in zip(experiments, runs):
+        experiment = shipped_folder() / f"experiments/{name}.toml"
+        _show("record", "--rig", rig, "--experiment", experiment, "--out", run)
+    _say("8. Diagnosis: what does the simulation get wrong? Half a minute.")
+    verdict = folder / "diagnosis"
+    _show("diagnose", "--model", model, "--fit", runs[0], "--held-out", runs[1], "--out", verdict)
+    _say(
+        f"   What was hidden: {shipped_folder() / 'models/puma560_worn.toml'}",
+        "The faults, and each joint's error before and after:",
+    )
+    print((verdict / "report.html").resolve())
 
 
 def _write_rig(folder: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -21,11 +22,14 @@ def test_demo(root: Path, tmp_path: Path) -> None:
         env=os.environ | {"PYTHONPATH": str(root)},
         text=True,
         capture_output=True,
-        timeout=170,
+        timeout=300,
     )
     assert ended.returncode == 0, ended.stderr
-    picture = Path(ended.stdout.splitlines()[-1])
-    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert Path(ended.stdout.splitlines()[-1]).stat().st_size > 10_000
+    assert (tmp_path / "demo/currents.png").read_bytes().startswith(b"\x89PNG")
+    diagnosis = json.loads((tmp_path / "demo/diagnosis/diagnosis.json").read_text())
+    named = {(cause["effect"], cause["joint"]) for cause in diagnosis["causes"]}
+    assert ("load_friction", 2) in named and {joint for _, joint in named} == {1, 2, 3}
     runs = [open_recording(tmp_path / f"demo/{name}.mcap") for name in ("excitation", "iso_cube")]
     (received,) = re.findall(r"received (\d+) rows in 2 runs and missed 0", ended.stdout)
     assert int(received) == sum(map(len, runs))

@@ -78,7 +78,8 @@ def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) ->
     for axis in axes[len(panels) :]:
         axis.set_axis_off()
     _limit(axes[0], (before if result.causes else after)[sure])
-    axes[0].legend(loc="upper right", ncols=2, fontsize="small")
+    if sure.any():
+        axes[0].legend(loc="upper right", ncols=2, fontsize="small")
     figure.suptitle(
         f"joint {joint}: measured minus predicted current, in units of the noise std",
         x=0.01,
