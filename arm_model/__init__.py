@@ -1,6 +1,6 @@
 """What an arm is: kinematics, dynamics, effects; and its simulation, fast."""
 
-from arm_model.description import Arm, Controller, EffectTerm, Joint, Pose
+from arm_model.description import Arm, Controller, Coupling, EffectTerm, Joint, Pose
 from arm_model.model_file import arm_of, read_model, write_model
 from arm_model.motion import Motion
 from arm_model.parameters import parameter, with_parameters
@@ -8,6 +8,7 @@ from arm_model.parameters import parameter, with_parameters
 __all__ = [
     "Arm",
     "Controller",
+    "Coupling",
     "EffectTerm",
     "Joint",
     "Motion",

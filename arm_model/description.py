@@ -9,6 +9,9 @@ Conventions (all SI, angles rad; prismatic joints m and N where revolute ones ha
   modified (Craig)             Rot(x, alpha) Trans(x, a) Rot(y, beta) Rot(z, theta + q) Trans(z, d)   (after = 1);
   placed (URDF)                Trans(xyz) Rot(rpy), then about ``axis``, which is given in the turned frame.
   beta is Hayati's parameter for nearly parallel axes (Hayati, Proc. 22nd IEEE CDC, 1983).
+* q of these poses are link angles. The controller reports, and its motors (over their gears) have, angles m with
+  q = C m, C the arm's coupling matrix: the identity, unless ``Arm.coupling`` has entries (parallelogram and
+  palletising arms, coupled wrists). Torques go back by the transpose: tau_m = C^T tau_q.
 * ``gear`` is signed as in the published tables, but q and the motor current i are signed so that a positive current
   drives the joint in the positive direction: joint torque = abs(gear) torque_constant i.
 * rotor_inertia, viscous, coulomb and offset are at the MOTOR; at the joint they are gear^2, gear^2, abs(gear) and
@@ -179,6 +182,19 @@ class Controller:
 
 
 @dataclass(frozen=True, config=STRICT)
+class Coupling:
+    """One entry of the coupling matrix C of ``Arm``: the angle of link ``joint`` is ``ratio`` times reported ``by``.
+
+    joint, by  from 1; an entry with by = joint replaces the 1 of the joint's own angle (-1: counted the other way)
+    ratio      1 (m/rad or rad/m between a revolute and a prismatic joint)
+    """
+
+    joint: Annotated[int, Field(ge=1)]
+    by: Annotated[int, Field(ge=1)]
+    ratio: float
+
+
+@dataclass(frozen=True, config=STRICT)
 class EffectTerm:
     """One effect of the catalogue (``arm_model.effects``) as it acts in one arm.
 
@@ -195,7 +211,8 @@ class Arm:
     """A serial arm.
 
     ``base``: pose of link frame 0 in the base frame, in which gravity (m/s2) and tracker points are given; ``tool``:
-    pose of the tool in the frame of the last link.
+    pose of the tool in the frame of the last link; ``coupling``: what differs from the identity in the matrix between
+    reported and link angles. Joint limits are those of the reported angles.
     """
 
     name: str
@@ -204,6 +221,7 @@ class Arm:
     base: Pose = IDENTITY
     tool: Pose = IDENTITY
     controller: Controller | None = None
+    coupling: tuple[Coupling, ...] = ()
     effects: tuple[EffectTerm, ...] = ()
     source: str = ""  # where the numbers come from, for people
     unphysical: str = ""  # why impossible inertias are kept (a published set, say); without a reason they are refused
@@ -216,6 +234,15 @@ class Arm:
                 raise ValueError(
                     f"{name}: is not a pose; expected rows of a rotation and a translation, then 0, 0, 0, 1"
                 )
+        for entry in self.coupling:
+            if max(entry.joint, entry.by) > len(self.joints):
+                raise ValueError(
+                    f"coupling: joint {max(entry.joint, entry.by)} does not exist; the arm has {len(self.joints)}"
+                )
+        if len({(entry.joint, entry.by) for entry in self.coupling}) < len(self.coupling):
+            raise ValueError("coupling: two entries have the same joint and by; each pair may have one ratio")
+        if self.coupling and np.linalg.cond(self.coupling_matrix) > 1e6:
+            raise ValueError("coupling: the matrix is singular; every link must be moved by some joint")
         if self.controller is not None:
             for name in ("natural_frequency", "inertia_pose", "position_gain", "velocity_gain", "integral_gain"):
                 entries = getattr(self.controller, name)
@@ -227,6 +254,18 @@ class Arm:
 
     def __len__(self) -> int:
         return len(self.joints)
+
+    @property
+    def coupling_matrix(self) -> Array:
+        """(n, n) C of link angles = C reported angles: the identity with the entries of ``coupling``."""
+        matrix = np.eye(len(self.joints))
+        for entry in self.coupling:
+            matrix[entry.joint - 1, entry.by - 1] = entry.ratio
+        return matrix
+
+    def link_angles(self, reported: Array) -> Array:
+        """(..., n) rad (m) angles of the links for angles (or rates) that the controller reports, (..., n)."""
+        return reported @ self.coupling_matrix.T if self.coupling else reported
 
     def with_effect(self, name: str, joint: int | None = None, **parameters: float) -> Arm:
         """The arm with one more effect of the catalogue; ``joint`` from 1, None for an effect of the whole arm."""

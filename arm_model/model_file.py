@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError
 from arm_io import InputError, check_table, read_toml, write_toml
 from arm_io.table import Table
 from arm_io.toml import one_line
-from arm_model.description import IDENTITY, Arm, Controller, EffectTerm, Joint, Pose, Vector
+from arm_model.description import IDENTITY, Arm, Controller, Coupling, EffectTerm, Joint, Pose, Vector
 from arm_model.effects import check_terms, dissipation
 from arm_model.rigid_body.inertia import unphysical
 
@@ -28,6 +28,7 @@ class _ModelFile(Table):
     tool: Pose = IDENTITY
     joint: list[Joint] = Field(min_length=1)
     controller: Controller | None = None
+    coupling: list[Coupling] = Field(default=[])
     effect: list[EffectTerm] = Field(default=[])
 
 
@@ -61,6 +62,7 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
             base=layout.base,
             tool=layout.tool,
             controller=layout.controller,
+            coupling=tuple(layout.coupling),
             effects=tuple(layout.effect),
             source=layout.source,
             unphysical=layout.unphysical,
@@ -103,6 +105,8 @@ def model_table(arm: Arm) -> dict[str, Any]:
     ]
     if arm.controller is not None:
         table["controller"] = {name: value for name, value in asdict(arm.controller).items() if value is not None}
+    if arm.coupling:
+        table["coupling"] = [asdict(entry) for entry in arm.coupling]
     if arm.effects:
         table["effect"] = [
             {name: value for name, value in asdict(effect).items() if value is not None} for effect in arm.effects

@@ -9,7 +9,7 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.rigid_body.numeric import mass_matrix
+from arm_model.rigid_body.numeric import drive_mass_matrix
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ def servo_gains(arm: Arm) -> Gains:
         raise InputError(arm.name, "the model has no [controller]; simulating demanded positions needs one")
     zeros = np.zeros(len(arm))
     if controller.kind == "bandwidth":
-        rotors = mass_matrix(arm, np.array(controller.inertia_pose))[0]
+        rotors = drive_mass_matrix(arm, np.array(controller.inertia_pose))[0]
         inertia = np.diag(rotors) / arm.joint_array("drive_constant")
         pulsation = np.array(controller.natural_frequency, float)
         position = pulsation**2 * inertia

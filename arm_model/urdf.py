@@ -186,8 +186,11 @@ def write_urdf(path: str | Path, arm: Arm) -> None:
 
     The tool as a fixed link "tool".
 
-    Rotor inertias, torque constants, effects and the controller have no place in URDF and are left out.
+    Rotor inertias, torque constants, effects and the controller have no place in URDF and are left out. InputError for
+    an arm with coupled joints, which URDF cannot describe.
     """
+    if arm.coupling:
+        raise InputError(path, "URDF has no place for [[coupling]]; write the arm as .toml")
     robot = xml.Element("robot", name=arm.name)
     xml.SubElement(robot, "link", name="base")
     pose, parent = np.array(arm.base), "base"

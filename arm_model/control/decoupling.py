@@ -29,7 +29,7 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model.control.computed_torque import ComputedTorque, Reference
-from arm_model.rigid_body.numeric import mass_matrix
+from arm_model.rigid_body.numeric import drive_mass_matrix
 from arm_model.system.dynamics import inverse_dynamics
 
 STEP = 1e-5
@@ -64,11 +64,11 @@ class DisturbanceDecoupling:
         self._integral = self._integral + self.period * (applied + self._bias(q, qd) + self.disturbance)
 
     def _momentum(self, q: Array, qd: Array) -> Array:
-        return np.asarray(mass_matrix(self.computed.arm, q[None])[0] @ qd)
+        return np.asarray(drive_mass_matrix(self.computed.arm, q[None])[0] @ qd)
 
     def _bias(self, q: Array, qd: Array) -> Array:
         """M' q' - h - g - friction, with what water the model has."""
-        ahead, behind = mass_matrix(self.computed.arm, np.stack([q + STEP * qd, q - STEP * qd]))
+        ahead, behind = drive_mass_matrix(self.computed.arm, np.stack([q + STEP * qd, q - STEP * qd]))
         state = q[None], qd[None], np.zeros((1, len(q)))
         known = inverse_dynamics(self.computed.arm, *state)[0]
         return np.asarray((ahead - behind) @ qd / (2 * STEP) - known)

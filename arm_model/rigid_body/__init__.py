@@ -7,12 +7,13 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
     from arm_model.rigid_body.kinematics import forward, jacobian, link_frames, placement
-    from arm_model.rigid_body.numeric import mass_matrix, rigid_torque
+    from arm_model.rigid_body.numeric import drive_mass_matrix, mass_matrix, rigid_torque
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
     "COEFFICIENTS",
+    "drive_mass_matrix",
     "forward",
     "jacobian",
     "link_frames",

@@ -129,6 +129,19 @@ def _mass_matrix(arm: Arm, rotors: bool, q: Array) -> Array:
     return matrix
 
 
+def drive_mass_matrix(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
+    """(N, n, n) mass matrix over the angles that the controller reports, q (N, n): C^T M C, and rotors if asked for.
+
+    C is the arm's coupling matrix; without couplings this is ``mass_matrix``.
+    """
+    if not arm.coupling:
+        return mass_matrix(arm, q, rotors=rotors)
+    matrix = arm.coupling_matrix
+    (q,) = samples(arm, q)
+    found = np.asarray(matrix.T @ mass_matrix(arm, arm.link_angles(q), rotors=False) @ matrix, float)
+    return found + np.diag(arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia")) if rotors else found
+
+
 def energy(arm: Arm, q: Array, qd: Array) -> Array:
     """(N,) kinetic (links and rotors) plus potential energy, J; potential zero where the base frame's origin is.
 

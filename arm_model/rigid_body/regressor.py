@@ -65,14 +65,23 @@ def regressor(
 ) -> tuple[Array, list[str]]:
     """(Y (N, n, p), names): Y @ parameter_vector(arm) = inverse_dynamics(arm, q, qd, qdd), whatever the values.
 
+    Of an arm with coupled joints q, qd, qdd are those that the controller reports.
+
     With ``friction`` "symmetric" one column joint{j}.viscous and one joint{j}.coulomb stand for both directions.
     """
     q, qd, qdd = samples(arm, q, qd, qdd)
-    blocks = [in_blocks(partial(_link_columns, arm), q, qd, qdd)] + [
-        _drive_columns(arm, j, qd[:, j], qdd[:, j], friction) for j in range(len(arm))
+    links = [arm.link_angles(each) for each in (q, qd, qdd)]
+    blocks = [
+        _felt_by_drives(arm, in_blocks(partial(_link_columns, arm), *links)),
+        *(_drive_columns(arm, j, qd[:, j], qdd[:, j], friction) for j in range(len(arm))),
+        _felt_by_drives(arm, _water_columns(arm, *links)),
     ]
-    blocks.append(_water_columns(arm, q, qd, qdd))
     return np.concatenate(blocks, axis=2), parameter_names(arm, friction=friction)
+
+
+def _felt_by_drives(arm: Arm, columns: Array) -> Array:
+    """(N, n, p) torques of drives for torques of joints: C^T columns, C the arm's coupling matrix."""
+    return np.asarray(arm.coupling_matrix.T @ columns, float) if arm.coupling else columns
 
 
 def _drive_columns(arm: Arm, j: int, qd: Array, qdd: Array, friction: Friction) -> Array:

@@ -13,19 +13,19 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.rigid_body.numeric import drive_torque, mass_matrix, rigid_torque, samples
+from arm_model.rigid_body.numeric import drive_mass_matrix, drive_torque, rigid_torque, samples
 from arm_model.system.inverse import torque_with_effects
 
 
 def inverse_dynamics(arm: Arm, q: Array, qd: Array, qdd: Array, *, time: Array | float = 0.0) -> Array:
     """(N, n) joint torque that the motors give, abs(gear) k i: rigid links, reflected rotors, friction, effects.
 
-    With effects q, qd, qdd are of the motors over their gear ratios; ``time`` (N,) s matters for drifting friction
-    only. Of the effects everything algebraic acts; elastic transmissions count as rigid and bristles as sliding, since
-    what their states were cannot be determined from one sample.
+    With effects or coupled joints q, qd, qdd are of the motors over their gear ratios; ``time`` (N,) s matters for
+    drifting friction only. Of the effects everything algebraic acts; elastic transmissions count as rigid and bristles
+    as sliding, since what their states were cannot be determined from one sample.
     """
     q, qd, qdd = samples(arm, q, qd, qdd)
-    if arm.effects:
+    if arm.effects or arm.coupling:
         return torque_with_effects(arm, q, qd, qdd, np.broadcast_to(np.asarray(time, float), q.shape[:1]))
     drives = [drive_torque(joint, qd[:, j], qdd[:, j]) for j, joint in enumerate(arm.joints)]
     return rigid_torque(arm, q, qd, qdd) + np.stack(drives, axis=-1)
@@ -35,4 +35,4 @@ def forward_dynamics(arm: Arm, q: Array, qd: Array, tau: Array) -> Array:
     """(N, n) accelerations under joint torques ``tau``."""
     q, qd, tau = samples(arm, q, qd, tau)
     bias = inverse_dynamics(arm, q, qd, np.zeros_like(q))
-    return np.asarray(np.linalg.solve(mass_matrix(arm, q), (tau - bias)[..., None])[..., 0], float)
+    return np.asarray(np.linalg.solve(drive_mass_matrix(arm, q), (tau - bias)[..., None])[..., 0], float)

@@ -13,7 +13,7 @@ from arm_model.description import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Effect, Signals, Values
 from arm_model.effects.transmission import across_gap
 from arm_model.rigid_body import scalar
-from arm_model.symbolic.tape import Expr, derivative
+from arm_model.symbolic.tape import Expr, Tape, derivative
 
 Symbol = Callable[[str], Expr]
 Matrix = list[list[Expr]]
@@ -114,33 +114,35 @@ class Mechanics:
                     straight[j] = straight[j] + error
                     slope[j] = slope[j] + derivative(error, phi[j])
             bend[j] = derivative(slope[j], phi[j]) * speed[j] * speed[j]
-        coupling = self._coupling()
+        coupling = self._coupling(tape)
         if all(s.value == 1.0 for s in slope) and not coupling:
             return Shape(list(phi), list(speed), bend, None)
 
         def mixed(values: list[Expr]) -> list[Expr]:
-            out = list(values)
+            out = [tape.constant(0.0)] * n
             for (row, column), c in coupling.items():
                 out[row] = out[row] + c * values[column]
             return out
 
+        coupling = {(j, j): tape.constant(1.0) for j in range(n)} | coupling
         turned = [slope[j] * speed[j] for j in range(n)]
         full = [[tape.constant(0.0)] * n for _ in range(n)]
-        for j in range(n):
-            full[j][j] = slope[j]
         for (row, column), c in coupling.items():
-            full[row][column] = full[row][column] + c * slope[column]
+            full[row][column] = c * slope[column]
         return Shape(mixed(straight), mixed(turned), mixed(bend), full)
 
-    def _coupling(self) -> dict[tuple[int, int], Expr]:
-        """(row, column) -> turn of axis row for a turn of motor column, from parameters named cij with i, j from 1."""
-        found = {}
+    def _coupling(self, tape: Tape) -> dict[tuple[int, int], Expr]:
+        """(row, column) -> turn of axis row for a turn of motor column; absent pairs are those of the identity.
+
+        From the arm's coupling, and from effects: parameters named cij with i, j from 1, which add to it.
+        """
+        found = {(c.joint - 1, c.by - 1): tape.constant(c.ratio) for c in self.arm.coupling}
         for term in self.terms:
             if term.effect.coupling:
                 for name, value in term.values.items():
-                    row, column = int(name[1]) - 1, int(name[2]) - 1
-                    if max(row, column) < len(self.arm):
-                        found[row, column] = value
+                    place = int(name[1]) - 1, int(name[2]) - 1
+                    if max(place) < len(self.arm):
+                        found[place] = value + found[place] if place in found else value
         return found
 
     def signals(self, j: int, joints: Joints, *, link_side: bool = False, state: Expr | None = None) -> Signals:

@@ -10,7 +10,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE
-from arm_model.rigid_body.numeric import mass_matrix
+from arm_model.rigid_body.numeric import drive_mass_matrix
 
 SWING, DECAY, BRISTLE = 0.4, 1.0, 1.0
 """Largest products of step and pulsation, step and damping rate, step and relaxation rate of a bristle."""
@@ -25,7 +25,7 @@ Stiff against the servo, slow against the step.
 
 def _mobility(arm: Arm, j: int) -> float:
     """1/(kg m2): 1/rotor + 1/link of joint j with the other joints standing at zero."""
-    links = mass_matrix(arm, np.zeros(len(arm)), rotors=False)[0]
+    links = drive_mass_matrix(arm, np.zeros(len(arm)), rotors=False)[0]
     joint = arm.joints[j]
     rotor = joint.ratio**2 * joint.rotor_inertia
     if rotor <= 0:

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from identification.kinematics.estimation import Calibration as Estimate
 
 Point = tuple[float, float, float]
-UNKNOWN_TARGET_STD = 0.3
-"""m: prior of the target's place where neither the rig nor the caller says where it is."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -46,8 +44,13 @@ class Calibration:
         return calibrated_model(self.nominal, self.details)
 
     @property
+    def failures(self) -> tuple[str, ...]:
+        """Why the points refute the calibration, a sentence each; empty: they do not."""
+        return self.details.failures
+
+    @property
     def position_rms(self) -> dict[str, dict[str, float]]:
-        """m rms per coordinate over all points: {"fit": {"before", "after"}, "held_out": {...}}."""
+        """m rms per coordinate over all points, none left out: {"fit": {"before", "after"}, "held_out": {...}}."""
         rms: dict[str, dict[str, float]] = self.to_json()["position_rms"]
         return rms
 
@@ -100,11 +103,12 @@ class Calibration:
     def _cubes(self) -> list[Any]:
         """What the standstills of ISO cube runs show."""
         from identification.kinematics.data import gravity_of
-        from identification.kinematics.estimation import predicted
+        from identification.kinematics.estimation import linked, predicted
         from identification.kinematics.use import NAME, cube_report
 
         gravity, cubes = gravity_of(self.nominal), []
-        for run in (one.run for one in self.runs if one.experiment.startswith(NAME)):
+        for one in (one for one in self.runs if one.experiment.startswith(NAME)):
+            run = linked(one.run, self.details.coupling)
             before, after = (predicted(self.details, run, gravity, before=nominal) for nominal in (True, False))
             cubes.append(cube_report(run, before, after, 0.5))
         return [cube for cube in cubes if cube is not None]
@@ -137,7 +141,7 @@ def calibrate(
     """
     from identification.kinematics.data import common_ground, gravity_of, tracked
     from identification.kinematics.estimation import Settings, calibrate
-    from identification.kinematics.models import Trust
+    from identification.kinematics.models import UNKNOWN_TARGET, Trust
 
     if not 0 < target_std < 10:
         raise InputError("target_std", f"must be a length in m above 0, is {target_std:g}")
@@ -156,7 +160,7 @@ def calibrate(
         (0.0, 0.0, 0.0) if place is None else in_last_link(last_link, place),
         Settings(
             frame_known=known and not unknown_frame,
-            trust=Trust(target=UNKNOWN_TARGET_STD if place is None else target_std),
+            trust=Trust(target=UNKNOWN_TARGET if place is None else target_std),
             gravity=gravity_of(arm),
             extend=not geometry_only,
         ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -93,6 +94,9 @@ def command(
                 geometry_only=geometry_only,
                 progress=status.update,
             )
+            if calibration.failures:
+                files = ", ".join(path.name for path in run)
+                raise InputError(files, "not calibrated: " + "; ".join(calibration.failures))
             status.update("report")
         make_folder(out)
         written = {} if calibration is None else calibration.write(out)
@@ -167,7 +171,7 @@ def _write_cube(out: Path, arm: Arm, calibration: Estimate | None, written: dict
     from identification.kinematics.use import Corrected, cube_experiment, cube_points, cube_targets, posture_of
 
     posture = posture_of(arm)
-    centre = forward(arm, posture)[:3, 3]
+    centre = forward(arm, arm.link_angles(posture))[:3, 3]
     targets = cube_targets(arm, centre, 0.5, posture)
     write_experiment(
         out / "iso_cube.toml", cube_experiment(targets, 0.5), heading="ISO 9283 cube, planned with the nominal model"
@@ -182,7 +186,10 @@ def _write_cube(out: Path, arm: Arm, calibration: Estimate | None, written: dict
     if calibration is None:
         return
     model = Corrected(
-        calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known),
+        replace(
+            calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known),
+            coupling=tuple(entry for entry, _ in calibration.couplings),
+        ),
         calibration.extensions,
         tuple(calibration.fit.extension),
         gravity_of(arm),

@@ -93,12 +93,12 @@ def _write(path: Path, arm: Arm) -> None:
 
 
 def _summary(arm: Arm) -> dict[str, Any]:
-    from arm_model.rigid_body import mass_matrix
+    from arm_model.rigid_body import drive_mass_matrix
     from arm_model.simulation import system_of
     from arm_model.symbolic import operations
 
     system = system_of(arm)
-    diagonal = mass_matrix(arm, np.zeros(len(arm)))[0].diagonal()
+    diagonal = drive_mass_matrix(arm, np.zeros(len(arm)))[0].diagonal()
     joints = [
         {
             "joint": number,

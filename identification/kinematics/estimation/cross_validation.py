@@ -1,7 +1,4 @@
-"""How good a calibration is on points, and which extensions earn their place.
-
-Judged on points that the fit has not seen.
-"""
+"""Which extensions improve the held-out error: cross-validation on blocks of points."""
 
 from __future__ import annotations
 
@@ -13,46 +10,11 @@ import numpy as np
 from arm_io.types import Array
 from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.extensions import Extension, prior_scales
-from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit
+from identification.kinematics.estimation.map_estimation import Fit, fit
 from identification.kinematics.models.chain import Index, position_jacobian
 from identification.kinematics.models.parameters import Parameters
 from identification.selection.limits import Limits
 from identification.selection.stepwise import MeasurementModel, Score, select
-
-
-@dataclass(frozen=True)
-class PositionError:
-    """Error of predicted positions over points.
-
-    rms      m, a coordinate: sqrt(mean(r^2)) over all coordinates, so that a perfect model shows the tracker's own
-             noise
-    mean, largest  m, distance in space
-    outliers number of points left out: further off than 5 robust deviations
-    """
-
-    rms: float
-    mean: float
-    largest: float
-    points: int
-    outliers: int
-
-
-def position_error(residual: Array, *, reject: bool = True) -> PositionError:
-    """The error of residuals (N, 3) m.
-
-    Beam breaks and wrong points, detected by their robust scale, are left out and counted.
-    """
-    length = np.linalg.norm(residual, axis=1)
-    keep = np.ones(len(length), bool)
-    if reject and len(length):
-        keep = length <= max(REJECT * float(np.median(length)) / 1.5382, 1e-8)
-    good = length[keep]
-    if not len(good):
-        return PositionError(float("nan"), float("nan"), float("nan"), 0, int((~keep).sum()))
-    return PositionError(
-        float(np.sqrt(np.mean(good**2) / 3.0)), float(good.mean()), float(good.max()), len(good), int((~keep).sum())
-    )
-
 
 LIMITS = Limits(
     max_causes=30,

@@ -2,10 +2,13 @@
 
 Minimised is  sum_i rho(|p_i - f(q_i, x)| / s) + sum_k ((x_k - x0_k) / scale_k)^2  by Levenberg-Marquardt: the first sum
               over
-points, with noise s estimated along the way, the second the priors, which decide only what the points cannot. While the
-estimate is still moving, points count with Geman and McClure's weight (Stat. 1985), so that beam breaks and wrong
-points pull little; at the end they are dropped altogether and the rest counts fully, so that the result and its
-covariance are those of ordinary least squares on the good points.
+points, with noise s estimated along the way, the second the priors, which decide only what the points cannot.
+
+Every point counts if all of them agree with ordinary least squares. Otherwise points count with Geman and McClure's
+weight (Stat. 1985) while the estimate is still moving, so that beam breaks and wrong points pull little; at the end
+they are dropped altogether and the rest counts fully, so that the result and its covariance are those of ordinary least
+squares on the good points. Whether a point agrees is judged by its predicted deviation: few points that fitted
+themselves prove nothing against the others (``_distances``).
 
 Joint extensions (sag, scale ...) enter as deflections of the joint angle, linear in their parameters: q + D(q) c.
 """
@@ -23,12 +26,21 @@ from identification.kinematics.models.chain import Mask, position, position_jaco
 from identification.kinematics.models.parameters import Parameters
 
 REJECT = 5.0
-"""Points further off than this many noise deviations are outliers.
+"""Points further off than this many deviations are outliers.
 
 1.5e-5 of Gaussian points in three dimensions are.
 """
-_MEDIAN_OF_NORM = 1.5382  # median length of a standard normal vector in three dimensions
+_CLEARER = 3.0
+"""Noise of all points over that of a selection, above which the selection is believed."""
+_OVERDETERMINED = 1.5
+"""Coordinates per estimated parameter that a selection of points must have."""
+_PLENTY = 50.0
+"""Coordinates per unknown above which a point hardly pulls its own prediction."""
+MEDIAN_OF_NORM = 1.5382
+"""Median length of a standard normal vector in three dimensions."""
 _COARSE = 1500  # points with which the estimate is brought near; all of them then settle it
+_LEAST_SHARE = 0.02
+"""Least share of the noise's variance in a residual: a point that determines a parameter alone has none at all."""
 _FLOOR = 1e-6  # m; better than any tracker: noise-free simulated data still needs a scale
 
 
@@ -65,11 +77,13 @@ def fit(
     start: Array | None = None,
     extension_scale: Array | None = None,
     extension_start: Array | None = None,
-    progress: Callable[[int, float], None] | None = None,
+    reject: bool = True,
+    iterations: int = 60,
 ) -> Fit:
     """The estimate from ``points``, beginning at the chain's values or at ``start`` (values,).
 
-    extension_scale (extensions,) are the prior deviations of the extension parameters, about zero.
+    extension_scale (extensions,) are the prior deviations of the extension parameters, about zero. Without ``reject``
+    every point counts, by ordinary least squares in at most ``iterations``.
     """
     scale_x = np.zeros(0) if extension_scale is None else np.asarray(extension_scale, float)
     scale = np.concatenate((parameters.scale[parameters.free], scale_x))
@@ -80,18 +94,68 @@ def fit(
     if extension_start is not None:
         x[len(parameters.free) :] = extension_start
     coarse = points.where(slice(None, None, max(1, len(points) // _COARSE)))
-    x, iterations = _descend(_Problem(parameters, coarse, prior, scale), x, _soft_weight, 60, progress, enough=0.1)
+    start_x = x
     problem = _Problem(parameters, points, prior, scale)
-    inlier = np.zeros(len(points), bool)
-    for _ in range(10):  # reject, refit, until the same points are rejected
-        length = np.linalg.norm(problem.residual(x), axis=1)
-        kept = length <= REJECT * _scale_of(length)
+    if not reject:
+        return _with_every_point(problem, _Problem(parameters, coarse, prior, scale), x, iterations)
+    x, used = _descend(_Problem(parameters, coarse, prior, scale), x, _soft_weight, iterations, enough=0.1)
+    length = np.linalg.norm(problem.residual(x), axis=1)
+    x, inlier, more = _rejected(problem, x, length <= REJECT * _scale_of(length))
+    robust = _result(problem, x, inlier, used + more)
+    if inlier.all():
+        return robust
+    whole = _with_every_point(problem, _Problem(parameters, coarse, prior, scale), start_x, iterations)
+    x = np.concatenate((whole.values[parameters.free], whole.extension))
+    if not (_distances(problem, x, whole.inlier) <= REJECT).all():
+        return robust
+    selective = 3 * inlier.sum() >= _OVERDETERMINED * robust.effective and inlier.mean() > 0.5
+    return robust if selective and whole.noise > _CLEARER * robust.noise else whole
+
+
+def _with_every_point(problem: _Problem, coarse: _Problem, x: Array, limit: int) -> Fit:
+    """Ordinary least squares, from x (unknowns,), by way of fewer points."""
+    x, iterations = _descend(coarse, x, _every_point, limit)
+    more = 0
+    if len(coarse.points) < len(problem.points):
+        x, more = _descend(problem, x, _every_point, 20)
+    return _result(problem, x, np.ones(len(problem.points), bool), iterations + more)
+
+
+def _rejected(problem: _Problem, x: Array, inlier: Mask) -> tuple[Array, Mask, int]:
+    """Estimate (unknowns,), points (N,) kept, and iterations: reject and refit until the same points are kept."""
+    iterations = 0
+    for _ in range(10):
+        x, more = _descend(problem, x, _only(inlier), 20)
+        iterations += more
+        kept = _distances(problem, x, inlier) <= REJECT
         if np.array_equal(kept, inlier):
             break
         inlier = kept
-        x, more = _descend(problem, x, _only(kept), 20, progress)
-        iterations += more
-    return _result(problem, x, inlier, iterations)
+    return x, inlier, iterations
+
+
+def _distances(problem: _Problem, x: Array, inlier: Mask) -> Array:
+    """(N,) distance of every point from its prediction, in deviations of that distance.
+
+    The residual of a point that took part in the fit has the covariance s^2 I - J C J', that of another one s^2 I + J C
+    J' (Cook and Weisberg, "Residuals and Influence in Regression", 1982, 2.2), with C the covariance of the estimate
+    and s from the median distance.
+    """
+    residual, jacobian = problem.linear(x)
+    length = np.linalg.norm(residual, axis=1)
+    good = jacobian[inlier].reshape(-1, jacobian.shape[2])
+    if 3 * inlier.sum() > _PLENTY * len(x):
+        return np.asarray(length / _scale_of(length), float)
+    gram, noise = good.T @ good, _scale_of(length)
+    scaled = length
+    for _ in range(5):
+        hat = jacobian @ np.linalg.solve(gram + noise**2 * np.eye(len(x)), np.swapaxes(jacobian, 1, 2))
+        spread = np.eye(3) + np.where(inlier[:, None, None], -1.0, 1.0) * hat
+        strength, axes = np.linalg.eigh(spread)
+        along = np.einsum("nij,ni->nj", axes, residual)
+        scaled = np.sqrt(np.sum(along**2 / np.maximum(strength, _LEAST_SHARE), axis=1))
+        noise = _scale_of(scaled)
+    return np.asarray(scaled / noise, float)
 
 
 class _Problem:
@@ -130,12 +194,16 @@ def _soft_weight(length: Array, noise: float) -> Array:
     return 1.0 / (1.0 + (length / (3.0 * noise)) ** 2) ** 2
 
 
+def _every_point(length: Array, noise: float) -> Array:
+    return np.ones_like(length)
+
+
 def _only(kept: Mask) -> Weight:
     return lambda length, noise: kept.astype(float)
 
 
 def _scale_of(length: Array) -> float:
-    return max(float(np.median(length)) / _MEDIAN_OF_NORM, _FLOOR)
+    return max(float(np.median(length)) / MEDIAN_OF_NORM, _FLOOR)
 
 
 def _descend(
@@ -143,7 +211,6 @@ def _descend(
     x: Array,
     weight_of: Weight,
     limit: int,
-    progress: Callable[[int, float], None] | None,
     *,
     enough: float = 1e-6,
 ) -> tuple[Array, int]:
@@ -157,8 +224,6 @@ def _descend(
         length = np.linalg.norm(residual, axis=1)
         noise = _scale_of(length)
         weight = weight_of(length, noise)
-        if progress is not None:
-            progress(iteration, noise)
         flat = jacobian.reshape(-1, jacobian.shape[2])
         root = np.repeat(np.sqrt(weight) / noise, 3)
         weighted = flat * root[:, None]

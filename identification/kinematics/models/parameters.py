@@ -26,6 +26,8 @@ from identification.kinematics.models.conversion import PARALLEL
 
 UNKNOWN_FRAME = 10.0
 """Standard deviation, m and rad, of the pose of a tracker that may stand anywhere."""
+UNKNOWN_TARGET = 0.3
+"""Standard deviation, m, of the target's position where it is not given."""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+_LISTED = 50
+"""Outliers of a run that the page lists; kinematics.json has all."""
+
+
 def page(
     name: str, table: dict[str, Any], calibration: Calibration, gravity: Gravity | None, cubes: Sequence[CubeReport]
 ) -> str:
@@ -50,14 +54,18 @@ def page(
 
 def _headline(table: dict[str, Any]) -> str:
     rms, better = table["position_rms"]["held_out"], 100 * table["improvement"]["held_out"]
-    where = "held-out blocks of the same runs" if table["held_out"] == "split" else "held-out runs"
+    where = {"split": "held-out blocks of the same runs", "cross-validation": "poses that the fit had not seen"}.get(
+        str(table["held_out"]), "held-out runs"
+    )
+    if table["failures"]:
+        return verdict("Not calibrated: " + " ".join(map(html.escape, table["failures"])), refuted=True)
     change = (
         f"falls from {_mm(rms['before'])} to {_mm(rms['after'])}"
         if better > 0
         else (f"does not fall: {_mm(rms['before'])} before, {_mm(rms['after'])} after")
     )
     return verdict(
-        f"On {where} the position error {change} rms per coordinate ({better:.2f} % better)."
+        f"On all points of {where} the position error {change} rms per coordinate ({better:.2f} % better)."
         f" The noise of the points is {_mm(table['noise'])}.",
         refuted=better <= 0,
     )
@@ -71,6 +79,7 @@ def _error_table(table: dict[str, Any]) -> str:
             rows.append(
                 [f"{words}, {when}", _mm(e["rms"]), _mm(e["mean"]), _mm(e["largest"]), e["points"], e["outliers"]]
             )
+            rows[-1].append(_mm(e["rms_inliers"]))
     alone = table["circle_point"]
     if alone is not None:
         e = alone["fit"]
@@ -82,9 +91,20 @@ def _error_table(table: dict[str, Any]) -> str:
                 _mm(e["largest"]),
                 e["points"],
                 e["outliers"],
+                _mm(e["rms_inliers"]),
             ]
         )
-    return _table(["points", "rms per coordinate", "mean distance", "largest distance", "points", "left out"], rows)
+    head = ["points", "rms per coordinate", "mean distance", "largest distance", "points", "outliers", "rms without"]
+    out = [
+        f"{html.escape(one['run'])} row {row}: {_mm(distance)} off, {html.escape(one['why'])}"
+        for one in table["left_out"]
+        for row, distance in list(zip(one["rows"], one["distance"]))[:_LISTED]
+    ]
+    small = (
+        "<small>All points count, outliers too. Before: the nominal arm after the best fit of frame and target. Rows "
+        "count from 1.</small>"
+    )
+    return _table(head, rows) + small + (f"<ul>{''.join(f'<li>{line}</li>' for line in out)}</ul>" if out else "")
 
 
 def _parameter_table(table: dict[str, Any]) -> str:
@@ -103,6 +123,12 @@ def _parameter_table(table: dict[str, Any]) -> str:
         else "<p>The tracker's frame was unknown; its pose was estimated together with the arm.</p>"
     )
     base, tool = np.array(table["base"]), np.array(table["tool"])
+    for entry in table["coupling"]:
+        text += (
+            f"<p>Coupling: link angle {entry['joint']} has {entry['ratio']:.6g}"
+            + (f" ± {entry['std']:.1g}" if entry["std"] else "")
+            + f" times the angle that the controller reports for joint {entry['by']}.</p>"
+        )
     text += (
         f"<p>Base at ({', '.join(f'{1e3 * v:.3f}' for v in base[:3, 3])}) mm; "
         f"target at ({', '.join(f'{1e3 * v:.3f}' for v in tool[:3, 3])}) mm in the frame of the last link.</p>"

@@ -13,7 +13,7 @@ from arm_io import write_text
 from arm_model import Arm, EffectTerm
 from identification.kinematics.estimation.calibration import Calibration
 from identification.kinematics.estimation.circle_point import Circle
-from identification.kinematics.estimation.cross_validation import PositionError
+from identification.kinematics.estimation.position_error import LeftOut, PositionError
 from identification.kinematics.models.parameters import calibrated_arm, target_of, tracker_pose
 
 NAMES = ("theta", "alpha", "a", "d", "beta")
@@ -23,8 +23,9 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
     """The result as JSON has it; m and rad, joints from 1, poses as four rows of four.
 
     base is the pose of link frame 0 in the base frame; tool the pose of the tracked target in the frame of the last
-    link (a point has no orientation: the rotation is that of the link). position_rms is a coordinate's: sqrt(mean(r^2))
-    over all coordinates.
+    link (a point has no orientation: the rotation is that of the link). position_rms is per coordinate,
+    sqrt(mean(r^2)), over ALL points, "before" after the best fit of frame and target; position_rms_inliers is without
+    those in left_out (rows from 1).
     """
     calibrated = calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known)
     tool = np.eye(4)
@@ -35,13 +36,18 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         row["std"] = {name: calibration.std.get(f"joint{j}.{name}", 0.0) for name in NAMES}
         parameters.append(row)
     before, after = calibration.before, calibration.after
-    parts = ("fit", "held_out")
+    parts, judged_on = ("fit", "held_out"), calibration.judged_by
     return {
         "schema": "armscope.kinematics/1",
         "parameters": parameters,
         "base": np.array(calibrated.base).tolist(),
         "tool": tool.tolist(),
         "position_rms": {part: {"before": before[part].rms, "after": after[part].rms} for part in parts},
+        "position_rms_inliers": {
+            part: {"before": _finite(before[part].rms_inliers), "after": _finite(after[part].rms_inliers)}
+            for part in parts
+        },
+        "left_out": [_left_out(one) for one in calibration.left_out],
         "position_error": {part: {"before": _error(before[part]), "after": _error(after[part])} for part in parts},
         "improvement": {part: _improvement(before[part], after[part]) for part in parts},
         "identifiable": calibration.identifiable,
@@ -56,6 +62,7 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
             "known": calibration.frame_known,
             "base_from_tracker": None if calibration.frame_known else tracker_pose(arm, calibration.chain).tolist(),
         },
+        "coupling": [vars(entry) | {"std": std} for entry, std in calibration.couplings],
         "effects": _effects(calibration),
         "tried": [
             {
@@ -72,7 +79,9 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         "refused_sweeps": list(calibration.refused),
         "shifts": [vars(s) for s in calibration.shifts],
         "fit": [run.name for run in calibration.runs],
-        "held_out": "split" if calibration.split else [run.name for run in calibration.held_out],
+        "held_out": judged_on if judged_on != "held_out" else [run.name for run in calibration.held_out],
+        "verdict": "not calibrated" if calibration.failures else "calibrated",
+        "failures": list(calibration.failures),
         "warnings": list(calibration.warnings),
     }
 
@@ -88,7 +97,8 @@ def calibrated_model(arm: Arm, calibration: Calibration) -> Arm:
         found.append(EffectTerm(term["effect"], term["joint"], values))
     source = f"{arm.source}; kinematics calibrated by armscope" if arm.source else "kinematics calibrated by armscope"
     kept = tuple(e for e in arm.effects if not any(f.name == e.name and f.joint == e.joint for f in found))
-    return replace(out, effects=(*kept, *found), source=source)
+    coupling = tuple(entry for entry, _ in calibration.couplings)
+    return replace(out, coupling=coupling, effects=(*kept, *found), source=source)
 
 
 def write_json(path: Path, table: dict[str, Any]) -> None:
@@ -105,7 +115,20 @@ def summary(table: dict[str, Any]) -> str:
             f"{words}  {1e3 * rms['before']:8.3f} mm -> {1e3 * rms['after']:7.3f} mm rms per coordinate "
             f"({100 * better:.2f} % better)"
         )
-    lines.append(f"identifiable     {table['identifiable']} parameters; tracker noise {1e3 * table['noise']:.4f} mm")
+        out = table["position_error"][part]["after"]["outliers"]
+        if out:
+            alone = table["position_rms_inliers"][part]["after"]
+            lines.append(
+                f"{'':<15}  {1e3 * (alone or 0.0):8.3f} mm without {out} of "
+                f"{table['position_error'][part]['after']['points']} points: {_rows(table['left_out'], part)}"
+            )
+    lines.append(
+        f"identifiable     {table['identifiable']} parameters; noise of the points {1e3 * table['noise']:.4f} mm"
+    )
+    for entry in table["coupling"]:
+        lines.append(
+            f"coupling         link angle {entry['joint']} has {entry['ratio']:.6g} times reported angle {entry['by']}"
+        )
     for effect in table["effects"]:
         place = "" if effect["joint"] is None else f" of joint {effect['joint']}"
         numbers = ", ".join(
@@ -113,6 +136,25 @@ def summary(table: dict[str, Any]) -> str:
         )
         lines.append(f"found            {effect['effect']}{place}: {numbers}")
     return "\n".join(lines)
+
+
+def _rows(left_out: list[dict[str, Any]], part: str, most: int = 12) -> str:
+    """Rows of a part, as "a.mcap rows 3, 9"."""
+    return "; ".join(
+        f"{one['run']} rows {', '.join(map(str, one['rows'][:most]))}{' ...' if len(one['rows']) > most else ''}"
+        for one in left_out
+        if one["part"] == part
+    )
+
+
+def _left_out(one: LeftOut) -> dict[str, Any]:
+    return {
+        "part": one.part,
+        "run": one.run,
+        "rows": [int(row) for row in one.rows],
+        "distance": [float(d) for d in one.distance],
+        "why": one.why,
+    }
 
 
 def _effects(calibration: Calibration) -> list[dict[str, Any]]:
@@ -145,7 +187,11 @@ def _circle(circle: Circle) -> dict[str, Any]:
 
 
 def _error(error: PositionError) -> dict[str, Any]:
-    return {k: (None if isinstance(v, float) and not np.isfinite(v) else v) for k, v in vars(error).items()}
+    return {k: _finite(v) for k, v in vars(error).items()}
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 def _floor(calibration: Calibration) -> dict[str, float]:

@@ -37,6 +37,7 @@ class Corrected:
 
     def bent(self, q: Array) -> Array:
         """Joint angles (N, joints) that the links really have at recorded or commanded angles q (N, joints)."""
+        q = self.arm.link_angles(q)
         if not self.extensions:
             return q
         return q + deflections(self.extensions, q, velocity=None, gravity=self.gravity) @ np.array(self.values)
@@ -61,7 +62,9 @@ def corrected_inverse(
     for _ in range(iterations):
         if np.linalg.norm(off) < tolerance:
             return q
-        slope = jacobian(model.arm, model.bent(q[None])[0])[:rows]  # deflections change it by parts in a thousand
+        slope = (jacobian(model.arm, model.bent(q[None])[0]) @ model.arm.coupling_matrix)[
+            :rows
+        ]  # deflections change it by parts in a thousand
         step = slope.T @ np.linalg.solve(slope @ slope.T + damping * np.eye(rows), off)
         trial = q + np.clip(step, -0.3, 0.3)
         trial_off = _error(corrected_forward(model, trial)[0], pose)[:rows]
@@ -80,7 +83,7 @@ def corrected_targets(nominal: Arm, model: Corrected, q: ArrayLike) -> Array:
     InputError names the first target that the calibrated arm cannot reach.
     """
     q = np.atleast_2d(np.asarray(q, float))
-    wanted = forward(nominal, q)
+    wanted = forward(nominal, nominal.link_angles(q))
     out = np.empty_like(q)
     for k, (pose, start) in enumerate(zip(wanted, q, strict=True)):
         try:

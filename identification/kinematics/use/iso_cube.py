@@ -61,7 +61,7 @@ def cube_targets(arm: Arm, centre: ArrayLike, side: float, posture: ArrayLike, m
     By the nominal ``arm``, or - to have the real arm go there - by the calibrated ``model``. InputError names a point
     out of reach.
     """
-    wanted = forward(arm, np.asarray(posture, float))
+    wanted = forward(arm, arm.link_angles(np.asarray(posture, float)))
     use = Corrected(arm) if model is None else model
     out, at = [], np.asarray(posture, float)
     for k, point in enumerate(cube_points(centre, side), 1):
@@ -91,7 +91,7 @@ def posture_of(arm: Arm, side: float = 0.5) -> Array:
     tried += [*((low + high) / 2 + generator.uniform(-0.35, 0.35, (400, len(arm))) * (high - low))]
     for posture in tried:
         try:
-            cube_targets(arm, forward(arm, posture)[:3, 3], _ROOM * side, posture)
+            cube_targets(arm, forward(arm, arm.link_angles(posture))[:3, 3], _ROOM * side, posture)
         except InputError:
             continue
         return posture

@@ -68,14 +68,14 @@ def select_poses(
     pool = allowed_poses(arm, target, candidates, generator, floor)
     if len(pool) < count:
         raise InputError("--poses", f"only {len(pool)} of {candidates} random poses are allowed; ask for fewer")
-    information = scaled_jacobian(parameters, pool) / noise
+    information = scaled_jacobian(parameters, arm.link_angles(pool)) / noise
     chosen = _exchange(information, _greedy(information, count))
-    check = scaled_jacobian(parameters, allowed_poses(arm, target, 600, generator, floor))
+    check = scaled_jacobian(parameters, arm.link_angles(allowed_poses(arm, target, 600, generator, floor)))
     error = np.array([_model_error(information[chosen[: k + 1]], check) for k in range(count)])
     reached = np.flatnonzero(error <= ENOUGH * noise)
     q = pool[chosen]
-    columns = scaled_jacobian(parameters, q)
-    rank = identifiable(parameters, q)
+    columns = scaled_jacobian(parameters, arm.link_angles(q))
+    rank = identifiable(parameters, arm.link_angles(q))
     return PosePlan(
         q=q[_short_way(q)],
         error=error,
@@ -95,7 +95,7 @@ def allowed_poses(
     q = generator.uniform(middle - half, middle + half, (count * (1 if floor is None else 6), len(arm)))
     if floor is None:
         return q
-    frames = link_frames(arm, q)
+    frames = link_frames(arm, arm.link_angles(q))
     point = frames[:, -1, :3, :3] @ np.array(target) + frames[:, -1, :3, 3]
     heights = np.column_stack((frames[:, 2:, 2, 3], point[:, 2]))
     column = np.array(arm.base)

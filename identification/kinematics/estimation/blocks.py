@@ -1,0 +1,44 @@
+"""Points cut into blocks of neighbours, which are held out together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identification.kinematics.data.runs import Run
+from identification.kinematics.models.chain import Index
+
+BLOCKS = 50
+"""Blocks per run."""
+
+
+def split(runs: Sequence[Run]) -> tuple[list[Run], list[Run]]:
+    """Every run in blocks of a fiftieth of its rows, every fifth held out.
+
+    The points of the others are NaN in each half.
+    """
+    kept, left = [], []
+    for run in runs:
+        many = len(run.t) >= 5 * BLOCKS
+        block = np.arange(len(run.t)) * BLOCKS // max(len(run.t), 1) if many else np.arange(len(run.t))
+        out = (block % 5 == 2)[:, None]
+        kept.append(replace(run, xyz=np.where(out, np.nan, run.xyz)))
+        left.append(replace(run, xyz=np.where(out, run.xyz, np.nan)))
+    return kept, left
+
+
+def blocks(runs: Sequence[Run], rows: Sequence[Index]) -> Index:
+    """Block number of every point: a second each, or a fiftieth of a run where rows are few (poses, one row each)."""
+    numbers: list[Index] = []
+    offset = 0
+    for run, which in zip(runs, rows, strict=True):
+        t = run.t[which]
+        block = np.floor(t - t[0]).astype(int) if len(which) else np.zeros(0, int)
+        count = len(np.unique(block))
+        if count < 8 or count > len(which) / 3:
+            block = np.arange(len(which)) * min(BLOCKS, len(which)) // max(len(which), 1)
+        numbers.append(block + offset)
+        offset += (int(block.max()) + 1) if len(block) else 0
+    return np.concatenate(numbers)

@@ -1,0 +1,183 @@
+"""Whether the controller reports the angles of the links, or sums and multiples of them.
+
+Parallelogram and palletising arms report motor angles: link 3 stands at q3 - q2, or counts the other way. No set of
+geometric parameters makes up for that, and a robust fit throws out the poses that show it. So before poses are left
+out, entries of the coupling matrix C (link angles = C reported angles) are tried: for neighbouring joints, and ratios
+of single joints, each from several starting values and then free, on every point and with the target free. What is kept
+reduces the error to less than ``NEEDED`` of what it was; a value that an integer fits as well is that integer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm
+from identification.kinematics.data.points import Points
+from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
+from identification.kinematics.estimation.start import place_tracker
+from identification.kinematics.models.parameters import UNKNOWN_TARGET, Trust, parameters_of
+
+NEEDED = 0.3
+"""Error with couplings over that without, below which the couplings are believed."""
+NEIGHBOUR, OWN = (-0.7, 0.7), (-2.0, -0.5, 1.0)
+"""Starting values: added to a zero entry, and to the 1 of the joint's own angle (ratios -1, 0.5 and 2)."""
+_SCALE = 0.5
+"""Prior standard deviation of an entry about its starting value."""
+_SMALLER = 0.9
+"""Error after one more entry over that before, for the entry to stay in the search."""
+_AS_WELL = 1.1
+"""Error of a simpler matrix over that of the best, for the simpler one to be taken."""
+_LEAST = 0.02
+"""Smallest entry that is a coupling; less is an error of one (effects ``transmission_coupling``, ``encoder_scale``)."""
+_INTEGER = 0.05
+"""Distance from an integer within which the integer is tried."""
+_FITS = 3e-4
+"""m rms of the distance: as near as a tracker's points may be; the search is over."""
+_ROUGH = 6
+"""Iterations for a hypothesis: the right one is near by then."""
+_POINTS = 120
+_ENTRIES = 4
+_TRIMMED = 0.95
+"""Share of the points that is judged: single wrong points do not decide, a sweep or a region does."""
+
+Entry = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Coupled:
+    """The matrix (n, n) over the angles as the model had them, its entries found, and which of them are no integers."""
+
+    matrix: Array
+    entries: tuple[Entry, ...] = ()
+    free: tuple[Entry, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Tried:
+    entries: tuple[Entry, ...]
+    matrix: Array
+    error: float
+
+
+@dataclass(frozen=True)
+class _Search:
+    arm: Arm
+    points: Points
+    target: Sequence[float]
+    frame_known: bool
+    trust: Trust = field(default_factory=Trust)
+
+    def fitted(self, matrix: Array, entries: tuple[Entry, ...], free: Sequence[Entry], iterations: int = 60) -> _Tried:
+        """The best arm for the matrix, its ``free`` entries estimated with it."""
+        q = self.points.q @ matrix.T
+        points = Points(q, self.points.xyz, entry_columns(self.points.q, free))
+        parameters = parameters_of(self.arm, self.target, frame_known=self.frame_known, trust=self.trust)
+        start = parameters.chain.values
+        if not self.frame_known:
+            start = place_tracker(self.arm, Points(q, self.points.xyz), self.target, False, [])[1]
+        scale = np.full(len(free), _SCALE)
+        found = fit(parameters, points, start=start, extension_scale=scale, reject=False, iterations=iterations)
+        return _Tried(
+            entries,
+            with_entries(matrix, free, found.extension),
+            _trimmed(residuals(parameters, found.values, found.extension, points)),
+        )
+
+
+def find_couplings(
+    arm: Arm, points: Points, target: Sequence[float], *, frame_known: bool, trust: Trust, moving: Sequence[int]
+) -> Coupled | None:
+    """The couplings that the points show, q being the link angles of the model as it is; None: none.
+
+    frame_known: the tracker's frame is as stated, whatever the angles; moving: joints (from 1) that move.
+    """
+    thin = points.where(slice(None, None, max(1, len(points) // _POINTS)))
+    search = _Search(arm, thin, target, frame_known, replace(trust, target=UNKNOWN_TARGET))
+    nothing = search.fitted(np.eye(len(arm)), (), ())
+    best = nothing
+    for _ in range(_ENTRIES):
+        tried = [_with_entry(search, best, entry, value) for entry, value in _hypotheses(arm, moving, best.entries)]
+        better = min(tried, key=lambda one: one.error, default=best)
+        if better.error > _SMALLER * best.error:
+            break
+        best = search.fitted(better.matrix, better.entries, better.entries)
+        if best.error < _FITS:
+            break
+    if best.error > NEEDED * nothing.error:
+        return None
+    best = _without_superfluous(search, best)
+    return _with_integers(search, best) if best.entries else None
+
+
+def with_entries(matrix: Array, entries: Sequence[Entry], values: Array) -> Array:
+    """The matrix with values (entries,) added at its entries."""
+    matrix = matrix.copy()
+    for (row, column), value in zip(entries, values, strict=True):
+        matrix[row, column] += value
+    return matrix
+
+
+def entry_columns(q: Array, entries: Sequence[Entry]) -> Array:
+    """(N, joints, entries): how far each entry of the matrix turns each joint, per unit."""
+    columns = np.zeros((*q.shape, len(entries)))
+    for k, (row, column) in enumerate(entries):
+        columns[:, row, k] = q[:, column]
+    return columns
+
+
+def refined(matrix: Array, free: Sequence[Entry], found: Fit) -> tuple[Array, dict[Entry, float]]:
+    """The matrix with its free entries as a fit on ``entry_columns`` found them, and their standard deviations."""
+    std = np.sqrt(np.diag(found.covariance))[len(found.covariance) - len(free) :]
+    return with_entries(matrix, free, found.extension), dict(zip(free, map(float, std), strict=True))
+
+
+def _hypotheses(arm: Arm, moving: Sequence[int], taken: Sequence[Entry]) -> list[tuple[Entry, float]]:
+    out = []
+    for j in (k - 1 for k in moving):
+        out += [((j, j), value) for value in OWN]
+        for k in (j - 1, j + 1):
+            if k + 1 in moving and arm.joints[j].type == arm.joints[k].type:
+                out += [((j, k), value) for value in NEIGHBOUR]
+    return [(entry, value) for entry, value in out if entry not in taken]
+
+
+def _with_entry(search: _Search, best: _Tried, entry: Entry, value: float) -> _Tried:
+    matrix = with_entries(best.matrix, [entry], np.array([value]))
+    if abs(np.linalg.det(matrix)) < 1e-3:
+        return replace(best, error=np.inf)
+    return search.fitted(matrix, (*best.entries, entry), (*best.entries, entry), _ROUGH)
+
+
+def _without_superfluous(search: _Search, best: _Tried) -> _Tried:
+    """Entries taken out whose loss costs nothing, and small ones."""
+    for entry in best.entries:
+        matrix, rest = best.matrix.copy(), tuple(e for e in best.entries if e != entry)
+        matrix[entry] = float(entry[0] == entry[1])
+        simpler = search.fitted(matrix, rest, rest)
+        small = abs(best.matrix[entry] - matrix[entry]) < _LEAST
+        if small or simpler.error <= _AS_WELL * best.error:
+            best = simpler
+    return best
+
+
+def _with_integers(search: _Search, best: _Tried) -> Coupled:
+    free = list(best.entries)
+    for entry in best.entries:
+        nearest = round(float(best.matrix[entry]))
+        if abs(best.matrix[entry] - nearest) > _INTEGER:
+            continue
+        matrix, rest = best.matrix.copy(), [e for e in free if e != entry]
+        matrix[entry] = nearest
+        whole = search.fitted(matrix, best.entries, rest)
+        if whole.error <= _AS_WELL * best.error:
+            best, free = whole, rest
+    return Coupled(best.matrix, best.entries, tuple(free))
+
+
+def _trimmed(residual: Array) -> float:
+    length = np.sort(np.linalg.norm(residual, axis=1))
+    return float(np.sqrt(np.mean(length[: max(1, int(np.ceil(_TRIMMED * len(length))))] ** 2)))

@@ -1,0 +1,211 @@
+"""How good a calibration is, on all points, and whether success may be claimed.
+
+"Before" is the nominal arm after the best fit of frame and target: what a laboratory that knows neither would see. So
+an error of the survey is not counted as an improvement of the arm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_io.types import Array
+from identification.kinematics.data.points import Points
+from identification.kinematics.data.runs import Run, points_of, thinned, velocity_of
+from identification.kinematics.estimation.blocks import blocks
+from identification.kinematics.estimation.extensions import deflections, prior_scales
+from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit, residuals
+from identification.kinematics.estimation.position_error import LeftOut, PositionError, far, position_error
+from identification.kinematics.estimation.work import IMPOSSIBLE_NOISE, OUTLIERS, Work, pattern
+from identification.kinematics.models.chain import Chain, Index, Mask, position, position_jacobian
+from identification.kinematics.models.parameters import UNKNOWN_FRAME, UNKNOWN_TARGET, Parameters
+
+MOST_JUDGED = 100_000
+"""Points of one part on which errors are computed; more are evenly thinned."""
+FOLDS = 10
+"""Parts of a small set of poses that are held out in turn."""
+_LISTED = 12
+"""Rows that a message lists."""
+_REFUTED = 5.0
+"""Held-out error over the one that the fit promises, above which the model is refuted."""
+_PROMISED = 2000
+"""Points on which that is computed."""
+_PRIOR = 25.0
+"""Chi-square of three target coordinates against their prior, above which it is said: once in 65000."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Errors {"fit": ..., "held_out": ...} before and after, the points left out, and reasons why it is no success."""
+
+    before: dict[str, PositionError]
+    after: dict[str, PositionError]
+    left_out: tuple[LeftOut, ...]
+    failures: tuple[str, ...]
+
+
+def judged(work: Work, nominal: Chain) -> Judgement:
+    """The errors of a finished calibration, and what refutes it. nominal: see ``best_frame_and_target``."""
+    before, after, left_out = {}, {}, []
+    for part, runs in (("fit", work.runs), ("held_out", work.held_out)):
+        rows = thinned(runs, MOST_JUDGED)
+        points = points_of(runs, rows)
+        residual = _residual(work, runs, rows, part)
+        outlier = _outlier(work, part, residual, points)
+        before[part] = position_error(points.xyz - position(nominal, as_nominal(work, points.q)), outlier)
+        after[part] = position_error(residual, outlier)
+        left_out += _by_run(part, runs, rows, residual, outlier)
+    return Judgement(before, after, tuple(left_out), tuple(_failures(work, before, after, left_out)))
+
+
+def best_frame_and_target(work: Work) -> Chain:
+    """The nominal arm where frame and target fit the points best that the calibration fits."""
+    inlier = work.estimate.inlier
+    q = as_nominal(work, points_of(work.runs, work.rows).q)[inlier]
+    points = Points(q, work.points.xyz[inlier])
+    names = work.parameters.chain.names
+    scale = np.zeros(len(names))
+    for k, name in enumerate(names):
+        if name.startswith(("base.", "target.")):
+            scale[k] = UNKNOWN_FRAME if name.startswith("base.") else UNKNOWN_TARGET
+    free = np.flatnonzero(scale)
+    chain = work.parameters.chain
+    start = work.first if not work.settings.frame_known else chain
+    known = Parameters(start, free, work.parameters.every, scale)
+    return chain.at(fit(known, points, reject=False).values)
+
+
+def as_nominal(work: Work, q: Array) -> Array:
+    """Link angles (N, joints) as the nominal model has them, for those of the calibrated one."""
+    if np.array_equal(work.coupling, work.arm.coupling_matrix):
+        return q
+    return np.asarray(q @ (work.arm.coupling_matrix @ np.linalg.inv(work.coupling)).T, float)
+
+
+def weaknesses(work: Work, rank: int) -> list[str]:
+    """Warnings: parameters that the poses do not determine, a target off its prior, points that were left out."""
+    found = []
+    moving = work.moving
+    prismatic = sum(not work.arm.joints[j - 1].revolute for j in moving)
+    if rank < len(moving) * 4 + 3 - 2 * prismatic:
+        found.append(
+            f"{rank} of {4 * len(moving) + 3} parameters are identifiable from these poses; record more varied poses"
+        )
+    steps, values = work.parameters.chain.steps, work.estimate.values
+    at = [k for k, step in enumerate(steps) if step.name.startswith("target.")]
+    scale = work.parameters.scale[at]
+    off = (values - work.parameters.chain.values)[at]
+    if work.settings.trust.target < UNKNOWN_TARGET and float(np.sum((off / scale) ** 2)) > _PRIOR:
+        found.append(
+            f"the target is {1e3 * np.linalg.norm(off):.2f} mm off the place given with a standard deviation of "
+            f"{1e3 * scale[0]:g} mm (chi-square {np.sum((off / scale) ** 2):.0f} of 3): --target-std is too small"
+        )
+    return found
+
+
+def _residual(work: Work, runs: Sequence[Run], rows: Sequence[Index], part: str) -> Array:
+    """(N, 3) m: measured less predicted; of held-out poses of cross-validation, each predicted without its fold."""
+    points = points_of(runs, rows)
+    bend = deflections(work.extensions, points.q, velocity=velocity_of(runs, rows), gravity=work.settings.gravity)
+    points = Points(points.q, points.xyz, bend if work.extensions else None)
+    if part == "fit" or work.judged_by != "cross-validation":
+        return residuals(work.parameters, work.estimate.values, work.estimate.extension, points)
+    number = blocks(runs, rows)
+    fold = (np.random.default_rng(1).permutation(int(number.max()) + 1) % FOLDS)[number]
+    residual = np.empty_like(points.xyz)
+    for k in np.unique(fold):
+        found = _refitted(work, points.where(fold != k))
+        residual[fold == k] = residuals(work.parameters, found.values, found.extension, points.where(fold == k))
+    return residual
+
+
+def _refitted(work: Work, points: Points) -> Fit:
+    """The same parameters and extensions from other points."""
+    return fit(
+        work.parameters,
+        points,
+        start=work.estimate.values,
+        extension_scale=prior_scales(work.extensions),
+        extension_start=work.estimate.extension,
+    )
+
+
+def _outlier(work: Work, part: str, residual: Array, points: Points) -> Mask:
+    """(N,) bool: points left out of the fit.
+
+    Held-out ones and those that the fit did not use: far off by the scale of the others, and by the deviation that the
+    fit promises there.
+    """
+    if part == "fit" and len(residual) == len(work.estimate.inlier):
+        return np.asarray(~work.estimate.inlier, bool)
+    outlier = far(residual)
+    some = np.flatnonzero(outlier)
+    covariance = _promised(work, points.where(some)) + work.estimate.noise**2 * np.eye(3)
+    off = residual[some]
+    outlier[some] = np.einsum("ni,ni->n", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0]) > REJECT**2
+    return outlier
+
+
+def _promised(work: Work, points: Points) -> Array:
+    """(N, 3, 3) m2: covariance of predicted points, by that of the estimate."""
+    free = work.parameters.free
+    columns = position_jacobian(work.parameters.chain.at(work.estimate.values), points.q)[1][:, :, free]
+    return columns @ work.estimate.covariance[: len(free), : len(free)] @ np.swapaxes(columns, 1, 2)
+
+
+def _by_run(part: str, runs: Sequence[Run], rows: Sequence[Index], residual: Array, outlier: Mask) -> list[LeftOut]:
+    found, first = [], 0
+    for run, which in zip(runs, rows, strict=True):
+        here = np.flatnonzero(outlier[first : first + len(which)])
+        if len(here):
+            distance = np.linalg.norm(residual[first + here], axis=1)
+            found.append(LeftOut(part, run.name, which[here] + 1, distance))
+        first += len(which)
+    return found
+
+
+def _failures(
+    work: Work, before: dict[str, PositionError], after: dict[str, PositionError], left_out: Sequence[LeftOut]
+) -> list[str]:
+    found = []
+    noise = work.estimate.noise
+    share = pattern(work)
+    for part, words in (("fit", "fitted"), ("held_out", "held-out")):
+        out, points = after[part].outliers, after[part].points
+        if out <= OUTLIERS * points:
+            continue
+        rows = ", ".join(_rows(one) for one in left_out if one.part == part)
+        alike = f"; they share {share}" if share and part == "fit" else ""
+        found.append(
+            f"{out} of {points} {words} poses ({100 * out / points:.0f} %) contradict the model: {rows}{alike}. "
+            f"rms over all {words} points {1e3 * before[part].rms:.3g} -> {1e3 * after[part].rms:.3g} mm"
+        )
+    if not found and share:
+        rows = ", ".join(_rows(one) for one in left_out if one.part == "fit")
+        work.warnings.append(f"the points left out ({rows}) share {share}: the model lacks something there")
+    promised = _expected(work)
+    if (reached := after["held_out"].rms_inliers) > max(_REFUTED * promised, IMPOSSIBLE_NOISE):
+        found.append(
+            f"the held-out points are {1e3 * reached:.3g} mm rms per coordinate off where the fit promises "
+            f"{1e3 * promised:.3g} mm: the model fits the poses that it was fitted to, and no others"
+        )
+    if noise > IMPOSSIBLE_NOISE:
+        found.append(
+            f"{1e3 * noise:.3g} mm rms per coordinate remain, which is no tracker's noise (at most "
+            f"{1e3 * IMPOSSIBLE_NOISE:g} mm): the model does not describe the poses"
+        )
+    return found
+
+
+def _expected(work: Work) -> float:
+    """m rms per coordinate of the held-out points, as the covariance of the estimate and the noise promise."""
+    points = points_of(work.held_out, thinned(work.held_out, _PROMISED))
+    model = np.trace(_promised(work, points), axis1=1, axis2=2) / 3.0
+    return float(np.sqrt(work.estimate.noise**2 + np.mean(model)))
+
+
+def _rows(one: LeftOut) -> str:
+    listed = ", ".join(map(str, one.rows[:_LISTED])) + (" ..." if len(one.rows) > _LISTED else "")
+    return f"{one.run} row{'s' if len(one.rows) > 1 else ''} {listed}"

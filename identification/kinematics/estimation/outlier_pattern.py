@@ -1,0 +1,59 @@
+"""What points that the model does not fit have in common: a wrong point is anywhere, a wrong model is somewhere.
+
+Beam breaks and bad readings fall on any pose. Points that share a sweep, a range of a joint or a region of space mean
+that the model lacks something there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import ks_2samp
+
+from arm_io.types import Array
+from identification.kinematics.models.chain import Index, Mask
+
+LEAST = 3
+"""Points that can share anything."""
+CHANCE = 1e-3
+"""Probability that all tests together find a pattern where there is none."""
+_MOST = 0.8
+"""Share of the outliers in one sweep that makes it theirs, unless that many of the other points are in it."""
+_ALONE = 0.1
+"""A joint moves alone while every other moves less than this share of its travel."""
+
+
+def shared(q: Array, xyz: Array, outlier: Mask, runs: Sequence[Index]) -> str | None:
+    """What the outliers (N,) share, for a sentence ("the sweep of joint 2"); None: nothing beyond chance.
+
+    q (N, joints) rad (m), xyz (N, 3) m; runs: numbers of the points of each run, in order of time.
+    """
+    if outlier.sum() < LEAST or (~outlier).sum() < LEAST:
+        return None
+    swept = np.concatenate([_swept(q[rows]) for rows in runs])
+    for joint in range(1, q.shape[1] + 1):
+        theirs, others = np.mean(swept[outlier] == joint), np.mean(swept[~outlier] == joint)
+        if theirs >= _MOST and others < _MOST / 2:
+            return f"the sweep of joint {joint}"
+    names = [*(f"joint {j}" for j in range(1, q.shape[1] + 1)), "x", "y", "z"]
+    values = [*q.T, *xyz.T]
+    tests = [ks_2samp(value[outlier], value[~outlier]).pvalue for value in values]
+    best = int(np.argmin(tests))
+    if tests[best] > CHANCE / len(tests):
+        return None
+    low, high = values[best][outlier].min(), values[best][outlier].max()
+    unit = "m" if best >= q.shape[1] else "rad (m)"
+    region = "the region" if best >= q.shape[1] else "angles"
+    return f"{region} {names[best]} from {low:.3g} to {high:.3g} {unit}"
+
+
+def _swept(q: Array) -> Index:
+    """(N,) the joint (from 1) that alone moves at every row, from its neighbours; 0: none or several."""
+    if len(q) < LEAST:
+        return np.zeros(len(q), int)
+    step = np.abs(np.diff(q, axis=0))
+    order = np.sort(step, axis=1)
+    alone = (order[:, -1] > 0) & ((order[:, -2] if q.shape[1] > 1 else 0.0) <= _ALONE * order[:, -1])
+    joint = np.where(alone, step.argmax(axis=1) + 1, 0)
+    return np.asarray(np.where(np.r_[joint, 0] > 0, np.r_[joint, 0], np.r_[0, joint]), int)

@@ -1,0 +1,309 @@
+"""A calibration in progress, and its steps: first fit, couplings, target, extensions, realigned rows, encoder zeros."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from arm_io.types import Array, Progress
+from arm_model import Arm
+from identification.kinematics.data.points import Points
+from identification.kinematics.data.row_shifts import Shift, find_constant, find_step
+from identification.kinematics.data.runs import Run, points_of, shifted, thinned, velocity_of
+from identification.kinematics.estimation.blocks import blocks
+from identification.kinematics.estimation.circle_point import Circle
+from identification.kinematics.estimation.coupled_joints import Entry, entry_columns, find_couplings, refined
+from identification.kinematics.estimation.cross_validation import Trial, choose
+from identification.kinematics.estimation.extensions import Extension, candidates, deflections, prior_scales
+from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
+from identification.kinematics.estimation.observability import RESTING
+from identification.kinematics.estimation.outlier_pattern import shared
+from identification.kinematics.estimation.run_zeros import with_own_zeros, with_zeros
+from identification.kinematics.estimation.start import best_circles, best_start, place_tracker, values_from_circles
+from identification.kinematics.models.chain import Chain, Gravity, Index, Mask
+from identification.kinematics.models.parameters import UNKNOWN_TARGET, Parameters, Trust, parameters_of
+
+MOST = 10000
+"""Points used for fitting; more are evenly thinned: neighbours at 1 kHz say the same thing."""
+IMPOSSIBLE_NOISE = 1e-3
+"""m per coordinate: no tracker of points is worse. What is left above it is the model's error."""
+OUTLIERS = 0.05
+"""Share of the points left out, above which the model is at fault and not the points."""
+_FEW = 1000
+"""Points of poses measured one by one, each of which counts."""
+_TARGET = 30.0
+"""Twice the gain in log posterior by which a free target must be better: chi-square of 3, once in 1e6."""
+
+JudgedBy = Literal["held_out", "split", "cross-validation"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is known beforehand, and what is tried.
+
+    frame_known  whether positions are given in the base frame of the model
+    trust        prior standard deviations
+    gravity      joint torques that hold the arm, for sag; None: sag is not tried
+    extend       whether couplings, sag, encoder errors and delay are tried
+    """
+
+    frame_known: bool
+    trust: Trust = field(default_factory=Trust)
+    gravity: Gravity | None = None
+    extend: bool = True
+
+
+@dataclass
+class Work:
+    """A calibration in progress. rows: those of ``runs`` that ``points`` were taken from.
+
+    runs, held_out  with link angles q; link angles = ``coupling`` (n, n) times reported ones
+    judged_by       "split": ``held_out`` are blocks of the same runs; "cross-validation": they are the same runs
+    first           where the estimation began, in the estimated tracker frame if that was unknown
+    """
+
+    arm: Arm
+    settings: Settings
+    target: Sequence[float]
+    runs: list[Run]
+    held_out: list[Run]
+    judged_by: JudgedBy
+    tell: Progress
+    coupling: Array
+    rows: list[Index] = field(init=False)
+    points: Points = field(init=False)
+    parameters: Parameters = field(init=False)
+    first: Chain = field(init=False)
+    estimate: Fit = field(init=False)
+    circles: list[Circle] = field(init=False)
+    refused: list[str] = field(init=False)
+    from_circles: Array | None = field(init=False)
+    coupling_std: dict[Entry, float] = field(default_factory=dict)
+    extensions: list[Extension] = field(default_factory=list)
+    trials: list[Trial] = field(default_factory=list)
+    shifts: list[Shift] = field(default_factory=list)
+    moved_frame: str = ""
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def moving(self) -> list[int]:
+        """Joints (from 1) that move."""
+        return [j + 1 for j in range(len(self.arm)) if np.ptp(self.points.q[:, j]) >= RESTING]
+
+
+def first_fit(work: Work) -> None:
+    """The pose of the tracker, circles of sweeps, and least squares on all points."""
+    work.rows = thinned(work.runs, MOST)
+    work.points = points_of(work.runs, work.rows)
+    found: list[str] = []
+    known, start = place_tracker(work.arm, work.points, work.target, work.settings.frame_known, found)
+    work.moved_frame = "".join(found)
+    work.warnings += found
+    work.settings = replace(work.settings, frame_known=known)
+    work.parameters = parameters_of(work.arm, work.target, frame_known=known, trust=work.settings.trust)
+    work.first = work.parameters.chain.at(start)
+    work.tell("circles of single-joint sweeps")
+    work.circles, work.refused = best_circles(work.runs)
+    work.from_circles = values_from_circles(work.arm, work.circles, work.first)
+    work.tell("least squares on all points")
+    best = best_start(work.parameters, work.points, start, work.from_circles)
+    work.estimate = fit(work.parameters, work.points, start=best)
+
+
+def couple(work: Work, stated_frame: bool) -> None:
+    """Couplings of joints, where points do not fit: found, and the first fit repeated with them.
+
+    stated_frame: whether the tracker's frame was stated as known, which wrong angles may have refuted.
+    """
+    contested = stated_frame and not work.settings.frame_known
+    if not work.settings.extend or not (contested or _doubtful(work)):
+        return
+    work.tell("couplings and ratios of joints")
+    search = (work.arm, work.points, work.target)
+    found = find_couplings(*search, frame_known=stated_frame, trust=work.settings.trust, moving=work.moving)
+    if found is None and contested and _doubtful(work):
+        found = find_couplings(*search, frame_known=False, trust=work.settings.trust, moving=work.moving)
+    if found is None:
+        return
+    work.settings = replace(work.settings, frame_known=stated_frame)
+    work.warnings = [w for w in work.warnings if w != work.moved_frame]
+    reported = work.points.q
+    _link(work, found.matrix)
+    first_fit(work)
+    if found.free:
+        points = Points(work.points.q, work.points.xyz, entry_columns(reported, found.free))
+        scale = np.full(len(found.free), 0.05)
+        better = fit(work.parameters, points, start=work.estimate.values, extension_scale=scale)
+        matrix, std = refined(found.matrix, found.free, better)
+        _link(work, matrix @ np.linalg.inv(found.matrix))
+        work.coupling_std = std
+        first_fit(work)
+
+
+def free_target(work: Work) -> None:
+    """A target given with too small an uncertainty is estimated instead, and said.
+
+    The posterior of the fit with the target free is compared with that of the target as given, each with what the last
+    link had to take: 2 log of their ratio is chi-square of 3 where the target was given rightly.
+    """
+    trust = work.settings.trust
+    if trust.target >= UNKNOWN_TARGET:
+        return
+    wide = replace(trust, target=UNKNOWN_TARGET)
+    parameters = parameters_of(work.arm, work.target, frame_known=work.settings.frame_known, trust=wide)
+    points = Points(work.points.q, work.points.xyz)
+    found = fit(parameters, points, start=work.estimate.values)
+    both = found.inlier & work.estimate.inlier
+    gain = _misfit(work.parameters, work.estimate, points, both, found.noise) - _misfit(
+        parameters, found, points, both, found.noise
+    )
+    more = int(found.inlier.sum()) - int(work.estimate.inlier.sum())
+    if gain < _TARGET and more <= OUTLIERS * len(points):
+        return
+    where = [value for step, value in zip(parameters.chain.steps, found.values) if step.name.startswith("target.")]
+    off = float(np.linalg.norm(np.array(where) - np.array(work.target)))
+    if off < 5.0 * trust.target:
+        return
+    work.warnings.append(
+        f"the target was given as ({', '.join(f'{v:.4f}' for v in work.target)}) m with a standard deviation of "
+        f"{1e3 * trust.target:g} mm, but the points place it {1e3 * off:.1f} mm away (chi-square {gain:.0f} with 3 "
+        "degrees of freedom); it was estimated instead. Give --target in the frame of the last link, or a larger "
+        "--target-std"
+    )
+    work.settings = replace(work.settings, trust=wide)
+    work.parameters, work.estimate = parameters, found
+
+
+def extend_and_realign(work: Work) -> None:
+    """Extensions, then rows that belong to another trigger.
+
+    Where there are such rows, the fit and the extensions once more.
+    """
+    if work.settings.extend:
+        _extend(work)
+    if _realign(work):
+        work.rows = thinned(work.runs, MOST)
+        work.points = points_of(work.runs, work.rows)
+        work.estimate = fit(work.parameters, work.points, start=work.estimate.values)
+        if work.settings.extend:
+            _extend(work)
+
+
+def estimate_run_zeros(work: Work) -> None:
+    """A zero of its own for every run whose counters were set at its start."""
+    if all(run.count is None for run in work.runs):
+        return
+    work.tell("zeros of the encoders, run by run")
+    gravity = work.settings.gravity
+    work.points, work.estimate, zeros = with_own_zeros(
+        work.parameters, work.runs, work.rows, work.estimate, work.extensions, gravity
+    )
+    work.runs = with_zeros(work.runs, zeros)
+    work.held_out = with_zeros(work.held_out, zeros) if work.judged_by != "held_out" else work.held_out
+
+
+def representatives(work: Work, outlier: Mask) -> Index:
+    """One point of every block among the outliers (N,) bool, and one among the others: neighbours say the same."""
+    number = blocks(work.runs, work.rows)
+    return np.sort(np.unique(2 * number + outlier, return_index=True)[1])
+
+
+def pattern(work: Work) -> str | None:
+    """What the points that were left out of the fit share, or None."""
+    outlier = ~work.estimate.inlier
+    some = representatives(work, outlier)
+    ends = np.searchsorted(some, np.cumsum([0, *map(len, work.rows)]))
+    runs = [np.arange(a, b) for a, b in pairwise(ends)]
+    return shared(work.points.q[some], work.points.xyz[some], outlier[some], runs)
+
+
+def _doubtful(work: Work) -> bool:
+    """Whether points were left out that could be the model's fault, or the rest fits worse than any tracker is."""
+    out = 1.0 - float(np.mean(work.estimate.inlier))
+    few = len(work.points) <= _FEW
+    return work.estimate.noise > IMPOSSIBLE_NOISE or out > (0.0 if few else OUTLIERS) or pattern(work) is not None
+
+
+def _link(work: Work, matrix: Array) -> None:
+    """Link angles of all runs become matrix (n, n) times what they were."""
+    work.runs = [linked(run, matrix) for run in work.runs]
+    work.held_out = [linked(run, matrix) for run in work.held_out]
+    work.coupling = matrix @ work.coupling
+
+
+def linked(run: Run, matrix: Array) -> Run:
+    """The run with joint angles matrix (n, n) times its own, and its encoders' counts as large as they then are."""
+    count = None if run.count is None else np.abs(matrix) @ run.count
+    return replace(run, q=run.q @ matrix.T, count=count)
+
+
+def _misfit(parameters: Parameters, found: Fit, points: Points, rows: Mask, noise: float) -> float:
+    """Squared deviations of the points and of the priors."""
+    off = residuals(parameters, found.values, found.extension, points)[rows]
+    free = parameters.free
+    prior = (found.values - parameters.chain.values)[free] / parameters.scale[free]
+    return float(np.sum(off**2) / noise**2 + np.sum(prior**2))
+
+
+def _extend(work: Work) -> None:
+    """Selects the extensions that improve the error on points that the fit has not seen, and fits them."""
+    points, velocity = points_of(work.runs, work.rows), velocity_of(work.runs, work.rows)
+    gravity = work.settings.gravity
+    prismatic = [not j.revolute for j in work.arm.joints]
+    tried = candidates(work.moving, prismatic, gravity=gravity is not None, velocity=_moves(velocity))
+
+    def deflect(extensions: Sequence[Extension]) -> Array:
+        return deflections(extensions, points.q, velocity=velocity, gravity=gravity)
+
+    numbers = blocks(work.runs, work.rows)
+    work.extensions, work.trials = choose(
+        work.parameters, points, numbers, tried, deflect, work.estimate, report=work.tell
+    )
+    if work.extensions:
+        points = Points(points.q, points.xyz, deflect(work.extensions))
+        scale = prior_scales(work.extensions)
+        work.estimate = fit(work.parameters, points, start=work.estimate.values, extension_scale=scale)
+    work.points = points
+
+
+def _realign(work: Work) -> bool:
+    """Moves points back to their own rows where the delay steps within a run, or is a whole number of rows throughout.
+
+    Whether any was.
+
+    Blocks of one run, some held out, are moved alike: as the fitted half of the run shows.
+    """
+    chain, extension = work.parameters.chain.at(work.estimate.values), work.estimate.extension
+    still = [0.0 if e.definition.late is not None else 1.0 for e in work.extensions for _ in e.parameters]
+
+    def bent(run: Run) -> Run:
+        bend = deflections(work.extensions, np.nan_to_num(run.q), velocity=None, gravity=work.settings.gravity)
+        return replace(run, q=run.q + bend @ (extension * still))
+
+    def aligned_rows(run: Run) -> tuple[Run, list[Shift]]:
+        mine: list[Shift] = []
+        for search in (find_step, find_step, find_step, find_constant):
+            shift = search(bent(run), chain, work.estimate.noise)
+            if shift is not None:
+                mine.append(shift)
+                run = shifted(run, shift.first, shift.rows)
+        return run, mine
+
+    for k, run in enumerate(work.runs):
+        work.runs[k], mine = aligned_rows(run)
+        work.shifts += mine
+        for shift in mine if work.judged_by != "held_out" else []:
+            work.held_out[k] = shifted(work.held_out[k], shift.first, shift.rows)
+    if work.judged_by == "held_out":
+        for k, run in enumerate(work.held_out):
+            work.held_out[k], mine = aligned_rows(run)
+            work.shifts += mine
+    return bool(work.shifts)
+
+
+def _moves(velocity: Array) -> bool:
+    return bool(np.abs(velocity).max(initial=0.0) > 0.01)
