@@ -85,14 +85,14 @@ def _call(name: str, arguments: list[str]) -> int:
     import typer
     from typer.exceptions import TyperException
 
-    from daq.recording import told_on
+    from daq.recording import warnings_on
 
     module = importlib.import_module(f"armscope.commands.{name.replace('-', '_')}{'_' * keyword.iskeyword(name)}")
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.command(name, help=COMMANDS[name])(finite(module.command, getattr(module, "MAY_BE_INFINITE", ())))
     arguments = spread(arguments, getattr(module, "MANY", ()))
     try:
-        with told_on(sys.stderr) as lacking:
+        with warnings_on(sys.stderr) as lacking:
             status = app(arguments, prog_name=f"armscope {name}", standalone_mode=False)
     except TyperException as error:
         message = error.format_message() if hasattr(error, "format_message") else str(error)

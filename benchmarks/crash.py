@@ -82,7 +82,7 @@ def right(recording: Recording) -> bool:
 
 def measure() -> dict[str, float]:
     dice = random.Random()
-    missing, rescued, told = [], 0, 0
+    missing, rescued, accounted = [], 0, 0
     with tempfile.TemporaryDirectory(prefix="armscope-") as folder:
         for first in range(0, TRIALS, AT_ONCE):
             paths = [Path(folder) / f"run{number}.mcap" for number in range(first, first + AT_ONCE)]
@@ -98,7 +98,7 @@ def measure() -> dict[str, float]:
                 last = int(recording.wall_ns[-1]) if len(recording) else killed - 10**12
                 missing.append((killed - last) * 1e-6)
                 ledger = result.ledger
-                told += (
+                accounted += (
                     result.sure
                     and ledger.triggers == len(recording) + ledger.lost
                     and {loss.reason for loss in ledger.losses} <= {LossReason.UNFINISHED}
@@ -110,7 +110,7 @@ def measure() -> dict[str, float]:
     return {
         "killed_trials": float(len(missing)),
         "killed_recoverable_share": rescued / len(missing),
-        "killed_told_share": told / len(missing),
+        "killed_told_share": accounted / len(missing),
         "killed_missing_ms_median": float(np.median(missing)),
         "killed_missing_ms_max": float(np.max(missing)),
     }

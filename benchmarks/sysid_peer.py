@@ -68,7 +68,7 @@ def fit_drive(
         parameters.add(sysid.Parameter(name, START * value, low, high, modifier=write))
     residual = sysid.build_residual_fn(models_sequences=[run])
     began = time.perf_counter()
-    with contextlib.redirect_stdout(io.StringIO()):  # it prints its iterations, whatever it is told
+    with contextlib.redirect_stdout(io.StringIO()):  # it prints its iterations whatever the options
         found, result = sysid.optimize(
             parameters, residual, verbose=False, optimizer="scipy_parallel_fd", x_scale="jac"
         )

@@ -47,7 +47,7 @@ class TickClock:
     def host(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
         """Host ns at ``ticks`` (n,), which rise from call to call; at least one reading must have been added.
 
-        Host times rise with the ticks, too: where a better reading shows that those told so far were late, time goes on
+        Host times rise with the ticks, too: where a better reading shows that those returned so far were late, time goes on
         at half its pace until the line has caught up with them.
         """
         (tick, host, _), offset, slope = self._line = self._line or self._fitted()

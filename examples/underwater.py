@@ -179,12 +179,12 @@ def main() -> None:
     draw_free(loose, out / "free.png")
     draw_controlled(strong, STRONG, out / "controlled.png")
     draw_controlled(weak, WEAK, out / "limited.png")
-    told = {
+    results = {
         "free_end_deg": free_figures(loose),
         "controlled": control_figures(strong),
         "limited": control_figures(weak),
     }
-    print(json.dumps(told, indent=2))
+    print(json.dumps(results, indent=2))
     print(*(out / f"{name}.png" for name in ("free", "controlled", "limited")))
 
 

@@ -15,5 +15,5 @@ def command(
     rig: RigArgument,
     as_json: Json = False,
 ) -> None:
-    told = ask(rig, "disarm", timeout=_SECONDS)
-    print(json.dumps({"state": told["state"]}) if as_json else told["state"])
+    answer = ask(rig, "disarm", timeout=_SECONDS)
+    print(json.dumps({"state": answer["state"]}) if as_json else answer["state"])

@@ -37,8 +37,8 @@ def command(
         raise InputError("--out", "needs NAME, the recording to fetch")
     with open_session(checked, listen=False) as session:
         if name is None:
-            told = call(session, keys, "recordings")
-            print(json.dumps(told) if as_json else _listed(told))
+            answer = call(session, keys, "recordings")
+            print(json.dumps(answer) if as_json else _listed(answer))
             return
         with transfer_shown() as transfer:
             result = fetch.fetch(session, keys, name, Path(Path(name).name) if out is None else out, transfer)
@@ -69,13 +69,13 @@ def transfer_shown() -> Iterator[Callable[[int, int], None]]:
         bar.stop()
 
 
-def _listed(told: Table) -> str:
-    if not told["recordings"]:
-        return f"{told['folder']}: no recordings"
-    width = max(len(entry["name"]) for entry in told["recordings"])
+def _listed(answer: Table) -> str:
+    if not answer["recordings"]:
+        return f"{answer['folder']}: no recordings"
+    width = max(len(entry["name"]) for entry in answer["recordings"])
     lines = [
         f"{entry['name']:<{width}}  {entry['bytes']:>14}  "
         f"{datetime.fromtimestamp(entry['changed_ns'] * 1e-9).isoformat(' ', 'seconds')}"
-        for entry in told["recordings"]
+        for entry in answer["recordings"]
     ]
     return "\n".join(lines)

@@ -230,8 +230,8 @@ def _equations(arm: Arm, form: Form, by: Formulation | None) -> str:
     what, tape, outputs = _accelerations(arm) if by is None else _torques(arm, by)
     if form is Form.LATEX:
         # that the rate of an angle is a speed is in the notation
-        told = {name: value for name, value in outputs.items() if tape.nodes[value.index].operation != "input"}
-        return latex.equations(tape, {latex.output_symbol(name): value for name, value in told.items()})
+        computed = {name: value for name, value in outputs.items() if tape.nodes[value.index].operation != "input"}
+        return latex.equations(tape, {latex.output_symbol(name): value for name, value in computed.items()})
     nodes = [tape.nodes[index] for index in needed(tape, outputs.values())]
     read = {node.name: printing.shown(node.name) for node in nodes if node.operation == "input"}
     if form is Form.TEXT:

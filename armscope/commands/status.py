@@ -17,8 +17,8 @@ def command(
     rig: RigArgument,
     as_json: Json = False,
 ) -> None:
-    told = ask(rig, "status")
-    print(json.dumps(told) if as_json else _text(told))
+    status = ask(rig, "status")
+    print(json.dumps(status) if as_json else _text(status))
 
 
 def ask(path: Path, verb: str, arguments: Table | None = None, *, timeout: float = 10.0) -> Table:
@@ -31,22 +31,22 @@ def ask(path: Path, verb: str, arguments: Table | None = None, *, timeout: float
         return call(session, keys_of(rig.name), verb, arguments, timeout=timeout)
 
 
-def _text(told: Table) -> str:
-    lines = [f"{told['rig']}: {told['state']}, process {told['pid']} ({told['role']}) on {told['endpoint']}"]
-    if told["run"]:
-        run = told["run"]
+def _text(status: Table) -> str:
+    lines = [f"{status['rig']}: {status['state']}, process {status['pid']} ({status['role']}) on {status['endpoint']}"]
+    if status["run"]:
+        run = status["run"]
         share = "" if run["progress"] is None else f", {run['progress']:.0%}"
         lines.append(f"  '{run['experiment']}' to {run['file']}: {run['rows']} rows, {run['lost']} lost{share}")
-    if told["expires"] is not None:
-        lines.append(f"  disarms itself in {told['expires']:.0f} s if it is not started")
-    if told["disarmed"]:
-        lines.append(f"  was disarmed: {told['disarmed']}")
-    if told["tripped"]:
-        lines.append(f"  held safe: {told['tripped']}")
-    if told["recordings"]:
-        lines.append(f"  records to {told['recordings']}")
-    if told["last"]:
-        last = told["last"]
+    if status["expires"] is not None:
+        lines.append(f"  disarms itself in {status['expires']:.0f} s if it is not started")
+    if status["disarmed"]:
+        lines.append(f"  was disarmed: {status['disarmed']}")
+    if status["tripped"]:
+        lines.append(f"  held safe: {status['tripped']}")
+    if status["recordings"]:
+        lines.append(f"  records to {status['recordings']}")
+    if status["last"]:
+        last = status["last"]
         lost = f"{last['ledger']['lost']} lost" if last["ledger"]["lost"] else "nothing lost"
         lines.append(f"  last: {last['file']}, {last['rows']} rows, {lost}; {last['ending']['sentence']}")
     return "\n".join(lines)

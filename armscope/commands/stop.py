@@ -18,10 +18,10 @@ def command(
     rig: RigArgument,
     as_json: Json = False,
 ) -> int:
-    told = ask(rig, "stop", {"wait": True}, timeout=_END_SECONDS)
-    result = told.get("last")
+    answer = ask(rig, "stop", {"wait": True}, timeout=_END_SECONDS)
+    result = answer.get("last")
     if as_json:
-        print(json.dumps({"state": told["state"], "last": result}))
+        print(json.dumps({"state": answer["state"], "last": result}))
     else:
         print(text_of(result) if result else "idle; no run was going on")
     if result and result["ending"]["fault"]:

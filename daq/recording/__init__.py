@@ -6,7 +6,7 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from daq.recording.blocks import LongRecording, open_long
-    from daq.recording.losses import told_on
+    from daq.recording.losses import warnings_on
     from daq.recording.parts import Attachments, ledger_table
     from daq.recording.plots import plot
     from daq.recording.reader import Recording, open_recording
@@ -31,7 +31,7 @@ __all__ = [
     "plot",
     "read_csv",
     "read_csv_blocks",
-    "told_on",
+    "warnings_on",
     "write_blocks",
     "write_csv",
     "write_table",

@@ -34,7 +34,7 @@ def opened(account: Account) -> None:
 
 
 @contextmanager
-def told_on(stream: TextIO) -> Iterator[list[Path]]:
+def warnings_on(stream: TextIO) -> Iterator[list[Path]]:
     """Within it, what is missing in a recording is written to ``stream`` as it is read, once per file.
 
     The list that it gives collects the files in which rows are missing.
@@ -42,7 +42,7 @@ def told_on(stream: TextIO) -> Iterator[list[Path]]:
     seen: set[Path] = set()
     incomplete: list[Path] = []
 
-    def tell(account: Account) -> None:
+    def warn(account: Account) -> None:
         if account.path in seen:
             return
         seen.add(account.path)
@@ -51,11 +51,11 @@ def told_on(stream: TextIO) -> Iterator[list[Path]]:
         if lacks_rows(account):
             incomplete.append(account.path)
 
-    _listeners.append(tell)
+    _listeners.append(warn)
     try:
         yield incomplete
     finally:
-        _listeners.remove(tell)
+        _listeners.remove(warn)
 
 
 def lacks_rows(account: Account) -> bool:

@@ -53,8 +53,8 @@ class EncoderNodes:
         self.name, self.config, self._bus, self._clock = name, config, bus, clock
         self.width = (config.bits,) * len(config.nodes)
         self._addressed = set(config.nodes) | ({config.sync} if isinstance(config.sync, int) else set())
-        told = (cia.HEARTBEAT, cia.EMERGENCY, cia.SDO_REPLY)
-        self._events = bus.listen([base + n for n in self._addressed for base in told])
+        announcements = (cia.HEARTBEAT, cia.EMERGENCY, cia.SDO_REPLY)
+        self._events = bus.listen([base + n for n in self._addressed for base in announcements])
         self._asked = 0  # ns: when silent nodes were last asked what ails them
         self._sdo: dict[int, Any] = {}
         self._serials: dict[int, int] = {}  # by node

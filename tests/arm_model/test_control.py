@@ -168,10 +168,10 @@ def test_example_draws_and_tells(root: Path, tmp_path: Path) -> None:
         text=True,
         check=True,
     )
-    told = json.loads(done.stdout[: done.stdout.rindex("}") + 1])
+    printed = json.loads(done.stdout[: done.stdout.rindex("}") + 1])
     assert {path.name for path in tmp_path.iterdir()} == {"free.png", "controlled.png", "limited.png"}
-    ends = told["free_end_deg"]
+    ends = printed["free_end_deg"]
     assert abs(ends["drag and added mass"][1]) < abs(ends["in air"][1])
-    rms = told["controlled"]["rms_deg"]
-    assert max(told["limited"]["rms_deg"]["decoupling and time scaling"]) < 0.5
+    rms = printed["controlled"]["rms_deg"]
+    assert max(printed["limited"]["rms_deg"]["decoupling and time scaling"]) < 0.5
     assert max(rms["with disturbance decoupling"]) < 0.2 * max(rms["computed torque, dry model"])

@@ -1,6 +1,6 @@
 """``make blind``: the hidden-effect suite.
 
-Recall, superfluous names, false alarms, strangers, parameters, confidence, seconds, confusion.
+Recall, superfluous names, false alarms, unmodelled defects, parameters, confidence, seconds, confusion.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Cases drawn from a seed that the finder never sees: effect, joint, magnitude, phase, laboratory.
 
-Pairs, triples, nothing, strangers.
+A case hides one effect, a pair, a triple, nothing, or a defect outside the catalogue.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tests.blind import strangers
+from tests.blind import unmodelled
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory, laboratory
 from tests.blind.magnitude import Wanted
@@ -163,7 +163,7 @@ SAME = (
 """Effects that the vocabulary says currents and motor angles of moves cannot tell apart (a shunt, a known mass, a
 tracker, drives off would): either name is right if the other is in its group."""
 
-KINDS = ("singles", "weak", "large", "pairs", "triples", "empties", "strangers")
+KINDS = ("singles", "weak", "large", "pairs", "triples", "empties", "unmodelled")
 COUNTS = {"pairs": 20, "triples": 10, "empties": 20}
 
 
@@ -193,8 +193,8 @@ class Case:
         drawn = []
         for number, ((effect, joint), strength) in enumerate(zip(self.effects, strengths)):
             rng = np.random.default_rng([*self.key, number, *map(ord, effect)])
-            if effect in strangers.DRAWN:
-                values = strangers.DRAWN[effect](rng, joint or 1, strength)
+            if effect in unmodelled.DRAWN:
+                values = unmodelled.DRAWN[effect](rng, joint or 1, strength)
             else:
                 values = SINGLES[effect](rng, (joint or 1) - 1, strength * self.scale)
             drawn.append(Hidden(effect, joint, values))
@@ -218,7 +218,7 @@ def _several(rng: np.random.Generator, how_many: int) -> tuple[tuple[str, int | 
 
 
 def cases(kind: str, seed: int, number: int | None = None) -> Iterator[Case]:
-    """Cases of one kind: one for every effect (``singles``, ``weak``, ``large``, ``strangers``).
+    """Cases of one kind: one for every effect (``singles``, ``weak``, ``large``, ``unmodelled``).
 
     Or ``number`` of them.
     """
@@ -226,8 +226,8 @@ def cases(kind: str, seed: int, number: int | None = None) -> Iterator[Case]:
     names: list[str | None] = [None] * (number or COUNTS.get(kind, 0))
     if kind in ("singles", "weak", "large"):
         names = [name for name in SINGLES if kind == "singles" or name not in NOT_WEAK]
-    elif kind == "strangers":
-        names = list(strangers.DRAWN)
+    elif kind == "unmodelled":
+        names = list(unmodelled.DRAWN)
     for index, name in enumerate(names[:number]):
         key = (seed, place, index)
         rng = np.random.default_rng(key)
@@ -238,7 +238,7 @@ def cases(kind: str, seed: int, number: int | None = None) -> Iterator[Case]:
             case = replace(case, wanted=Wanted(target, target))
         elif kind == "large":
             case = replace(case, scale=2.5)
-        elif kind == "strangers":
+        elif kind == "unmodelled":
             target = float(rng.uniform(6.0, 15.0))
             case = replace(case, wanted=Wanted(target, target))
         if name is not None:

@@ -45,10 +45,10 @@ def generate(case: Case, folder: Path, most: int = 4) -> tuple[Laboratory, list[
         for number, experiment in enumerate(experiments):
             rows = recorded(truth(experiment, hidden, case.laboratory), case.laboratory, _seed(case, side, number))
             write_recording(folder / f"{side}_{number}.mcap", rows, case.laboratory)
-    told = [{**asdict(one), "parameters": dict(one.parameters), "strength": strength} for one, strength in strong]
-    text = json.dumps({"laboratory": asdict(case.laboratory), "hidden": told})
+    described = [{**asdict(one), "parameters": dict(one.parameters), "strength": strength} for one, strength in strong]
+    text = json.dumps({"laboratory": asdict(case.laboratory), "hidden": described})
     (folder / HIDDEN).write_text(text, encoding="utf-8")
-    return case.laboratory, told
+    return case.laboratory, described
 
 
 def _shown(case: Case, most: int) -> tuple[Case, dict[str, list[Experiment]], Strong]:
@@ -102,6 +102,6 @@ def _version() -> str:
     names = ("cases", "generate", "hide", "instruments", "laboratory", "magnitude", "motions", "plant", "record")
     here = Path(__file__).parent
     text = "".join(
-        (here / f"{n}.py").read_text(encoding="utf-8") for n in (*names, "recordings", "rigid_body", "strangers")
+        (here / f"{n}.py").read_text(encoding="utf-8") for n in (*names, "recordings", "rigid_body", "unmodelled")
     )
     return hashlib.sha256(text.encode()).hexdigest()

@@ -1,8 +1,8 @@
-"""Hides effects in a plant and in what its instruments say. One function an effect; magnitudes are the caller's.
+"""Hides effects in a plant and in its instruments' signals. One function per effect; magnitudes are the caller's.
 
 A mechanical effect changes the ``Plant``; a sensing or timing effect changes the ``Signals`` that the instruments see.
-Names and parameters are those of the public vocabulary; the code is not. Strangers, which no vocabulary has, are in
-``strangers``.
+Names and parameters are those of the public catalogue; the code is not. Defects outside the catalogue are in
+``unmodelled``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
-from tests.blind import strangers
+from tests.blind import unmodelled
 from tests.blind.plant import Plant
 
 Values = Mapping[str, float]
@@ -223,10 +223,10 @@ MECHANICAL["joint_zero_offset"] = _offset_zero
 def hide_in_plant(plant: Plant, hidden: tuple[Hidden, ...]) -> Plant:
     """The plant with the mechanical ones among the hidden effects."""
     for h in hidden:
-        change = MECHANICAL.get(h.effect) or strangers.MECHANICAL.get(h.effect)
+        change = MECHANICAL.get(h.effect) or unmodelled.MECHANICAL.get(h.effect)
         if change is not None:
             plant = change(plant, h.joint or 0, h.parameters)
-        elif h.effect not in SENSING and h.effect not in strangers.SENSING:
+        elif h.effect not in SENSING and h.effect not in unmodelled.SENSING:
             raise KeyError(h.effect)
     return plant
 
@@ -236,7 +236,7 @@ def hide_in_signals(signals: Signals, hidden: tuple[Hidden, ...]) -> Signals:
     for h in hidden:
         if h.effect in SENSING:
             signals = SENSING[h.effect](signals, h.joint or 0, h.parameters)
-        elif h.effect in strangers.SENSING:
-            change = strangers.SENSING[h.effect]
+        elif h.effect in unmodelled.SENSING:
+            change = unmodelled.SENSING[h.effect]
             signals = replace(signals, current=change(signals.t, signals.current, h.joint or 0, h.parameters))
     return signals

@@ -5,7 +5,7 @@ The truth of the hidden-effect tests.
 Nothing here is shared with ``arm_model``: friction is a hyperbolic tangent or LuGre with its state, backlash and
 compliance are two masses and a spring with a gap, load friction takes the torque that the gear transmitted, ripple is a
 true kinematic relation. The controller is the one that config/models/puma560.toml describes (setpoints every 28 ms,
-servo every 0.875 ms). Beside the effects of the vocabulary there are strangers, which no vocabulary has (``_strange``).
+servo every 0.875 ms). Besides the effects of the catalogue it has defects outside of it (``_unmodelled``).
 
 All values at the joint: motor angle over gear ratio, torque times gear ratio.
 """
@@ -63,7 +63,7 @@ class Plant(NamedTuple):
     read_error: Array  # amplitude rad
     read_order: Array  # cycles a motor turn
     read_phase: Array
-    # strangers
+    # unmodelled defects
     eccentric: Array  # share of Coulomb friction that comes and goes once a turn of the joint
     eccentric_phase: Array
     lost_driving: Array  # share of the load that the gear loses where the motor drives the load, and only there
@@ -113,7 +113,7 @@ def _friction(p, j, q, w, z, load, t):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _strange(p, j, link, linkd):  # type: ignore[no-untyped-def]
+def _unmodelled(p, j, link, linkd):  # type: ignore[no-untyped-def]
     """Torques at link j that no effect of the vocabulary has: a cable, a loose harness, a ripple over two joints."""
     torque = p.cable[j] * (link[j] - p.cable_rest[j]) ** 3
     angle = 0.0
@@ -196,7 +196,7 @@ def _rates(p, t, x, current, load, rate, w):  # type: ignore[no-untyped-def]
     _links(p, x, w)
     newton_euler(p.dh, w.turns, p.mass, p.com, p.inertia, p.gravity, w.linkd, w.rest, w.bias, w.links)
     for i in range(n):
-        w.bias[i] += p.spring[i] * (w.link[i] - p.spring_rest[i]) + _strange(p, i, w.link, w.linkd)
+        w.bias[i] += p.spring[i] * (w.link[i] - p.spring_rest[i]) + _unmodelled(p, i, w.link, w.linkd)
     for i in range(n):
         w.rhs[i] = 0.0
         for k in range(n):

@@ -137,7 +137,7 @@ def truth(experiment: Experiment, hidden: tuple[Hidden, ...], laboratory: Labora
     servo = np.arange(0.0, demand.duration, true.servo_period)
     targets = demand(setpoints)
     wanted = np.column_stack([np.interp(servo, setpoints, column) for column in targets.T])
-    # a wrist's controller knows how its gears couple: it turns the motors so that the axes go where they are told to
+    # a wrist's controller knows how its gears couple: it turns the motors so that the axes go where they are commanded to
     wanted = wanted @ np.linalg.inv(true.coupling).T
     angle, current, link = run(true, wanted, round(settle / true.servo_period), substeps(true))
     t = np.arange(0.0, servo[-1], 1.0 / laboratory.rate)

@@ -17,7 +17,7 @@ from diagnosis.cause import Cause
 from diagnosis.diagnose import Diagnosis
 from tests.blind.cases import SAME, Case
 from tests.blind.laboratory import Laboratory
-from tests.blind.strangers import TOLD
+from tests.blind.unmodelled import EXPLANATORY
 
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.001)
 """Edges of the reliability table."""
@@ -32,7 +32,7 @@ class Outcome:
 
     left    weighed held-out rms at the joint of each hidden effect (1: noise); closed: current error of the simulation
             there over noise
-    told    for a stranger, whether ``unexplained`` has its joint and a right variable
+    right_variable  for an unmodelled defect, whether ``unexplained`` has its joint and a right variable
     declared  for each hidden effect, whether ``not_visible`` says that these recordings cannot show it
     """
 
@@ -50,7 +50,7 @@ class Outcome:
     parameters: list[dict[str, Any]]
     verdict: str
     unexplained: list[list[Any]]
-    told: bool
+    right_variable: bool
     left: list[float]
     closed: list[float]
     seconds: float
@@ -61,8 +61,8 @@ class Outcome:
     @property
     def good(self) -> bool:
         """All there was to say was said, and nothing else."""
-        if self.kind == "strangers":
-            return not self.named and self.told
+        if self.kind == "unmodelled":
+            return not self.named and self.right_variable
         if self.kind == "empties":
             return not self.named and self.verdict == "consistent"
         return all(self.found) and not self.superfluous
@@ -84,9 +84,9 @@ def outcome(
 ) -> Outcome:
     """``table``: the content of diagnosis.json; seconds are the caller's to fill in."""
     rest = list(result.causes)
-    stranger = case.kind == "strangers"
+    unmodelled = case.kind == "unmodelled"
     found, parameters, confidence, names = [], [], [], list[str | None]()
-    for one in () if stranger else hidden:
+    for one in () if unmodelled else hidden:
         match = next((c for c in rest if right(c, one["effect"], one["joint"])), None)
         found.append(match is not None)
         names.append(match.effect if match else None)
@@ -112,7 +112,7 @@ def outcome(
         parameters=parameters,
         verdict=result.verdict,
         unexplained=left,
-        told=stranger and told(hidden[0], left),
+        right_variable=unmodelled and right_variable(hidden[0], left),
         left=[_left(result, one["joint"]) for one in hidden],
         closed=[_closed(table, one["joint"]) for one in hidden],
         declared=[(one["effect"], one["joint"]) in unseen for one in hidden],
@@ -154,10 +154,10 @@ def compared(cause: Cause, hidden: Mapping[str, Any]) -> list[dict[str, Any]]:
     return rows
 
 
-def told(hidden: Mapping[str, Any], left: Iterable[Sequence[Any]]) -> bool:
-    """Whether what is called unexplained has the stranger's joint and one of its variables."""
+def right_variable(hidden: Mapping[str, Any], left: Iterable[Sequence[Any]]) -> bool:
+    """Whether what is called unexplained has the defect's joint and one of its variables."""
     other = hidden["parameters"].get("other")
-    accepted = [name.format(other=int(other) if other else 0) for name in TOLD[hidden["effect"]]]
+    accepted = [name.format(other=int(other) if other else 0) for name in EXPLANATORY[hidden["effect"]]]
     for _, joint, against, _ in left:
         for name in accepted:
             more = against[len(name) :] if against.startswith(name) else "of joint"
@@ -196,18 +196,18 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
             table[f"{kind}_all_named"] = _mean(all(o.found) for o in by_kind[kind])
             missed = [declared for o in by_kind[kind] for found, declared in zip(o.found, o.declared) if not found]
             table[f"{kind}_missed_and_declared_not_visible"] = sum(missed)
-    hiding = [o for o in outcomes if o.kind not in ("empties", "strangers")]
+    hiding = [o for o in outcomes if o.kind not in ("empties", "unmodelled")]
     if hiding:
         table["superfluous_names_a_case"] = _mean(o.superfluous for o in hiding)
     if "empties" in by_kind:
         table["empties_cases"] = len(by_kind["empties"])
         table["false_alarms"] = sum(bool(o.named) for o in by_kind["empties"])
         table["empties_called_unexplained"] = sum(o.verdict == "unexplained" for o in by_kind["empties"])
-    if "strangers" in by_kind:
-        table["strangers_cases"] = len(by_kind["strangers"])
-        table["strangers_misnamed"] = sum(bool(o.named) for o in by_kind["strangers"])
-        table["strangers_unexplained"] = _mean(o.verdict == "unexplained" for o in by_kind["strangers"])
-        table["strangers_right_variable"] = _mean(o.told for o in by_kind["strangers"])
+    if "unmodelled" in by_kind:
+        table["unmodelled_cases"] = len(by_kind["unmodelled"])
+        table["unmodelled_misnamed"] = sum(bool(o.named) for o in by_kind["unmodelled"])
+        table["unmodelled_unexplained"] = _mean(o.verdict == "unexplained" for o in by_kind["unmodelled"])
+        table["unmodelled_right_variable"] = _mean(o.right_variable for o in by_kind["unmodelled"])
     parameters = [p["inside"] for o in outcomes for p in o.parameters]
     if parameters:
         table["parameters_compared"] = len(parameters)

@@ -70,9 +70,9 @@ def check_named(file: bytes, place: int, found: Verification) -> None:
     assert found.integrity is Integrity.DAMAGED, place
     (name,) = [name for start, end, name in records(file) if start <= place < end]
     in_list = name == "attachment" and file.rindex(b"checksums.crc32", 0, -500) - 29 <= place
-    told = "|".join(damage.sentence for damage in found.damages)
-    assert re.search("attachment 'checksums.crc32'" if in_list else name, told), (place, name, told)
-    assert len(found.damages) <= 2, told
+    sentences = "|".join(damage.sentence for damage in found.damages)
+    assert re.search("attachment 'checksums.crc32'" if in_list else name, sentences), (place, name, sentences)
+    assert len(found.damages) <= 2, sentences
 
 
 def test_the_file_as_written_is_verified(file: bytes) -> None:
@@ -119,8 +119,8 @@ def test_info_names_the_record(file: bytes, tmp_path: Path, capsys: pytest.Captu
     assert run(["info", str(path), "--verify"]) == 4
     assert "message index 1 of chunk 1 is damaged" in capsys.readouterr().out
     assert run(["info", str(path), "--verify", "--json"]) == 4
-    told = json.loads(capsys.readouterr().out)["verification"]
-    assert told["integrity"] == "damaged" and len(told["damages"]) == 1
+    verification = json.loads(capsys.readouterr().out)["verification"]
+    assert verification["integrity"] == "damaged" and len(verification["damages"]) == 1
 
 
 def test_the_attachment_with_the_ledger_is_covered(file: bytes) -> None:

@@ -73,8 +73,8 @@ def check(recording: Recording, *, complete: bool, sure: bool = True) -> None:
     if sure:
         assert recording.ledger.triggers == ROWS
         missing = set(range(ROWS)) - set(numbers.tolist())
-        told = [number for loss in recording.ledger.losses for number in range(loss.first, loss.first + loss.rows)]
-        assert sorted(told) == sorted(missing)
+        listed = [number for loss in recording.ledger.losses for number in range(loss.first, loss.first + loss.rows)]
+        assert sorted(listed) == sorted(missing)
 
 
 def test_a_whole_file_is_only_copied(original: Original) -> None:

@@ -255,15 +255,15 @@ def running(lab: Lab, session: Any) -> Iterator[Path]:
     yield lab.folder / "run.mcap"
     noise = Noise(lab)
     asked = time.monotonic()
-    told = call(session, lab.keys, "stop", {"wait": True}, timeout=60.0)
+    answer = call(session, lab.keys, "stop", {"wait": True}, timeout=60.0)
     heard = time.monotonic() - asked
     noise.end()
     assert heard < HEARD
-    assert (told["last"]["ending"]["reason"], told["last"]["ledger"]["lost"]) == ("stopped", 0)
+    assert (answer["last"]["ending"]["reason"], answer["last"]["ledger"]["lost"]) == ("stopped", 0)
     recording = open_recording(lab.folder / "run.mcap")
     assert recording.finished
     assert recording.ledger.balanced
-    assert len(recording) == told["last"]["rows"] == recording.ledger.triggers > 100
+    assert len(recording) == answer["last"]["rows"] == recording.ledger.triggers > 100
 
 
 class Noise:

@@ -72,7 +72,7 @@ def test_a_rig_without_tracker_and_demand(tmp_path: Path) -> None:
 def test_demands_and_points_may_come_and_go(tmp_path: Path) -> None:
     """Rows without demands or points where the layout has them are NaN there.
 
-    The other way round is a bug, and told.
+    The other way round is a bug, and reported.
     """
     first, second = make_rows(0, 10), dataclasses.replace(make_rows(10, 10), demand=None, points=None)
     with Recorder(tmp_path / "run.mcap", LAYOUT, Attachments()) as recorder:

@@ -34,9 +34,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> RecordingsFolder:
 
 def test_listed_and_read(folder: RecordingsFolder) -> None:
     assert {entry["name"]: entry["bytes"] for entry in folder.list()} == {"a.mcap": 1 << 20, "a.mcap.active": 10}
-    told = folder.checksum("a.mcap")
+    answer = folder.checksum("a.mcap")
     content = (folder.path / "a.mcap").read_bytes()
-    assert told == {"name": "a.mcap", "bytes": 1 << 20, "sha256": hashlib.sha256(content).hexdigest()}
+    assert answer == {"name": "a.mcap", "bytes": 1 << 20, "sha256": hashlib.sha256(content).hexdigest()}
     pieces = [folder.read("a.mcap", offset, MOST_PIECE) for offset in range(0, len(content) + 1, MOST_PIECE)]
     assert b"".join(pieces) == content
     assert folder.read("a.mcap", 1 << 61, 5) == b""

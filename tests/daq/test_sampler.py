@@ -97,7 +97,7 @@ def test_the_ledger_balances_and_no_row_is_shifted_whatever_is_lost(
     spurious = [edge for edge in spurious if not any(abs(edge - other) < 12 for other in analog_unseen + dropped)]
     unseen, analog_unseen = _apart(unseen), _apart(analog_unseen)
     analog: dict[str, Any] = {"unseen": analog_unseen, "spurious": spurious, "latency": latency, "jitter": jitter}
-    # Which of two neighbours was missed, and which only not delivered, cannot be told; nor need it.
+    # Which of two neighbours was missed, and which only not delivered, cannot be known, and need not be.
     dropped = [edge for edge in dropped if numbered and not any(abs(edge - other) < 2 for other in analog_unseen)]
     analog["dropped"] = dropped
     analog |= {"numbered": numbered, "tick_rate": 1e6 if ticks else None, "tick_drift": 3e-5}

@@ -21,9 +21,9 @@ def seen(check: SpeedCheck, q: np.ndarray, measured: np.ndarray, timed: np.ndarr
     for start, stop in pairwise(edges):
         rows = slice(int(start), int(stop))
         if stop > start:
-            told = check.too_fast(q[rows, None], measured[rows, None], timed[rows, None], host[rows])
-            if told:
-                return told
+            breach = check.too_fast(q[rows, None], measured[rows, None], timed[rows, None], host[rows])
+            if breach:
+                return breach
     return None
 
 
@@ -59,8 +59,8 @@ def test_no_gap_makes_a_joint_look_fast(
 def test_a_fast_joint_is_seen_within_five_rows(sizes: list[int], speed: float, sign: int) -> None:
     q = sign * speed * np.arange(7) * PERIOD * 1e-9
     here = np.ones(7, bool)
-    told = seen(SpeedCheck(LIMIT, PERIOD), q, here, here, sizes)
-    assert told == f"joint 1 at {speed:.4g}/s, limit 1/s"
+    breach = seen(SpeedCheck(LIMIT, PERIOD), q, here, here, sizes)
+    assert breach == f"joint 1 at {speed:.4g}/s, limit 1/s"
 
 
 @given(sizes=SIZES)

@@ -105,7 +105,7 @@ def test_viewer_keeps_the_newest_and_counts_the_rest(server: zenoh.Session, serv
         publisher.finish()
         while not witness.tally.complete:
             assert witness.receive(5)
-        # The witness was declared later and is told later: what it has, the viewer has.
+        # The witness was declared later and receives later: what it has, the viewer has.
         blocks = [viewer.receive(0), viewer.receive(0), viewer.receive(0)]
         assert blocks[0] and blocks[1] and blocks[2] is None
         assert (blocks[0].sequence, blocks[1].sequence, blocks[1].last) == (99, 100, True)

@@ -68,7 +68,7 @@ def test_says_what_a_joint_did_not_do(one_joint: Run, arm: Arm) -> None:
 
 
 def test_play_of_a_typical_size_shows_where_the_load_turns(root: Path, arm: Arm) -> None:
-    """Backlash is told by its shape: its column is the change itself, not a change per rad of gap."""
+    """Backlash is recognised by its shape: its column is the change itself, not a change per rad of gap."""
     run = seen(root, arm, [], ["excitation"]).fit[0]
     assert ("backlash", 1) not in _unseen(run, arm)
 

@@ -26,7 +26,7 @@ from tests.blind.laboratory import Laboratory
 from tests.blind.motions import SETS
 from tests.blind.record import MODEL, between, nominal_plant, recorded, truth
 from tests.blind.recordings import read_recordings, write_recording
-from tests.blind.score import compared, right, told
+from tests.blind.score import compared, right, right_variable
 
 SEED = 5
 PAIR = "cogging@3+rotor_inertia@3"
@@ -84,16 +84,16 @@ def test_two_effects_come_apart(tmp_path: Path) -> None:
         assert any(right(cause, one["effect"], one["joint"]) for cause in result.causes), one["effect"]
 
 
-STRANGERS = ("lossy_drive", "rub", "loose_harness", "crosstalk")
+UNMODELLED = ("lossy_drive", "rub", "loose_harness", "crosstalk")
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("stranger", ["taut_cable", *(pytest.param(s, marks=pytest.mark.slow) for s in STRANGERS)])
-def test_a_stranger_gets_no_name_and_its_variable_is_told(stranger: str, tmp_path: Path) -> None:
-    result, (hidden,) = _diagnosed(_case("strangers", stranger), tmp_path, most=4)
+@pytest.mark.parametrize("defect", ["taut_cable", *(pytest.param(s, marks=pytest.mark.slow) for s in UNMODELLED)])
+def test_an_unmodelled_defect_gets_no_name_and_its_variable_is_reported(defect: str, tmp_path: Path) -> None:
+    result, (hidden,) = _diagnosed(_case("unmodelled", defect), tmp_path, most=4)
     assert result.causes == []
     assert result.verdict == "unexplained"
-    assert told(hidden, [[s.signal, s.joint, s.against, s.share] for s in result.unexplained])
+    assert right_variable(hidden, [[s.signal, s.joint, s.against, s.share] for s in result.unexplained])
 
 
 def test_recordings_are_what_the_instruments_leave_of_the_truth(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Counts that an encoder missed are told in counts, whether its angle comes in steps or is drowned in noise."""
+"""Counts that an encoder missed are reported in counts, whether its angle comes in steps or is drowned in noise."""
 
 from __future__ import annotations
 

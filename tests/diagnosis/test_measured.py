@@ -79,7 +79,7 @@ def test_what_is_published_of_a_drive_is_named_from_one_run(root: Path, shared: 
     )
     position = next(signal for signal in found["signals"] if signal["signal"] == "position")
     assert position["unit"] == "m"
-    # the drive is told in volts
+    # the drive is commanded in volts
     assert {cause["gain"]["unit"] for cause in found["causes"]} == {"V"}
     assert {signal["unit"] for signal in found["signals"]} == {"m", "V"}
     # a wave of the ball screw is in this run; that it stands at the same places in another, this run cannot show

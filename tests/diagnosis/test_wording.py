@@ -1,6 +1,6 @@
 """A diagnosis in words and numbers.
 
-Groups are said to be groups, numbers have as many digits as they deserve, structure is told from noise.
+Groups are said to be groups, numbers have as many digits as they deserve, structure is distinguished from noise.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ def test_a_group_is_never_told_as_one_lucky_member() -> None:
     assert either(apart) == "payload or link inertia of joint 6"
     alone = group_of(("backlash", 3), felt_at=3)
     result = Verdict("explained", [twins, alone])
-    told = "Explained: torque constant or current gain of joint 2; backlash of joint 3. The residual is noise."
-    assert sentence(cast(Diagnosis, result)) == told
+    expected = "Explained: torque constant or current gain of joint 2; backlash of joint 3. The residual is noise."
+    assert sentence(cast(Diagnosis, result)) == expected
 
 
 def test_what_is_left_is_said_with_its_place() -> None:

@@ -70,6 +70,6 @@ def test_an_axis_that_goes_further_than_told_is_turned_by_no_other(tmp_path: Pat
 @pytest.mark.parametrize("only", [(5, 4), (6, 5)])
 def test_one_coupling_leaves_the_others_at_zero(tmp_path: Path, only: tuple[int, int]) -> None:
     (event,) = wrist_coupling(*_sides(tmp_path, {only: 0.05}))
-    told = {p.name: p.value for p in event.parameters}
-    assert told[f"c{only[0]}{only[1]}"] == pytest.approx(0.05, rel=0.05)
-    assert sum(abs(value) for value in told.values()) < 0.06
+    estimated = {p.name: p.value for p in event.parameters}
+    assert estimated[f"c{only[0]}{only[1]}"] == pytest.approx(0.05, rel=0.05)
+    assert sum(abs(value) for value in estimated.values()) < 0.06

@@ -40,7 +40,7 @@ def test_told_times_never_go_back_and_are_right_within_a_round_trip(
     trips: list[tuple[int, float]], ppm: float, restart: int
 ) -> None:
     """Readings of any round trip, split in any way; the counter may begin anew. Ten rows between two readings."""
-    clock, told, bounds = TickClock(NOMINAL), [], []
+    clock, errors, bounds = TickClock(NOMINAL), [], []
     rate = NOMINAL * (1 + ppm * 1e-6)
     for k, (trip, share) in enumerate(trips):
         truth = int(1e9 + k * 0.25e9)
@@ -48,9 +48,9 @@ def test_told_times_never_go_back_and_are_right_within_a_round_trip(
             clock.restart()
         clock.add(int(truth * 1e-9 * rate), truth + int((share - 0.5) * trip), trip)
         at = truth + np.arange(10) * 25_000_000
-        told.append(clock.host((at * 1e-9 * rate).astype(np.int64)) - at)
+        errors.append(clock.host((at * 1e-9 * rate).astype(np.int64)) - at)
         bounds.append(trip)
-    host = np.concatenate(told) + np.concatenate([1e9 + k * 0.25e9 + np.arange(10) * 25e6 for k in range(len(trips))])
+    host = np.concatenate(errors) + np.concatenate([1e9 + k * 0.25e9 + np.arange(10) * 25e6 for k in range(len(trips))])
     assert (np.diff(host) > 0).all()
     # Late by a reading's error at most, and by what the rate may be off from nominal before it is known.
-    assert np.abs(np.concatenate(told)).max() <= 2 * max(bounds) + 100e-6 * 0.25e9 * len(trips) + 10
+    assert np.abs(np.concatenate(errors)).max() <= 2 * max(bounds) + 100e-6 * 0.25e9 * len(trips) + 10

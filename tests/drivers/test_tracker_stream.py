@@ -199,18 +199,18 @@ def test_a_broken_beam_is_a_missing_point(rig) -> None:
     assert gone.any() and np.array_equal(gone, block.quality[:, 0] == Quality.MISSING)
 
 
-def test_datagrams_of_strangers_and_old_ones_are_not_taken() -> None:
+def test_datagrams_of_others_and_old_ones_are_not_taken() -> None:
     where = driver.Config(port=free_port(), sender="127.0.0.2")
     device = driver.make("tracker", where, RigContext())
     device.open()
     device.arm(Plan(ON_EDGES, 1000.0, 10))
     with (
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as tracker,
     ):
         tracker.bind(("127.0.0.2", 0))
         address = ("127.0.0.1", where.port)
-        stranger.sendto(b"1,0.1,1,2,3\n", address)
+        other.sendto(b"1,0.1,1,2,3\n", address)
         for line in (
             b"2,0.2,1,2,3\n",
             b"4,0.4,1,2,3\n",

@@ -39,7 +39,7 @@ from tests.ports import free_port
 CUT, AWAY, RESTART, SECONDS = 0.4, 0.12, 1.1, 2.1
 """s: when the cable is pulled, for how long, when the power goes, and the end of the run."""
 NOT_NOW = Quality.MISSING | Quality.STALE | Quality.LATE  # a row so marked does not show the value at its time
-FEW = 10  # rows by which a delay can be told
+FEW = 10  # rows from which a delay can be estimated
 Signal = Callable[[NDArray[np.int64]], NDArray[Any]]
 
 
@@ -172,7 +172,7 @@ def judge(
     shown = (quality & NOT_NOW) == 0
     shown &= np.abs(rows.host_ns - since) > 1e9 / rate
     reset = (quality & Quality.DEVICE_RESET) != 0
-    assert not np.any(np.diff(reset.astype(int)) < 0), "a restart is told to the end of the run"
+    assert not np.any(np.diff(reset.astype(int)) < 0), "a restart stays flagged to the end of the run"
     *_, offset = delay_of(value[shown & ~reset], truth, rows.host_ns[shown & ~reset])
     again = rows.host_ns > since
     for part in (~reset, reset & ~again, reset & again):

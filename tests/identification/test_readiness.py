@@ -94,8 +94,8 @@ def test_rate_in_step_with_the_setpoints_is_told(path: Path, arm: Arm, root: Pat
         driven = replace(arm, controller=replace(controller, setpoint_period=setpoints))
         return [warning for warning in check_runs([recording], driven).warnings if "setpoints" in warning]
 
-    (told,) = said(7 / RATE)
-    assert "7 times the rate" in told and "28 ms" in told
+    (warning,) = said(7 / RATE)
+    assert "7 times the rate" in warning and "28 ms" in warning
     assert not said(7.4 / RATE)
     assert not said(1 / RATE)  # the controller and the recorder run as one
 

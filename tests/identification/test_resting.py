@@ -77,9 +77,9 @@ def test_resting_joints_keep_the_model_and_say_why(result: Identification, start
         np.testing.assert_allclose(kept.coulomb, given.coulomb, rtol=1e-9)
         np.testing.assert_allclose(kept.viscous, given.viscous, rtol=1e-9)
         np.testing.assert_allclose(kept.rotor_inertia, given.rotor_inertia, rtol=1e-9)
-    told = {value.name: value for value in result.parameters}
+    by_name = {value.name: value for value in result.parameters}
     for entry in ("coulomb", "offset", "viscous", "rotor_inertia"):
-        value = told[f"joint5.{entry}"]
+        value = by_name[f"joint5.{entry}"]
         assert not value.identifiable and value.std is None
         assert "rests" in value.why and "friction" in value.why
 

@@ -40,7 +40,7 @@ def test_drag_and_added_mass_of_the_underwater_arm(root: Path, tmp_path: Path) -
     first = found["link1.drag_coefficient"]
     assert first["std"] < 0.02 and abs(first["value"] - 1.0) < 3 * first["std"]
     assert found["link2.drag_coefficient"]["value"] == pytest.approx(1.0, rel=1e-3)
-    # of link 1, which only turns about its own end, the added mass cannot be told from its inertia
+    # of link 1, which only turns about its own end, the added mass cannot be distinguished from its inertia
     assert found["link2.added_mass_coefficient"]["value"] == pytest.approx(2.0, rel=0.01)
     assert not found["link1.added_mass_coefficient"]["identifiable"]
     assert found["link2.added_mass_coefficient"]["unit"] == "1"

@@ -1,4 +1,1 @@
-"""Soak: a 20 kHz rig for minutes or hours, among subscribers and strangers that misbehave.
-
-With devices, disks and processes that fail.
-"""
+"""Soak: a 20 kHz rig for minutes or hours, among misbehaving clients and failing devices, disks and processes."""

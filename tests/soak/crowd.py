@@ -6,7 +6,7 @@ visitors   subscribers that come, listen for a while and go, some without a word
 wedged     subscribers that stop reading (SIGSTOP), then go on or are killed
 liars      put rubbish on the rig's keys, declare its tokens and command keys as their own, send bytes that are no Zenoh
            to its port
-strangers  commands with every kind of wrong argument; each must be answered by a result or a typed error
+fuzzers    commands with every kind of wrong argument; each must be answered by a result or a typed error
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class Crowd:
                     token.undeclare()
         time.sleep(0.3)
 
-    def strangers(self) -> None:
+    def fuzzers(self) -> None:
         unanswered = 0
         with open_session(self.rig, listen=False) as session:
             daemon = call(session, self.keys, "status")["pid"]
@@ -185,11 +185,11 @@ def main(kind: str, path: str, seed: int) -> None:
     rig = read_rig(path, drivers=False)
     if kind == "sleeper":
         sleep_and_listen(rig)
-    told: list[int] = []
-    signal.signal(signal.SIGTERM, lambda number, _: told.append(number))
+    signals: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: signals.append(number))
     crowd = Crowd(rig, str(Path(path)), random.Random(seed))
     visit: Callable[[], None] = getattr(crowd, kind)
-    while not told:
+    while not signals:
         try:
             visit()
         except (DeviceFault, OSError):

@@ -27,35 +27,37 @@ def faults_of(recording: Recording) -> list[str]:
     lost = np.concatenate([np.arange(0), *(loss.first + np.arange(loss.rows) for loss in ledger.losses)])
     missing = np.setdiff1d(np.arange(ledger.triggers), number)
     if not np.array_equal(np.sort(lost), missing):
-        found.append(f"{len(lost)} triggers are told to be lost, {len(missing)} have no row, or others")
+        found.append(f"{len(lost)} triggers are reported lost, {len(missing)} have no row, or others")
     overrun = OVERRUN[0] + np.arange(OVERRUN[1])
     if ledger.triggers > overrun[-1] and not np.isin(overrun, lost).all():
         found.append("rows that the card had no room for are not among the lost")
     return found
 
 
-def told(last: Table) -> list[str]:
+def imbalance(last: Table) -> list[str]:
     """What does not balance in the result that a daemon tells."""
     ledger = last["ledger"]
     if ledger["balanced"] and ledger["triggers"] == ledger["recorded"] + ledger["lost"]:
         return []
-    return [f"told {ledger['triggers']} triggers, {ledger['recorded']} recorded, {ledger['lost']} lost"]
+    return [f"reported {ledger['triggers']} triggers, {ledger['recorded']} recorded, {ledger['lost']} lost"]
 
 
 def finished(path: Path, last: Table) -> list[str]:
     """What does not balance in a recording that its daemon finished with the result ``last``."""
     recording = open_recording(path)
     found = faults_of(recording)
-    told = last["ledger"]
-    if (told["triggers"], told["recorded"]) != (recording.ledger.triggers, len(recording.number)):
-        found.append(f"the daemon told {told['recorded']} rows of {told['triggers']}, the file says otherwise")
+    reported = last["ledger"]
+    if (reported["triggers"], reported["recorded"]) != (recording.ledger.triggers, len(recording.number)):
+        found.append(
+            f"the daemon reported {reported['recorded']} rows of {reported['triggers']}, the file says otherwise"
+        )
     return found
 
 
 def unfinished(active: Path, recorded: int) -> tuple[list[str], int]:
     """The same for one whose daemon was killed, after recovery.
 
-    And how many rows fewer it has than the daemon last told.
+    And how many rows fewer it has than the daemon last reported.
     """
     out = active.with_name("recovered.mcap")
     recover(active, out, replace=True)

@@ -72,7 +72,7 @@ def section(table: Table) -> str:
         f"| triggers = rows recorded + rows lost | {table['triggers']} = {table['recorded']} + "
         f"{sum(table['lost'].values())} |",
         f"| lost, by reason | {lost or 'none'} |",
-        f"| kill -9: rows fewer than the daemon last told, ms | {table['killed_ms']} |",
+        f"| kill -9: rows fewer than the daemon last reported, ms | {table['killed_ms']} |",
         f"| a healthy subscriber: rows received, missed | {table['subscriber'].get('rows', 0)}, "
         f"{table['subscriber'].get('missed', 0)} |",
         f"| slowest answer to `status`, `start`, `stop` | {table['slowest_answer_s']} s |",

@@ -31,7 +31,7 @@ from tests.soak import judge
 from tests.soak.rig import GONE, LONG, SHORT, SoakRig, experiment, write_rig
 
 Table = dict[str, Any]
-CROWD = ("visitors", "wedged", "liars", "strangers")
+CROWD = ("visitors", "wedged", "liars", "fuzzers")
 KINDS = ("plain", "plain", "stopped", "device lost", "disk slow", "disk full", "abandoned")
 WARM_UP, MOST_GROWTH = 60.0, 20.0  # s after which memory must be flat, and MB by which it may still rise
 LOST = ("device_lost", "no_answer", "watchdog")  # how a run may end whose device is lost
@@ -159,7 +159,7 @@ class Soak:
 
     def _judge(self, kind: str, last: Table) -> None:
         account = self.account
-        for fault in judge.told(last):
+        for fault in judge.imbalance(last):
             self._wrong(f"{kind}: {fault}")
         account.ends[f"{kind}: {last['ending']['reason']}"] += 1
         if kind == "device lost" and last["ending"]["reason"] not in LOST:
@@ -260,15 +260,15 @@ class Soak:
     def _ask_guest(self, guest: subprocess.Popen[str]) -> None:
         try:
             out, _ = guest.communicate(timeout=60)
-            told = json.loads(out.splitlines()[-1])
+            result = json.loads(out.splitlines()[-1])
         except (subprocess.TimeoutExpired, ValueError, IndexError):
             guest.kill()
             self._wrong(f"one of the crowd failed: {(self.folder / 'crowd.log').read_text()[-500:]}")
             return
-        self.account.crowd.append(told)
-        for what, times in told.items():
+        self.account.crowd.append(result)
+        for what, times in result.items():
             if times and (what.startswith("a bug") or what in ("untyped", "unanswered")):
-                self._wrong(f"{told['kind']}: {times} x {what}")
+                self._wrong(f"{result['kind']}: {times} x {what}")
 
     def _wrong(self, sentence: str) -> None:
         self.account.wrong.append(sentence)

@@ -1,4 +1,4 @@
-"""Commands as they come from strangers: bounded, checked, queued; and whose clients still live."""
+"""Commands from untrusted clients: bounded, checked, queued; and which clients still live."""
 
 from typing import TYPE_CHECKING
 

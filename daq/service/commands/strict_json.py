@@ -1,4 +1,4 @@
-"""JSON arguments from strangers.
+"""JSON arguments from untrusted clients.
 
 Bounded before anything is expanded, finite numbers only, one typed error for all else.
 """

@@ -39,8 +39,8 @@ def fetch(
     check_file(out)
     if out.exists():
         raise InputError(out, "exists already, and no recording is overwritten; give another name")
-    told = call(session, keys, "checksum", {"name": name}, timeout=CHECKSUM_SECONDS)
-    size, sha256 = int(told["bytes"]), str(told["sha256"])
+    answer = call(session, keys, "checksum", {"name": name}, timeout=CHECKSUM_SECONDS)
+    size, sha256 = int(answer["bytes"]), str(answer["sha256"])
     part = out.with_name(f"{out.name}.{sha256[:12]}.part")
     try:
         handle = os.open(part, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)

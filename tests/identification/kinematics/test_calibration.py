@@ -126,16 +126,16 @@ def test_points_of_another_trigger_are_put_back(arms, first: int) -> None:
     assert result.after["held_out"].rms < 1.03 * NOISE
 
 
-@pytest.mark.parametrize("told", [True, False])
-def test_an_unknown_tracker_frame_is_estimated(arms, told: bool) -> None:
+@pytest.mark.parametrize("frame_known", [True, False])
+def test_an_unknown_tracker_frame_is_estimated(arms, frame_known: bool) -> None:
     """Also where the rig file claims that the points are in the base frame and they are not."""
     nominal, true = arms
     turn, shift = Rotation.from_euler("zyx", [2.0, 0.1, -0.3]).as_matrix(), np.array([1.5, -2.0, 0.4])
     runs = [measured(nominal, true, name, seed) for name, seed in (("a", 7), ("b", 8))]
     runs = [replace(run, xyz=(run.xyz - shift) @ turn) for run in runs]  # p_base = turn p_tracker + shift
-    result = calibrate(nominal, runs[:1], runs[1:], TARGET, Settings(frame_known=told))
+    result = calibrate(nominal, runs[:1], runs[1:], TARGET, Settings(frame_known=frame_known))
     assert not result.frame_known
-    assert bool(result.warnings) == told
+    assert bool(result.warnings) == frame_known
     pose = np.array(table_of(nominal, result)["tracker_frame"]["base_from_tracker"])
     assert np.degrees(Rotation.from_matrix(pose[:3, :3] @ turn.T).magnitude()) < 3.0
     np.testing.assert_allclose(pose[:3, 3], shift, atol=0.05)  # joint 1 and the base are one to the tracker

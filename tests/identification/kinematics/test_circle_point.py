@@ -97,7 +97,7 @@ def test_circles_alone_give_the_arm_when_target_and_joints_are_ideal(root: Path)
     """Without noise, sag or a misplaced target, features of all six sweeps are the arm: wherever it stood meanwhile."""
     nominal = puma(root)
     true = with_errors(nominal, np.random.default_rng(3))
-    last = nominal.joints[5]  # the last link cannot be told from the target
+    last = nominal.joints[5]  # the last link cannot be distinguished from the target
     true = replace(true, joints=(*true.joints[:5], replace(true.joints[5], a=last.a, d=last.d, alpha=last.alpha)))
     q = sweeps((1, 2, 3, 4, 5, 6), AT, 1.5)
     circles, refused = circles_of(q, seen(true, q))

@@ -1,8 +1,8 @@
-"""Defects that no vocabulary has, as an arm in use may have them.
+"""Defects outside the catalogue, as an arm in use may have them.
 
-Nothing may be named, the right variable has to be told.
+Nothing may be named; the reported variable must be the right one.
 
-Each is drawn at a strength of 1 in ``DRAWN`` and scaled to a multiple of the noise by ``magnitude``; ``TOLD`` says
+Each is drawn at a strength of 1 in ``DRAWN`` and scaled to a multiple of the noise by ``magnitude``; ``EXPLANATORY`` says
 against which variables of the same joint (unless it names another) a person would find it in the residual.
 """
 
@@ -111,7 +111,7 @@ DRAWN: dict[str, Callable[[np.random.Generator, int, float], dict[str, float]]] 
 }
 """Parameters of one, at a joint (1-based) and a strength that ``magnitude`` finds."""
 
-TOLD: dict[str, tuple[str, ...]] = {
+EXPLANATORY: dict[str, tuple[str, ...]] = {
     "eccentric_gear": ("position",),
     "lossy_drive": ("load torque",),
     "taut_cable": ("position",),
@@ -125,7 +125,7 @@ TOLD: dict[str, tuple[str, ...]] = {
     "sticking_core": ("current",),
     "crosstalk": ("current of joint {other}", "load torque of joint {other}"),
 }
-"""Variables that are right to be told.
+"""Variables whose report is correct.
 
 One that begins with such a name and goes on about direction or sign is as well.
 """

@@ -131,7 +131,7 @@ def test_rows_lost_while_recording(
     command: str, recorded: Path, root: Path, tmp_path: Path, free_port: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert call(command, recorded, root, tmp_path / "out", free_port) == 4
-    assert_told(capsys, recorded, "40 of 2751 rows are missing (1.45 %): a device made no row for this trigger")
+    assert_reported(capsys, recorded, "40 of 2751 rows are missing (1.45 %): a device made no row for this trigger")
 
 
 @pytest.mark.parametrize("command", LIGHT)
@@ -144,8 +144,8 @@ def test_half_a_file(
     account = open_recording(half).ledger
     assert account.triggers == 2751 and 800 < account.lost < 2000
     assert call(command, half, root, tmp_path / "out", free_port) == 4
-    told = assert_told(capsys, half, f"{account.lost} of 2751 rows are missing")
-    assert "the recording was cut off before these rows reached the disk" in told and "is not finished" in told
+    output = assert_reported(capsys, half, f"{account.lost} of 2751 rows are missing")
+    assert "the recording was cut off before these rows reached the disk" in output and "is not finished" in output
 
 
 @pytest.mark.parametrize("command", LIGHT)
@@ -158,8 +158,8 @@ def test_a_damaged_chunk(
     damaged.write_bytes(data)
     status = call(command, damaged, root, tmp_path / "out", free_port)
     assert status == 4
-    told = assert_told(capsys, damaged, "of 2751 rows are missing")
-    assert "the file is damaged where these rows were" in told and "checksum" in told
+    output = assert_reported(capsys, damaged, "of 2751 rows are missing")
+    assert "the file is damaged where these rows were" in output and "checksum" in output
 
 
 @pytest.mark.parametrize("command", sorted(set(LIGHT) - SHOW_DAMAGED))
@@ -181,7 +181,7 @@ def test_an_analysis_of_it(
     command: str, recorded: Path, root: Path, tmp_path: Path, free_port: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert call(command, recorded, root, tmp_path / "out", free_port) == 4
-    assert_told(capsys, recorded, "40 of 2751 rows are missing")
+    assert_reported(capsys, recorded, "40 of 2751 rows are missing")
 
 
 @pytest.mark.parametrize("command", ["diagnose", "calibrate"])
@@ -192,12 +192,12 @@ def test_it_is_told_before_the_work_begins(
     short = tmp_path / "run.mcap.active"
     short.write_bytes(recorded.read_bytes()[:40_000])
     assert call(command, short, root, tmp_path / "out", free_port) == 2
-    assert_told(capsys, short, "of 2751 rows are missing")
+    assert_reported(capsys, short, "of 2751 rows are missing")
 
 
-def assert_told(capsys: pytest.CaptureFixture[str], recording: Path, sentence: str) -> str:
+def assert_reported(capsys: pytest.CaptureFixture[str], recording: Path, sentence: str) -> str:
     """On standard error, once; what was said."""
-    told = capsys.readouterr().err
-    lines = [line for line in told.splitlines() if sentence in line]
-    assert len(lines) == 1 and lines[0].startswith(f"warning: {recording}: "), told
-    return told
+    output = capsys.readouterr().err
+    lines = [line for line in output.splitlines() if sentence in line]
+    assert len(lines) == 1 and lines[0].startswith(f"warning: {recording}: "), output
+    return output
