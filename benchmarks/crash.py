@@ -1,4 +1,4 @@
-"""Killed a hundred times: processes that record at 5 kHz get SIGKILL at a random moment; what is left of their files.
+"""Killed a hundred times: processes that record at 5 kHz get SIGKILL at a random moment; what their files still hold.
 
 Each child stamps its rows with the time at which they were made, in blocks of 10 ms, as the sampler does. Missing is
 the time from the last row in the file to the kill.
@@ -77,7 +77,7 @@ def right(recording: Recording) -> bool:
     wanted = make_rows(0, len(recording), 0)
     pairs = [(recording.number, wanted.number), (recording.q, wanted.position), (recording.counts, wanted.counts)]
     pairs += [(recording.i, wanted.current), (recording.qref, wanted.demand), (recording.volts, wanted.volts)]
-    return all(np.array_equal(have, want) for have, want in pairs)
+    return all(np.array_equal(have, expected) for have, expected in pairs)
 
 
 def measure() -> dict[str, float]:

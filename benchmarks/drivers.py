@@ -145,7 +145,7 @@ def labjack_t7_decode() -> dict[str, float]:
 
 
 def us_digital_qsb() -> dict[str, float]:
-    """All that a QSB can send at 230400 baud; polled 1000 times a second for its newest count."""
+    """All that a QSB can send at 230400 baud; polled 1000 times per second for its newest count."""
     from drivers.us_digital_qsb import protocol as qsb
 
     with tempfile.TemporaryDirectory() as folder, device("us_digital_qsb", port=f"{folder}/qsb") as counter:
@@ -242,8 +242,8 @@ def by_syncs(name: str, encoders: Any) -> dict[str, float]:
 def isabellenhuette_ivts() -> dict[str, float]:
     """Six sensors with a result every ms, the fastest there is, over a bus of Unix sockets.
 
-    Polled 1000 times a second for the newest. ivts_rate_vs_sent: results taken over those that the sensors make in the
-    time; ivts_taken_vs_sent by the counters in the frames.
+    Polled 1000 times per second for the newest. ivts_rate_vs_sent: results taken over those that the sensors make in
+    the time; ivts_taken_vs_sent by the counters in the frames.
     """
     sensors = [{"command": 0x411 + k, "reply": 0x451 + k, "result": 0x521 + 16 * k} for k in range(6)]
     options = {"sensors": sensors, "period": 1, "timeout": 1.0, "interface": "unix"}

@@ -32,7 +32,7 @@ def motion() -> Experiment:
     moves = [{"type": "move", "to": pose, "speed": 0.8} for pose in [there, back] * 4]
     return Experiment.model_validate(
         {
-            "name": "to and fro",
+            "name": "back and forth",
             "start": [0.0, -1.5, 1.5, 0.0, 0.5, 0.0],
             "full_speed": [1.8, 1.4, 2.2, 5.0, 5.0, 5.0],
             "full_acceleration": [6.0, 6.0, 8.0, 20.0, 20.0, 20.0],

@@ -181,8 +181,9 @@ def loop(demands, p, x, current, kp, ki, kd, limit, period, share, half, ahead):
             error = demands[tick, j] - x[j]
             integral[j] += ki[j] * period * error
             speed[j] += share * ((x[j] - last[j]) / period - speed[j])
-            want = kp[j] * error + integral[j] + kd[j] * (ahead * (demands[tick, j] - before[j]) / period - speed[j])
-            command[j] = min(max(want, -limit[j]), limit[j])
+            ahead_rate = ahead * (demands[tick, j] - before[j]) / period
+            demanded = kp[j] * error + integral[j] + kd[j] * (ahead_rate - speed[j])
+            command[j] = min(max(demanded, -limit[j]), limit[j])
             last[j], before[j] = x[j], demands[tick, j]
         middle = command + (current - command) * half
         end = command + (middle - command) * half

@@ -28,7 +28,7 @@ START, LEAST, MOST = 0.5, 0.2, 3.0  # of the published values: where the search 
 
 
 def installed() -> bool:
-    """Whether ``mujoco.sysid`` and what it wants are here: without its extra, its names are missing."""
+    """Whether ``mujoco.sysid`` and its requirements are here: without its extra, its names are missing."""
     try:
         from mujoco import sysid
     except ImportError:

@@ -20,9 +20,8 @@ from arm_io.table import Table
 from drivers.rig_context import RigContext
 
 MOST = 4096  # frames that a mailbox holds: unread frames are not kept for ever
-ATTENDED = (
-    0.1  # s since a driver last read: until then it will read again, and the bus's thread only empties what is left
-)
+# s since a driver last read: until then it will read again, and the bus's thread takes only the remaining frames
+ATTENDED = 0.1
 LEFT = 0.01  # s between such looks
 TURN = 0.001  # s after which a thread that waits for another's reading checks its mailbox again
 OLDEST = 2.0  # s: a frame's stamp that is older was not given by this computer's clock
@@ -209,7 +208,7 @@ class CanBus:
     def _receive(self, seconds: float, turn: float, box: Mailbox | None = None) -> None:
         """The next frame within ``seconds`` s; for 0, all that have come.
 
-        Waits ``turn`` s at most for another thread that reads, which may have put into ``box`` what is wanted.
+        Waits ``turn`` s at most for another thread that reads, which may have put the awaited frame into ``box``.
         """
         if not self._reading.acquire(timeout=turn):
             return

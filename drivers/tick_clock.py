@@ -13,7 +13,7 @@ Reading = tuple[int, int, int]  # tick, host ns, round trip in ns
 
 
 class TickClock:
-    """Line through the latest readings (tick, host ns), each as good as it was quick.
+    """Line through the latest readings (tick, host ns), each weighted by how quick it was.
 
     What it took longer than the quickest one was spent in either direction, so the error is at most half of that. The
     rate begins as the nominal one, known to ``CRYSTAL``; how soon the readings overrule it follows from both
@@ -47,8 +47,8 @@ class TickClock:
     def host(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
         """Host ns at ``ticks`` (n,), which rise from call to call; at least one reading must have been added.
 
-        Host times rise with the ticks, too: where a better reading shows that those returned so far were late, time goes on
-        at half its pace until the line has caught up with them.
+        Host times rise with the ticks, too: where a better reading shows that earlier ones were late, time goes on at
+        half its pace until the line has caught up with them.
         """
         (tick, host, _), offset, slope = self._line = self._line or self._fitted()
         line = host + np.rint((ticks - tick) * slope + offset).astype(np.int64)

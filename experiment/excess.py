@@ -75,7 +75,7 @@ def _beyond(demand: Demand, limits: Array) -> Array:
 
     Where they are not beyond them, some value within. The stretches whose bounds go furthest come first: what they
     reach excludes most others. Where it does not, ``LOOKS`` blocks are enough for the value of a limit that is known to
-    be broken; whether one is broken is looked for everywhere.
+    be broken; every instant is checked.
     """
     most = limits.copy()
     waiting: list[tuple[float, int, int, Array]] = []

@@ -343,7 +343,7 @@ class Stepper:
         return now[:n].copy(), now[n : 2 * n].copy()
 
     def copy(self) -> Stepper:
-        """Another that goes on from here by itself; the machine code is shared."""
+        """An independent copy that continues from here; the machine code is shared."""
         other, run = copy(self), self._run
         states, memories, currents = (aligned(*array.shape) for array in (run.states, run.memories, run.currents))
         states[:], memories[:], currents[:] = run.states, run.memories, run.currents

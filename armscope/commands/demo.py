@@ -55,7 +55,7 @@ def command(
 
 
 def _identify_and_compare(folder: Path, fit: Path, held_out: Path) -> None:
-    """The recordings identified, and the identified model beside the measurement."""
+    """The recordings identified, and the identified model compared with the measurement."""
     _say("5. Identification: which friction, inertia and gravity explain the measured currents?")
     identified, model = folder / "identified", shipped_folder() / "models/puma560.toml"
     result = _ask("identify", fit, "--model", model, "--held-out", held_out, "--out", identified)

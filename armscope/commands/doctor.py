@@ -54,7 +54,7 @@ def command(
 
 
 def _examine(table: DeviceTable, device: Device, identities: dict[str, Identity], plan: Plan) -> dict[str, Any]:
-    """What a device says, opened by itself so that one that is missing hides no other.
+    """What a device says, opened alone, so that a missing device hides no other.
 
     Where it is silent, what there is instead.
     """

@@ -54,8 +54,8 @@ def command(
     if as_json:
         print(json.dumps(figures | {"watched": watched, "lost": run.ledger.lost}))
     else:
-        nobody = "" if watched else "; no subscriber at the start"
-        print(f"{publisher.rows} rows in {publisher.blocks} blocks, {seconds:.2f} s{nobody}")
+        unwatched = "" if watched else "; no subscriber at the start"
+        print(f"{publisher.rows} rows in {publisher.blocks} blocks, {seconds:.2f} s{unwatched}")
 
 
 def _await_subscriber(publisher: Publisher, seconds: float) -> bool:

@@ -69,7 +69,7 @@ def fit_clock(device: str, pairs: Sequence[tuple[int, int]], knot_seconds: float
     seconds = (host[-1] - host[0]) * 1e-9
     knots = np.linspace(0.0, 1.0, 1 + max(1, min(round(seconds / knot_seconds), len(ticks) // 3)))
     at = (ticks - ticks[0]) / (ticks[-1] - ticks[0])
-    line = at * (host[-1] - host[0])  # least squares on what is left: 64-bit ns do not fit a float
+    line = at * (host[-1] - host[0])  # least squares on the residual: 64-bit ns do not fit a float
     residual = (host - host[0]) - line
     hats = _hats(at, knots)
     normal = hats.T @ hats

@@ -184,25 +184,25 @@ class Join:
         quality = np.full((n, self.columns.quality), MISSING, np.uint8)
         for stream in (self.clock, *self.others):
             if stream is self.clock:
-                rows, place, doubt = table, np.arange(n), np.zeros(n, np.uint8)
+                rows, place, flag = table, np.arange(n), np.zeros(n, np.uint8)
             elif stream.ready is None:
                 continue
             elif stream.by_time:
                 rows = stream.ready
                 place, first = nearest(rows["host"], table["host"], stream.served)
-                doubt = np.where(first, 0, int(stream.repeat)).astype(np.uint8)
+                flag = np.where(first, 0, int(stream.repeat)).astype(np.uint8)
                 stream.served = int(rows["host"][place[-1]])
             else:
                 rows, place = stream.ready, places[stream.name]
-                doubt = np.where(rows["index"][place] == table["index"], 0, MISSING).astype(np.uint8)
-            there = (doubt & MISSING) == 0
+                flag = np.where(rows["index"][place] == table["index"], 0, MISSING).astype(np.uint8)
+            there = (flag & MISSING) == 0
             every = bool(there.all())
             for name, columns in stream.columns.items():
                 if every:
                     values[name][:, columns] = rows[name][place]
                 else:
                     values[name][there, columns] = rows[name][place[there]]
-            marks = rows["quality"][place] | doubt[:, None]
+            marks = rows["quality"][place] | flag[:, None]
             quality[:, stream.quality] = marks if every else np.where(there[:, None], marks, np.uint8(MISSING))
         return Joined(
             table["index"],

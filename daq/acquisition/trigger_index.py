@@ -141,8 +141,8 @@ class Indexer:
         for row in np.flatnonzero(jumps > 0):
             self.missed.update(range(int(index[row] - jumps[row]), int(index[row])))
         for row in np.flatnonzero(jumps < 0):
-            twins = np.flatnonzero(index[:row] >= index[row])
-            worst = twins[np.argmax(off_grid[twins])] if len(twins) else row
+            same = np.flatnonzero(index[:row] >= index[row])
+            worst = same[np.argmax(off_grid[same])] if len(same) else row
             keep[worst if off_grid[worst] > off_grid[row] else row] = False
             self.extra += 1
         return keep

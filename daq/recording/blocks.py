@@ -41,7 +41,7 @@ class LongRecording(RecordingHead):
 
         A recording without rows is one block.
 
-        May be asked again. ``gaps`` of a block are not looked for.
+        May be asked again. ``gaps`` of a block are not computed.
         """
         pose = self.base_from_tracker
         for columns in self._contents.pieces() if self.rows else [self._contents.nothing()]:

@@ -19,7 +19,7 @@ from daq.recording.mcap_file.writer import Progress
 class Found:
     """What could be read of a file.
 
-    runs      (k, 3) trigger numbers without a hole between them: first, last, and whether something unreadable stood
+    runs      (k, 3) trigger numbers without a hole between them: first, last, and whether something unreadable was
               before the first
     finished  the file has its end
     """

@@ -126,7 +126,7 @@ def open_recording(path: str | Path, *, damaged: bool = False, most_numbers: int
     """Reads a recording, finished or cut off (``RUN.mcap.active``); of the latter the ledger lists what is missing.
 
     damaged  True: of a damaged file everything that can be read, with ``notes``; False: it is refused where more than
-             chunks of rows is damaged (those are in the ledger), for what else stood there is not known
+             chunks of rows is damaged (those are in the ledger), for what else was there is not known
     most_numbers  rows times joints to be kept of each signal: in a longer recording rows are averaged, and raw counts,
                   volts and clocks
              left out (``daq.recording.thinned``); None: everything as it was recorded

@@ -115,7 +115,7 @@ class Guard:
     def feed(self) -> None:
         """A sign of life.
 
-        One that comes too late is none, though the thread that watches may have stood still as long.
+        One that comes too late is none, though the watching thread may have been suspended as long.
         """
         now = self.clock.monotonic_ns()
         if now - self._fed > self.rig.watchdog * 1e9:
@@ -221,7 +221,7 @@ class Guard:
             self._watched = now
 
     def _starved(self) -> None:
-        """Trips the guard: by the device that was awaited, unless this whole program stood still as well."""
+        """Trips the guard: by the device that was awaited, unless this whole program was suspended as well."""
         stood_still = self.clock.monotonic_ns() - self._watched > self.rig.watchdog * 0.75e9
         if self.tripped is None:
             self.silent = None if stood_still else self._awaited or self._slow

@@ -1,6 +1,6 @@
 """CANopen encoders whose SYNCs are made by a node of the bus, or by a controller that makes them anyway.
 
-The SYNCs are the trigger line: as regular as that node's crystal, and waiting for nobody, so that the bus may be
+The SYNCs are the trigger line: as regular as that node's crystal, and never waiting, so that the bus may be
 filled. This computer listens; a row's time is that of its SYNC, as stamped on arrival. It is complete when the next
 SYNC has come. SYNCs are counted; a bus that was off for a while, and a node that had to begin anew, leave a gap in the
 numbers, by the time that has passed. A single SYNC that was not heard is found by the sampler, by the interval.

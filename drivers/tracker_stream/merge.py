@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 HEAD = 16  # edges that the search for the grid begins with
 OFF_GRID = 0.25  # of a period: an edge further away than that is no edge of the tracker
 CLEARLY_BETTER = 0.5  # rms of the best place, at most this share of the next best's
-RESOLVABLE = 3.0  # jitter, at least so many times what is left of it at the best place
+RESOLVABLE = 3.0  # jitter, at least so many times the remaining jitter at the best place
 
 
 @dataclass(frozen=True)

@@ -132,8 +132,8 @@ class ValTerminal:
         if len(experiment.start) != self.joints:
             raise self._fault(f"the experiment is for {len(experiment.start)} joints, the arm has {self.joints}")
         if not np.allclose(experiment.full_speed, self.config.full_speed[: self.joints], rtol=SAME_SPEED):
-            has, wants = list(experiment.full_speed), list(self.config.full_speed)
-            raise self._fault(f"the experiment has full_speed {has} rad/s, this controller {wants}")
+            has, needed = list(experiment.full_speed), list(self.config.full_speed)
+            raise self._fault(f"the experiment has full_speed {has} rad/s, this controller {needed}")
         try:
             self._steps = self._compile(experiment)
         except ValueError as error:

@@ -2,7 +2,7 @@
 
 What they add to the torque that a recording shows, and the columns of their parameters.
 
-What a recording shows is the inverse dynamics of the arm with all its effects, seen through its instruments:
+What a recording shows is the inverse dynamics of the arm with all its effects, as its instruments measure it:
 
     shown = K i_read,   i_read = i + current effects(i),   i = torque(q_read - angle effects, ...) / K_real
 

@@ -34,7 +34,7 @@ def p_value(gains: Array) -> float:
 
     Chernoff's bound of the sign-change distribution, min over s of exp(sum log cosh(s g_b) - s sum g_b): never too
     small, whatever the distribution of the gains, and 2^-n where all n blocks gain. Blocks with no gain and no loss
-    (the arm stood still) do not count.
+    (the arm was at rest) do not count.
     """
     gains = gains[np.abs(gains) > 1e-9 * np.max(np.abs(gains), initial=0.0)]
     total = float(gains.sum())

@@ -19,7 +19,7 @@ at beta_k < alpha_k, so that
 which is the play (backlash) operator (Krasnosel'skii and Pokrovskii, "Systems with hysteresis", 1989, section 2) on a
 staircase. highest - lowest is 0 or 1, which is what lets ``follow`` evaluate it on whole arrays.
 
-Every function works on arrays whose last axis is the encoders (one a joint).
+Every function works on arrays whose last axis is the encoders (one per joint).
 """
 
 from __future__ import annotations

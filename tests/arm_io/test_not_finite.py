@@ -113,7 +113,7 @@ SEGMENTS: dict[type, dict[str, Any]] = {
 @pytest.mark.parametrize("kind", list(SEGMENTS))
 @pytest.mark.parametrize("make", [lambda table: experiment_of(table, "file"), Experiment.model_validate])
 def test_every_number_of_every_kind_of_segment(kind: type, make: Callable[[dict[str, Any]], Experiment]) -> None:
-    """Through the file's reader, and where a program builds an experiment by itself."""
+    """Through the file's reader, and in an experiment that a program builds."""
     table: dict[str, Any] = {
         "name": "all",
         "start": [0.0, 0.0],

@@ -156,7 +156,7 @@ def test_bad_period_and_unstable_sampling(arm: Arm) -> None:
 
 
 @pytest.mark.slow
-def test_example_draws_and_tells(root: Path, tmp_path: Path) -> None:
+def test_example_draws_and_reports(root: Path, tmp_path: Path) -> None:
     import json
     import subprocess
     import sys

@@ -79,11 +79,11 @@ def test_teeth_push_and_never_pull(series: bool) -> None:
     spring = EffectTerm("joint_compliance", 1, {"stiffness": stiffness, "damping": damping})
     arm = one_axis(EffectTerm("backlash", 1, play), *([spring] if series else []))
 
-    def kick(t: np.ndarray) -> np.ndarray:
+    def pulse(t: np.ndarray) -> np.ndarray:
         return np.where(t < 0.001 - 1e-9, ROTOR * speed / 0.001, 0.0)[:, None]
 
     times = np.array([0.001, 0.0014, 0.01])
-    motion = simulate(arm, kick, duration=0.03, rate=1, times=times, start=np.zeros(1), substeps=20)
+    motion = simulate(arm, pulse, duration=0.03, rate=1, times=times, start=np.zeros(1), substeps=20)
     apart = (motion.qmd - motion.qd)[:, 0]
     np.testing.assert_allclose(apart[:2], speed, rtol=1e-6)
     assert abs((motion.qm - motion.q)[-1, 0]) < gap

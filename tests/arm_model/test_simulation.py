@@ -43,7 +43,7 @@ def test_energy_of_an_undriven_frictionless_arm_stays(puma: Arm) -> None:
     joints = tuple(replace(joint, viscous=0.0, coulomb=(0.0, 0.0)) for joint in arm.joints)
     arm = replace(arm, joints=joints, controller=None)
     motion = simulate(arm, lambda t: np.zeros((len(t), 3)), duration=10.0, rate=100, start=np.array([0.0, 0.4, -0.2]))
-    # It hangs on its motors at the start, so let the currents go: the demand is zero from the first instant.
+    # Its motors hold it at the start, so let the currents go: the demand is zero from the first instant.
     energy = numeric.energy(arm, motion.q, motion.qd)
     swing_energy = np.ptp(numeric.energy(arm, motion.q, 0 * motion.qd))
     assert swing_energy > 10.0

@@ -72,7 +72,7 @@ def _shown(case: Case, most: int) -> tuple[Case, dict[str, list[Experiment]], St
 
 
 def _scaled(case: Case, number: int, sides: dict[str, list[Experiment]]) -> tuple[Hidden, float]:
-    """One effect of the case as strong as it is wanted, and its strength over the noise."""
+    """One effect of the case at the required strength, and its strength over the noise."""
     fit, held_out = sides.values()
 
     def at(factor: float) -> Hidden:

@@ -18,7 +18,7 @@ class Laboratory:
     route          "rig": through counters, transducers and converter to MCAP; "table": CSV by ``armscope import``
     rate           Hz
     rest_velocity  rad/s: width over which friction changes its sign
-    colour         A rms: noise of the currents that is correlated over ``correlation`` s, beside the white
+    colour         A rms: noise of the currents that is correlated over ``correlation`` s, in addition to the white
     gains          of the position loops over those of the model's file
     """
 

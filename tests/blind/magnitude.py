@@ -2,7 +2,7 @@
 
 Measured by simulating the same motions with and without it. The noise is all that the instruments add to a current:
 white, and what is correlated. An effect that is drawn where its motions hardly show it is made stronger, or hidden in
-another laboratory, until they do: what nobody could see is no case.
+another laboratory, until they do: an effect that is not detectable is no case.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def scaled(
 def limit_below(peak_share: float, joint: int, experiments: Sequence[Experiment], laboratory: Laboratory) -> float:
     """A: a share of the largest current that the motions ask of a joint for ``ASKED`` s.
 
-    Shorter kicks of the setpoints are over before one looks.
+    Shorter transients of the setpoints have decayed by then.
     """
     rows = round(ASKED * laboratory.rate)
     currents = [bare(e, laboratory).signals.current[:, joint - 1] for e in experiments]

@@ -137,15 +137,15 @@ def truth(experiment: Experiment, hidden: tuple[Hidden, ...], laboratory: Labora
     servo = np.arange(0.0, demand.duration, true.servo_period)
     targets = demand(setpoints)
     wanted = np.column_stack([np.interp(servo, setpoints, column) for column in targets.T])
-    # a wrist's controller knows how its gears couple: it turns the motors so that the axes go where they are commanded to
+    # a wrist's controller knows how its gears couple: it turns the motors so that the axes follow their commands
     wanted = wanted @ np.linalg.inv(true.coupling).T
     angle, current, link = run(true, wanted, round(settle / true.servo_period), substeps(true))
     t = np.arange(0.0, servo[-1], 1.0 / laboratory.rate)
     counts = np.array([1000.0, 800.0, 1000.0, 1000.0, 1000.0, 1000.0])
     fine, amperes = between(servo, current, true)
     if laboratory.route == "table":
-        # drives average over a row. Single values alias: the 28 ms setpoints kick the current, and their 14th harmonic
-        # is 500 Hz
+        # Drives average over a row. Single values alias: the 28 ms setpoints excite current transients, and their 14th
+        # harmonic is 500 Hz.
         charge, half = cumulative_trapezoid(amperes, fine, axis=0, initial=0.0), 0.5 / laboratory.rate
         since, until = np.maximum(t - half, fine[0]), np.minimum(t + half, fine[-1])
         seen = (_at(until, fine, charge) - _at(since, fine, charge)) / (until - since)[:, None]
@@ -164,7 +164,7 @@ FINER = 8
 def between(servo: Array, current: Array, plant: Plant) -> tuple[Array, Array]:
     """Times (FINER m,) s and currents there of what was (m, n) A at the servo's instants.
 
-    Drives run to what is wanted with their own lag.
+    Drives follow their demands with their own lag.
 
     A line from instant to instant would be 0.15 ms late: most of the way is gone in the first half of a period.
     """
@@ -180,7 +180,7 @@ def _at(t: Array, times: Array, values: Array) -> Array:
 
 
 def substeps(plant: Plant) -> int:
-    """Steps a servo period: as many as the stiffest part wants."""
+    """Steps per servo period: as many as the stiffest part requires."""
     if np.any(plant.stiffness > 0):
         return 5
     return 4 if np.any(plant.bristle > 0) else 2

@@ -1,4 +1,4 @@
-"""What a diagnosis is worth where the truth is known: names, parameters, what is left, confidence.
+"""What a diagnosis is worth where the truth is known: names, parameters, residual, confidence.
 
 One case, and all of them.
 """

@@ -2,8 +2,8 @@
 
 Nothing may be named; the reported variable must be the right one.
 
-Each is drawn at a strength of 1 in ``DRAWN`` and scaled to a multiple of the noise by ``magnitude``; ``EXPLANATORY`` says
-against which variables of the same joint (unless it names another) a person would find it in the residual.
+Each is drawn at a strength of 1 in ``DRAWN`` and scaled to a multiple of the noise by ``magnitude``; ``EXPLANATORY``
+says against which variables of the same joint (unless it names another) a person would find it in the residual.
 """
 
 from __future__ import annotations

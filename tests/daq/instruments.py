@@ -344,7 +344,7 @@ class Controller:
 
     def load(self, experiment: object) -> None:
         if not isinstance(experiment, Experiment):
-            raise DeviceFault(self.name, "wants an Experiment")
+            raise DeviceFault(self.name, "needs an Experiment")
         self.experiment = experiment
         self.motion = demand_of(experiment)
         self.duration = self.motion.duration

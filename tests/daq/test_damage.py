@@ -120,7 +120,7 @@ def test_bytes_changed_anywhere(original: Original, whole: bool, hits: list[tupl
     recording, complete = rescue(original, bytes(data))
     check(recording, complete=complete, sure=not progress_hit)
     assert len(recording) >= ROWS - LOSS.rows - CHUNK * len(hits), (
-        "more rows are gone than stood in the chunks that were hit"
+        "more rows are gone than were in the chunks that were hit"
     )
 
 
@@ -181,7 +181,7 @@ def test_a_damaged_chunk_is_in_the_ledger(original: Original) -> None:
 
 
 def test_a_damaged_file_is_not_read_unnoticed(original: Original) -> None:
-    """In an attachment, nothing tells what is lost."""
+    """In an attachment, nothing shows what is lost."""
     data = bytearray(original.finished)
     data[data.index(b"zstd") + 500] ^= 1
     data[data.index(b"rig.toml") + 60] ^= 1

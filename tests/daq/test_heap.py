@@ -33,5 +33,5 @@ def test_large_blocks_go_back_to_the_system(root: Path) -> None:
     for fixed in (False, True):
         command = [sys.executable, "-c", BLOCKS.format(fixed=fixed)]
         held[fixed] = float(subprocess.run(command, cwd=root, capture_output=True, text=True, check=True).stdout)
-    assert held[False] > 150.0, "glibc does it by itself now"
+    assert held[False] > 150.0, "glibc does it without our call now"
     assert held[True] < 20.0

@@ -37,7 +37,7 @@ GAPS = st.lists(
 def test_no_gap_makes_a_joint_look_fast(
     sizes: list[int], gaps: list[tuple[int, int, str]], speed: float, turn: int
 ) -> None:
-    """A joint that goes to and fro below its limit; values are missing, repeated, or come up to 0.95 s late."""
+    """A joint that goes back and forth below its limit; values are missing, repeated, or come up to 0.95 s late."""
     t = np.arange(500) * PERIOD * 1e-9
     true = speed * np.where(t < turn * 0.01, t, 2 * turn * 0.01 - t)
     q, measured, timed = true.copy(), np.ones(500, bool), np.ones(500, bool)

@@ -1,4 +1,4 @@
-"""Recordings of a model with something in it, as tests of the parts of a diagnosis want them.
+"""Recordings of a model with hidden effects, for tests of the parts of a diagnosis.
 
 Two excitations, with white noise.
 """
@@ -31,7 +31,7 @@ class Seen:
 
 
 def seen(root: Path, arm: Arm, terms: Sequence[EffectTerm], names: Sequence[str] = ("excitation",)) -> Seen:
-    """The arm with ``terms`` in it, on the named experiments, seen through the arm without them."""
+    """The arm with ``terms`` in it, on the named experiments, and their residuals under the arm without them."""
     rng = np.random.default_rng(7)
     runs = []
     for name in names:

@@ -1,6 +1,6 @@
 """A current that is clipped piles up at its limit.
 
-One that turns round by itself, or rests at its largest value for a while, does not.
+One that reverses of its own accord, or rests at its largest value for a while, does not.
 """
 
 from __future__ import annotations

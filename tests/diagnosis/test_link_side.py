@@ -63,7 +63,7 @@ def _recorded(
             rows, t = recorded(what, LABORATORY, 10 + number), what.signals.t
             link = CubicSpline(t, what.link)(np.maximum(t - late, t[0]))
             for one in hidden:
-                if one.effect == "gear_ripple":  # the plant tells where the motor is
+                if one.effect == "gear_ripple":  # the plant reports where the motor is
                     j, order = (one.joint or 0) - 1, one.parameters["order"] * plant.gear
                     link[:, j] += one.parameters["amplitude"] * np.sin(order[j] * link[:, j] + one.parameters["phase"])
             link[:, 2] += zero

@@ -75,7 +75,7 @@ def _given(root: Path, rig: Path, folder: Path) -> None:
 def _is_a_report(path: Path, cause: str) -> None:
     """One file that needs no network.
 
-    The verdict, then the cause, what was not visible, what is left, and the simulation beside the arm.
+    The verdict, the cause, what was not detectable, the unexplained structure, the simulation compared with the arm.
     """
     page = path.read_text()
     assert len(page) < 5e6 and "<script" not in page and "<link" not in page

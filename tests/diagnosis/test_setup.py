@@ -30,7 +30,7 @@ def test_with_the_drives_off_only_what_instruments_add_is_looked_for(puma: Arm) 
     off = rng.normal(scale=0.005, size=still.shape) + 0.05
     run = residual_run("off", puma, t, still, off, powered=False)
     # neither gravity nor friction is expected: what is there counts in units of the transducers' scatter, which is all
-    # of the doubt
+    # of the uncertainty
     assert np.all(np.abs(run.residual - 0.05) < 0.01)
     assert np.all(run.deviation < 0.005)
     on = residual_run("on", puma, t, still, off)

@@ -17,7 +17,7 @@ from diagnosis.screening.stretches import LENGTH, MOST, NEAR, duration, examined
 
 
 def recorded(path: Path, seconds: float, rate: float = 100.0, joints: int = 2) -> Recording:
-    """Joints that turn to and fro, and stand every 4 s."""
+    """Joints that turn back and forth, and rest every 4 s."""
     t = np.arange(int(seconds * rate)) / rate
     q = np.stack([np.sin(np.pi * t / 4 + joint) ** 3 for joint in range(joints)], axis=1)
     write_table(path, t, {"q": q, "i": np.cos(q)}, Attachments())

@@ -81,6 +81,6 @@ def test_backlash_of_joint_2_at_the_vertical_is_found_from_currents_and_motor_an
     (cause,) = result.causes
     assert (cause.effect, cause.joint) == ("backlash", 2)
     (gap,) = [p for p in cause.parameters if p.name == "half_gap"]
-    # without a demand: a tenth of it is in doubt
+    # without a demand: a tenth of it is uncertain
     assert abs(gap.value - 0.002) < min(1e-4, 2 * gap.std) and gap.std < 3e-4
     assert cause.after < 0.4 * cause.before

@@ -48,12 +48,12 @@ def test_numbers_have_the_digits_that_their_doubt_leaves(one: Estimate, said: st
 
 
 def test_a_group_is_never_told_as_one_lucky_member() -> None:
-    twins = group_of(("torque_constant", 2), ("current_gain", 2), felt_at=2)
-    assert either(twins) == "torque constant or current gain of joint 2"
+    aliased = group_of(("torque_constant", 2), ("current_gain", 2), felt_at=2)
+    assert either(aliased) == "torque constant or current gain of joint 2"
     apart = group_of(("payload", None), ("link_inertia", 6), felt_at=6)
     assert either(apart) == "payload or link inertia of joint 6"
     alone = group_of(("backlash", 3), felt_at=3)
-    result = Verdict("explained", [twins, alone])
+    result = Verdict("explained", [aliased, alone])
     expected = "Explained: torque constant or current gain of joint 2; backlash of joint 3. The residual is noise."
     assert sentence(cast(Diagnosis, result)) == expected
 

@@ -114,7 +114,7 @@ def says_who_it_is(specimen: Specimen) -> None:
     device = open_one(specimen)
     try:
         identity = _identity(device, specimen)
-        assert identity.maker and identity.model, "maker and model are wanted"
+        assert identity.maker and identity.model, "maker and model are required"
         assert identity.max_rate is None or identity.max_rate > 0
         assert identity.memory is None or identity.memory > 0
         assert identity.latch_delay >= 0 and identity.channel_skew >= 0

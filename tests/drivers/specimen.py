@@ -60,7 +60,7 @@ def refuses(call: Callable[[], object], what: str) -> None:
     except DeviceFault as fault:
         assert fault.what and "\n" not in fault.what
     except Exception as error:
-        raise AssertionError(f"{what}: {type(error).__name__}: {error}, where a DeviceFault is wanted") from error
+        raise AssertionError(f"{what}: {type(error).__name__}: {error}, must be a DeviceFault") from error
     else:
         raise AssertionError(f"{what} is not refused")
 

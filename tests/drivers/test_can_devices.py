@@ -174,7 +174,7 @@ def test_bus_off_is_a_gap_and_is_recovered_from(one_bus: tuple[Any, Any], monkey
 def test_an_encoder_that_restarted_while_the_bus_was_off_is_marked(
     one_bus: tuple[Any, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nobody heard that it booted; that its settings are gone tells."""
+    """No message reports that it booted; its lost settings show it."""
     import can
 
     device, box = one_bus

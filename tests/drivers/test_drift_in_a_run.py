@@ -1,6 +1,6 @@
 """A whole rig whose clock is 100 ppm fast, through bytes.
 
-The run's rows keep the host's time, and the recorded fit tells the drift.
+The run's rows keep the host's time, and the recorded fit shows the drift.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def test_a_t7_whose_crystal_is_fast(tmp_path: Path) -> None:
     assert drift == pytest.approx(PPM, abs=10 + 6 * max(fit.std_ns) * 1e-3 / seconds)
     true = started + (np.arange(len(rows)) + 1) / (RATE * (1 + PPM * 1e-6)) * 1e9
     off = rows[:, 0] - true
-    # By the nominal rate the last row would be 600 us out; what is left is a reading's round trip.
+    # By the nominal rate the last row would be 600 us out; the remainder is a reading's round trip.
     assert np.abs(off[-500:]).max() < 300_000
     assert (np.diff(rows[:, 0]) > 0).all()
     fitted = fit.to_host(rows[:, 1]) - true

@@ -310,7 +310,7 @@ def test_a_clock_that_drifts_is_followed(rig) -> None:
     device.arm(Plan(TIMER, 2000.0, None))
     begun = time.monotonic()
     off = np.inf
-    # 100 ppm over 3 s is 0.3 ms, and ever more; what is left is the round trip of a reading. A busy host has to wait
+    # 100 ppm over 3 s is 0.3 ms, and ever more; the remainder is the round trip of a reading. A busy host has to wait
     # for quick ones.
     while (passed := time.monotonic() - begun) < 3.2 or off > 200_000:
         assert passed < 30, f"off by {off * 1e-3:.0f} us"

@@ -41,7 +41,7 @@ SAFE = 6.0  # s for the watchdog of 2 s to act, on a busy machine
 
 
 def still_wires() -> Wires:
-    """An arm that stands where the experiment wants it, without current."""
+    """An arm that stands where the experiment starts, without current."""
     return Wires(counts=lambda channel, at: np.zeros_like(at), volts=lambda channel, at: np.zeros(len(at)))
 
 
@@ -83,7 +83,7 @@ def test_the_outputs_are_made_safe(tmp_path: Path, root: Path, end: str) -> None
         call(session, keys_of(rig.name), "arm", order, timeout=30.0)
         call(session, keys_of(rig.name), "start", timeout=30.0)
         assert becomes(lambda: box.outputs.get(START) == 1, 20.0), "the start line never rose"
-        box.dacs[1] = 1.5  # as if a control voltage stood there
+        box.dacs[1] = 1.5  # as if a control voltage were applied
         time.sleep(FED)
         assert box.outputs[START] == 1 and box.tripped == 0  # a running daemon feeds the watchdog
         if end == "killed":

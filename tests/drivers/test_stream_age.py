@@ -44,7 +44,7 @@ def test_a_stream_that_is_never_held_up_is_never_old(slower: float) -> None:
 
 
 def test_a_line_that_stays_slow_stays_old() -> None:
-    """All bytes 30 ms late for 3 s, the pace as ever: nothing but the count tells."""
+    """All bytes 30 ms late for 3 s, the pace as ever: only the count shows it."""
     true, estimated = play([0.03] * 600, FASTEST)[6:].T
     assert true.min() > 0.029 and estimated.min() > 0.02
 

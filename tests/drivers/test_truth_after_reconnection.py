@@ -45,7 +45,7 @@ Signal = Callable[[NDArray[np.int64]], NDArray[Any]]
 
 @dataclass
 class Case:
-    """A device by itself, as the rig file has it, and what happens to it."""
+    """A device alone, as the rig file has it, and what happens to it."""
 
     driver: str
     options: dict[str, Any]
@@ -53,7 +53,7 @@ class Case:
     inputs: int = 0
     source: str = "poll"
     rate: float = 100.0
-    absolute: bool = False  # it knows its position by itself: no restart loses it
+    absolute: bool = False  # absolute encoder: no restart loses its position
     cable_is_power: bool = False
     cut: Callable[[Any], None] = field(default=lambda box: box.pull_cable())
     back: Callable[[Any], None] = field(default=lambda box: box.plug_cable())

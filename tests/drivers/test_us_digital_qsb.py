@@ -206,7 +206,7 @@ class SlowWire:
 
 @pytest.mark.parametrize("delay", [0.01, 0.03, 0.073])
 def test_a_streamed_count_that_was_held_up_on_its_way_is_marked(tmp_path: Path, delay: float) -> None:
-    """Every poll finds new bytes, and nothing in them tells that they are old."""
+    """Every poll finds new bytes, and nothing in them shows that they are old."""
     box = sim_qsb.make("counter", us_digital_qsb.Config(port=str(tmp_path / "qsb")), swing_wires())
     device = us_digital_qsb.make(
         "counter", us_digital_qsb.Config(port=str(tmp_path / "end"), timeout=1.0), RigContext()

@@ -102,7 +102,7 @@ def shift_of(t: NDArray[np.float64], q: NDArray[np.float64], direct: Recording) 
 def compare(
     recording: Recording, direct: Recording, joints: list[int], step: list[float], slack: float, current: float
 ) -> None:
-    """Positions agree within two ``step``s (rad, one a joint, from 1) and what the joint moves in ``slack`` s.
+    """Positions agree within two ``step``s (rad, one per joint, from 1) and what the joint moves in ``slack`` s.
 
     Currents within a share ``current`` of their range, rms.
     """

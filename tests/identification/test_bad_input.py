@@ -99,9 +99,9 @@ def test_recording_of_another_arm(motion: tuple, root: Path, tmp_path: Path, cap
     line = refused(path, root / "config/models/puma560.toml", capfd)
     assert "has 3 joints, the model 'Unimation Puma 560' has 6" in line
     write_table(path, t, {"q": q, "i": i}, Attachments(model=(root / "config/models/scara.toml").read_text()))
-    twin = (root / "config/models/scara.toml").read_text().replace('type = "prismatic"', 'type = "revolute"')
-    (tmp_path / "twin.toml").write_text(twin)
-    assert "whose joint 3 is prismatic" in refused(path, tmp_path / "twin.toml", capfd)
+    turned = (root / "config/models/scara.toml").read_text().replace('type = "prismatic"', 'type = "revolute"')
+    (tmp_path / "turned.toml").write_text(turned)
+    assert "whose joint 3 is prismatic" in refused(path, tmp_path / "turned.toml", capfd)
     shorter = (root / "config/models/scara.toml").read_text()
     (tmp_path / "shorter.toml").write_text(shorter.replace("a = 0.325", "a = 0.25"))
     assert "whose joint 1 has a = 0.325 m;" in refused(path, tmp_path / "shorter.toml", capfd)

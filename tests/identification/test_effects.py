@@ -1,6 +1,6 @@
 """Effects of a model in its identification.
 
-Their parameters found beside the arm's own, in data that is written out here by hand.
+Their parameters found together with the arm's own, in data that is written out here by hand.
 
 The torques below follow from the textbook formulas of spring, load friction and uneven gear, not from the catalogue's
 laws.

@@ -15,7 +15,7 @@ from identification.preprocessing.readiness import lag_of_torque
 from identification.preprocessing.signals import MOST_ROWS, parallel_window, smooth_motion, spared
 
 BYTES_PER_ROW = 1000
-"""Of a single joint: two dozen numbers, and what a filter or a spline holds beside them."""
+"""Of a single joint: two dozen numbers, plus the buffers of a filter or a spline."""
 
 PEAKS = """
 import sys
@@ -28,7 +28,7 @@ for path in sys.argv[2:]:
 
 
 def axis(path: Path, seconds: float, rate: float = 20_000.0) -> Path:
-    """The EMPS carriage to and fro, with encoder steps."""
+    """The EMPS carriage moving back and forth, with encoder steps."""
     random = np.random.default_rng(0)
     t = np.arange(int(seconds * rate)) / rate
     q, v, a = (0.05 * np.cos(8 * t + k * np.pi / 2) * 8**k for k in range(3))

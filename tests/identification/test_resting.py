@@ -88,7 +88,7 @@ def test_moving_joints_are_found_beside_resting_ones(result: Identification, arm
     for j in range(3):
         found, true = result.arm.joints[j], arm.joints[j]
         np.testing.assert_allclose(found.viscous, true.viscous, rtol=0.05)
-        # The model tells the directions apart, and so does what is written.
+        # The model distinguishes the directions, and so do the results.
         np.testing.assert_allclose(found.coulomb, true.coulomb, rtol=0.05)
         assert found.offset == true.offset
     assert result.relative_error(False) < 0.02

@@ -173,12 +173,12 @@ def test_jittered_stamps_keep_the_mean_of_a_ripple() -> None:
     even = np.arange(8000) / 985.71
     jittered = even + 2e-5 * random.standard_normal(len(even))
 
-    def kicks(t: np.ndarray) -> np.ndarray:
+    def transients(t: np.ndarray) -> np.ndarray:
         since = np.mod(t, 0.028)
         return np.exp(-since / 0.002) - np.exp(-since / 0.0004) - 0.0016 / 0.028
 
     means = []
     for t in (even, jittered):
-        motion = smooth_motion(t, np.sin(2 * t)[:, None], kicks(t)[:, None])
+        motion = smooth_motion(t, np.sin(2 * t)[:, None], transients(t)[:, None])
         means.append(float(np.mean(motion.torque[500:-500])))
     assert abs(means[1] - means[0]) < 2e-4

@@ -16,7 +16,7 @@ natural_frequency = [10.0, 10.0]
 inertia_pose = [0.0, 0.0]
 """
 EXPERIMENT = """
-name = "to and fro"
+name = "back and forth"
 start = [0, 0]
 full_speed = [1.5, 1.5]
 full_acceleration = [6, 6]

@@ -1,4 +1,4 @@
-"""A spring that is nearly gravity's twin while its joint hardly moves.
+"""A spring that is nearly aliased with gravity while its joint hardly moves.
 
 The fit must not be worse elsewhere than the model it came from.
 """

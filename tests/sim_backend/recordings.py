@@ -1,4 +1,4 @@
-"""Recordings of the simulated Puma for suites that want many.
+"""Recordings of the simulated Puma for suites that need many.
 
 The whole chain, from servos to MCAP file, as fast as it computes.
 """

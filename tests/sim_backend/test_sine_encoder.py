@@ -116,8 +116,8 @@ def test_noise_at_standstill_chatters_only_where_it_exceeds_the_hysteresis() -> 
         still = np.full((samples, 1), angle)
         quiet = quadrature.count(*_passed(_encoder(noise=0.01), still, noises), CounterMode.X4)
         assert np.ptp(quiet) == 0, "five times the noise: the comparator holds its level"
-        loud = quadrature.count(*_passed(_encoder(noise=0.03), still, noises), CounterMode.X4)
-        assert np.ptp(loud) <= 1, "one line chatters, the count goes one up and one down"
+        noisy = quadrature.count(*_passed(_encoder(noise=0.03), still, noises), CounterMode.X4)
+        assert np.ptp(noisy) <= 1, "one line chatters, the count goes one up and one down"
     chatter = quadrature.count(*_passed(_encoder(noise=0.03), np.zeros((samples, 1)), noises), CounterMode.X4)
     assert np.ptp(chatter) == 1
 

@@ -35,7 +35,7 @@ def faults_of(recording: Recording) -> list[str]:
 
 
 def imbalance(last: Table) -> list[str]:
-    """What does not balance in the result that a daemon tells."""
+    """What does not balance in the result that a daemon reports."""
     ledger = last["ledger"]
     if ledger["balanced"] and ledger["triggers"] == ledger["recorded"] + ledger["lost"]:
         return []

@@ -192,7 +192,7 @@ class Soak:
         self.account.subscriber["ends not seen"] += not tally.complete
 
     def _kill(self) -> None:
-        """kill -9 in a run; what is left of its file; the account of it."""
+        """kill -9 in a run; what its file still holds; the account of it."""
         recorded = self._ask("status")["run"]["recorded"]
         self.daemon.send_signal(signal.SIGKILL)
         self.daemon.wait()

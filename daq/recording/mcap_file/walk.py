@@ -64,7 +64,7 @@ class File:
 class Damage:
     """Bytes ``start`` to ``end`` of the file that could not be read, and why.
 
-    ``end`` of the file: it is cut off there. ``rows``: nothing but a chunk of rows stood there, and its indexes.
+    ``end`` of the file: it is cut off there. ``rows``: nothing but a chunk of rows was there, and its indexes.
     """
 
     start: int

@@ -121,7 +121,7 @@ def _common_normal(step: Array, wanted: Array | None) -> tuple[float, float, flo
         s = -(p[:2] @ z[:2]) / (z[:2] @ z[:2])
         d, b = p[2] + s * z[2], -s
         a = float(p @ normal)
-    else:  # parallel: any common normal; the one at the height that is wanted (0)
+    else:  # parallel: any common normal; the one at height 0
         d = 0.0 if wanted is None else float(wanted[1])
         across = np.array([p[0], p[1], 0.0])
         a = float(np.linalg.norm(across))

@@ -12,7 +12,7 @@ S-model               Rz(beta + q) Tz(d + q) Tx(a) Rx(alpha) Rz(gamma) Tz(b)  St
                                                                            Control of Robotic Manipulators", Kluwer 1987
 
 Joint coordinates q are about (revolute) or along (prismatic) z of the frame before the link. Tables are arrays with one
-row a joint; ``prismatic`` says which joints translate. Angles rad, lengths m. ``base`` (4, 4) is the frame of joint 1
+row per joint; ``prismatic`` says which joints translate. Angles rad, lengths m. ``base`` (4, 4) is the frame of joint 1
 in the world, ``tool`` (4, 4) the end frame in the frame of the last link.
 """
 
@@ -89,5 +89,5 @@ def _between(base: ArrayLike, steps: list[Step], tool: ArrayLike) -> Chain:
 def _table(table: ArrayLike, columns: int, prismatic: Sequence[bool]) -> Array:
     table = np.asarray(table, float)
     if table.shape != (len(prismatic), columns):
-        raise ValueError(f"a table of ({len(prismatic)}, {columns}) is wanted, not {table.shape}")
+        raise ValueError(f"the table must be ({len(prismatic)}, {columns}), is {table.shape}")
     return table

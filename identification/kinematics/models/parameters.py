@@ -124,7 +124,7 @@ def link_steps(joint: int, row: Sequence[float], prismatic: bool, modified: bool
 
 
 def parallel_next(arm: Arm) -> list[bool]:
-    """Whether the twist of each link is (nearly) zero, so that two neighbouring axes are parallel and beta is wanted.
+    """Whether the twist of each link is (nearly) zero, so that two neighbouring axes are parallel and beta is needed.
 
     Standard D-H: the axes of joints j and j + 1. Modified: those of joints j - 1 and j. The outermost twists (of the
     last link, or of the first modified one) join no two axes.

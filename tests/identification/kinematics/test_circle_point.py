@@ -1,4 +1,4 @@
-"""Circles of single-joint sweeps: features, what is left over, and sweeps that determine nothing."""
+"""Circles of single-joint sweeps: features, residuals, and sweeps that determine nothing."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_sweeps_are_found_in_a_recording() -> None:
 
 
 def test_circles_alone_give_the_arm_when_target_and_joints_are_ideal(root: Path) -> None:
-    """Without noise, sag or a misplaced target, features of all six sweeps are the arm: wherever it stood meanwhile."""
+    """Without noise, sag or a misplaced target, features of all six sweeps are the arm: whatever its pose meanwhile."""
     nominal = puma(root)
     true = with_errors(nominal, np.random.default_rng(3))
     last = nominal.joints[5]  # the last link cannot be distinguished from the target

@@ -1,4 +1,4 @@
-"""What a calibration finds beside the geometry is what a simulation of the same effect does: one law, two uses."""
+"""What a calibration finds besides the geometry is what a simulation of the same effect does: one law, two uses."""
 
 from __future__ import annotations
 
