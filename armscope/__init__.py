@@ -15,12 +15,14 @@ if TYPE_CHECKING:
     from arm_model import Arm
     from arm_model.effects import CATALOGUE
     from armscope.api.calibration import Calibration, calibrate
+    from armscope.api.comparison import compare
     from armscope.api.diagnosis import Diagnosis, diagnose
     from armscope.api.identification import identify, predict
     from armscope.api.reading import open_recording as open
     from armscope.api.reading import read_experiment, read_model, read_rig
     from armscope.api.recording import Recorded, record
     from armscope.api.simulation import Simulation, simulate
+    from comparison import Comparison
     from daq.recording import Recording
     from experiment import Experiment
     from identification import Identification
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Arm": "arm_model:Arm",
     "Calibration": "armscope.api.calibration:Calibration",
+    "Comparison": "comparison:Comparison",
     "DeviceFault": "arm_io:DeviceFault",
     "Diagnosis": "armscope.api.diagnosis:Diagnosis",
     "Experiment": "experiment:Experiment",
@@ -39,6 +42,7 @@ _HOMES = {
     "Recording": "daq.recording:Recording",
     "Simulation": "armscope.api.simulation:Simulation",
     "calibrate": "armscope.api.calibration:calibrate",
+    "compare": "armscope.api.comparison:compare",
     "diagnose": "armscope.api.diagnosis:diagnose",
     "effects": "arm_model.effects:CATALOGUE",
     "identify": "armscope.api.identification:identify",
@@ -55,6 +59,7 @@ _HOMES = {
 __all__ = [
     "Arm",
     "Calibration",
+    "Comparison",
     "DeviceFault",
     "Diagnosis",
     "Experiment",
@@ -65,6 +70,7 @@ __all__ = [
     "Simulation",
     "__version__",
     "calibrate",
+    "compare",
     "diagnose",
     "effects",
     "identify",

@@ -1,7 +1,8 @@
 """The front door: finds the command, and turns the ways it can end into one line and the exit status of the contract.
 
 0 done; 2 unusable input; 3 a device failed; 4 done, but samples were lost, also in a recording that the command read:
-what is missing in those is said on standard error, here and for every command. A command is a function ``command`` in
+what is missing in those is said on standard error, here and for every command; 5 done, and ``compare`` found a change
+beyond ``--fail-above``. A command is a function ``command`` in
 ``armscope/commands/NAME.py``, with typer's annotations; it returns None or an exit status. Only the chosen one is
 imported.
 """
@@ -43,6 +44,7 @@ COMMANDS: dict[str, str] = {
     "excite": "design an exciting motion for identification, as an experiment to record",
     "identify": "estimate the parameters of an arm from recordings, with uncertainty and held-out error",
     "diagnose": "detect and isolate errors of a model, extend the model, report the gain on held-out recordings",
+    "compare": "detect what changed in an arm between two recordings, results, or groups of them",
     "calibrate": "estimate kinematic parameters from tracker data, plan poses, correct targets",
     "sim-devices": "simulate every device of a rig on its own protocol, until stopped",
     "demo": "run through everything without hardware: record a simulated Puma, identify it, diagnose a worn one",
@@ -172,6 +174,7 @@ def _help() -> str:
             "",
             *lines,
             "",
-            "exit status: 0 done, 2 invalid input, 3 a device failed, 4 done but samples were lost",
+            "exit status: 0 done, 2 invalid input, 3 a device failed, 4 done but samples were lost, "
+            "5 changed (compare --fail-above)",
         ]
     )

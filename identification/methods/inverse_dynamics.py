@@ -66,6 +66,7 @@ def identify(
         )
     result = conclude(problem, method, best, spread, solve)
     result.notes.extend(held_note(held, len(problem.excited)))
+    result.extra.update(held_directions=held, blocks=spread.blocks)
     return result
 
 

@@ -9,6 +9,7 @@ import pytest
 
 MAY_IMPORT = {
     "armscope": {
+        "comparison",
         "diagnosis",
         "identification",
         "daq",
@@ -19,6 +20,7 @@ MAY_IMPORT = {
         "arm_io",
         "arm_report",
     },
+    "comparison": {"diagnosis", "identification", "arm_model", "daq", "experiment", "arm_report", "arm_io"},
     "diagnosis": {"identification", "arm_model", "daq", "experiment", "arm_report", "arm_io"},
     "identification": {"arm_model", "daq", "experiment", "arm_report", "arm_io"},
     "sim_backend": {"drivers", "arm_model", "experiment", "arm_io"},
@@ -29,7 +31,7 @@ MAY_IMPORT = {
     "arm_report": {"arm_io"},
     "arm_io": set(),
 }
-# Of daq, identification and diagnosis take recordings, and nothing else.
+# Of daq, identification, diagnosis and comparison take recordings, and nothing else.
 READER = "daq.recording"
 
 
@@ -51,5 +53,5 @@ def test_package_imports_only_what_is_below_it(package: str, root: Path) -> None
             top = name.split(".")[0]
             if top in MAY_IMPORT and top != package:
                 assert top in MAY_IMPORT[package], f"{path.relative_to(root)} imports {name}, against the arrows"
-            if package in ("identification", "diagnosis") and top == "daq":
+            if package in ("identification", "diagnosis", "comparison") and top == "daq":
                 assert name == READER, f"{path.relative_to(root)} imports {name}; of daq it may take {READER} only"

@@ -27,6 +27,17 @@ PUBLIC = {
     "experiment": ("segments",),
     "daq.recording": ("provenance", "recover", "summary"),
     "daq.service.transfer": ("fetch",),
+    "diagnosis.residual": ("run_setup",),
+    "identification": ("result",),
+    "identification.preprocessing": ("signals",),
+    "identification.regression": (
+        "base_parameters",
+        "effect_columns",
+        "equations",
+        "least_squares",
+        "problem",
+        "uncertainty",
+    ),
     "identification.selection": ("cluster_covariance",),
 }
 """Modules that are faces themselves: a leaf, one concept of a textbook, the protocols of the drivers."""

@@ -5,7 +5,17 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
-PACKAGES = ("arm_model", "armscope", "daq", "diagnosis", "drivers", "experiment", "identification", "sim_backend")
+PACKAGES = (
+    "arm_model",
+    "armscope",
+    "comparison",
+    "daq",
+    "diagnosis",
+    "drivers",
+    "experiment",
+    "identification",
+    "sim_backend",
+)
 OWN = {
     "arm_model/simulation/engine.py": "compiled code in our own cache",
     "armscope/api/simulation.py": "a file that it has just written itself",

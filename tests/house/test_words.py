@@ -13,6 +13,7 @@ PACKAGES = (
     "arm_model",
     "arm_report",
     "armscope",
+    "comparison",
     "daq",
     "diagnosis",
     "drivers",

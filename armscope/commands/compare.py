@@ -1,0 +1,91 @@
+"""``armscope compare``: what changed in an arm between two recordings, results, or groups of them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from arm_io import InputError
+
+if TYPE_CHECKING:
+    from comparison import Change
+
+MANY = ("--before", "--after")
+"""Options that take several values."""
+_DONE, _CHANGED = 0, 5
+
+
+def command(
+    pair: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="BEFORE AFTER",
+            help="each a recording (.mcap, .csv), identification.json, diagnosis.json, the folder of such a result, a "
+            "folder of recordings, or several with commas between",
+            show_default=False,
+        ),
+    ] = None,
+    before: Annotated[
+        list[str] | None, typer.Option("--before", metavar="A ...", help="instead of BEFORE: a group, may be repeated")
+    ] = None,
+    after: Annotated[
+        list[str] | None, typer.Option("--after", metavar="B ...", help="instead of AFTER: a group, may be repeated")
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(metavar="MODEL.toml", help="of the arm, for recordings; default: the one that they carry"),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="folder for compare.json, compare.html")] = None,
+    fail_above: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X",
+            help="exit status 5 if a significant change is above X joint deviations, or above X% of the value before",
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print compare.json and nothing else")] = False,
+) -> int:
+    """Compares two states of an arm."""
+    from rich.console import Console
+
+    from arm_io import check_folder
+    from armscope.api.comparison import compare
+    from comparison import Threshold
+
+    sides = _sides(pair or [], before or [], after or [])
+    threshold = None if fail_above is None else Threshold.of(fail_above)
+    if out is not None:
+        check_folder(out)
+    with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
+        result = compare(*sides, model, progress=status.update)
+        table = result.to_json() if out is None else result.write(out)
+    print(json.dumps(table) if as_json else str(result) if out is None else f"{result}\n{out / 'compare.html'}")
+    return _DONE if threshold is None else _status(threshold.exceeded(result.changes), str(fail_above))
+
+
+def _sides(pair: list[str], before: list[str], after: list[str]) -> tuple[list[str], list[str]]:
+    """Members of both sides; InputError where the command line does not name two."""
+    if len(pair) == 2 and not before and not after:
+        return _listed(pair[0]), _listed(pair[1])
+    if not pair and before and after:
+        return [one for each in before for one in _listed(each)], [one for each in after for one in _listed(each)]
+    raise InputError(
+        "arguments", f"name {len(pair)} of the two sides; must be BEFORE AFTER, or --before A ... --after B ..."
+    )
+
+
+def _listed(text: str) -> list[str]:
+    """The files that an argument names, with commas between; a file whose name has a comma is one."""
+    return [text] if Path(text).exists() else [part for part in text.split(",") if part]
+
+
+def _status(above: list[Change], limit: str) -> int:
+    if not above:
+        return _DONE
+    names = ", ".join(one.quantity.name for one in above[:5]) + (" ..." if len(above) > 5 else "")
+    print(f"changed beyond --fail-above {limit}: {len(above)} quantities: {names}", file=sys.stderr)
+    return _CHANGED

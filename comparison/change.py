@@ -1,0 +1,144 @@
+"""One quantity of an arm, what one recording or result says of it, and how it changed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from arm_io.types import Array
+
+Kind = Literal["friction", "curve", "inertia", "effect", "cause"]
+"""A friction parameter, one point of a friction curve, a base parameter of links and rotors, a parameter of an effect
+of the model, one of a cause that a diagnosis named."""
+SIGNIFICANT = 0.05
+"""Expected share of false discoveries among all changes that are called significant."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """What is compared.
+
+    name    as in identification.json: joint3.coulomb, a base parameter's expression; of a point of a friction curve
+            joint3.friction_positive(0.42)
+    words   for people: Coulomb friction of joint 3
+    joint   from 1; None: of no single joint
+    speed   rad/s (m/s) of a point of a friction curve, signed as the motion; None: no such point
+    why     why it cannot be compared, "" where it can
+    """
+
+    name: str
+    words: str
+    unit: str
+    kind: Kind
+    joint: int | None = None
+    speed: float | None = None
+    why: str = ""
+
+    def not_comparable(self, why: str) -> Quantity:
+        """The same quantity with the reason."""
+        return replace(self, why=why)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """What one recording or result says of r quantities.
+
+    values   (r,), NaN where it says nothing
+    std      (r,) two of which hold 95 %
+    raw      (r,) standard deviation without the allowance for few blocks that ``std`` contains
+    freedom  degrees of freedom of ``raw``
+    """
+
+    source: str
+    values: Array
+    std: Array
+    raw: Array
+    freedom: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """How one quantity differs between the two sides.
+
+    before, after   None where a side says nothing
+    std_before, std_after, std   of both sides and of the change: root of the sum of variances; of groups with the
+                    scatter between recordings
+    z               change over std
+    p, corrected    probability of such a change by chance; corrected for the number of quantities (Benjamini &
+                    Hochberg)
+    scatter         spread between the recordings of a group, over what their own standard deviations explain; None:
+                    one recording on each side
+    """
+
+    quantity: Quantity
+    before: float | None
+    after: float | None
+    std_before: float | None = None
+    std_after: float | None = None
+    std: float | None = None
+    p: float | None = None
+    corrected: float | None = None
+    scatter: float | None = None
+
+    @property
+    def change(self) -> float | None:
+        return None if self.before is None or self.after is None else self.after - self.before
+
+    @property
+    def z(self) -> float | None:
+        return None if self.change is None or not self.std else self.change / self.std
+
+    @property
+    def comparable(self) -> bool:
+        return not self.quantity.why
+
+    @property
+    def significant(self) -> bool:
+        return self.comparable and self.corrected is not None and self.corrected <= SIGNIFICANT
+
+    @property
+    def relative(self) -> tuple[float, float] | None:
+        """Change over the value before, and its std; None where that value is not clearly other than zero."""
+        if self.change is None or self.before is None or not self.std_before or self.std_after is None:
+            return None
+        if abs(self.before) < 3 * self.std_before:
+            return None
+        ratio = self.change / abs(self.before)
+        sign = math.copysign(1.0, self.before)
+        # Of after / before by both deviations, to first order; scatter between recordings is in both.
+        std = math.hypot(self.std_after, (1 + sign * ratio) * self.std_before) / abs(self.before)
+        return ratio, std
+
+    def to_json(self) -> dict[str, Any]:
+        relative = self.relative
+        table: dict[str, Any] = {
+            "name": self.quantity.name,
+            "description": self.quantity.words,
+            "kind": self.quantity.kind,
+            "joint": self.quantity.joint,
+            "unit": self.quantity.unit,
+            "before": {"value": self.before, "std": self.std_before},
+            "after": {"value": self.after, "std": self.std_after},
+            "change": self.change,
+            "std": self.std,
+            "relative": None if relative is None else {"value": relative[0], "std": relative[1]},
+            "z": self.z,
+            "p": self.p,
+            "p_corrected": self.corrected,
+            "significant": self.significant,
+        }
+        if self.scatter is not None:
+            table["scatter"] = self.scatter
+        if self.quantity.speed is not None:
+            table["speed"] = self.quantity.speed
+        if self.quantity.why:
+            table["not_comparable"] = self.quantity.why
+        return table
+
+
+def number(value: float) -> float | None:
+    """None for NaN and infinities, as JSON has neither."""
+    return float(value) if np.isfinite(value) else None

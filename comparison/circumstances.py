@@ -1,0 +1,122 @@
+"""In what two groups of recordings differ themselves: payload, temperature, rate, motion, rig.
+
+These are said before any change of the arm, because they explain some, or make others impossible to see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io.types import Array
+from arm_model import Arm
+from daq.recording import Recording
+from diagnosis.residual.run_setup import setup_of
+from identification.preprocessing.signals import Motion
+
+WARMER = 3.0
+"""K between the mean temperatures of a motor: friction of a greased gear falls by some per cent per kelvin."""
+FASTER = 1.15
+"""Ratio of rms speeds of a joint from which two motions differ."""
+RATE = 1.05
+"""Ratio of sampling rates from which they differ."""
+PLACE = 0.1
+"""Difference of the mean angles over the travel from which two motions differ."""
+
+
+@dataclass(frozen=True)
+class Circumstance:
+    """One difference: kind payload, temperature, rate, motion or rig; joints (from 1) that it concerns; a sentence."""
+
+    kind: str
+    joints: tuple[int, ...]
+    sentence: str
+
+    def to_json(self) -> dict[str, Any]:
+        return {"kind": self.kind, "joints": list(self.joints), "sentence": self.sentence}
+
+
+def circumstances(
+    recordings: Sequence[Recording], motions: Sequence[Motion], side: NDArray[np.bool_], arm: Arm
+) -> list[Circumstance]:
+    """All differences; ``side`` (n,) is True for recordings of the side before."""
+    return [
+        *_payload(recordings),
+        *_temperature(recordings, side),
+        *_rate(recordings, side),
+        *_motion(motions, side, arm),
+        *_rig(recordings, side),
+    ]
+
+
+def _payload(recordings: Sequence[Recording]) -> Iterator[Circumstance]:
+    loads = {recording.path.name: setup_of(recording).payload for recording in recordings}
+    masses = {None if load is None else (load.mass, load.com) for load in loads.values()}
+    if masses == {None}:
+        return
+    carried = ", ".join(f"{load.mass:g} kg in {name}" for name, load in loads.items() if load is not None)
+    yield Circumstance("payload", (), f"known payload of the setup: {carried}; subtracted before anything is compared")
+
+
+def _means(recordings: Sequence[Recording], which: NDArray[np.bool_]) -> Array | None:
+    """(J,) mean temperature, degC; None where a recording has none."""
+    found = []
+    for recording, mine in zip(recordings, which):
+        if mine:
+            if recording.temp is None:
+                return None
+            seen = np.isfinite(recording.temp)
+            total = np.where(seen, recording.temp, 0.0).sum(axis=0)
+            found.append(np.where(seen.any(axis=0), total / np.maximum(seen.sum(axis=0), 1), np.nan))
+    return np.asarray(np.mean(found, axis=0))
+
+
+def _temperature(recordings: Sequence[Recording], side: NDArray[np.bool_]) -> Iterator[Circumstance]:
+    before, after = _means(recordings, side), _means(recordings, ~side)
+    if before is None or after is None:
+        return
+    for j, warmer in enumerate(after - before):
+        if abs(warmer) >= WARMER:
+            word = "warmer" if warmer > 0 else "colder"
+            sentence = (
+                f"motor {j + 1} is {abs(warmer):.1f} K {word} ({before[j]:.1f} to {after[j]:.1f} degC): a change of "
+                f"friction of joint {j + 1} may be due to it"
+            )
+            yield Circumstance("temperature", (j + 1,), sentence)
+
+
+def _rate(recordings: Sequence[Recording], side: NDArray[np.bool_]) -> Iterator[Circumstance]:
+    rates = np.array([1 / recording.dt for recording in recordings])
+    before, after = float(np.median(rates[side])), float(np.median(rates[~side]))
+    if not 1 / RATE < after / before < RATE:
+        yield Circumstance("rate", (), f"sampling rate: {before:.4g} rows/s before, {after:.4g} after")
+
+
+def _motion(motions: Sequence[Motion], side: NDArray[np.bool_], arm: Arm) -> Iterator[Circumstance]:
+    speed = np.array([np.sqrt(np.mean(motion.qd**2, axis=0)) for motion in motions])
+    centre = np.array([motion.q.mean(axis=0) for motion in motions])
+    travel = np.array([np.ptp(motion.q, axis=0) for motion in motions]).max(axis=0)
+    differing = []
+    for j in range(len(arm)):
+        before, after = speed[side, j].mean(), speed[~side, j].mean()
+        shift = abs(centre[side, j].mean() - centre[~side, j].mean())
+        if max(before, after) > FASTER * min(before, after) or shift > PLACE * travel[j] > 0:
+            differing.append(j + 1)
+    if differing:
+        which = ", ".join(map(str, differing))
+        sentence = (
+            f"the motions differ (joint{'s' * (len(differing) > 1)} {which}): effects that the model lacks may look "
+            "like changes; record the same experiment to exclude it"
+        )
+        yield Circumstance("motion", tuple(differing), sentence)
+
+
+def _rig(recordings: Sequence[Recording], side: NDArray[np.bool_]) -> Iterator[Circumstance]:
+    names = [{r.rig.get("name") for r, mine in zip(recordings, side) if mine == which} for which in (True, False)]
+    if names[0] != names[1] and None not in names[0] | names[1]:
+        before, after = (", ".join(sorted(map(str, each))) for each in names)
+        yield Circumstance("rig", (), f"rig: {before} before, {after} after; a wrong current gain looks like a change")

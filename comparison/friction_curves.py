@@ -1,0 +1,142 @@
+"""Friction of free shape: the torque that opposes motion, at a few speeds of each joint and direction.
+
+Between the speeds the curve is a straight line. Nothing else is assumed: not Coulomb's law, no viscous part, no hump.
+The same speeds are used for all recordings of a comparison, so that a curve means the same in each; where one recording
+alone is slower or faster, it gets a point of its own there, which is fitted and not compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io.types import Array
+from arm_model import Arm
+from identification.preprocessing.signals import Motion
+
+SHARES = (0.0, 0.12, 0.3, 0.6, 1.0)
+"""Places of the compared speeds within the common range, as shares of the time spent in it."""
+SPAN = 2.0
+"""Fastest common speed over the slowest, at least, for a curve; below it friction is compared at one speed."""
+SLOWER, FASTER = 1.3, 1.02
+"""A recording that is slower or faster than the common range by these factors gets a point of its own there."""
+TAIL = 0.02
+"""Share of the time of a direction that is left out at the lower end of its range."""
+EXCURSIONS = 2
+"""Separate movements in a direction that reach the fastest compared speed, at least.
+
+The error of a point that a single movement determines shows in no residual: the point absorbs it.
+"""
+FEWEST = 200
+"""Samples of a direction; fewer say nothing about friction."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The compared points of one joint (from 0) and direction (1.0 or -1.0): speeds (K,) rad/s (m/s), increasing.
+
+    why: the reason where there are none.
+    """
+
+    joint: int
+    direction: float
+    speeds: Array
+    why: str = ""
+
+
+def speeds_of(motion: Motion, joint: int, direction: float) -> Array:
+    """(k,) |velocity| of a joint (from 0) on samples at which it surely moves in ``direction``."""
+    velocity = direction * motion.qd[:, joint]
+    return np.asarray(velocity[motion.certain[:, joint] & (velocity > 0)])
+
+
+def peak_speed(motion: Motion, joint: int, direction: float) -> float:
+    """The speed that a joint (from 0) reaches in EXCURSIONS separate movements in a direction; 0 with fewer."""
+    velocity = direction * motion.qd[:, joint] * motion.certain[:, joint]
+    moving = np.concatenate([[False], velocity > 0, [False]])
+    edges = np.flatnonzero(np.diff(moving.astype(np.int8))).reshape(-1, 2)
+    # A movement is interrupted where it is not certain, too: only peaks some way apart count.
+    apart = int(0.1 / motion.dt)
+    peaks = sorted(float(velocity[start:stop].max()) for start, stop in edges if stop - start > apart)
+    return peaks[-EXCURSIONS] if len(peaks) >= EXCURSIONS else 0.0
+
+
+def common_curves(motions: Sequence[Motion], names: Sequence[str], arm: Arm) -> list[Curve]:
+    """For each joint and direction the speeds at which all ``motions`` show friction; ``names`` of the recordings."""
+    return [_curve(motions, names, arm, joint, direction) for joint in range(len(arm)) for direction in (1.0, -1.0)]
+
+
+def _curve(motions: Sequence[Motion], names: Sequence[str], arm: Arm, joint: int, direction: float) -> Curve:
+    nothing = np.empty(0)
+    speeds = [speeds_of(motion, joint, direction) for motion in motions]
+    peaks = [peak_speed(motion, joint, direction) for motion in motions]
+    which = "positive" if direction > 0 else "negative"
+    for mine, peak, name in zip(speeds, peaks, names):
+        if len(mine) < FEWEST or not peak:
+            few = f"fewer than {EXCURSIONS} times" if mine.any() else "not"
+            return Curve(joint, direction, nothing, f"{name} moves joint {joint + 1} {few} in {which} direction")
+    ends = [(float(np.quantile(mine, TAIL)), peak) for mine, peak in zip(speeds, peaks)]
+    low, high = max(end[0] for end in ends), min(end[1] for end in ends)
+    if low >= high:
+        unit = "rad/s" if arm.joints[joint].revolute else "m/s"
+        slow, fast = (min(ends, key=lambda end: end[1]), max(ends, key=lambda end: end[0]))
+        ranges = f"at most {slow[1]:.2g}, at least {fast[0]:.2g} {unit}"
+        return Curve(joint, direction, nothing, f"joint {joint + 1} moves at different speeds ({ranges})")
+    if high < SPAN * low:
+        return Curve(joint, direction, np.array([np.sqrt(low * high)]))
+    inside = np.concatenate([mine[(mine >= low) & (mine <= high)] for mine in speeds])
+    placed = np.unique(np.quantile(inside, SHARES))
+    placed[0], placed[-1] = low, high
+    # Speeds closer than a tenth of the range would share their samples.
+    kept = [low, *(v for v in placed[1:-1] if v - low > 0.04 * (high - low) and high - v > 0.1 * (high - low)), high]
+    return Curve(joint, direction, np.array(kept))
+
+
+def knots_of(curve: Curve, motion: Motion) -> tuple[Array, NDArray[np.bool_]]:
+    """(L,) speeds of one recording's curve, and which of them (L,) are compared.
+
+    The others are its own, beyond the common range; where nothing is compared, all are.
+    """
+    mine = speeds_of(motion, curve.joint, curve.direction)
+    if not len(curve.speeds):
+        if len(mine) < 2:
+            return np.empty(0), np.empty(0, bool)
+        own = np.unique(np.quantile(mine, (TAIL, 0.3, 1.0)))
+        return own, np.zeros(len(own), bool)
+    low, high = float(np.quantile(mine, TAIL)), float(mine.max())
+    slower = [low] if low * SLOWER < curve.speeds[0] else []
+    faster = [high] if high > FASTER * curve.speeds[-1] else []
+    compared = [False] * len(slower) + [True] * len(curve.speeds) + [False] * len(faster)
+    return np.array([*slower, *curve.speeds, *faster]), np.array(compared)
+
+
+def hats(motion: Motion, curve: Curve, knots: Array) -> Array:
+    """(m, L) torque of the joint per unit friction at each of its ``knots`` (L,); nothing in the other direction."""
+    velocity = curve.direction * motion.qd[:, curve.joint]
+    moving = np.maximum(velocity, 0.0)
+    shares = [np.interp(moving, knots, unit) for unit in np.eye(len(knots))]
+    return curve.direction * np.stack(shares, axis=1) * (velocity > 0)[:, None]
+
+
+def model_friction(arm: Arm, curve: Curve, speeds: Array) -> Array:
+    """(K,) what the model has at these speeds, N m (N): the value of a point that a recording does not show."""
+    joint, side = arm.joints[curve.joint], 0 if curve.direction > 0 else 1
+    return np.asarray(
+        joint.ratio**2 * joint.viscous[side] * speeds
+        + joint.ratio * (joint.coulomb[side] + curve.direction * joint.offset)
+    )
+
+
+def level_and_slope(speeds: Array, weight: Array) -> Array:
+    """(2, K) that maps a curve to its level at zero speed and its slope, by least squares with ``weight`` (K,).
+
+    (1, K), the level alone, of a single point. The map is the same on both sides of a comparison: friction of another
+    shape than a straight line gives another level, but the same on both.
+    """
+    if len(speeds) == 1:
+        return np.ones((1, 1))
+    columns = np.stack([np.ones_like(speeds), speeds], axis=1) * np.sqrt(weight)[:, None]
+    return np.asarray(np.linalg.pinv(columns) * np.sqrt(weight))

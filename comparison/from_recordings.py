@@ -1,0 +1,139 @@
+"""Recordings of two sides -> changes of the arm: one regression each, the same columns for all, and the difference."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_io import InputError
+from arm_io.types import Array, Progress
+from arm_model import Arm
+from comparison.change import Estimate, Quantity
+from comparison.circumstances import circumstances
+from comparison.friction_curves import common_curves
+from comparison.outcome import Comparison
+from comparison.quantities import friction_maps, values_quantities
+from comparison.regression import Fitted, Structure, fit, rows_of, shown_by, structure_of
+from comparison.significance import changes
+from daq.recording import Recording
+from diagnosis.residual.run_setup import loaded, setup_of
+from identification.preprocessing.signals import Motion
+from identification.regression.equations import structural_base
+from identification.regression.problem import motions_of
+
+
+def compare_recordings(
+    before: Sequence[Recording], after: Sequence[Recording], arm: Arm, *, progress: Progress = lambda _: None
+) -> Comparison:
+    """What changed in ``arm`` between the recordings of two sides.
+
+    InputError where a recording is on both sides, cannot be identified, or was made with the drives off.
+    """
+    recordings = [*before, *after]
+    _check(before, after)
+    motions, _, runs = motions_of(recordings, [], arm, progress)
+    names = [recording.path.name for recording in recordings]
+    base = structural_base(arm, "asymmetric")
+    structure = structure_of(arm, base, common_curves(motions, names, arm))
+    fits, shown = _fits(structure, recordings, motions, progress)
+    side = np.array([True] * len(before) + [False] * len(after))
+    quantities, maps = _quantities(structure, fits, shown, side, names)
+    progress("changes")
+    estimates = [_estimate(name, each, maps) for name, each in zip(names, fits)]
+    found = changes(
+        quantities,
+        [one for one, mine in zip(estimates, side) if mine],
+        [one for one, mine in zip(estimates, side) if not mine],
+        _leaked(structure, fits, maps, side),
+    )
+    return Comparison(
+        what="recordings",
+        arm=arm,
+        before=tuple(str(recording.path) for recording in before),
+        after=tuple(str(recording.path) for recording in after),
+        changes=found,
+        circumstances=circumstances(recordings, motions, side, arm),
+        warnings=[warning for run in runs for warning in run.warnings],
+    )
+
+
+def _check(before: Sequence[Recording], after: Sequence[Recording]) -> None:
+    for one in before:
+        for other in after:
+            rows = min(len(one), len(other))
+            if one.q.shape[1:] == other.q.shape[1:] and np.array_equal(one.i[:rows], other.i[:rows], equal_nan=True):
+                raise InputError(other.path, f"holds the same rows as {one.path}; before and after must differ")
+    for recording in [*before, *after]:
+        if setup_of(recording).drives_off:
+            raise InputError(recording.path, "was recorded with the drives off; must be a recording of driven motion")
+
+
+def _fits(
+    structure: Structure, recordings: Sequence[Recording], motions: Sequence[Motion], progress: Progress
+) -> tuple[list[Fitted], NDArray[np.bool_]]:
+    """One fit per recording, and (recordings, s + f) what each shows."""
+    data = []
+    for recording, motion in zip(recordings, motions):
+        progress(f"equations of {recording.path.name}")
+        data.append(rows_of(structure, motion, loaded(structure.arm, setup_of(recording).payload)))
+    shown = np.array([shown_by(rows, structure) for rows in data])
+    model = structure.model()
+    fits = []
+    for recording, rows, mine in zip(recordings, data, shown):
+        progress(f"regression of {recording.path.name}")
+        if len(rows.y) < 2 * (int(mine.sum()) + rows.own.shape[1]):
+            raise InputError(
+                recording.path,
+                f"leaves {len(rows.y)} rows for {int(mine.sum())} parameters after filtering; needs a longer motion",
+            )
+        fits.append(fit(rows, mine, model))
+    return fits, shown
+
+
+def _quantities(
+    structure: Structure,
+    fits: Sequence[Fitted],
+    shown: NDArray[np.bool_],
+    side: NDArray[np.bool_],
+    names: Sequence[str],
+) -> tuple[list[Quantity], Array]:
+    """What is compared, friction of the joints first, and (r, s + f) how it follows from the values."""
+    comparable = np.asarray(shown[side].any(axis=0) & shown[~side].any(axis=0), bool)
+    variance = np.zeros(shown.shape[1])
+    for mine in (side, ~side):
+        parts = np.array([np.where(seen, np.diag(f.covariance), np.inf) for f, seen in zip(fits, shown)])[mine]
+        with np.errstate(divide="ignore"):
+            variance += 1 / np.sum(1 / parts, axis=0)
+    variance[~comparable] = np.nan
+    friction, maps = friction_maps(structure, variance)
+    values = []
+    for k, quantity in enumerate(values_quantities(structure)):
+        if not comparable[k]:
+            blind = [name for name, seen in zip(names, shown[:, k]) if not seen]
+            quantity = quantity.not_comparable(f"not excited in {', '.join(blind)}")
+        values.append(quantity)
+    return friction + values, np.concatenate([maps, np.eye(len(comparable))])
+
+
+def _estimate(name: str, fitted: Fitted, maps: Array) -> Estimate:
+    """The quantities of one recording; NaN where a value that they need is not shown."""
+    seen = np.isfinite(fitted.values)
+    whole = ~(np.nan_to_num(maps, nan=1.0)[:, ~seen] != 0).any(axis=1) & np.isfinite(maps).all(axis=1)
+    clean = np.nan_to_num(maps)
+    values = np.where(whole, clean @ np.nan_to_num(fitted.values), np.nan)
+    raw = np.sqrt(np.maximum(np.sum(clean @ fitted.covariance * clean, axis=1), 0.0))
+    raw = np.where(whole, raw, np.nan)
+    return Estimate(source=name, values=values, std=fitted.widened * raw, raw=raw, freedom=fitted.freedom)
+
+
+def _leaked(structure: Structure, fits: Sequence[Fitted], maps: Array, side: NDArray[np.bool_]) -> Array:
+    """(r,) std of each change by errors of values that were taken from the model, as the sides differ in which.
+
+    What both sides take from the model alike cancels.
+    """
+    units = [quantity.unit for quantity in values_quantities(structure)]
+    leakage = [np.mean([f.leakage for f, mine in zip(fits, side) if mine == which], axis=0) for which in (True, False)]
+    difference = np.nan_to_num(maps) @ (leakage[1] - leakage[0])
+    return np.asarray(np.linalg.norm(difference * structure.uncertain(units), axis=1))

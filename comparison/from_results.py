@@ -1,0 +1,199 @@
+"""Stored results of two sides -> changes: identification.json and diagnosis.json, as armscope writes them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from scipy import stats
+
+from arm_io import InputError, check_plain, read_text
+from arm_model import Arm, read_model
+from comparison.change import Estimate, Quantity
+from comparison.diagnosed_causes import Entry, align, cause_sentences
+from comparison.outcome import Comparison
+from comparison.significance import changes
+from comparison.wording import parameter_quantity
+from identification.regression.uncertainty import LEAST_BLOCKS
+
+SCHEMAS: Mapping[str, Literal["identifications", "diagnoses"]] = {
+    "armscope.identification/1": "identifications",
+    "armscope.diagnosis/1": "diagnoses",
+}
+PRETEST = 5.0**0.5
+"""Largest rms error of a direction that is kept at the model's value within three deviations, over one deviation.
+
+Where an identification held directions (``identification.regression.weak_directions``), one side may have held what
+the other estimated; the files do not say which.
+"""
+ROUNDING = 1e-9
+STRUCTURE = ("theta", "d", "a", "alpha", "beta", "xyz", "rpy", "axis", "gear", "torque_constant")
+NOMINAL = ("mass", "com", "inertia", "rotor_inertia", "viscous", "coulomb", "offset")
+
+
+@dataclass(frozen=True)
+class Stored:
+    """One result: the file, what it is, its content, and the model beside it (None: there is no model.toml)."""
+
+    path: Path
+    what: Literal["identifications", "diagnoses"]
+    table: dict[str, Any]
+    arm: Arm | None
+
+
+def read_result(path: Path) -> Stored:
+    """identification.json or diagnosis.json, or the folder that holds one; InputError where it is none of them."""
+    if path.is_dir():
+        found = [path / name for name in ("identification.json", "diagnosis.json") if (path / name).is_file()]
+        if not found:
+            raise InputError(path, "holds no identification.json, no diagnosis.json and no recording (*.mcap)")
+        path = found[0]
+    try:
+        table = json.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(path, f"is no JSON: {error}") from None
+    schema = table.get("schema") if isinstance(table, dict) else None
+    if not isinstance(schema, str) or schema not in SCHEMAS:
+        raise InputError(path, f"is no result of identify or diagnose (schema {schema!r}); {' or '.join(SCHEMAS)} is")
+    check_plain(path, table)
+    model = path.parent / "model.toml"
+    return Stored(path, SCHEMAS[schema], table, read_model(model) if model.is_file() else None)
+
+
+def compare_results(before: Sequence[Stored], after: Sequence[Stored]) -> Comparison:
+    """What changed between the results of two sides.
+
+    InputError where they are of different kinds, were made with models of different structure, or have no quantity in
+    common.
+    """
+    everything, side = [*before, *after], len(before)
+    _check(everything)
+    what = everything[0].what
+    paths, tables = [one.path for one in everything], [one.table for one in everything]
+    aligned = align(paths, tables, side) if what == "diagnoses" else _align_identified(everything, side)
+    quantities, entries = aligned
+    estimates = [_estimate(one, quantities, mine) for one, mine in zip(everything, entries)]
+    found = changes(quantities, estimates[:side], estimates[side:])
+    causes: list[str] = []
+    if what == "diagnoses":
+        significant = [one.quantity.name for one in found if one.significant]
+        causes = cause_sentences(paths, tables, side, significant)
+    return Comparison(
+        what=what,
+        arm=everything[0].arm,
+        before=tuple(str(one.path) for one in before),
+        after=tuple(str(one.path) for one in after),
+        changes=found,
+        causes=causes,
+        warnings=[
+            f"{one.path} keeps weakly excited directions at the model's values: its deviations count "
+            f"{PRETEST:.1f}-fold; compare the recordings for a sharper answer"
+            for one in everything
+            if _holds_directions(one.table)
+        ],
+    )
+
+
+def _check(results: Sequence[Stored]) -> None:
+    first = results[0]
+    for one in results[1:]:
+        if one.what != first.what:
+            raise InputError(
+                one.path, f"is one of {one.what}, {first.path} one of {first.what}; compare results of one kind"
+            )
+        if one.arm is None or first.arm is None:
+            continue
+        if difference := structural_difference(first.arm, one.arm, nominal=one.what == "diagnoses"):
+            raise InputError(
+                one.path,
+                f"was made with a model of another structure than {first.path}: {difference}; compare the recordings "
+                "instead, with one --model",
+            )
+    paths = [one.path.resolve() for one in results]
+    for k, path in enumerate(paths):
+        if path in paths[:k]:
+            raise InputError(results[k].path, "is given twice; before and after must differ")
+
+
+def structural_difference(one: Arm, other: Arm, *, nominal: bool = False) -> str:
+    """In what two models differ on which base parameters and their units depend; "" for nothing.
+
+    nominal  True: friction and inertial parameters count too, to which the causes of a diagnosis are relative; of
+             identified models they are the result, and may differ
+    """
+    if len(one) != len(other):
+        return f"{len(one)} and {len(other)} joints"
+    if not np.allclose(one.gravity, other.gravity):
+        return f"gravity {one.gravity} and {other.gravity}"
+    for number, (mine, its) in enumerate(zip(one.joints, other.joints), 1):
+        for name in ("type", "convention"):
+            if getattr(mine, name) != getattr(its, name):
+                return f"{name} of joint {number} is {getattr(mine, name)} and {getattr(its, name)}"
+        for name in (*STRUCTURE, *(NOMINAL if nominal else ())):
+            if not np.allclose(getattr(mine, name), getattr(its, name), rtol=1e-9, atol=ROUNDING):
+                return f"{name} of joint {number} is {getattr(mine, name)} and {getattr(its, name)}"
+    return ""
+
+
+def _identified(result: Stored) -> dict[str, Entry]:
+    """Base parameters of an identification that have a deviation. InputError for any other layout."""
+    found: dict[str, Entry] = {}
+    try:
+        for entry in result.table["base_parameters"]:
+            if entry["value"] is not None and entry["std"]:
+                found[str(entry["expression"])] = (float(entry["value"]), float(entry["std"]), str(entry["unit"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(result.path, f"base_parameters: {error} is missing or of another kind") from None
+    if not found:
+        raise InputError(result.path, "holds no base parameter with a standard deviation")
+    return found
+
+
+def _align_identified(results: Sequence[Stored], before: int) -> tuple[list[Quantity], list[dict[str, Entry]]]:
+    """The union of all base parameters, and what each result says of them."""
+    entries = [_identified(one) for one in results]
+    quantities = []
+    for name in dict.fromkeys(name for one in entries for name in one):
+        quantity = parameter_quantity(name, next(one[name][2] for one in entries if name in one))
+        absent = [str(one.path) for one, mine in zip(results, entries) if name not in mine]
+        missing = [all(name not in one for one in side) for side in (entries[:before], entries[before:])]
+        quantities.append(
+            quantity.not_comparable(f"not identified in {', '.join(absent)}") if any(missing) else quantity
+        )
+    if all(quantity.why for quantity in quantities):
+        raise InputError(
+            results[-1].path,
+            f"shares no base parameter with {results[0].path}: their models differ; compare the recordings instead, "
+            "with one --model",
+        )
+    return quantities, entries
+
+
+def _holds_directions(table: Mapping[str, Any]) -> bool:
+    """Whether an identification kept directions at the model's values; of a file that does not say, that it may."""
+    return table.get("method") in ("wls", "irls") and table.get("held_directions", True) != 0
+
+
+def _freedom(table: Mapping[str, Any]) -> float:
+    """Degrees of freedom of stored deviations; of a file that does not say on how many blocks they rest, the least."""
+    blocks = table.get("blocks")
+    return float(max(blocks, 2) - 1 if isinstance(blocks, int) else LEAST_BLOCKS - 1)
+
+
+def _estimate(result: Stored, quantities: Sequence[Quantity], entries: Mapping[str, Entry]) -> Estimate:
+    nothing: Entry = (math.nan, None, "")
+    mine = [entries.get(quantity.name, nothing) for quantity in quantities]
+    values = np.array([entry[0] for entry in mine])
+    std = np.array([entry[1] or math.nan for entry in mine])
+    if _holds_directions(result.table):
+        std = PRETEST * std
+    freedom = _freedom(result.table)
+    factor = float(stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975))
+    return Estimate(source=str(result.path), values=values, std=std, raw=std / factor, freedom=freedom)

@@ -1,0 +1,130 @@
+"""The outcome of a comparison: what differs in the circumstances, what changed in the arm, and how surely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Literal
+
+from arm_io import InputError
+from comparison.change import SIGNIFICANT, Change
+from comparison.circumstances import Circumstance
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from arm_model import Arm
+
+SCHEMA = "armscope.comparison/1"
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """What ``--fail-above`` says: ``size`` joint deviations, or a share of the value before (``relative``)."""
+
+    size: float
+    relative: bool
+
+    @classmethod
+    def of(cls, text: str) -> Threshold:
+        """'10%' or '5'; InputError for anything else."""
+        share = text.endswith("%")
+        try:
+            size = float(text.removesuffix("%"))
+        except ValueError:
+            size = -1.0
+        if not 0 <= size <= 1e6:
+            raise InputError(
+                "--fail-above",
+                f"must be a size such as 5 (joint deviations) or 10% (of the value before), is {text!r}",
+            )
+        return cls(size / 100 if share else size, share)
+
+    def exceeded(self, changes: Sequence[Change]) -> list[Change]:
+        """The significant changes above the threshold; one of a value that was zero before is above any share."""
+        found = []
+        for one in changes:
+            if one.significant:
+                relative = one.relative
+                size = abs(one.z or 0.0)
+                if self.relative:
+                    size = float("inf") if relative is None else abs(relative[0])
+                if size > self.size:
+                    found.append(one)
+        return found
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Comparison:
+    """What ``armscope compare`` writes; ``to_json`` has the layout of compare.json.
+
+    what           what was compared
+    arm            the model whose parameters are compared; None where the results carry none
+    before, after  paths of both sides
+    changes        every quantity, comparable or not
+    circumstances  differences of the recordings themselves
+    causes         of diagnoses: sentences about causes that appeared or vanished
+    """
+
+    what: Literal["recordings", "identifications", "diagnoses"]
+    arm: Arm | None
+    before: tuple[str, ...]
+    after: tuple[str, ...]
+    changes: list[Change]
+    circumstances: list[Circumstance] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    causes: list[str] = field(default_factory=list)
+
+    @property
+    def significant(self) -> list[Change]:
+        """Significant changes, the surest first; friction parameters before points of friction curves."""
+        found = [one for one in self.changes if one.significant]
+        return sorted(found, key=lambda one: (one.quantity.kind == "curve", -abs(one.z or 0.0)))
+
+    @property
+    def tested(self) -> int:
+        """Quantities that were tested; a friction curve counts as one."""
+        tested = [one.quantity for one in self.changes if one.corrected is not None]
+        return len({f"curve {q.joint}" if q.kind == "curve" else q.name for q in tested})
+
+    def __repr__(self) -> str:
+        changed = [one.quantity for one in self.significant]
+        names = {f"friction curve of joint {q.joint}" if q.kind == "curve" else q.words for q in changed}
+        return f"<Comparison of {self.what}: {', '.join(sorted(names)) or 'nothing'} changed>"
+
+    def __str__(self) -> str:
+        from comparison.report.text import text
+
+        return text(self)
+
+    def plot(self) -> Figure:
+        """Change over joint deviation of every quantity."""
+        from comparison.report.plots import overview
+
+        return overview(self)
+
+    def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
+        """Writes compare.json and compare.html into ``folder``; returns what compare.json says."""
+        from comparison.report.write import write_comparison
+
+        return write_comparison(folder, self)
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of compare.json."""
+        from comparison.report.wording import verdict
+
+        return {
+            "schema": SCHEMA,
+            "what": self.what,
+            "before": list(self.before),
+            "after": list(self.after),
+            "verdict": verdict(self),
+            "changed": bool(self.significant),
+            "false_discovery_rate": SIGNIFICANT,
+            "tested": self.tested,
+            "circumstances": [one.to_json() for one in self.circumstances],
+            "changes": [one.to_json() for one in self.changes],
+            "causes": self.causes,
+            "warnings": self.warnings,
+        }

@@ -1,0 +1,178 @@
+"""The regression of one recording, with columns that mean the same in every recording of a comparison.
+
+Columns: base parameters of links, rotors and effects of the model, which depend on the structure of the arm alone
+(``structural_base``), and the points of friction curves (``friction_curves``) in place of Coulomb and viscous friction.
+What the recording's setup adds (a known payload) is subtracted first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from arm_io.types import Array
+from arm_model import Arm
+from comparison.friction_curves import Curve, hats, knots_of, model_friction
+from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
+from identification.regression.base_parameters import BaseParameters, base_parameters
+from identification.regression.effect_columns import is_effect
+from identification.regression.equations import Equations, equations, model_values
+from identification.regression.least_squares import least_squares
+from identification.regression.uncertainty import uncertainty
+
+EXCITED = 1e-3
+"""Share of a column that no other explains; below it, a recording says nothing about the parameter."""
+UNKNOWN = 0.1
+"""Least uncertainty of a value taken from the model, over the largest value of its unit."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of one recording.
+
+    columns  (k, s + f) of the s structural base parameters and the f compared points of friction curves
+    own      (k, o) of points of its own, fitted and not compared
+    y        (k,) N m or N
+    """
+
+    equations: Equations
+    columns: Array
+    own: Array
+    y: Array
+
+    @property
+    def weight(self) -> Array:
+        """(k,) one over the spread of the torque of each row's joint."""
+        joints = self.equations.joint
+        spread = [float(np.std(self.y[joints == j])) for j in range(int(joints.max(initial=0)) + 1)]
+        return np.array([1 / max(each, 1e-12) for each in spread])[joints]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """(s + f,) values, NaN where the recording does not show them; covariance with zeros there, of white noise blocks.
+
+    widened  factor between the raw standard deviations and those two of which hold 95 %
+    leakage  (s + f, s + f) change of each value by a unit error of one that was taken from the model
+    """
+
+    values: Array
+    covariance: Array
+    freedom: float
+    widened: float
+    leakage: Array
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Structural base parameters that are no friction: rows (s,) of ``base``, and the compared friction curves."""
+
+    arm: Arm
+    base: BaseParameters
+    rows: NDArray[np.intp]
+    curves: Sequence[Curve]
+
+    @property
+    def kept(self) -> NDArray[np.intp]:
+        """(s,) their columns among the standard parameters."""
+        return np.asarray(self.base.kept[self.rows])
+
+    @property
+    def points(self) -> list[tuple[Curve, int]]:
+        """The f compared points, each with its place on its curve."""
+        return [(curve, k) for curve in self.curves for k in range(len(curve.speeds))]
+
+    def model(self) -> Array:
+        """(s + f,) values of the model."""
+        base = self.base.grouping[self.rows] @ model_values(self.arm, "asymmetric")
+        return np.concatenate([base, *(model_friction(self.arm, curve, curve.speeds) for curve in self.curves)])
+
+    def uncertain(self, units: Sequence[str]) -> Array:
+        """(s + f,) how far the model's values may be off: their size, at least UNKNOWN of the largest of the unit."""
+        base = np.abs(self.base.grouping[self.rows]) @ np.abs(model_values(self.arm, "asymmetric"))
+        size = np.concatenate([base, np.abs(self.model()[len(base) :])])
+        kinds = np.array(units)
+        floor = np.array([UNKNOWN * size[kinds == unit].max() for unit in units])
+        return np.asarray(np.maximum(size, floor))
+
+
+def is_friction(name: str) -> bool:
+    """Whether a standard parameter is contained in a friction curve: joint2.viscous_positive, joint2.drag."""
+    head, _, rest = name.partition(".")
+    kind = rest.partition("_")[0]
+    return head.startswith("joint") and not is_effect(name) and kind in ("viscous", "coulomb", "drag", "offset")
+
+
+def structure_of(arm: Arm, base: BaseParameters, curves: Sequence[Curve]) -> Structure:
+    """Base parameters of links, rotors and effects."""
+    rows = [row for row, column in enumerate(base.kept) if not is_friction(base.names[column])]
+    return Structure(arm, base, np.array(rows, np.intp), curves)
+
+
+def rows_of(structure: Structure, motion: Motion, carrying: Arm) -> Rows:
+    """The rows of one recording; ``carrying``: the arm with the known payload of its setup, which is subtracted."""
+    arm, base = structure.arm, structure.base
+    found = equations(arm, [motion], "asymmetric")
+    y = found.torque if found.rest is None else found.torque - found.rest
+    added = base.grouping @ (model_values(carrying, "asymmetric") - model_values(arm, "asymmetric"))
+    y = y - found.columns[:, base.kept] @ added
+    _, trusted = equation_rows(motion)
+    joint, row = np.nonzero(trusted.T)
+    compared, own = [], []
+    for curve in structure.curves:
+        knots, common = knots_of(curve, motion)
+        if not len(knots):
+            continue
+        weight = equation_weight(motion)[:, curve.joint, None]
+        shown = parallel_filter(motion, hats(motion, curve, knots) * weight)
+        block = np.where((joint == curve.joint)[:, None], shown[row], 0.0)
+        compared.append(block[:, common])
+        own.append(block[:, ~common])
+    columns = np.concatenate([found.columns[:, structure.kept], *compared], axis=1)
+    return Rows(found, columns, np.concatenate([np.empty((len(y), 0)), *own], axis=1), y)
+
+
+def shown_by(rows: Rows, structure: Structure) -> NDArray[np.bool_]:
+    """(s + f,) which values a recording shows: friction first, then links and rotors, effects of the model last."""
+    size, first, links = rows.columns.shape[1], rows.own.shape[1], len(structure.rows)
+    both = np.concatenate([rows.own, rows.columns], axis=1) * rows.weight[:, None]
+    # Base parameters come in the order of reading, effects last.
+    order = [*range(first), *range(first + links, first + size), *range(first, first + links)]
+    kept = base_parameters(both, [str(k) for k in range(first + size)], order=order, negligible=EXCITED).kept
+    found = np.zeros(size, bool)
+    found[kept[kept >= first] - first] = True
+    return found
+
+
+def fit(rows: Rows, shown: NDArray[np.bool_], model: Array) -> Fitted:
+    """Weighted least squares of the values ``shown`` (s + f,); the others at those of the ``model`` (s + f,)."""
+    silent = ~shown
+    y = rows.y - rows.columns[:, silent] @ model[silent]
+    # A column of its own that this recording's other columns contain would make the rest undetermined.
+    own = rows.own[:, _independent(rows, shown)]
+    columns = np.concatenate([rows.columns[:, shown], own], axis=1)
+    found = least_squares(columns, y, rows.equations.joint, "wls")
+    spread = uncertainty(columns, rows.equations, found)
+    count, size = int(shown.sum()), len(shown)
+    widened = float(stats.t.ppf(0.975, max(spread.blocks - 1, 1)) / stats.norm.ppf(0.975))
+    values, covariance, leakage = np.full(size, np.nan), np.zeros((size, size)), np.zeros((size, size))
+    values[shown] = found.values[:count]
+    covariance[np.ix_(shown, shown)] = spread.covariance[:count, :count] / widened**2
+    if silent.any():
+        weight = found.weight[:, None]
+        both = np.linalg.lstsq(columns * weight, rows.columns[:, silent] * weight, rcond=None)[0]
+        leakage[np.ix_(shown, silent)] = both[:count]
+    return Fitted(values, covariance, max(spread.blocks - 1, 1), widened, leakage)
+
+
+def _independent(rows: Rows, shown: NDArray[np.bool_]) -> NDArray[np.intp]:
+    weight = rows.weight[:, None]
+    both = np.concatenate([rows.columns[:, shown], rows.own], axis=1) * weight
+    first = int(shown.sum())
+    labels = [str(k) for k in range(both.shape[1])]
+    kept = base_parameters(both, labels, order=range(both.shape[1]), negligible=EXCITED).kept
+    return np.asarray(np.sort(kept[kept >= first]) - first)

@@ -1,0 +1,1 @@
+"""A comparison as text, plots, a page and files."""

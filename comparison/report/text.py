@@ -1,0 +1,65 @@
+"""A comparison as text: what ``armscope compare`` prints, and ``print(result)`` in a notebook."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from comparison.change import Change
+from comparison.report.wording import changed_sentences, percent, size, verdict
+
+if TYPE_CHECKING:
+    from comparison.outcome import Comparison
+
+WIDEST = 56
+HEADS = ("quantity", "before", "after", "change", "2 std", "relative", "z", "p corr.", "unit")
+MOST = 12
+"""Rows of the table that are printed; all stand in the report."""
+
+
+def text(result: Comparison) -> str:
+    """The circumstances, a table of the largest changes, the significant ones in words, and the verdict."""
+    lines = [f"first: {one.sentence}" for one in result.circumstances]
+    tested = [one for one in result.changes if one.corrected is not None and one.quantity.kind != "curve"]
+    tested.sort(key=lambda one: -abs(one.z or 0.0))
+    shown = tested[: max(MOST, sum(one.significant for one in tested))]
+    lines += _table(shown)
+    if len(tested) > len(shown):
+        lines.append(f"... and {len(tested) - len(shown)} more parameters with smaller changes")
+    blind = [one for one in result.changes if not one.comparable]
+    reasons: dict[str, int] = {}
+    for one in blind:
+        reasons[one.quantity.why] = reasons.get(one.quantity.why, 0) + 1
+    lines += [f"not comparable: {count} quantities: {why}" for why, count in reasons.items()]
+    lines += [f"warning: {warning}" for warning in result.warnings]
+    lines += [*result.causes, *changed_sentences(result)]
+    return "\n".join([*lines, verdict(result)])
+
+
+def _table(changes: list[Change]) -> list[str]:
+    rows = [HEADS, *map(_row, changes)]
+    width = [max(len(row[column]) for row in rows) for column in range(len(HEADS))]
+    last = len(HEADS) - 1
+    return [
+        "  ".join(
+            cell.rjust(width[column]) if 1 <= column < last else cell.ljust(width[column])
+            for column, cell in enumerate(row)
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def _row(change: Change) -> tuple[str, ...]:
+    name = change.quantity.words
+    name = name if len(name) <= WIDEST else f"{name[: WIDEST - 3]}..."
+    mark = "*" if change.significant else ""
+    return (
+        name,
+        size(change.before),
+        size(change.after),
+        size(change.change),
+        "" if change.std is None else f"{2 * change.std:.2g}",
+        percent(change),
+        "" if change.z is None else f"{change.z:+.1f}{mark}",
+        "" if change.corrected is None else f"{change.corrected:.2g}",
+        change.quantity.unit,
+    )

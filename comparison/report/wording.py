@@ -1,0 +1,87 @@
+"""Changes in sentences."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from comparison.change import SIGNIFICANT, Change
+
+if TYPE_CHECKING:
+    from comparison.outcome import Comparison
+
+
+def size(value: float | None) -> str:
+    """Four significant digits; nothing for None."""
+    return "" if value is None else f"{value:.4g}"
+
+
+def percent(change: Change) -> str:
+    """'+49 % +- 4 %', two standard deviations; nothing where the value before is not clearly other than zero."""
+    if change.relative is None:
+        return ""
+    value, std = change.relative
+    digits = max(0, 1 - int(np.floor(np.log10(max(200 * std, 1e-3)))))
+    return f"{100 * value:+.{digits}f} % +- {200 * std:.{digits}f} %"
+
+
+def sentence(change: Change) -> str:
+    """'Coulomb friction of joint 3: 5.1 -> 7.6 N m, +49 % +- 4 % (z = 28)'."""
+    words = change.quantity.words[:1].upper() + change.quantity.words[1:]
+    unit = f" {change.quantity.unit}" if change.quantity.unit not in ("", "1") else ""
+    share = f", {percent(change)}" if change.relative is not None else ""
+    z = "" if change.z is None else f" (z = {change.z:+.1f})"
+    return f"{words}: {size(change.before)} -> {size(change.after)}{unit}{share}{z}"
+
+
+def curve_sentence(joint: int, points: list[Change]) -> str:
+    """What the significant points of a joint's friction curve say together; ``points`` are all of that joint."""
+    changed = [one for one in points if one.significant]
+    sizes = [one.change for one in changed if one.change is not None]
+    speeds = [abs(one.quantity.speed or 0.0) for one in changed]
+    unit = changed[0].quantity.unit
+    per = "rad/s" if unit == "N m" else "m/s"
+    where = "all compared speeds" if len(changed) == len(points) else f"{len(changed)} of {len(points)} compared points"
+    range_ = f"{min(speeds):.2g} {per}" if len(speeds) == 1 else f"{min(speeds):.2g} to {max(speeds):.2g} {per}"
+    low, high = min(sizes), max(sizes)
+    by = f"{low:+.3g} {unit}" if len(sizes) == 1 else f"{low:+.3g} to {high:+.3g} {unit}"
+    return f"Friction curve of joint {joint}: changed at {where} ({range_}) by {by}"
+
+
+def curve_sentences(result: Comparison) -> list[str]:
+    """One per joint whose friction curve changed anywhere."""
+    found = []
+    curves = [one.quantity for one in result.changes if one.quantity.kind == "curve"]
+    joints = sorted({quantity.joint for quantity in curves if quantity.joint is not None})
+    for joint in joints:
+        points = [
+            one
+            for one in result.changes
+            if one.quantity.kind == "curve" and one.quantity.joint == joint and one.comparable
+        ]
+        if any(one.significant for one in points):
+            found.append(curve_sentence(joint, points))
+    return found
+
+
+def changed_sentences(result: Comparison) -> list[str]:
+    """One per significant parameter, surest first, then one per friction curve."""
+    parameters = [sentence(one) for one in result.significant if one.quantity.kind != "curve"]
+    return parameters + curve_sentences(result)
+
+
+def verdict(result: Comparison) -> str:
+    """The one sentence."""
+    if not result.tested:
+        return "Nothing could be compared."
+    share = f"at most {SIGNIFICANT:.0%} of such findings are false"
+    if not result.significant:
+        return f"No significant change of {result.tested} compared quantities ({share})."
+    parameters = [one for one in result.significant if one.quantity.kind != "curve"]
+    rubbing = {one.quantity.joint for one in parameters if one.quantity.kind == "friction"}
+    curves = {one.quantity.joint for one in result.significant if one.quantity.kind == "curve"} - rubbing
+    first = sentence(parameters[0]) if parameters else curve_sentences(result)[0]
+    more = len(parameters) + len(curves) - 1
+    others = f"; and {more} more" if more else "; nothing else"
+    return f"{first}{others} of {result.tested} compared quantities ({share})."

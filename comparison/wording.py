@@ -1,0 +1,85 @@
+"""Names of quantities in physical words."""
+
+from __future__ import annotations
+
+from arm_model import Arm
+from comparison.change import Kind, Quantity
+from identification.regression.effect_columns import is_effect
+from identification.result import unit_of
+
+WORDS = {
+    "coulomb": "Coulomb friction of joint {n}",
+    "coulomb_positive": "Coulomb friction of joint {n}, positive direction",
+    "coulomb_negative": "Coulomb friction of joint {n}, negative direction",
+    "viscous": "viscous friction of joint {n}",
+    "viscous_positive": "viscous friction of joint {n}, positive direction",
+    "viscous_negative": "viscous friction of joint {n}, negative direction",
+    "offset": "constant torque or friction asymmetry of joint {n}",
+    "rotor_inertia": "rotor inertia of joint {n}",
+    "inertia": "inertia about joint {n}",
+    "drag": "drag of joint {n}",
+    "mass": "mass of link {n}",
+    "mx": "first moment x of link {n}",
+    "my": "first moment y of link {n}",
+    "mz": "first moment z of link {n}",
+}
+FRICTION = ("coulomb", "viscous", "offset", "drag")
+
+
+def in_words(expression: str) -> str:
+    """'joint3.coulomb' -> 'Coulomb friction of joint 3'.
+
+    Of a sum of parameters its first, and how many more are in it.
+    """
+    first, *others = expression.replace(" - ", " + ").split(" + ")
+    head, _, rest = first.partition(".")
+    number = "".join(c for c in head if c.isdigit())
+    if is_effect(first):
+        effect, _, entry = rest.partition(".") if number and "." in rest else (head, "", rest)
+        place = f" of joint {number}" if head.startswith("joint") else ""
+        words = f"{entry.replace('_', ' ')} of {effect.replace('_', ' ')}{place}"
+    elif rest in WORDS:
+        words = WORDS[rest].format(n=number)
+    else:
+        words = f"inertia {rest.removeprefix('i')} of link {number}"
+    return words if not others else f"{words} (with {len(others)} more parameter{'s' * (len(others) > 1)})"
+
+
+def joint_of(expression: str) -> int | None:
+    """The joint (from 1) that a parameter is of; None of an effect of the whole arm."""
+    digits = "".join(c for c in expression.partition(".")[0] if c.isdigit())
+    return int(digits) if digits else None
+
+
+def kind_of(name: str) -> Kind:
+    """What a standard parameter, or the first of a sum, is."""
+    if is_effect(name):
+        return "effect"
+    head, _, rest = name.partition(".")
+    return "friction" if head.startswith("joint") and rest.partition("_")[0] in FRICTION else "inertia"
+
+
+def parameter_quantity(expression: str, unit: str) -> Quantity:
+    """The quantity of a base parameter by its expression."""
+    first = expression.replace(" - ", " + ").split(" + ")[0]
+    return Quantity(name=expression, words=in_words(expression), unit=unit, kind=kind_of(first), joint=joint_of(first))
+
+
+def friction_quantity(arm: Arm, joint: int, kind: str) -> Quantity:
+    """'coulomb', 'viscous' or 'offset' of a joint (from 0)."""
+    name = f"joint{joint + 1}.{kind}"
+    return Quantity(name=name, words=in_words(name), unit=unit_of(name, arm), kind="friction", joint=joint + 1)
+
+
+def point_quantity(arm: Arm, joint: int, direction: float, speed: float) -> Quantity:
+    """Friction of a joint (from 0) at one speed and direction."""
+    revolute = arm.joints[joint].revolute
+    which = "positive" if direction > 0 else "negative"
+    return Quantity(
+        name=f"joint{joint + 1}.friction_{which}({speed:.3g})",
+        words=f"friction of joint {joint + 1} at {direction * speed:+.3g} {'rad/s' if revolute else 'm/s'}",
+        unit="N m" if revolute else "N",
+        kind="curve",
+        joint=joint + 1,
+        speed=direction * speed,
+    )

@@ -1,0 +1,83 @@
+"""Recordings of an arm on two days, written out by hand: rigid links, and friction as arms have it.
+
+The friction is none of armscope's laws: a constant, a hump near rest, and |v|^0.6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import lfilter
+
+from arm_model.description import Arm
+from arm_model.model_file import read_model
+from arm_model.rigid_body.numeric import rigid_torque
+from daq.recording import Attachments, Recording, open_recording, write_table
+from tests.arm_model.pumas import three_links
+
+LEVELS = (20.0, 10.0, 6.0)
+"""N m of constant friction per joint on the first day."""
+HUMP, STRIBECK, POWER = 2.0, 0.05, 3.0
+"""N m at rest above the constant, rad/s over which it decays, N m at 1 rad/s."""
+
+
+def puma(root: Path, joints: int = 3) -> Arm:
+    """The first links of the Puma, without controller."""
+    arm = replace(three_links(read_model(root / "config/models/puma560.toml")), controller=None)
+    return replace(arm, joints=arm.joints[:joints])
+
+
+def friction(v: np.ndarray, level: float) -> np.ndarray:
+    """N m that oppose a motion of v rad/s."""
+    speed = np.abs(v)
+    return np.sign(v) * (level + HUMP * np.exp(-((speed / STRIBECK) ** 2)) + POWER * speed**0.6)
+
+
+def motion(t: np.ndarray, joints: int, seed: int, speed: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(m, J) angle, speed, acceleration: five harmonics of 0.1 Hz per joint, ``speed`` times as fast."""
+    rng = np.random.default_rng(seed)
+    w = 2 * np.pi * 0.1 * speed * np.arange(1, 6)
+    a, b = rng.normal(size=(2, 3, 5)) * np.array([0.35, 0.3, 0.4])[:, None] / np.arange(1, 6) ** 0.7
+    phase = w * t[:, None]
+    q = np.cos(phase) @ a.T + np.sin(phase) @ b.T + np.array([0.0, -0.5, 0.6])
+    qd = -np.sin(phase) @ (a * w).T + np.cos(phase) @ (b * w).T
+    qdd = -np.cos(phase) @ (a * w**2).T - np.sin(phase) @ (b * w**2).T
+    return q[:, :joints], qd[:, :joints], qdd[:, :joints]
+
+
+def record(
+    path: Path,
+    arm: Arm,
+    noise: int,
+    *,
+    seed: int = 0,
+    levels: Sequence[float] = LEVELS,
+    speed: float = 1.0,
+    seconds: float = 20.0,
+    rate: float = 250.0,
+    resting: int | None = None,
+    temp: float | None = None,
+    experiment: str | None = None,
+) -> Recording:
+    """Encoders of 1e-5 rad; currents with white noise of 10 mA and as much that is correlated over 20 rows.
+
+    seed, noise  of the motion and of the noise; resting: a joint (from 0) that stands still
+    """
+    t = np.arange(int(rate * seconds)) / rate
+    q, qd, qdd = motion(t, len(arm), seed, speed)
+    if resting is not None:
+        q[:, resting], qd[:, resting], qdd[:, resting] = q[0, resting], 0.0, 0.0
+    torque = rigid_torque(arm, q, qd, qdd)
+    for j, joint in enumerate(arm.joints):
+        torque[:, j] += joint.ratio**2 * joint.rotor_inertia * qdd[:, j] + friction(qd[:, j], levels[j])
+    white, driven = np.random.default_rng(noise).standard_normal((2, *q.shape))
+    i = torque / arm.joint_array("drive_constant")
+    i += 0.01 * white + 0.01 * lfilter([np.sqrt(1 - 0.95**2)], [1, -0.95], driven, axis=0)
+    signals = {"q": np.round(q / 1e-5) * 1e-5, "i": i}
+    if temp is not None:
+        signals["temp"] = np.full_like(q, temp)
+    write_table(path, t, signals, Attachments(experiment=experiment))
+    return open_recording(path)
