@@ -1,11 +1,13 @@
 """Measured against simulated -> causes -> extended model -> gain; the report."""
 
+from diagnosis.against_noise import against_noise
 from diagnosis.cause import Cause, in_words
 from diagnosis.diagnose import Diagnosis, diagnose
 
 __all__ = [
     "Cause",
     "Diagnosis",
+    "against_noise",
     "diagnose",
     "in_words",
 ]

@@ -7,12 +7,13 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from identification.identify import check_runs, identify_by, own_friction
     from identification.prediction import predict
-    from identification.result import Identification, Prediction
+    from identification.result import Identification, JointNoise, Prediction
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
     "Identification",
+    "JointNoise",
     "Prediction",
     "check_runs",
     "identify_by",

@@ -81,6 +81,27 @@ class Prediction:
         return mine & self.sliding if sliding and self.sliding is not None else mine
 
 
+@dataclass(frozen=True, kw_only=True)
+class JointNoise:
+    """The error of a joint's current (from 1) beside the noise floor of its instruments, rms in ``unit``.
+
+    Both in the band of comparison of ``diagnose``, where the joint moves; ratio: error over floor, 1 for noise, and no
+    noise any more above ``limit``, whatever it depends on.
+    """
+
+    joint: int
+    error: float
+    floor: float
+    ratio: float
+    limit: float
+    unit: str
+
+    @property
+    def above(self) -> bool:
+        """Whether the error is more than noise."""
+        return self.ratio > self.limit
+
+
 @dataclass(frozen=True, repr=False)
 class Identification:
     """What ``armscope identify`` writes; see ``to_json`` for the file's layout, which is the contract's.
@@ -92,6 +113,8 @@ class Identification:
     compared    relative errors of other values on the same rows: name -> (fit, held out)
     extra       further entries of the file, by method
     runs        rows of each recording, and why some of them do not count
+    noise       errors of ``arm`` over the noise floor, of the held-out recordings or without any of the fitted ones;
+                None: not compared
     """
 
     method: str
@@ -110,6 +133,7 @@ class Identification:
     compared: dict[str, tuple[float, float]] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
     runs: list[RunReadiness] = field(default_factory=list)
+    noise: list[JointNoise] | None = None
 
     def __repr__(self) -> str:
         fit, held_out = self.relative_error(False), self.relative_error(True)
@@ -179,6 +203,10 @@ class Identification:
         """Joints (from 0) whose rms error on held-out runs exceeds the expected one by more than EXCESSIVE."""
         return [j for j in range(len(self.arm)) if self.rms(True, j, sliding=True) > EXCESSIVE * self.expected_rms(j)]
 
+    def noise_of(self, joint: int) -> JointNoise | None:
+        """The error over the noise floor of a joint (from 0), where it is known."""
+        return next((one for one in self.noise or () if one.joint == joint + 1), None)
+
     def to_json(self) -> dict[str, Any]:
         """The contract's identification.json; NaN becomes null."""
         joints = []
@@ -197,6 +225,7 @@ class Identification:
                         "fit": _number(self.relative_error(False, j)),
                         "held_out": _number(self.relative_error(True, j)),
                     },
+                    "noise": self._noise_entry(j),
                 }
             )
         return {
@@ -220,6 +249,19 @@ class Identification:
             "runs": [run.to_json() for run in self.runs],
             "warnings": self.warnings,
             "notes": self.notes,
+        }
+
+    def _noise_entry(self, joint: int) -> dict[str, Any] | None:
+        one, of = self.noise_of(joint), "fit" if isinstance(self.held_out, str) else "held_out"
+        if one is None:
+            return None
+        return {
+            "of": of,
+            "error_rms": one.error,
+            "floor_rms": one.floor,
+            "ratio": one.ratio,
+            "limit": one.limit,
+            "unit": one.unit,
         }
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
+from arm_io import InputError
 from armscope.api.reading import File, Source, for_analysis, read_model
 
 if TYPE_CHECKING:
     from arm_model import Arm
+    from daq.recording import Recording
     from identification import Identification, Prediction
     from identification.preprocessing import Readiness
 
@@ -45,7 +48,21 @@ def identify(
     # Imported last: these libraries take a second, for which a wrong file need not wait.
     from identification import identify_by, own_friction
 
-    return identify_by(method, fitted, arm, held_out=held, friction=friction or own_friction(arm), progress=progress)
+    result = identify_by(method, fitted, arm, held_out=held, friction=friction or own_friction(arm), progress=progress)
+    progress("comparing with the noise of the instruments")
+    return _against_noise(result, held or fitted, fitted if held else [])
+
+
+def _against_noise(
+    result: Identification, recordings: Sequence[Recording], beside: Sequence[Recording]
+) -> Identification:
+    """The result with its errors over the noise floor, as ``diagnose`` has them; with the reason where it has none."""
+    from diagnosis import against_noise
+
+    try:
+        return replace(result, noise=against_noise(result.arm, recordings, beside))
+    except InputError as error:
+        return replace(result, notes=[*result.notes, f"not compared with the noise of the instruments: {error}"])
 
 
 def check(

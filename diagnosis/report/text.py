@@ -12,6 +12,7 @@ from diagnosis.report.wording import estimate, gain, sentence, title
 def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
     """Verdict, warnings, and every cause with its parameters and gain; ``table`` is what diagnosis.json holds."""
     lines = [sentence(result), *(f"warning: {warning}" for warning in result.warnings)]
+    lines += _over_noise(table)
     for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
         where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
         lines += ["", f"{number}. {title(cause)}", *(f"   {estimate(p)}" for p in cause.parameters)]
@@ -24,3 +25,15 @@ def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
     if hidden := len(table["not_visible"]):
         lines += ["", f"{hidden} effects could not have been detected in these recordings"]
     return "\n".join(lines)
+
+
+def _over_noise(table: dict[str, Any]) -> list[str]:
+    """One line: held-out residual currents over their noise floor, per joint, by the model and by the extended one."""
+    rows = [row for row in table["signals"] if (row.get("noise_ratio") or {}).get("before") is not None]
+    if not rows:
+        return []
+    sizes = []
+    for row in rows:
+        before, after = (f"{row['noise_ratio'][when]:.2g}" for when in ("before", "after"))
+        sizes.append(f"joint {row['joint']} {before if before == after else f'{before} -> {after}'}")
+    return [f"held-out residual current over the noise floor of the instruments: {', '.join(sizes)}"]

@@ -13,6 +13,7 @@ import numpy as np
 from arm_io import make_folder, write_text
 from arm_model import write_model
 from daq.recording import Recording
+from diagnosis.against_noise import ratios
 from diagnosis.cause import Cause, in_words
 from diagnosis.closed_loop import resonance
 from diagnosis.diagnose import Diagnosis
@@ -78,6 +79,9 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
         if result.judged
     ]
     noise = np.mean([run.noise for run in result.held_out], axis=0)
+    over_noise = [
+        {one.joint: one.ratio for one in ratios(result.held_out, y)} for y in (held_out.y, result.left.held_out)
+    ]
     of_loop = {
         signal: {
             half: [(b.error_rms(signal), a.error_rms(signal)) for b, a in pairs]
@@ -105,6 +109,8 @@ def _signals(result: Diagnosis) -> list[dict[str, Any]]:
                 along = "demands" if in_loop or name == "position" else "measured motion"
                 row |= {"noise_rms": float(own[j]), "along": along}
                 if name == "current" and result.judged:
+                    before, after = (by_joint.get(j + 1) for by_joint in over_noise)
+                    row["noise_ratio"] = {"before": before, "after": after}
                     row["predictable"] = {"before": float(shares[0][j]), "after": float(shares[1][j])}
                 rows.append(row)
     return rows + _link_signals(result) + _tracker_signal(result)

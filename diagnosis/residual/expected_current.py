@@ -100,14 +100,19 @@ def reading(arm: Arm, t: Array, q: Array, *, powered: bool = True) -> Array:
     torque = inverse_dynamics(arm, *motion, time=t)
     if any(effect.spring or effect.rate for effect, _, _ in terms):
         torque = torque + _with_states(arm, bent, terms, angle, motion, rate)
-    current = powered * torque / bent.joint_array("drive_constant")
+    return as_read(arm, t, powered * torque / bent.joint_array("drive_constant"))
+
+
+def as_read(arm: Arm, t: Array, current: Array) -> Array:
+    """(m, n) A that transducers of ``arm`` show at times t (m,) s of motor currents (m, n) A: late, and not linear."""
+    terms = terms_of(arm)
     for effect, _, values in terms:
         if effect.delay is not None:
             late = np.broadcast_to(np.asarray(effect.delay(values, Signals(t=t)), float), t.shape)
             current = CubicSpline(t, current)(np.clip(t - late, t[0], t[-1]))
     for effect, joint, values in terms:
         if effect.current is not None and joint is not None:
-            own = current[:, joint - 1]
+            own, current = current[:, joint - 1], current.copy()
             current[:, joint - 1] = own + effect.current(values, Signals(current=own, t=t))
     return np.asarray(current, float)
 

@@ -30,7 +30,9 @@ ERRORS = (
     " filter. <i>Sliding</i>: held-out rows away from reversals and standstill, where friction obeys Coulomb's law."
     " <i>Expected</i>: rms error expected from the noise of the fitted runs and the standard deviations of the "
     "parameters; more than three times as"
-    " much is reported above."
+    " much is reported above. <i>Current</i>, <i>noise floor</i>, <i>ratio</i>: error of the current where the joint "
+    "moves, noise of the instruments in the same band, and error over noise, of the held-out recordings (without any, "
+    "of the fitted ones), as <code>diagnose</code> has them; more than 2.5 is no noise."
 )
 GAPS = "Gaps are excluded rows: standstill, missing or clipped samples, begin and end of the run."
 DEVIATIONS = (
@@ -86,30 +88,54 @@ def _what(result: Identification) -> str:
 
 
 def _refuted(result: Identification) -> bool:
-    return result.held_out != "split" and bool(result.joints_above_expected())
+    above = any(one.above for one in result.noise or ())
+    return above or (result.held_out != "split" and bool(result.joints_above_expected()))
 
 
 def verdict(result: Identification) -> str:
-    """The one sentence; training error alone validates nothing."""
+    """The first sentences: the error of model.toml, and whether it is more than noise at the worst joint."""
     fit, held = result.relative_error(False), result.relative_error(True)
     if held != held:
-        return f"Relative error of model.toml {fit:.2%} on the fitted runs. Not validated: no recording was held out."
-    if result.held_out == "split":
-        return (
+        sentence = f"Relative error of model.toml {fit:.2%} on the fitted runs."
+    elif result.held_out == "split":
+        sentence = (
             f"Relative error of model.toml {fit:.2%} on the fitted runs, {held:.2%} on the last part of the same runs, "
             "predicted from the first."
-            " Not validated: no other recording was held out."
         )
-    sentence = f"Relative error of model.toml {fit:.2%} on the fitted runs, {held:.2%} on held-out recordings."
+    else:
+        sentence = f"Relative error of model.toml {fit:.2%} on the fitted runs, {held:.2%} on held-out recordings."
+    alone = held != held or result.held_out == "split"
+    which = "fitted" if alone else "held-out"
+    if above := sorted((one for one in result.noise or () if one.above), key=lambda one: -one.ratio):
+        joints = ", ".join(
+            f"{one.ratio:.2g} times at joint {one.joint} ({one.error:.2g} {one.unit} against {one.floor:.2g})"
+            for one in above
+        )
+        return (
+            f"{sentence} Not validated: while joints move, the error on {which} recordings exceeds the noise floor of "
+            f"the instruments, {joints}. `armscope diagnose` looks for what the model lacks."
+        )
+    if alone:
+        return f"{sentence} Not validated: no other recording was held out.{_worst(result, which)}"
     if far := result.joints_above_expected():
         off = ((j, _size(result.rms(True, j, sliding=True), result.torque_unit(j))) for j in far)
         joints = ", ".join(
             f"joint {j + 1} ({size} off, {_size(result.expected_rms(j), '')}expected)" for j, size in off
         )
         return f"{sentence} Not validated at {joints}: the held-out runs contain effects that are not in the model."
+    if not result.noise:
+        return f"{sentence} Not compared with the noise of the instruments."
+    return f"{sentence} Validated on motions that were not fitted.{_worst(result, which)}"
+
+
+def _worst(result: Identification, which: str) -> str:
+    """How large the error of the worst joint is; nothing where that is not known."""
+    if not result.noise:
+        return ""
+    worst = max(result.noise, key=lambda one: one.ratio)
     return (
-        sentence + " Validated on motions that were not fitted: while joints move, noise and the"
-        " standard deviations of the parameters account for the residual."
+        f" While joints move, the error on {which} recordings is at most {worst.ratio:.2g} times the noise floor of "
+        f"the instruments (joint {worst.joint}: {worst.error:.2g} {worst.unit} against {worst.floor:.2g})."
     )
 
 
@@ -123,13 +149,18 @@ def _errors(result: Identification) -> str:
             row += [_size(result.rms(held, j), unit), _percent(result.relative_error(held, j))]
         if explained:
             row += [_size(result.rms(True, j, sliding=True), unit), _size(result.expected_rms(j), unit)]
+        if result.noise and (one := result.noise_of(j)):
+            row += [_size(one.error, one.unit), _size(one.floor, one.unit), f"{one.ratio:.2g}"]
+        elif result.noise:
+            row += [""] * 3
         rows.append(row)
     total = {"all (model.toml)": (result.relative_error(False), result.relative_error(True))}
-    empty = [""] * (2 * explained)
+    empty = [""] * (2 * explained + 3 * bool(result.noise))
     for name, (fit, held_out) in (total | result.compared).items():
         rows.append([escape(name), "", _percent(fit), "", _percent(held_out), *empty])
     head = ["joint", "fitted, rms", "relative", "held out, rms", "relative"]
     head += ["sliding, rms", "expected"] if explained else []
+    head += ["current", "noise floor", "ratio"] if result.noise else []
     return table(rows, head, range(1, len(head)))
 
 

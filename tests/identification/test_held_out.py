@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import armscope
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.parameters import with_parameters
@@ -20,7 +21,6 @@ from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
 from experiment import Experiment, demand_of
 from identification.experiment_design.excitation import Series, design_excitation
-from identification.methods.inverse_dynamics import identify
 from identification.report.html import report, verdict
 from identification.result import Identification
 from tests.arm_model.pumas import three_links
@@ -61,14 +61,18 @@ def recorded(arm: Arm, experiment: Experiment, path: Path, seed: int) -> Recordi
 
 
 def judged(runs: dict[str, Recording], arm: Arm, by: str) -> Identification:
-    return identify([runs["fit"]], arm, held_out=[runs[by]])
+    return armscope.identify(runs["fit"], arm, held_out=runs[by])
 
 
 def test_true_model_carries_over_to_stops_and_reversals(arm: Arm, runs: dict[str, Recording]) -> None:
     result = judged(runs, arm, "same")
     assert result.joints_above_expected() == []
     assert "Validated on" in verdict(result)
-    assert ">expected<" in report(result)
+    assert ">expected<" in report(result) and ">noise floor<" in report(result)
+    assert result.noise is not None
+    worst = max(result.noise, key=lambda one: one.ratio)
+    assert 0.5 < worst.ratio < 2.5
+    assert f"at most {worst.ratio:.2g} times the noise floor of the instruments (joint {worst.joint}" in verdict(result)
     # Around stops and reversals friction is not Coulomb's law: there the same model errs more, and is not blamed.
     assert result.relative_error(True) > 2 * result.relative_error(False)
     assert result.rms(True, 0) > 2 * result.rms(True, 0, sliding=True)
@@ -78,9 +82,40 @@ def test_what_is_not_in_the_model_is_named_by_joint(arm: Arm, runs: dict[str, Re
     result = judged(runs, arm, "heavier")
     assert result.joints_above_expected() == [0, 1, 2]
     said = verdict(result)
-    assert "Not validated at joint 1 (" in said and "joint 2 (" in said
+    assert result.noise is not None and "Not validated" in said
+    assert {1, 2} <= {one.joint for one in result.noise if one.above}
+    for one in result.noise:
+        assert one.above == (f"{one.ratio:.2g} times at joint {one.joint} (" in said)
+    assert max(one.ratio for one in result.noise) > 10
+    assert said.index(f"joint {max(result.noise, key=lambda one: one.ratio).joint} (") < 300
     sliding = result.to_json()["joints"][1]["sliding"]
     assert sliding["held_out"] > 20 * sliding["held_out_expected"] > 0
+
+
+def test_both_commands_judge_a_model_by_one_yardstick(arm: Arm, runs: dict[str, Recording], tmp_path: Path) -> None:
+    """What identify writes beside its model is what diagnose says of that model: neither refutes the other."""
+    result = judged(runs, arm, "heavier")
+    table = result.write(tmp_path)
+    found = armscope.diagnose(runs["fit"], tmp_path / "model.toml", held_out=runs["heavier"])
+    signals = {one["joint"]: one for one in found.to_json()["signals"] if one["signal"] == "current"}
+    for joint in table["joints"]:
+        own = joint["noise"]
+        assert own["of"] == "held_out" and own["ratio"] == pytest.approx(own["error_rms"] / own["floor_rms"])
+        assert own["ratio"] == pytest.approx(signals[joint["joint"]]["noise_ratio"]["before"], rel=1e-3)
+    assert "over the noise floor of the instruments: joint 1" in str(found)
+
+
+def test_missing_friction_is_no_validated_model(arm: Arm, runs: dict[str, Recording], tmp_path: Path) -> None:
+    """Friction that grows with the load, in what is fitted and what is held out: the model has no term for it."""
+    rubbing = arm.with_effect("load_friction", joint=2, mu=0.15)
+    excitation = design_excitation(arm, Series(16.0), candidates=40, seed=3)
+    fit = recorded(rubbing, excitation, tmp_path / "fit.mcap", 3)
+    held = recorded(rubbing, design_excitation(arm, Series(12.0), candidates=40, seed=5), tmp_path / "held.mcap", 4)
+    lacking = armscope.identify(fit, arm, held_out=held)
+    said = verdict(lacking)
+    assert "Not validated" in said and "times at joint 2 (" in said and "account for" not in said
+    mended = armscope.identify(fit, rubbing, held_out=held)
+    assert "Validated on" in verdict(mended)
 
 
 def test_friction_that_differs_by_direction_bears_nothing_at_rest(arm: Arm, runs: dict[str, Recording]) -> None:

@@ -21,7 +21,15 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Scale, Signals, Values, described, units
 from arm_model.system import inverse_dynamics
 from diagnosis.residual.encoder_step import encoder_step
-from diagnosis.residual.expected_current import coulomb_at, integrated, low_pass, motion_of, rate_of
+from diagnosis.residual.expected_current import (
+    as_read,
+    coulomb_at,
+    integrated,
+    low_pass,
+    motion_of,
+    rate_of,
+    true_angle,
+)
 from diagnosis.selection.candidate import Candidate
 from identification.selection import Index
 
@@ -75,8 +83,8 @@ def rows_of(arm: Arm, recordings: Sequence[tuple[Array, Array, Array]], block_se
     constant = described(arm).joints[0].drive_constant
     for t, q, i in recordings:
         rate = rate_of(t)
-        angle, v, a = motion_of(q, _bands(rate)[0], rate)
-        expected = inverse_dynamics(arm, angle, v, a, time=t)[:, 0] / constant
+        angle, v, a = motion_of(true_angle(arm, q), _bands(rate)[0], rate)
+        expected = as_read(arm, t, inverse_dynamics(arm, angle, v, a, time=t) / constant)[:, 0]
         sign = v[:, 0] / np.hypot(v[:, 0], drive.sign_velocity)
         current = low_pass(i, _bands(rate)[0], rate)[:, 0]
         s = Signals(

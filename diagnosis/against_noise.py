@@ -1,0 +1,57 @@
+"""A model's error in units of the instruments' noise, per joint: the one yardstick of ``identify`` and ``diagnose``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm
+from daq.recording import Recording
+from diagnosis.measurements.currents.design_matrix import dataset_of
+from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.unexplained import noise_ratio
+from diagnosis.residual.noise import still_noise
+from diagnosis.residual.run import Run, residual_run
+from diagnosis.residual.run_setup import loaded, setup_of
+from diagnosis.screening.cleaned import check
+from identification import JointNoise
+
+
+def against_noise(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Recording] = ()) -> list[JointNoise]:
+    """The residual currents of recordings under an arm, over the noise floor, per joint whose noise floor is known.
+
+    beside: others of the same rig, whose standstills show its noise as well.
+    InputError where a recording is not one that ``diagnose`` takes.
+    """
+    check(arm, recordings)
+    still = still_noise([r for r in (*beside, *recordings) if not setup_of(r).drives_off])
+    runs = []
+    for r in recordings:
+        setup = setup_of(r)
+        powered = not setup.drives_off
+        runs.append(residual_run(r.path.name, loaded(arm, setup.payload), r.t, r.q, r.i, powered=powered, still=still))
+    return ratios(runs, dataset_of(runs).y)
+
+
+def ratios(runs: Sequence[Run], whitened: Array) -> list[JointNoise]:
+    """Errors over the noise floor, per joint, from residuals (n * rows,) of ``runs`` over their deviations.
+
+    Rows count in which the noise is that of the instruments: where a joint moves, away from its reversals. A joint
+    without any is left out.
+    """
+    data, found = dataset_of(runs), []
+    for j, joint in enumerate(runs[0].arm.joints):
+        sure = np.concatenate([run.deviation[:, j] < 3.0 * run.noise[j] for run in runs])
+        if not sure.any():
+            continue
+        deviation = np.concatenate([run.deviation[:, j] for run in runs])
+        error = float(np.sqrt(np.mean((whitened[data.of(j + 1)] * deviation)[sure] ** 2)))
+        ratio = noise_ratio(whitened, data, j + 1)
+        # noise that is as large in the quietest seconds is the floor, though the standstill shows less of it
+        floor, limit = error / ratio, LIMITS.above_noise
+        found.append(
+            JointNoise(joint=j + 1, error=error, floor=floor, ratio=ratio, limit=limit, unit=joint.current_unit)
+        )
+    return found
