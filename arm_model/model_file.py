@@ -14,6 +14,7 @@ from arm_io.toml import one_line
 from arm_model.description import IDENTITY, Arm, Controller, Coupling, EffectTerm, Joint, Pose, Vector
 from arm_model.effects import check_terms, dissipation
 from arm_model.rigid_body.inertia import unphysical
+from arm_model.urdf import read_urdf
 
 
 class _ModelFile(Table):
@@ -36,11 +37,11 @@ _NEEDED = ("type", "mass", "com", "inertia")
 
 
 def read_model(path: str | Path) -> Arm:
-    """The arm in a model file.
+    """The arm in a model file (.toml), or in a URDF file (.urdf) with one serial chain.
 
     InputError (one line: file, entry, what would be right) for anything wrong or unphysical.
     """
-    return arm_of(read_toml(path), path)
+    return read_urdf(path) if Path(path).suffix == ".urdf" else arm_of(read_toml(path), path)
 
 
 def arm_of(table: dict[str, Any], where: str | Path) -> Arm:

@@ -65,10 +65,11 @@ def _shown(
 
 
 def _at(t: Array, values: Array, wanted: Array) -> Array:
-    """``values`` (..., R, n) at other times (R,)."""
+    """``values`` (..., R, n) at other times (R,); a lane that is not finite throughout is NaN."""
     from scipy.interpolate import CubicSpline
 
     if len(t) < 2 or not np.any(wanted != t):
         return values
-    spline = CubicSpline(t, values, axis=-2)
-    return np.asarray(spline(np.clip(wanted, t[0], t[-1])), dtype=np.float64)
+    stable = np.isfinite(values).all(axis=(-2, -1), keepdims=True)
+    spline = CubicSpline(t, np.where(stable, values, 0.0), axis=-2)
+    return np.where(stable, spline(np.clip(wanted, t[0], t[-1])), np.nan)

@@ -18,7 +18,7 @@ from arm_io import InputError, read_file, write_text
 from arm_io.types import Array
 from arm_model.description import Arm, Joint, Pose
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
-from arm_model.rigid_body.kinematics import placement, roll_pitch_yaw
+from arm_model.rigid_body.kinematics import placement, roll_pitch_yaw, rpy_of
 
 _MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _LIMITS = ("lower", "upper")
@@ -78,7 +78,9 @@ def _chain(path: str | Path, robot: xml.Element, links: dict[str, xml.Element], 
     parents = {_attribute(path, joint, "parent", "link") for joint in parent_of.values()}
     tips = [name for name in links if name not in parents]
     if tip is None and len(tips) != 1:
-        raise InputError(path, f"branches into {', '.join(tips)}; say which is the tip")
+        raise InputError(
+            path, f"branches into {', '.join(tips)}; name the tip: armscope model FILE --tip LINK --out ARM.toml"
+        )
     link = tips[0] if tip is None else tip
     if link not in links:
         raise InputError(path, f"no link {link!r}")
@@ -144,7 +146,7 @@ def _joint(path: str | Path, element: xml.Element, pose: Array) -> Joint:
         type=_MOVING[kind],  # type: ignore[arg-type]
         convention="placed",
         xyz=(float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3])),
-        rpy=_rpy(pose),
+        rpy=rpy_of(pose),
         axis=(axis[0], axis[1], axis[2]),
         limits=(lower, upper) if kind != "continuous" and lower < upper else None,
         torque_limit=effort if effort > 0 else None,
@@ -152,16 +154,6 @@ def _joint(path: str | Path, element: xml.Element, pose: Array) -> Joint:
         viscous=(damping, damping),
         coulomb=(friction, friction),
     )
-
-
-def _rpy(pose: Array) -> tuple[float, float, float]:
-    """Roll, pitch, yaw; where only their sum is determined (pitch a right angle), yaw is 0."""
-    r = pose[:3, :3]
-    level = float(np.hypot(r[0, 0], r[1, 0]))
-    pitch = float(np.arctan2(-r[2, 0], level))
-    if level < 1e-9:
-        return float(np.arctan2(-r[1, 2], r[1, 1])), pitch, 0.0
-    return float(np.arctan2(r[2, 1], r[2, 2])), pitch, float(np.arctan2(r[1, 0], r[0, 0]))
 
 
 def _with_lump(path: str | Path, joints: list[Joint], lump: Array) -> list[Joint]:
@@ -178,7 +170,7 @@ def _text(values: Array | tuple[float, ...] | list[float]) -> str:
 
 
 def _origin_of(pose: Array) -> dict[str, str]:
-    return {"xyz": _text(pose[:3, 3]), "rpy": _text(_rpy(pose))}
+    return {"xyz": _text(pose[:3, 3]), "rpy": _text(rpy_of(pose))}
 
 
 def write_urdf(path: str | Path, arm: Arm) -> None:

@@ -24,6 +24,7 @@ from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
+from diagnosis.measurements.currents.possible import impossible
 from diagnosis.measurements.currents.ripple_orders import order_of
 from diagnosis.measurements.currents.search import Found, search, without
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
@@ -193,10 +194,12 @@ def _indistinct(causes: Sequence[Cause]) -> int | None:
 
 
 def _untenable(arm: Arm, causes: list[Cause], recordings: Sequence[Recording], runs: Sequence[Run]) -> int | None:
-    """The first cause without a parameter that differs significantly from zero, or that the closed loop refutes."""
-    indistinct = _indistinct(causes)
-    if indistinct is not None or not causes:
-        return indistinct
+    """The first cause that no body has, none of whose parameters is significant, or that the closed loop refutes."""
+    if not causes:
+        return None
+    for untenable in (impossible(arm, causes), _indistinct(causes)):
+        if untenable is not None:
+            return untenable
     full = with_smoothing_velocities(extend(arm, causes), recordings)
     widths = [joint.sign_velocity for joint in full.joints]
     less = [extend(arm, [one for one in causes if one is not cause]) for cause in causes]

@@ -9,6 +9,7 @@ import numpy as np
 
 from arm_model.effects.definition import Effect, Parameter, Place, Values
 from arm_model.effects.observation import Excitation, Instrument, Observation, Span, Variable
+from arm_model.rigid_body.kinematics import rezeroed
 
 if TYPE_CHECKING:
     from arm_model.description import Arm, Joint
@@ -77,8 +78,7 @@ def _torque_constant(arm: Arm, joint: int | None, p: Values) -> Arm:
 
 def _zero_offset(arm: Arm, joint: int | None, p: Values) -> Arm:
     assert joint is not None
-    slot = "theta" if arm.joints[joint - 1].type == "revolute" else "d"
-    return _with_joint(arm, joint, **{slot: getattr(arm.joints[joint - 1], slot) - p.offset})
+    return _with_joint(arm, joint, **rezeroed(arm.joints[joint - 1], -float(p.offset)))
 
 
 PAYLOAD = Effect(

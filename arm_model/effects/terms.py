@@ -7,7 +7,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from arm_io import InputError
+from arm_io.toml import one_line
 from arm_model.description import Arm, EffectTerm
 from arm_model.effects.catalogue import CATALOGUE, values_of
 from arm_model.effects.definition import Effect, Parameter
@@ -64,11 +67,18 @@ def _must_be_positive(parameter: Parameter) -> bool:
 def described(arm: Arm) -> Arm:
     """The arm with those effects put into its description that are just other numbers in it.
 
-    Such as a payload or a tilted base).
+    Such as a payload or a tilted base. InputError where an effect makes a number that no arm has: a negative mass.
     """
     bent = arm
-    for term in arm.effects:
+    for number, term in enumerate(arm.effects, 1):
         effect = CATALOGUE[term.name]
-        if effect.change is not None:
+        if effect.change is None:
+            continue
+        try:
             bent = effect.change(bent, term.joint, values_of(effect, term.parameters))
+        except ValidationError as error:
+            where = f"joint {term.joint}" if term.joint else "the arm"
+            raise InputError(
+                arm.name, f"effect[{number}]: {term.name} makes {where} impossible: {one_line(error)}"
+            ) from None
     return bent

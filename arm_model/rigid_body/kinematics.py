@@ -43,6 +43,26 @@ def roll_pitch_yaw(rpy: tuple[float, float, float]) -> Array:
     return turn("z", rpy[2]) @ turn("y", rpy[1]) @ turn("x", rpy[0])
 
 
+def rpy_of(pose: Array) -> tuple[float, float, float]:
+    """(roll, pitch, yaw) rad of a pose (4, 4); where only their sum is determined (pitch a right angle), yaw is 0."""
+    r = pose[:3, :3]
+    level = float(np.hypot(r[0, 0], r[1, 0]))
+    pitch = float(np.arctan2(-r[2, 0], level))
+    if level < 1e-9:
+        return float(np.arctan2(-r[1, 2], r[1, 1])), pitch, 0.0
+    return float(np.arctan2(r[2, 1], r[2, 2])), pitch, float(np.arctan2(r[1, 0], r[0, 0]))
+
+
+def rezeroed(joint: Joint, offset: float) -> dict[str, object]:
+    """The joint's place with its zero moved by ``offset`` rad (m), as fields: J(q + offset) where it was J(q)."""
+    if joint.convention != "placed":
+        slot = "theta" if joint.revolute else "d"
+        return {slot: getattr(joint, slot) + offset}
+    onto = _z_onto(joint.axis)
+    pose = shift(*joint.xyz) @ roll_pitch_yaw(joint.rpy) @ onto @ motion(joint, np.array(offset)) @ onto.T
+    return {"xyz": tuple(map(float, pose[:3, 3])), "rpy": rpy_of(pose)}
+
+
 def _z_onto(axis: tuple[float, float, float]) -> Array:
     """(4, 4) a rotation that takes z onto ``axis``."""
     z = np.array(axis, float) / np.linalg.norm(axis)

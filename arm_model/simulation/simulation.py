@@ -24,7 +24,7 @@ from arm_model.symbolic.tape import evaluate
 from arm_model.system.closed_loop_system import System, build
 from arm_model.system.initial_state import standing, start_memories
 from arm_model.system.kernel_inputs import numbers
-from arm_model.system.step_size import fastest
+from arm_model.system.step_size import fastest, joint_without_inertia
 
 Demand = Callable[[Array], Array]
 """t (k,) s -> demanded positions (k, n) rad (m); motor currents for an arm without controller."""
@@ -307,6 +307,9 @@ def simulate(
     there = np.isfinite(motion.q[0]).all(axis=-1)
     if not there.all():
         began = motion.t[int(np.argmin(there))]
+        idle = joint_without_inertia(arm, motion.q[0, 0])
+        if idle is not None:
+            raise InputError(arm.name, f"joint {idle} moves no inertia of its own; give its drive a rotor_inertia")
         raise InputError(
             arm.name, f"its simulation left all bounds before t = {began:.4g} s; are servo and effects possible?"
         )

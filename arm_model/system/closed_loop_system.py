@@ -23,6 +23,7 @@ from arm_model.description import Arm
 from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
 from arm_model.symbolic.tape import Expr, Tape
 from arm_model.system.mechanics import Drag, Joints, Matrix, Mechanics
+from arm_model.system.step_size import without_rotor
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,7 @@ def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
     """The system of an arm.
 
     ``zero``: parameters (names as ``arm_model.system.kernel_inputs`` gives them) that are zero throughout.
+    InputError where a transmission has no rotor on the side of its motor.
     """
     tape = Tape()
     symbol = Symbols(tape, zero)
@@ -122,6 +124,9 @@ def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
     links = rigid_links(arm, symbol, mechanics, joints)
     carried = links.carried
     rotor = [symbol(f"rotor{j}") for j in range(n)]
+    for j in flexible:
+        if rotor[j].value == 0.0:
+            raise without_rotor(arm, j)
     matrix = [
         [links.matrix[i][j] + (rotor[i] if i == j and i not in flexible else 0.0) for j in range(n)] for i in range(n)
     ]

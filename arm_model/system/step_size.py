@@ -23,14 +23,36 @@ Stiff against the servo, slow against the step.
 """
 
 
+def without_rotor(arm: Arm, j: int) -> InputError:
+    """Says that joint j has no mass on the side of its motor."""
+    return InputError(arm.name, f"joint {j + 1} has a two-mass transmission but no rotor_inertia; give it one")
+
+
 def _mobility(arm: Arm, j: int) -> float:
     """1/(kg m2): 1/rotor + 1/link of joint j with the other joints standing at zero."""
-    links = drive_mass_matrix(arm, np.zeros(len(arm)), rotors=False)[0]
+    link = float(drive_mass_matrix(arm, np.zeros(len(arm)), rotors=False)[0, j, j])
     joint = arm.joints[j]
     rotor = joint.ratio**2 * joint.rotor_inertia
     if rotor <= 0:
-        raise InputError(arm.name, f"joint {j + 1} has a two-mass transmission but no rotor_inertia; give it one")
-    return 1.0 / rotor + 1.0 / float(links[j, j])
+        raise without_rotor(arm, j)
+    if link <= 0:
+        raise InputError(
+            arm.name, f"joint {j + 1} has a two-mass transmission, but nothing behind it has inertia about its axis"
+        )
+    return 1.0 / rotor + 1.0 / link
+
+
+def joint_without_inertia(arm: Arm, q: Array) -> int | None:
+    """The joint (from 1) that accelerates without any torque at q (n,), alone or with others; None on a sound arm.
+
+    A massless last link and a drive without a rotor, as in a URDF file.
+    """
+    matrix = drive_mass_matrix(arm, np.nan_to_num(q))[0]
+    size = np.sqrt(np.abs(matrix.diagonal()))
+    if size.min() <= 1e-9 * size.max():
+        return int(np.argmin(size)) + 1
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    return int(np.argmax(np.abs(vectors[:, 0]))) + 1 if values[0] < 1e-12 else None
 
 
 def contact(arm: Arm, j: int, values: Mapping[str, float]) -> dict[str, float]:

@@ -66,14 +66,7 @@ def read_model(model: File | Arm) -> Arm:
     """
     from arm_model import Arm, read_model
 
-    if isinstance(model, Arm):
-        return model
-    path = found(model)
-    if path.suffix == ".urdf":
-        from arm_model.urdf import read_urdf
-
-        return read_urdf(path)
-    return read_model(path)
+    return model if isinstance(model, Arm) else read_model(found(model))
 
 
 def read_rig(rig: File | Rig) -> Rig:

@@ -74,11 +74,13 @@ def command(
 
 
 def _read(path: Path, tip: str | None) -> Arm:
-    if path.suffix == ".urdf":
-        from arm_model.urdf import read_urdf
+    if tip is None:
+        return read_model(path)
+    if path.suffix != ".urdf":
+        raise InputError("--tip", f"names a link of a URDF file; {path} is none")
+    from arm_model.urdf import read_urdf
 
-        return read_urdf(path, tip=tip)
-    return read_model(path)
+    return read_urdf(path, tip=tip)
 
 
 def _write(path: Path, arm: Arm) -> None:

@@ -29,6 +29,8 @@ COLUMN_BAND = 10.0
 """Hz: pass-band of the motion from which the columns of effects, and the wind-up of elastic joints, are computed."""
 COMPARE_BAND = 20.0
 """Hz: pass-band in which measured and expected currents are compared."""
+NO_INERTIA = 1e-12
+"""kg m2 (kg): rounding errors of a link without inertia about its axis; a gram on a millimetre has a thousand times."""
 
 
 def low_pass(values: Array, band: float, rate: float) -> Array:
@@ -161,13 +163,16 @@ def through_gap(load: Array, inertia: Array, half_gap: float, step: float) -> Ar
 
     Where the ``load`` (m,) N m that the link of ``inertia`` (m,) kg m2 needs changes its sign, the teeth part: the link
     flies, inertia d'' = load, until it meets the other flank, and stays there. That takes a tenth of a second where
-    gravity turns it over, and ends with a jump of the current.
+    gravity turns it over, and ends with a jump of the current. A link without inertia is there at once.
     """
     twist = np.empty_like(load)
     d, v, flying = (half_gap if load[0] >= 0.0 else -half_gap), 0.0, False
     for k, (torque, mass) in enumerate(zip(load.tolist(), inertia.tolist())):
         twist[k] = d
         if not flying and torque * d >= 0.0:
+            continue
+        if mass < NO_INERTIA:
+            d = half_gap if torque > 0.0 else -half_gap
             continue
         flying = True
         d, v = d + step * (v + step * torque / mass / 2), v + step * torque / mass
@@ -181,8 +186,12 @@ def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step
 
     The motor follows its own motion; the link, of ``inertia`` (m,) kg m2, would need ``load`` (m,) N m to follow it
     stiffly, and oscillates behind the spring instead: inertia d'' + damping d' + stiffness d = load, by exact steps
-    with the load as it is in the middle of each; at rest at the start.
+    with the load as it is in the middle of each; at rest at the start. A link without inertia only follows its load.
     """
+    if not (inertia > NO_INERTIA).all():
+        follows = load / stiffness
+        speed = np.asarray(np.gradient(follows, step), float)
+        return follows, speed, np.asarray(np.gradient(speed, step), float)
     decay = damping / inertia / 2
     frequency = np.sqrt(np.maximum(stiffness / inertia - decay**2, 1e-9))
     shrink, cos, sin = np.exp(-decay * step), np.cos(frequency * step), np.sin(frequency * step)

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from arm_model import Arm, EffectTerm
-from arm_model.effects import CATALOGUE, values_of
+from arm_model.effects import CATALOGUE, described, values_of
+from arm_model.rigid_body import link_frames
 from arm_model.simulation.simulation import simulate
 from arm_model.system.dynamics import inverse_dynamics
+from tests.arm_model.random_arms import random_arm
 
 VALUES = {
     "payload": (None, {"mass": 1.2, "x": 0.02, "y": -0.01, "z": 0.08}),
@@ -44,3 +46,14 @@ def test_a_term_is_the_changed_arm(puma: Arm, name: str, joint: int) -> None:
         "drive_constant"
     )
     assert np.allclose(still.current[-1], held[0], atol=2e-3 * np.abs(held).max())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_moved_zero_is_the_same_arm_at_other_angles(seed: int) -> None:
+    """In every convention, joints placed as in URDF too: the reading is the angle plus the offset."""
+    arm = random_arm(seed, joints=4)
+    q = np.random.default_rng(seed).normal(size=4)
+    for number in range(1, 5):
+        moved = described(arm.with_effect("joint_zero_offset", number, offset=0.3))
+        expected = link_frames(arm, q - 0.3 * (np.arange(1, 5) == number))
+        assert np.allclose(link_frames(moved, q), expected, atol=1e-12)

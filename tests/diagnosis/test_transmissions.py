@@ -43,6 +43,21 @@ def test_a_spring_swings_as_its_differential_equation_says() -> None:
     assert np.max(np.abs(rate - exact[1])) < 0.02 * np.ptp(exact[1])
 
 
+def test_a_link_without_inertia_is_through_the_gap_at_once() -> None:
+    load = np.array([5.0, 5.0, -1.0, -1.0, 2.0, 0.0])
+    for inertia in (0.0, 1e-18):
+        twist = through_gap(load, np.full(len(load), inertia), 1e-3, 0.01)
+        assert twist.tolist() == [1e-3, 1e-3, 1e-3, -1e-3, -1e-3, 1e-3]
+
+
+def test_a_link_without_inertia_follows_its_spring() -> None:
+    load = 3.0 + np.sin(np.arange(0.0, 1.0, 0.01))
+    twist, rate, acceleration = wound_up(load, np.zeros(len(load)), 500.0, 20.0, 0.01)
+    assert np.allclose(twist, load / 500.0)
+    assert np.allclose(rate[1:-1], np.gradient(load / 500.0, 0.01)[1:-1])
+    assert np.isfinite(acceleration).all()
+
+
 def _through_the_vertical(path: Path, speed: float, half_gap: float, seed: int) -> Recording:
     """Joint 2 carries the forearm over the vertical and back while all others rest.
 

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import same_columns
@@ -189,7 +190,8 @@ def terms(chosen: Sequence[Candidate], coefficients: Sequence[Array]) -> list[Ef
 def corrected(state: State) -> State:
     """The state with y = (residual of the exact extended model) + (first-order columns times their coefficients).
 
-    Where the exact model leaves more than its first order did (parameters out of its range), nothing is corrected.
+    Where the exact model leaves more than its first order did, or there is no such arm (parameters out of its range),
+    nothing is corrected.
     """
     model = state.model
     for _ in range(model.limits.corrections):
@@ -198,11 +200,14 @@ def corrected(state: State) -> State:
         first_order = [np.ones_like(c) if candidate.unit_amplitude else c for candidate, c in zip(state.chosen, own)]
 
         columns = [model.columns(c) for c in state.chosen]
-        data = Split(
-            _exact(model.data.fit, [pair.fit for pair in columns], first_order, extended),
-            _exact(model.data.held_out, [pair.held_out for pair in columns], first_order, extended),
-            model.data.two_fold,
-        )
+        try:
+            data = Split(
+                _exact(model.data.fit, [pair.fit for pair in columns], first_order, extended),
+                _exact(model.data.held_out, [pair.held_out for pair in columns], first_order, extended),
+                model.data.two_fold,
+            )
+        except InputError:
+            return state
         trial = replace(state, data=data)
         if np.sum(trial.fitted.fit**2) > model.limits.worse * np.sum(state.fitted.fit**2):
             return state

@@ -13,6 +13,7 @@ import numpy as np
 from arm_model.effects import CATALOGUE
 from diagnosis.measurements.currents.design_matrix import dataset_with
 from diagnosis.measurements.currents.model import Currents, State, corrected, terms
+from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.unexplained import (
     Unexplained,
     better_than_causes,
@@ -157,12 +158,14 @@ def _simpler(chosen: Sequence[Candidate]) -> Iterator[tuple[Candidate, tuple[Can
 def gauss_newton_refined(state: State) -> State:
     """The state with its continuous nonlinear parameters where the exact model fits best.
 
-    One Gauss-Newton step, kept if it leaves less.
+    One Gauss-Newton step, kept if it leaves less. None where there is no arm with the linear ones.
     """
     searched = [(k, name) for k, c in enumerate(state.chosen) for name in c.searched()]
     if not searched:
         return state
     model, own, basis = state.model, state.coefficients, state.fitted.basis
+    if not exists(model.arm, state.terms):
+        return state
     here = dataset_with(model.data.fit, state.terms)
     slopes = []
     for k, name in searched:

@@ -1,0 +1,55 @@
+"""Causes whose sizes no body has are not named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import armscope
+from arm_io import InputError
+from arm_model import Arm, EffectTerm
+from arm_model.effects import described
+from diagnosis.cause import Cause, Estimate
+from diagnosis.measurements.currents.possible import exists, impossible
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    return armscope.read_model(root / "config/models/puma560.toml")
+
+
+def _cause(effect: str, joint: int, **values: tuple[float, float]) -> Cause:
+    return Cause(
+        effect=effect,
+        joint=joint,
+        parameters=[Estimate(name, value, std, "") for name, (value, std) in values.items()],
+        confidence=0.98,
+        before=1.0,
+        after=0.1,
+        group=((effect, joint),),
+        evidence="",
+        felt_at=joint,
+        unit="A",
+    )
+
+
+def test_a_link_has_no_negative_mass(arm: Arm) -> None:
+    lighter = EffectTerm("link_inertia", 3, {"mass": -100.0})
+    assert not exists(arm, [lighter])
+    with pytest.raises(InputError, match=r"effect\[1\]: link_inertia makes joint 3 impossible: mass"):
+        described(replace(arm, effects=(lighter,)))
+    assert impossible(arm, [_cause("link_inertia", 3, mass=(-100.0, 1.0))]) == 0
+
+
+def test_a_moment_of_inertia_is_neither_negative_nor_larger_than_the_other_two(arm: Arm) -> None:
+    good = _cause("link_inertia", 3, mass=(1.0, 0.1), ixx=(0.02, 0.001), iyy=(0.02, 0.001), izz=(0.02, 0.001))
+    assert impossible(arm, [good]) is None
+    assert impossible(arm, [good, _cause("link_inertia", 3, izz=(-3.0, 0.1))]) == 1
+    assert impossible(arm, [_cause("link_inertia", 3, ixx=(5.0, 0.1))]) == 0
+    assert impossible(arm, [_cause("rotor_inertia", 2, inertia=(-40.0, 0.1))]) == 0
+
+
+def test_what_the_data_says_nothing_of_is_not_impossible(arm: Arm) -> None:
+    assert impossible(arm, [_cause("link_inertia", 3, izz=(-3.0, 2.0))]) is None

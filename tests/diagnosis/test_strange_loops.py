@@ -1,0 +1,68 @@
+"""Closed loops that cannot judge: no rotor behind a transmission, or a servo that does not hold the arm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import armscope
+from arm_io import InputError
+from arm_model import Arm
+from arm_model.description import Joint
+from arm_model.servo import fixed_gains
+from daq.recording import Recording
+from diagnosis.closed_loop.comparison import with_smoothing_velocities
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    return armscope.read_model(root / "config/starters/csv/model.toml")
+
+
+@pytest.fixture(scope="module")
+def recording(arm: Arm, root: Path, tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    motion = armscope.read_experiment(root / "config/starters/csv/fit.toml")
+    pause, series = motion.segment[:2]
+    short = motion.model_copy(update={"segment": [pause, series.model_copy(update={"duration": 1.0, "fade": 0.3})]})
+    return armscope.simulate(arm, short).write(tmp_path_factory.mktemp("loops") / "run.mcap")
+
+
+def test_a_spring_without_a_rotor_leaves_the_friction_as_it_is(arm: Arm, recording: Recording) -> None:
+    first = replace(arm.joints[0], rotor_inertia=0.0, coulomb=(0.1, 0.1))
+    sprung = replace(arm, joints=(first, *arm.joints[1:])).with_effect("joint_compliance", 1, stiffness=1e4)
+    assert with_smoothing_velocities(sprung, [recording]) == sprung
+
+
+@pytest.mark.parametrize("effect", [("joint_compliance", {"stiffness": 1e4}), ("backlash", {"half_gap": 1e-3})])
+def test_a_spring_between_no_rotor_or_no_link_is_refused_in_one_line(
+    arm: Arm, root: Path, effect: tuple[str, dict[str, float]]
+) -> None:
+    last, name, values = arm.joints[-1], effect[0], effect[1]
+    number = len(arm)
+    no_rotor = replace(arm, joints=(*arm.joints[:-1], replace(last, rotor_inertia=0.0)))
+    massless = replace(last, rotor_inertia=1e-3, mass=0.0, com=(0.0, 0.0, 0.0), inertia=(0.0,) * 6)
+    no_link = replace(arm, joints=(*arm.joints[:-1], massless))
+    motion = root / "config/starters/csv/fit.toml"
+    with pytest.raises(InputError, match=rf"joint {number} has a two-mass transmission but no rotor_inertia"):
+        armscope.simulate(no_rotor.with_effect(name, number, **values), motion)
+    with pytest.raises(InputError, match=rf"joint {number} has a two-mass transmission, but nothing behind it"):
+        armscope.simulate(no_link.with_effect(name, number, **values), motion)
+
+
+def test_a_joint_that_moves_no_inertia_is_named(arm: Arm, root: Path) -> None:
+    idle = Joint(type="revolute")
+    with pytest.raises(InputError, match=f"joint {len(arm)} moves no inertia of its own; give its drive a rotor_in"):
+        armscope.simulate(replace(arm, joints=(*arm.joints[:-1], idle)), root / "config/starters/csv/fit.toml")
+
+
+def test_a_loop_that_leaves_all_bounds_leaves_the_friction_as_it_is(arm: Arm, recording: Recording) -> None:
+    held = fixed_gains(replace(arm, joints=tuple(replace(one, coulomb=(0.1, 0.1)) for one in arm.joints)))
+    assert held.controller is not None
+    # pushes the arm away from where it should be
+    gains = tuple(-1e6 * abs(gain) for gain in held.controller.position_gain or ())
+    lost = replace(held, controller=replace(held.controller, kind="gains", position_gain=gains))
+    late = lost.with_effect("time_skew", delay=0.002)
+    for one in (lost, late):
+        assert with_smoothing_velocities(one, [recording]) == one

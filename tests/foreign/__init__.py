@@ -1,0 +1,1 @@
+"""Arms that nobody here made: random ones, each through every command."""

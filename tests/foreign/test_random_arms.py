@@ -1,0 +1,42 @@
+"""A few random arms through every command; ``python -m tests.foreign`` takes 500."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.foreign.commands import called, through_every_command, unrendered
+from tests.foreign.random_arms import stranger
+
+
+@pytest.mark.parametrize("seed", [37, 38])
+def test_an_arm_goes_through_every_command(seed: int, tmp_path: Path) -> None:
+    with unrendered():
+        several = list(through_every_command(seed, tmp_path))
+    assert [one for one in several if not one.well] == []
+    assert {"simulate", "identify", "diagnose", "calibrate"} <= {one.command.split()[0] for one in several}
+
+
+def test_a_motion_is_designed_for_a_urdf_file(tmp_path: Path) -> None:
+    seed = next(seed for seed in range(100) if stranger(seed).urdf and len(stranger(seed).model) == 2)
+    model, _ = stranger(seed).write(tmp_path)
+    ended = called("excite", "--model", model, "--out", tmp_path / "motion.toml", "--candidates", 32)
+    assert (ended.status, ended.said) == (0, "")
+
+
+def test_strangers_are_as_different_as_they_say() -> None:
+    arms = [stranger(seed) for seed in range(200)]
+    joints = [joint for one in arms for joint in one.model.joints]
+    assert {len(one.model) for one in arms} == set(range(1, 9))
+    assert {joint.convention for joint in joints} == {"standard", "modified", "placed"}
+    assert {joint.type for joint in joints} == {"revolute", "prismatic"}
+    assert any(joint.mass == 0.0 for joint in joints) and any(joint.rotor_inertia == 0.0 for joint in joints)
+    assert any(one.urdf for one in arms) and any(one.model.controller is None for one in arms)
+
+
+@pytest.mark.slow
+def test_500_arms_go_through_every_command() -> None:
+    assert subprocess.run([sys.executable, "-m", "tests.foreign", "--arms", "500"], check=False).returncode == 0
