@@ -39,10 +39,7 @@ def check_file(path: str | Path) -> None:
 
 
 def check_folder(path: str | Path) -> None:
-    """Raises InputError where ``path`` neither is a folder to write in nor can become one.
-
-    For ahead of long work, leaves nothing.
-    """
+    """Raises InputError unless ``path`` is a folder to write in, or can become one; leaves nothing behind."""
     path = Path(path)
     nearest = path.absolute()
     while (mode := _mode(nearest)) is None:

@@ -141,9 +141,9 @@ class Joint:
 
 @dataclass(frozen=True, config=STRICT)
 class Controller:
-    """Independent-joint servos.
+    """Independent-joint servos, evaluated at every servo tick.
 
-    Per servo tick, on the motor angle over gear ratio qm, and its difference v, low-passed:
+    On the motor angle over gear ratio qm, and its difference v, low-passed:
 
         current = position_gain (r - qm) + integral_gain int (r - qm) dt + velocity_gain (velocity_reference r' - v)
 

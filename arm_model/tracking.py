@@ -1,6 +1,6 @@
-"""Where a tracker sees its target: on links that may hang, late, and now and then wrong.
+"""Where a tracker sees its target, by the laws of ``arm_model.effects``.
 
-By the laws of ``arm_model.effects``.
+Links may sag, points may be late or wrong.
 """
 
 from __future__ import annotations

@@ -14,9 +14,9 @@ DPI = 100
 
 
 def image(figure: Figure, alt: str) -> str:
-    """The figure as an <img> that carries its own data; ``alt`` says in words what it shows.
+    """The figure as an <img> that carries its own data; ``alt`` describes it in words.
 
-    On a narrow screen it scrolls.
+    It scrolls on a narrow screen.
     """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)

@@ -19,10 +19,10 @@ def shipped_folder() -> Path:
 
 
 def shipped_file(path: str | PathLike[str]) -> Path | None:
-    """The shipped file that a path such as ``config/models/puma560.toml`` means; None where it means none.
+    """The shipped file of a path such as ``config/models/puma560.toml``; None if there is none.
 
-    Only a path that begins with ``config/`` and does not exist in the working directory means a shipped file: what a
-    person has in place always comes first.
+    Only a path that begins with ``config/`` and does not exist in the working directory means a shipped file: a file
+    in place always comes first.
     """
     path = Path(path)
     if path.parts[:1] != (NAME,) or ".." in path.parts or path.exists():

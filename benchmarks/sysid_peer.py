@@ -1,6 +1,6 @@
-"""MuJoCo's own system identification (``mujoco.sysid``, in the wheel of mujoco 4.
+"""MuJoCo's own system identification (``mujoco.sysid``) on the EMPS recording.
 
-Wants its extra ``sysid``) on the EMPS recording.
+It comes with mujoco 4 and needs the extra ``sysid``.
 
 It simulates the closed loop and turns a model's numbers until simulated sensors look like measured ones (Gauss-Newton
 by finite differences). What it can fit: whatever an MJCF model has, so masses, inertias, damping, frictionloss and

@@ -19,10 +19,7 @@ from sim_backend.rig.world import World, world_of
 
 
 class Config(Table):
-    """waits_for_start_line: the motion begins when the line rises (if it is low at ``start``).
-
-    Else at ``start`` itself.
-    """
+    """waits_for_start_line: the motion begins when the line rises (if low at ``start``), else at ``start``."""
 
     waits_for_start_line: bool = True
 

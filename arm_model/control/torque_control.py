@@ -1,7 +1,4 @@
-"""An arm under a torque controller, simulated by the compiled engine.
-
-In air or water, with all effects of its model.
-"""
+"""An arm under a torque controller, in air or water with all its effects, simulated by the compiled engine."""
 
 from __future__ import annotations
 

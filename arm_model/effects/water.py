@@ -21,10 +21,7 @@ def _with_joint(arm: Arm, joint: int, changed: Joint) -> Arm:
 
 
 def _drag(arm: Arm, joint: int | None, p: Values) -> Arm:
-    """Spread along the link's cylinder as Morison has it.
-
-    On the joint as a whole where the model describes no cylinder that drags.
-    """
+    """Drag along the link's cylinder (Morison), or on the whole joint if the model describes no cylinder."""
     assert joint is not None
     link, unit = arm.joints[joint - 1], own_drag(arm, joint)
     if link.cylinder is None or unit == 0.0:

@@ -111,9 +111,10 @@ Bodies = Mapping[int, tuple[Shape, Water]]
 
 @dataclass(frozen=True)
 class _Lever:
-    """Motion of a cylinder per unit rate of one joint: of its middle, (3,) m/rad, across (2) and along its axis.
+    """Motion of a cylinder per unit rate of one joint.
 
-    And the two parts across by which points further along the axis are faster, 1/rad.
+    Of its middle (3,) m/rad, across (2) and along its axis; and the two rates across by which points further along the
+    axis are faster, 1/rad.
     """
 
     middle: Triple

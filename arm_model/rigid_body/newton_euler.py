@@ -147,9 +147,9 @@ def motions(
 def jacobians(
     chain: Chain, turn: Sequence[tuple[Scalar, Scalar]], q: Sequence[Scalar], links: int
 ) -> list[list[tuple[Triple, Triple]]]:
-    """For each of the first ``links`` links, in its joint frame: angular velocity.
+    """For each of the first ``links`` links: angular velocity and velocity of the origin of its joint frame.
 
-    And velocity of the frame's origin, per unit rate of each joint up to its own.
+    In that frame, per unit rate of each joint up to its own.
     """
     last: list[tuple[Triple, Triple]] = []
     found = []

@@ -22,9 +22,9 @@ BLOCK = 4096  # rows
 
 
 def link_parameters(arm: Arm) -> Array:
-    """(n, 10) barycentric inertial parameters of every link, in its link frame (order.
+    """(n, 10) barycentric inertial parameters of every link, in its link frame.
 
-    arm_model.rigid_body.inertia.PARAMETERS).
+    Order: ``arm_model.rigid_body.inertia.PARAMETERS``.
     """
     return np.array([barycentric(joint.mass, joint.com, joint.inertia) for joint in arm.joints])
 
@@ -143,9 +143,9 @@ def drive_mass_matrix(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
 
 
 def energy(arm: Arm, q: Array, qd: Array) -> Array:
-    """(N,) kinetic (links and rotors) plus potential energy, J; potential zero where the base frame's origin is.
+    """(N,) J: kinetic (links, rotors, added mass) plus potential energy (weight and buoyancy).
 
-    With the energies of the water, added mass and buoyancy.
+    The potential is zero at the origin of the base frame.
     """
     q, qd = samples(arm, q, qd)
     kinetic = 0.5 * np.einsum("ni,nij,nj->n", qd, mass_matrix(arm, q), qd)

@@ -129,9 +129,9 @@ class Vector:
         return self.mul(mantissa, build.bitcast(exponent, self.type))
 
     def rsqrt(self, x: Any) -> Any:
-        """1 / sqrt(x), x normal and positive: guess from the exponent, then Newton steps.
+        """1 / sqrt(x), x normal and positive, to 1e-15 relative, without a slow division.
 
-        To 1e-15 relative, no slow division.
+        A guess from the exponent, then Newton steps.
         """
         build = self.builder
         half_bits = build.lshr(build.bitcast(x, self.int_type), self.integer(1))

@@ -165,9 +165,9 @@ def run_blocks(
     rows: tuple[NDArray[np.int64], Array],
     out: Array,
 ) -> None:
-    """Runs all blocks (leading axis of everything but timing and rows.
+    """Runs all blocks on all cores.
 
-    Demands with one block are shared), on all cores.
+    Blocks are the leading axis of everything but timing and rows; demands with one block are shared.
 
     states, memories and currents are advanced in place; out (blocks, rows, states + joints, width) is filled.
     """

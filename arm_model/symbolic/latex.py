@@ -40,9 +40,9 @@ _OF_JOINT = {
 
 
 def symbol(name: str) -> str:
-    """The symbol of an input of a generated system (names.
+    """The symbol of an input of a generated system.
 
-    ``arm_model.system.closed_loop_system``, ``arm_model.system.kernel_inputs``, ``arm_model.formulations``).
+    Names: ``arm_model.system.closed_loop_system``, ``arm_model.system.kernel_inputs``, ``arm_model.formulations``.
     """
     if name == "time":
         return "t"

@@ -70,10 +70,7 @@ class Links:
 
 
 def rigid_links(arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Joints) -> Links:
-    """Links of the arm at ``joints`` (their load is not looked at).
-
-    With the water round them and the effects that act on them.
-    """
+    """Links of the arm at ``joints``, with the water round them and their effects, without a load."""
     n, tape, shape = len(arm), symbol.tape, joints.shape
     chain = newton_euler.chain_of(arm)
     q = [shape.q[j] + symbol(f"zero{j}") for j in range(n)]
@@ -211,7 +208,7 @@ class _Servo:
 def _servo(arm: Arm, symbol: Symbols, mechanics: Mechanics, theta: list[Expr]) -> _Servo:
     """One tick of the independent-joint servos (``arm_model.description.Controller``); input demand{j} rad.
 
-    Without a controller the demands are the drives' currents themselves, A.
+    If the arm has no controller, the demands are the currents of the drives, A.
     """
     tape, controller = symbol.tape, arm.controller
     if controller is None:

@@ -16,9 +16,7 @@ SETTLED = 1e-13
 
 
 def standing(system: System, inputs: Mapping[str, Array], theta: Array) -> tuple[dict[str, Array], Array]:
-    """States (name -> (lanes,)) at rest with the motors at ``theta`` (lanes, n) rad.
-
-    And the currents (lanes, n) A that hold it.
+    """States (name -> (lanes,)) and currents (lanes, n) A at rest with the motors at ``theta`` (lanes, n) rad.
 
     Links behind a two-mass transmission hang where its torque carries them: found by repeated substitution, which
     converges while the spring is stiffer than gravity. Bristles are unloaded.
@@ -65,9 +63,9 @@ def start_memories(arm: Arm, theta: Array, current: Array) -> dict[str, Array]:
 
 
 def _twist(system: System, j: int, inputs: Mapping[str, Array], torque: Array) -> Array:
-    """Twist of joint j's transmission (rad) that passes on ``torque`` (lanes,) at rest.
+    """Twist (rad) at which joint j's transmission transmits ``torque`` (lanes,) at rest.
 
-    Without load, the middle of its play.
+    Without load it is in the middle of its play.
     """
     states = {name: np.zeros_like(torque) for name in system.states}
 

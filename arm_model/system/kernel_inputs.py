@@ -1,6 +1,6 @@
-"""The numbers that a generated system (``arm_model.system.closed_loop_system``) takes.
+"""The numbers that a generated system takes, from one arm or from many variations of it.
 
-From an arm or from many variations of it.
+System: ``arm_model.system.closed_loop_system``.
 
 Joints and effects are counted from 0 here. All drive quantities are at the joint side:
 

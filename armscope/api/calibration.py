@@ -126,9 +126,7 @@ def calibrate(
     geometry_only: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
-    """The kinematic parameters of an arm from an external tracker.
-
-    And the position error before and after on held-out runs.
+    """The kinematic parameters of an arm from an external tracker, and its position error before and after.
 
     recordings     with tracked points, or with ``tracker``: the tracker's own file (t, x, y, z) of each, in the same
                    order
@@ -170,9 +168,7 @@ def calibrate(
 
 
 def nominal_arm(model: File | Arm) -> tuple[Arm, Array]:
-    """The arm in Denavit-Hartenberg parameters.
-
-    And (4, 4) the pose of its last link as the model has it in the new last frame.
+    """The arm in Denavit-Hartenberg parameters, and (4, 4) the pose of its old last link in the new frame.
 
     Geometric effects of the model are carried into its joints; what else only a tracker shows is left out, to be
     estimated anew.

@@ -113,9 +113,9 @@ def diagnose(
 def fit_and_held_out(
     fit: Source | Sequence[Source], held_out: Source | Sequence[Source]
 ) -> tuple[list[Recording], list[Recording], tuple[str, ...]]:
-    """Both sides read; without held-out recordings each one split by time.
+    """Fit and held-out recordings, read; without held-out ones each recording is split by time.
 
-    Of very long ones, stretches, and what to say of them.
+    Very long recordings are read as stretches, with a remark.
 
     InputError where a recording is on both sides.
     """

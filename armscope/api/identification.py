@@ -30,13 +30,11 @@ def identify(
     friction: Friction | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
-    """The dynamic parameters of an arm, with standard deviations, base parameters.
-
-    And the error on held-out recordings.
+    """The dynamic parameters of an arm with standard deviations, base parameters and held-out error.
 
     recordings  to fit: one or several, as paths or objects; of very long ones the rows are averaged as they are read
     model       geometry and drives, and the values to start from
-    held_out    to judge by; without any the last part of each fitted recording is predicted from the first
+    held_out    to validate; without any the last part of each fitted recording is predicted from the first
     method      ols, wls, irls: least squares on the inverse dynamics; iv, didim: against the simulated closed loop;
                 motor-link: one joint per recording; sequence: one joint per recording, tip first; friction: tuned in
                 the simulated closed loop

@@ -183,10 +183,7 @@ def _run(
 
 @contextmanager
 def _stop_signals() -> Iterator[list[int]]:
-    """Collects SIGINT and SIGTERM in place of their handlers.
-
-    In another thread than the main one there are none to collect.
-    """
+    """Collects SIGINT and SIGTERM in place of their handlers; outside the main thread none arrive."""
     stop: list[int] = []
     if threading.current_thread() is not threading.main_thread():
         yield stop

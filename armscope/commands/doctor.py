@@ -54,9 +54,9 @@ def command(
 
 
 def _examine(table: DeviceTable, device: Device, identities: dict[str, Identity], plan: Plan) -> dict[str, Any]:
-    """What a device says, opened alone, so that a missing device hides no other.
+    """The report of one device, opened alone, so that a missing device hides no other.
 
-    Where it is silent, what there is instead.
+    If it does not answer, the devices found instead.
     """
     finding: dict[str, Any] = {"device": table.name, "identity": None, "problems": [], "found": []}
     try:

@@ -136,10 +136,7 @@ class Acquisition:
         return None if self.plan.rows is None else min(self.rows_made / self.plan.rows, 1.0)
 
     def clocks(self) -> list[ClockFit]:
-        """The fit of each device's clock to the host's, of the run so far.
-
-        By readings of it where there are enough, else by its rows.
-        """
+        """The fit of each device's clock to the host's in this run: from clock readings if enough, else from rows."""
         fits = []
         for stream in self._intake.streams:
             device = self.bench.devices[stream.name]

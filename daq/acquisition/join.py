@@ -263,9 +263,9 @@ def _find(stream: Stream, index: NDArray[np.int64]) -> tuple[NDArray[np.int64], 
 
 
 def nearest(rows: NDArray[np.int64], triggers: NDArray[np.int64], served: int = -1) -> tuple[NDArray[np.int64], Bools]:
-    """Places of the rows (host ns) nearest in time to triggers (host ns), both increasing.
+    """(triggers,) place of the row nearest in time to each trigger (host ns), and whether it is that row's nearest.
 
-    And for which trigger each is the nearest.
+    Both increase.
 
     served  rows up to this time have served an earlier trigger already
     """

@@ -47,9 +47,9 @@ def merge_points(held: list[Rows], memory: Block, plan: Plan, notes: list[str]) 
 def _frames(
     number: NDArray[np.int64], host: NDArray[np.int64], memory: Block, period: float, notes: list[str]
 ) -> NDArray[np.int64]:
-    """(n,) place in the memory of each row, -1 for none.
+    """(n,) place in the tracker's memory of each row, -1 for none.
 
-    Where the tracker reports its own time, edges and frames are matched by count and jitter of their intervals
+    If the tracker reports its own time, edges and frames are matched by count and jitter of their intervals
     (``drivers.tracker_stream.merge``); else frame k is trigger k.
     """
     if len(memory) >= 3 and len(number) >= 3 and memory.tick[-1] > memory.tick[0]:

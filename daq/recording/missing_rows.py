@@ -105,9 +105,9 @@ def _missing(found: Found, known: tuple[Loss, ...], progress: Progress | None) -
 
 
 def _without(gap: tuple[int, int], known: tuple[Loss, ...], nearest: int) -> list[tuple[int, int]]:
-    """The half-open interval ``gap`` without those of known losses (sorted by number.
+    """The half-open interval ``gap`` without known losses.
 
-    Those before ``nearest`` end before it).
+    Losses are sorted by number; those before ``nearest`` end before the gap.
     """
     rest, (start, stop) = [], gap
     for loss in known[nearest:]:

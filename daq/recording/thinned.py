@@ -1,6 +1,6 @@
-"""Rows averaged as they are read, as many at a time as it takes.
+"""Rows averaged as they are read, so that a recording of any length needs bounded memory.
 
-So a recording of any length needs a bounded amount of memory.
+As many rows are averaged as this requires.
 
 Positions and currents go through the same filter, the mean of successive rows, so that the equations between them hold
 as before: six joints sampled at 20 kHz say little about the arm that they do not say at 1 kHz once each row is the mean

@@ -91,10 +91,9 @@ class Guard:
                 self.controller.load(experiment)
 
     def start(self, *, motion: bool) -> tuple[int, int]:
-        """Starts the arm, if it has a ``motion``, and raises the start line.
+        """Starts the arm, if it has a ``motion``, and raises the start line; the watchdog then expects ``feed``.
 
-        From now on the watchdog expects ``feed``. Returns host ns before and after the call by which the start signal
-        went out.
+        Returns host ns before and after the call by which the start signal went out.
         """
         with self._lock:
             self._refuse_if_tripped("the arm")

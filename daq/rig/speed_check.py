@@ -1,6 +1,4 @@
-"""How fast the joints are seen to go.
-
-Between values whose time is known, over times in which encoder steps do not look like speed.
+"""Speed of the joints between values of known time, over times in which encoder steps do not matter.
 
 A device that was silent for a while then shows where the joint is now: that distance belongs to the whole gap, not to
 the last row.

@@ -1,4 +1,4 @@
-"""Asks a running server of a rig (daemon, embedded recording, replay): commands as JSON, answers and errors as JSON.
+"""Asks a running server of a rig (daemon, embedded recording, replay): commands and answers as JSON.
 
 Only ``read`` answers bytes: a piece of a file. Errors are typed: ``{"error": "input", "where": ..., "what": ...}`` or
 ``{"error": "device", "device": ..., "what": ...}``.

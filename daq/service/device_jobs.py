@@ -61,10 +61,7 @@ class DeviceJobs:
     def arm(
         self, wanted: ArmArguments, folder: RecordingsFolder | None, publisher: Publisher | None, asked: float
     ) -> Armed:
-        """Gets everything ready for an experiment, and begins the file.
-
-        After an error nothing is armed, and there is no file.
-        """
+        """Gets everything ready for an experiment and begins the file; after an error there is neither."""
         request = request_of(wanted.experiment, wanted.experiment_file, place_of(wanted.out, folder))
         self._open()
         run = Run(self.bench, self._rig_text, request, publisher)

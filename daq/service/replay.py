@@ -42,7 +42,7 @@ def blocks_of(
 ) -> Iterator[tuple[float, dict[str, NDArray]]]:
     """Blocks of at most ``seconds`` of acquisition time, each with the time of its last row (s since the first).
 
-    Of a long recording, only the chunk that they come from is in memory.
+    Only the current chunk of a long recording is in memory.
     """
     rest: dict[str, NDArray] = {}
     for part in recording.blocks():

@@ -57,10 +57,7 @@ class Run:
         self._recorder: Recorder | None = None
 
     def arm(self) -> None:
-        """Checks all, brings the arm to the start and begins the file.
-
-        After an error there is no file, and nothing is armed.
-        """
+        """Checks all, brings the arm to the start and begins the file; after an error nothing is armed."""
         self._acquisition.arm()
         try:
             self._recorder = self._begin()

@@ -74,9 +74,9 @@ class Limits:
         current: Sequence[float] | None = None,
         share: float = 0.8,
     ) -> Limits:
-        """These and a rig's limits (rad, rad/s, rad/s2, A a joint.
+        """The narrower of these and of a rig's limits (rad, rad/s, rad/s2, A per joint), less a margin.
 
-        None: it states none), less a margin, whichever is narrower.
+        None: the rig states none.
         """
         low, high = self.position.T
         if position is not None:

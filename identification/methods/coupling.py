@@ -59,10 +59,7 @@ class Coupling:
 
 
 def coupling_torque(arm: Arm, motion: Motion, joint: int, *, held: tuple[int, ...] | None = None) -> Array:
-    """(m,) torque that the motion of the other joints (of the joints ``held``, 1-based) adds at ``joint``.
-
-    To what it would take were they still.
-    """
+    """(m,) torque added at ``joint`` by the motion of the other joints, or of those ``held`` (1-based)."""
     still = [k for k in range(len(arm)) if k != joint - 1] if held is None else [k - 1 for k in held]
     q, qd, qdd = motion.q.copy(), motion.qd.copy(), motion.qdd.copy()
     q[:, still] = motion.q[:, still].mean(axis=0)

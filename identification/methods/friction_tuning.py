@@ -33,9 +33,9 @@ DIRECTIONS = ("coulomb_positive", "coulomb_negative")
 
 @dataclass(frozen=True)
 class Tuning:
-    """names and values (p,) at the joint side, their uncertainty, the arm with them.
+    """Names and values (p,) at the joint side with their uncertainty, and the arm with them.
 
-    And the relative torque error of the closed-loop simulation before and after.
+    Also the relative torque error of the closed-loop simulation before and after.
     """
 
     names: tuple[str, ...]

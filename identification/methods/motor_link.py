@@ -1,6 +1,6 @@
-"""One motor, one link: inertia, viscous friction, gravity and Coulomb friction.
+"""One motor, one link: inertia, viscous friction, gravity and direction-dependent Coulomb friction.
 
-Of either direction, from one joint's motion.
+From the motion of one joint:
 
     tau = I q'' + B q' + g1 cos q + g2 sin q + f1 [q' > 0] - f2 [q' < 0],     tau = abs(gear) k i
 
@@ -83,10 +83,7 @@ def motor_link_of(
 
 
 def joined(runs: Sequence[Equations]) -> Equations:
-    """The rows of several runs of one joint, without the Coulomb friction.
-
-    Of a direction in which none of them moves.
-    """
+    """Rows of several runs of one joint, without the Coulomb friction of a direction in which none moves."""
     columns = np.concatenate([rows.columns for rows in runs])
     amount = np.abs(columns).sum(axis=0)
     coulomb = np.array([name.startswith("coulomb") for name in runs[0].names])
@@ -172,7 +169,7 @@ def _window(x: Array, step: int) -> Array:
 def _filtered(x: Array, dt: float, bandwidth: float) -> tuple[Array, Array, Array]:
     """x and its first two derivatives behind C(s), exact for a signal that is linear between rows.
 
-    At rest before the first row.
+    The signal rests before the first row.
     """
     pole = 2 * np.pi * bandwidth
     a = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-(pole**3), -3 * pole**2, -3 * pole]])

@@ -66,9 +66,9 @@ def identify_in_sequence(
 
 
 def _steps(problem: Problem, progress: Progress) -> tuple[Array, Array, list[str]]:
-    """values (b,), covariance (b, b) of the base parameters, and a sentence a step.
+    """Values (b,) and covariance (b, b) of the base parameters, and a sentence per step.
 
-    In units of ``size``: beta = size (x0 + open z), where the columns of ``open`` span what no step has shown yet.
+    In units of ``size``, beta = size (x0 + open z), where the columns of ``open`` span what no step has shown yet.
     """
     base, rows = problem.base, problem.rows
     start = base.grouping @ model_values(problem.arm, problem.friction)

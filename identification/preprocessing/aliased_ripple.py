@@ -27,9 +27,7 @@ STRETCH = 5.0  # s in which two clocks stay in phase to a fraction of a line's p
 
 
 def rows_a_setpoint(arm: Arm, motion: Motion) -> int:
-    """How many rows there are to a setpoint of the arm's controller.
-
-    Where that line beats with the rows slower than BEAT; else 0.
+    """Rows per setpoint of the arm's controller if their beat is slower than BEAT, else 0.
 
     A quicker beat changes its sign many times in a run: it is seen as a residual, and the blocks of ``uncertainty``
     count it.
@@ -40,10 +38,7 @@ def rows_a_setpoint(arm: Arm, motion: Motion) -> int:
 
 
 def drifting(folded: Array, t: Array) -> Array:
-    """(m, 2, ...) what ``folded`` (m, ...) at t (m,) s of a run is while two clocks keep their phase.
-
-    And what changes as they drift apart.
-    """
+    """(m, 2, ...): ``folded`` (m, ...) at t (m,) s of a run with clocks in phase, and its drift as they diverge."""
     along = (2 * t / max(t[-1], 1e-9) - 1).reshape(-1, *[1] * (folded.ndim - 1))
     return np.stack([folded, folded * along], axis=1)
 

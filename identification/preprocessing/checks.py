@@ -1,7 +1,4 @@
-"""Recordings that no identification can use are refused before minutes of computing.
-
-In one line that says what would be right.
-"""
+"""Refuses recordings that no identification can use, in one line, before minutes of computing."""
 
 from __future__ import annotations
 

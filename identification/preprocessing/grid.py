@@ -25,9 +25,9 @@ def uniform_grid(t: Array) -> tuple[Array, float]:
 
 
 def on_grid(t: Array, samples: Array, grid: Array, dt: float) -> tuple[Array, NDArray[np.float32]]:
-    """Samples (n, J), NaN where missing, at the grid's instants (m, J).
+    """Samples (n, J), NaN where missing, at the grid's instants (m, J), and their distance to real samples.
 
-    And the distance (m, J) s from each to the nearest real sample (holes only).
+    Distances (m, J) s are to the nearest real sample, in holes only.
     """
     on = len(grid) == len(t) and float(np.max(np.abs(t - grid))) < JITTER * dt
     values, distance = np.empty((len(grid), samples.shape[1])), np.zeros((len(grid), samples.shape[1]), np.float32)

@@ -198,9 +198,7 @@ def _weaknesses(name: str, entry: JointReadiness, motion: Motion, limit: float |
 
 
 def lag_of_torque(motion: Motion, j: int) -> float | None:
-    """s by which joint j's torque is late against what its own motion explains of it.
-
-    None where motion explains little.
+    """s by which joint j's torque lags what its own motion explains; None where motion explains little.
 
     The delay at which q'', q', sign q', q and a constant leave the least of the torque, to a fraction of a row by a
     parabola.
@@ -229,9 +227,9 @@ def lag_of_torque(motion: Motion, j: int) -> float | None:
 
 
 def _at_all_shifts(values: Array, column: Array) -> Array:
-    """(s + 1,) inner products of ``column`` (n,) with ``values`` (n + s,).
+    """(s + 1,) inner products of ``column`` (n,) with ``values`` (n + s,), at every shift.
 
-    From its first to its last place beside them, block by block.
+    Computed block by block.
     """
     shifts = len(values) - len(column)
     total = np.zeros(shifts + 1)

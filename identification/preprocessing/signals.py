@@ -140,9 +140,7 @@ def _decimated(columns: Array, taps: Array, step: int) -> Array:
 
 
 def spared(motions: Sequence[Motion]) -> list[Motion]:
-    """The motions with as many rows of the parallel filter left out as it takes to keep MOST_ROWS.
-
-    Of all joints and motions together.
+    """The motions with rows of the parallel filter left out until MOST_ROWS remain of all joints and motions.
 
     Little is lost: what an hour of motion leaves unexplained is correlated for longer than the rows are then apart.
     """
@@ -221,10 +219,7 @@ def slowest_certain_speed(q: Array, qd: Array, band: Band, dt: float) -> Array:
 
 
 def flat_tops(channel: Array, q: Array) -> Mask:
-    """Rows (n, J) of runs of at least FLAT equal samples at the channel's largest or smallest value.
-
-    While the joint moves.
-    """
+    """Rows (n, J) of at least FLAT equal samples at the channel's extreme value while the joint moves."""
     flat = np.zeros(channel.shape, bool)
     for j, column in enumerate(channel.T):
         if not np.isfinite(column).any():

@@ -64,10 +64,7 @@ def choose_band(q: Array, dt: float) -> Band:
 
 
 def _spectra(signals: Iterable[Array], rate: float, segment: int) -> tuple[Array, Array]:
-    """Frequencies (f,) Hz and power densities (f, k) of k signals (m,), one after the other.
-
-    In segments of so many rows (Welch).
-    """
+    """Frequencies (f,) Hz and power densities (f, k) of k signals (m,), one after the other (Welch)."""
     found = [signal.welch(each, rate, nperseg=segment) for each in signals]
     return found[0][0], np.stack([density for _, density in found], axis=1)
 
@@ -86,10 +83,7 @@ def _signs(q: Array, dt: float, cut: float) -> Array:
 
 
 def _white_noise(f: Array, density: Array, dt: float) -> Array:
-    """Rms of the white part of the position noise.
-
-    From the upper part of the spectrum of its second difference (J,).
-    """
+    """(J,) rms of the white part of the position noise, from the upper spectrum of its second difference."""
     upper = (f > 0.3 / dt) & (f < 0.475 / dt)
     if not upper.any():
         return np.zeros(density.shape[1])

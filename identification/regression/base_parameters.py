@@ -27,7 +27,7 @@ NEGLIGIBLE = 1e-8  # of the size of a column: a smaller remainder counts as roun
 class BaseParameters:
     """b base parameters beta = grouping @ delta of p standard parameters delta.
 
-    With Y delta = Y[:, kept] beta for every Y.
+    Y delta = Y[:, kept] beta for every Y.
 
     names (p,); kept (b,) indices of the columns that stand for a group; grouping (b, p) has the identity in the kept
     columns.

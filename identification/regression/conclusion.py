@@ -243,10 +243,7 @@ def _error(problem: Problem, rows: Equations, fit: Fit) -> float:
 
 
 def _named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) -> tuple[list[Value], list[Value]]:
-    """Base parameters, and standard ones.
-
-    Those that stand alone with their uncertainty, the others from the consistent arm.
-    """
+    """Base and standard parameters: identified alone with their uncertainty, else from the consistent arm."""
     base = problem.base
     estimated: dict[int, Value] = {}
     for k, row in enumerate(problem.excited):

@@ -29,10 +29,7 @@ STEP = 1e-3  # of a parameter's typical size: the laws are linear in it, the tor
 
 
 def effect_parameters(arm: Arm) -> list[str]:
-    """Names (``arm_model.parameters``) of the linear parameters.
-
-    That the model gives its effects and that torques can show.
-    """
+    """Names (``arm_model.parameters``) of the linear effect parameters of the model that torques can show."""
     names: list[str] = []
     for term in arm.effects:
         if felt(CATALOGUE[term.name]):
@@ -95,7 +92,7 @@ def definition(name: str) -> Parameter:
 def shown_torque(arm: Arm, model: Arm, q: Array, qd: Array, qdd: Array, t: Array) -> Array:
     """(N, n) N m: current that a recording of ``arm`` shows, times the drive constants of ``model``.
 
-    For motions (N, n) at t (N,) s.
+    Motions are (N, n) at t (N,) s.
 
     ``model`` is what the readings were put right with: only where ``arm`` misreads angles otherwise are they moved
     here.

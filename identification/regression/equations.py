@@ -67,9 +67,7 @@ class Equations:
 
 
 def column_names(arm: Arm, friction: Friction) -> list[str]:
-    """Names of ``model_columns``: the regressor's, friction as asked for, rotors only where the model has one.
-
-    Then the effects'.
+    """Names of ``model_columns``: regressor, friction as requested, rotors if the model has any, effects.
 
     symmetric   viscous, coulomb, offset: with a constant offset, Coulomb friction may differ by direction
     asymmetric  viscous_positive, viscous_negative, coulomb_positive, coulomb_negative; an offset could not be
@@ -95,9 +93,9 @@ def model_columns(
 
 
 def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction) -> Array:
-    """(N, n, p - e) columns of links and drives, which count as moving alike.
+    """(N, n, p - e) columns of links and drives, whose motions are equal.
 
-    Those of a Gauss-Newton step need no more.
+    A Gauss-Newton step needs no others.
 
     With symmetric friction, the offset of a joint whose Coulomb friction the model has by direction is half of that
     difference, and goes through zero with the velocity: sign^2 instead of 1.

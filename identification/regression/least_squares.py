@@ -113,9 +113,9 @@ def joint_triangles(columns: Array, y: Array, joint: Joints) -> Triangles:
 
 
 def weighted_by_joint(columns: Array, y: Array, joint: Joints, triangles: Triangles, kept: Joints | None = None) -> Fit:
-    """Least squares with the rows of a joint over their noise in ordinary least squares.
+    """Least squares with the rows of each joint over their noise in ordinary least squares.
 
-    Both from the ``triangles`` of columns and y; of the columns ``kept`` alone.
+    Both are computed from the ``triangles`` of columns and y, of the columns ``kept`` alone.
     """
     if kept is not None:
         triangles = triangles.of(kept)

@@ -69,10 +69,7 @@ class Problem:
         return np.max([np.abs(motion.qd).max(axis=0) for motion in [*self.motions, *self.held_motions]], axis=0)
 
     def given(self, rows: Equations) -> Array:
-        """(rows,) torque of the base parameters that this data does not excite, at the model's own values.
-
-        And what no column carries.
-        """
+        """(rows,) torque of unexcited base parameters at the model's own values, and of what no column carries."""
         silent = np.setdiff1d(np.arange(len(self.base)), self.excited)
         values = self.base.grouping[silent] @ model_values(self.arm, self.friction)
         torque = rows.columns[:, self.base.kept[silent]] @ values

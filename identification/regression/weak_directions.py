@@ -1,6 +1,4 @@
-"""Combinations of base parameters that these runs hardly show.
-
-Where they do not refute the model, its values are kept.
+"""Combinations of base parameters that these runs hardly show keep the model's values if not refuted.
 
 Least squares gives such a direction a value all the same: the noise's. On the runs that were fitted it does no harm,
 and on another motion, where the two nearly equal columns differ (a spring and gravity, of a joint that hardly moved),
@@ -55,9 +53,10 @@ def held_note(held: int, directions: int) -> list[str]:
 
 
 def _sizes(problem: Problem, information: Array) -> Array:
-    """(b,) of the excited base parameters: the sum of the magnitudes that the model adds up in each.
+    """(b,) sizes of the excited base parameters: the sum of the magnitudes that the model adds up in each.
 
-    At least LEAST of the largest of its unit; of a unit that the model knows nothing of, so much that nothing is held.
+    Each is at least LEAST of the largest of its unit; for a unit of which the model knows nothing, large enough to hold
+    nothing.
     """
     size = np.abs(problem.base.grouping[problem.excited]) @ np.abs(model_values(problem.arm, problem.friction))
     units = np.array([unit_of(problem.base.names[column], problem.arm) for column in problem.columns])

@@ -69,9 +69,9 @@ class MeasurementModel(Protocol[C, S]):
         ...
 
     def entered(self, score: Score[C], admissible: Sequence[Score[C]], state: S) -> S | None:
-        """The state with the candidate, refined and refitted.
+        """The state with the candidate, refined and refitted; None if it is then not admissible.
 
-        None where it is then not admissible. admissible: all that might have entered.
+        admissible: all that might have entered.
         """
         ...
 

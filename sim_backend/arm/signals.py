@@ -85,9 +85,7 @@ class Run:
     """
 
     def __init__(self, mover: Mover, electronics: Electronics, after: tuple[Run, int] | None = None) -> None:
-        """after: the run before and its time, ns, at which this one takes over: its encoders count on.
-
-        None: they count from the pose.
+        """after: the previous run and ns at which this one continues its encoder counts; None: counts from the pose.
 
         Computed on demand.
         """

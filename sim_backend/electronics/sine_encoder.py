@@ -134,10 +134,7 @@ def place(line: Line, phi: Array) -> tuple[Counts, Array]:
 
 
 def bounds(before: Counts, within: Array, rise: Array, fall: Array) -> tuple[Counts, Counts]:
-    """lowest and highest (see above), (..., n) int64.
-
-    At the places of ``place`` with the thresholds of ``switching``.
-    """
+    """Lowest and highest (see above), (..., n) int64, at ``place`` with the thresholds of ``switching``."""
     lowest = before + (within >= rise) + (within >= np.pi - fall)
     highest = before + (within >= fall) + (within >= np.pi - rise)
     return lowest, highest

@@ -24,9 +24,9 @@ OPERATIONAL, PRE_OPERATIONAL = 5, 127
 
 
 def object_dictionary(bits: int, serial: int) -> Any:
-    """The objects of an absolute multi-turn encoder (CiA 406 v3.1, class C2).
+    """The objects of an absolute multi-turn encoder (CiA 406 v3.1, class C2) that the driver uses.
 
-    That the driver uses, with power-up values.
+    With their power-up values.
     """
     import canopen.objectdictionary as od
 

@@ -46,9 +46,9 @@ class Registers:
 
 
 class Buffer:
-    """The T7's stream buffer and what it does when it is full (datasheet 3.2.
+    """The T7's stream buffer and its behaviour when full.
 
-    U3 guide 5.2.12 for the separator scan).
+    Sources: datasheet 3.2; U3 guide 5.2.12 for the separator scan.
     """
 
     def __init__(self, capacity: int, slots: int, packet: int) -> None:
@@ -61,10 +61,7 @@ class Buffer:
         self.status = t7.Status.RECOVERED
 
     def add(self, scans: NDArray[np.uint16]) -> None:
-        """Keeps what there is room for.
-
-        From the first scan without room on, all are skipped until the buffer is empty.
-        """
+        """Keeps the scans that fit; after the first that does not, skips all until the buffer is empty."""
         if self.skipping and len(self.samples) < self.packet:
             self._resume()
         room = 0 if self.skipping else (self.capacity - len(self.samples)) // self.slots

@@ -30,10 +30,7 @@ class Simulator(Protocol):
 
 
 class Loop:
-    """Calls ``step(now_ns)`` whenever one of ``files()`` is readable, and at least every ``period()`` seconds.
-
-    Until stopped.
-    """
+    """Calls ``step(now_ns)`` when one of ``files()`` is readable, and every ``period()`` s, until stopped."""
 
     def __init__(
         self,

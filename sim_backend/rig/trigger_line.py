@@ -15,9 +15,9 @@ Times = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class TriggerLine:
-    """Low-to-high edges at first_ns + k period_ns, k = 0, 1 ... below ``edges`` (None.
+    """Low-to-high edges at first_ns + k period_ns, k = 0, 1 ..., in ns of the host's clock.
 
-    Without end). ns of the host's clock.
+    edges  limit of k; None: without end
     """
 
     first_ns: int

@@ -184,9 +184,9 @@ class World:
     # Lines
 
     def pulse_by(self, pulses: Callable[[int], TriggerLine]) -> None:
-        """Who makes the edges of the trigger line, as a function of the time at which the start line rises.
+        """Sets who makes the edges of the trigger line, as a function of the time at which the start line rises.
 
-        From now on there are none.
+        Edges of the previous source end.
         """
         with self._lock:
             self._pulses, self.line = pulses, None

@@ -1,7 +1,4 @@
-"""Effects that are wrong numbers in the description.
-
-As a term of a model they are the same arm as with the numbers changed.
-"""
+"""Effects that are errors of the description: as terms they equal an arm with changed numbers."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Files that armscope ships are found by the names that its documents use.
-
-From any folder, in a checkout and installed.
-"""
+"""Shipped files are found by the names that documents use, from any folder, in a checkout or installed."""
 
 from __future__ import annotations
 

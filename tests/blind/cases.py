@@ -218,10 +218,7 @@ def _several(rng: np.random.Generator, how_many: int) -> tuple[tuple[str, int | 
 
 
 def cases(kind: str, seed: int, number: int | None = None) -> Iterator[Case]:
-    """Cases of one kind: one for every effect (``singles``, ``weak``, ``large``, ``unmodelled``).
-
-    Or ``number`` of them.
-    """
+    """Cases of one kind: ``number`` of them, or one per effect (``singles``, ``weak``, ``large``, ``unmodelled``)."""
     place = KINDS.index(kind)
     names: list[str | None] = [None] * (number or COUNTS.get(kind, 0))
     if kind in ("singles", "weak", "large"):

@@ -44,9 +44,9 @@ def bare(experiment: Experiment, laboratory: Laboratory) -> Truth:
 
 
 def strength(hidden: Hidden, experiments: Sequence[Experiment], laboratory: Laboratory) -> float:
-    """Change of current over noise, rms over the experiments.
+    """Change of current over noise, rms over the experiments, at the joint.
 
-    At the joint (for the whole arm, the joint that shows it most).
+    For the whole arm, at the joint that shows it most.
     """
     if hidden.effect in COUNTED:
         return abs(hidden.parameters[COUNTED[hidden.effect]])

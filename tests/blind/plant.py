@@ -124,7 +124,7 @@ def _unmodelled(p, j, link, linkd):  # type: ignore[no-untyped-def]
 
 
 class Scratch(NamedTuple):
-    """What a step works in.
+    """Scratch arrays of a step.
 
     Where a joint has a gear error, x is its motor and q its link before the wrist's coupling.
     """

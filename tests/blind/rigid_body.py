@@ -12,10 +12,7 @@ import numpy as np
 
 @numba.njit(cache=True, error_model="numpy")
 def turned(dh, q, turns):  # type: ignore[no-untyped-def]
-    """Writes cos and sin of the joints at q (n,) into ``turns`` (n, 4).
-
-    Those of the twists stand already, in columns 2 and 3.
-    """
+    """Writes cos and sin of the joints at q (n,) into ``turns`` (n, 4); columns 2 and 3 hold the twists'."""
     for i in range(len(q)):
         turns[i, 0], turns[i, 1] = np.cos(q[i] + dh[i, 0]), np.sin(q[i] + dh[i, 0])
 

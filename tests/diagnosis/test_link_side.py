@@ -1,6 +1,4 @@
-"""Lost motion, elasticity and gear errors of an independent plant are named from its two encoders.
-
-So are stamps of the link encoder that are late.
+"""Lost motion, elasticity, gear errors and late stamps are named from the two encoders of a plant.
 
 The plant has two masses with a gap or a spring between them (``tests/blind``); the finder has neither.
 """

@@ -132,9 +132,9 @@ def test_a_fault_leaves_whole_results_of_what_was_known_before(root: Path, tmp_p
 
 
 def test_a_real_arm_is_not_moved_unasked(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its drivers are not simulated ones.
+    """A rig with other drivers than simulated ones is real: without --yes on a terminal nothing is recorded.
 
-    Without a terminal and --yes nothing is recorded, and the file says what to record.
+    The file then says what to record.
     """
     rig = read_rig(root / "config/puma560_can.toml", drivers=False)
     arm = read_model(root / "config/models/puma560.toml")

@@ -59,9 +59,9 @@ def test_a_link_without_inertia_follows_its_spring() -> None:
 
 
 def _through_the_vertical(path: Path, speed: float, half_gap: float, seed: int) -> Recording:
-    """Joint 2 carries the forearm over the vertical and back while all others rest.
+    """Joint 2 carries the forearm over the vertical and back, recorded through the instruments of the rig.
 
-    Through the instruments of the rig.
+    All other joints rest.
     """
     hide, record, recordings = (pytest.importorskip(f"tests.blind.{name}") for name in ("hide", "record", "recordings"))
     laboratory = pytest.importorskip("tests.blind.laboratory").Laboratory("moves")

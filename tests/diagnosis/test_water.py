@@ -28,10 +28,7 @@ def sweep(t: np.ndarray) -> np.ndarray:
 
 
 def test_water_round_one_link_is_found_in_the_currents(root: Path) -> None:
-    """Drag, added mass and buoyancy of the upper arm, hidden in a simulation of the wet arm.
-
-    By least squares of the columns.
-    """
+    """Drag, added mass and buoyancy of the upper arm of a simulated wet arm, by least squares."""
     arm = three_links(read_model(root / "config/models/puma560.toml"))
     model = immersed(arm)
     wet = immersed(arm, drag_coefficient=1.2, added_mass_coefficient=1.5, buoyancy=0.8)

@@ -1,7 +1,4 @@
-"""CiA 406 encoders and IVT-S sensors on python-can's virtual bus.
-
-And over Unix sockets as another process would see them.
-"""
+"""CiA 406 encoders and IVT-S sensors on python-can's virtual bus, and over Unix sockets between processes."""
 
 from __future__ import annotations
 

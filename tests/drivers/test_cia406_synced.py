@@ -1,7 +1,4 @@
-"""CiA 406 encoders that answer the SYNCs of a node, through python-can's virtual bus.
-
-Whose answer it is, under arbitrary delays.
-"""
+"""CiA 406 encoders that answer the SYNCs of a node, under arbitrary delays, on python-can's virtual bus."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Outputs go to their safe state when the daemon dies, hangs, or loses the device.
-
-By the T7's own watchdog, seen at the T7.
-"""
+"""The T7's own watchdog brings outputs to their safe state when the daemon dies, hangs or loses the T7."""
 
 from __future__ import annotations
 

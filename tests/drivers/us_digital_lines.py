@@ -64,10 +64,7 @@ def poll_for(device: Any, seconds: float, every: float = 0.005) -> Block:
 
 
 def error_of(block: Block, width: int, start: int, count: int) -> np.ndarray:
-    """Measured minus true counts of the rows that show their time's.
-
-    For a register that showed ``count`` at ns ``start``.
-    """
+    """Measured minus true counts of rows that should show their time's, from ``count`` at ns ``start``."""
     shown = (block.quality[:, 0] & NOT_NOW) == 0
     assert shown.any()
     measured = extend(block.counts[shown, 0], width, count)

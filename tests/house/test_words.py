@@ -1,7 +1,4 @@
-"""Messages and documents use the field's terms (CONTRIBUTING.md, glossary).
-
-None of the idioms and metaphors that they replaced.
-"""
+"""Messages and documents use the field's terms (CONTRIBUTING.md, glossary), no idioms or metaphors."""
 
 import ast
 import re

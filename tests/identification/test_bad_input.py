@@ -1,7 +1,4 @@
-"""Recordings that no identification can use are refused at once.
-
-In one line that says where, what and what would be right.
-"""
+"""Recordings that no identification can use are refused at once, in one line: where, what, the remedy."""
 
 from __future__ import annotations
 

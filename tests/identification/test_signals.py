@@ -1,7 +1,4 @@
-"""Signals: derivatives against an exact motion, cut-offs that follow the spectrum.
-
-And rows that cannot be trusted left out.
-"""
+"""Signals: derivatives against an exact motion, cut-offs from the spectrum, untrusted rows left out."""
 
 from __future__ import annotations
 

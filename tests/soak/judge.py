@@ -55,10 +55,7 @@ def finished(path: Path, last: Table) -> list[str]:
 
 
 def unfinished(active: Path, recorded: int) -> tuple[list[str], int]:
-    """The same for one whose daemon was killed, after recovery.
-
-    And how many rows fewer it has than the daemon last reported.
-    """
+    """The same for a recording whose daemon was killed, after recovery, and its rows lost since the last report."""
     out = active.with_name("recovered.mcap")
     recover(active, out, replace=True)
     recording = open_recording(out)

@@ -15,9 +15,9 @@ Table = dict[str, Any]
 
 
 def growth_of(life: list[tuple[float, float]]) -> float | None:
-    """MB by which memory was higher in the last quarter of what follows the first minute than in its first quarter.
+    """MB by which memory rose between first and last quarter of the time after the first minute.
 
-    None: too short.
+    None if that is too short.
     """
     after = [megabytes for seconds, megabytes in life if seconds > WARM_UP]
     quarter = len(after) // 4

@@ -1,7 +1,4 @@
-"""The soak itself: one run after the other through a daemon, each with something that goes wrong.
-
-And the account of all.
-"""
+"""The soak itself: run after run through a daemon, each with a fault, and the account of all."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""CRC-32 of a whole from those of its parts, without reading it once more.
+"""CRC-32 of a whole from the CRC-32 of its parts, without reading it again.
 
-With zlib's conditioning crc(A B) = shift(crc(A), |B|) xor crc(B), where ``shift`` multiplies by x^(8 |B|) modulo the
+By zlib's conditioning, crc(A B) = shift(crc(A), |B|) xor crc(B), where ``shift`` multiplies by x^(8 |B|) modulo the
 generator (Mark Adler, zlib's crc32_combine). A sum over many parts is then one xor of independent shifts, all made at
 once.
 """

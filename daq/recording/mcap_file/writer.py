@@ -180,7 +180,7 @@ class McapFile:
     def finish(self) -> None:
         """Checksums, summary and footer; then the file gets its name.
 
-        After an OSError it keeps the name ``active``, and all its rows.
+        After an OSError it keeps the name ``active`` and all its rows.
         """
         if self._progress:
             self._checksums.change(self._progress_entry, self._progress)

@@ -56,9 +56,7 @@ class TimeColumn:
         self.start_ns: int | None = None
 
     def seconds(self, lines: Sequence[int], cells: Sequence[str], t: Array) -> Array:
-        """The times of the rows that follow, (n,) s.
-
-        As the table has them, or since its first row where they are of the epoch.
+        """(n,) s: the times of the rows that follow; since the first row if the table has times of the epoch.
 
         ``cells`` hold them, on the ``lines`` of the file; t (n,): the numbers that they read as. InputError where a
         time is missing, or they do not increase strictly.

@@ -1,6 +1,4 @@
-"""Joint angles between the counts of an incremental encoder.
-
-And which encoders have a zero that holds for one run only.
+"""Joint angles between counts of incremental encoders, and encoders with a new zero in every run.
 
 Within a run, the counts of neighbouring rows show where between two counts a moving motor is: the angles are smoothed
 over ``SMOOTHED`` seconds, which is short against the motion of an arm.
@@ -50,9 +48,9 @@ def between_counts(t: Array, q: Array) -> Array:
 
 
 def counts_of(recording: Recording) -> Array | None:
-    """(joints,) rad of one count of the encoders whose zero is set anew at every start, 0 for others.
+    """(joints,) rad per count of the encoders that are zeroed at every start, 0 for others.
 
-    None where it is not known.
+    None if it is not known.
     """
     calibration, joints = recording.calibration, recording.rig.get("joint", [])
     if calibration is None or len(joints) != recording.joints or "scale" not in calibration:

@@ -99,9 +99,9 @@ def _with_outer(screws: Sequence[Array], joint: int, at: Array, home: Array) -> 
 
 
 def _turn_to(circle: Circle, back: Array, predicted: Array, screw: Array) -> Array:
-    """The turn about a swept axis that brings the predicted target.
+    """Rotation about and translation along a swept axis that align the predicted target with the measurement.
 
-    At joint angle zero, into the measured direction; and the slide along it that brings it into the measured plane.
+    At joint angle zero: its direction, and its plane.
     """
     w, point = screw[:3], np.cross(screw[:3], screw[3:])
     measured = back[:3, :3] @ circle.zero

@@ -60,10 +60,7 @@ def best_circles(runs: Sequence[Run]) -> tuple[list[Circle], list[str]]:
 
 
 def values_from_circles(arm: Arm, circles: Sequence[Circle], nominal: Chain) -> Array | None:
-    """Values of the chain by circle-point analysis.
-
-    None without circles, or for a convention that it does not cover.
-    """
+    """Values of the chain by circle-point analysis; None without circles or for an unsupported convention."""
     if not circles or any(j.convention != "standard" for j in arm.joints):
         return None
     return circle_point_model(circles, nominal)

@@ -1,6 +1,4 @@
-"""An arm whose joints are placed as URDF does, described by Denavit-Hartenberg parameters instead.
-
-So it can be calibrated.
+"""Denavit-Hartenberg parameters of an arm whose joints are placed as in URDF, so that it can be calibrated.
 
 By the product of exponentials: axes and end frame at rest say all of the kinematics. The frames of the links then lie
 elsewhere in them, and with them masses, inertias, the tool and the tracked target are carried over: motion, torques and
@@ -23,9 +21,7 @@ from identification.kinematics.models.product_of_exponentials import Exponential
 
 
 def in_denavit_hartenberg(arm: Arm) -> tuple[Arm, Array]:
-    """The same arm in D-H (Hayati where axes are parallel).
-
-    And the pose (4, 4) of its old last link frame in the new one.
+    """The same arm in D-H (Hayati for parallel axes), and (4, 4) the pose of its old last link in the new frame.
 
     An arm in D-H already comes back as it is, with the identity.
     """

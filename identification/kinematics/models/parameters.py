@@ -114,7 +114,7 @@ def chain_of(arm: Arm, target: Sequence[float], where: str = "model") -> Chain:
 def link_steps(joint: int, row: Sequence[float], prismatic: bool, modified: bool) -> list[Step]:
     """One link: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta).
 
-    Or Craig's order Rx(alpha) Tx(a) Ry(beta) Rz(theta + q) Tz(d).
+    In Craig's order: Rx(alpha) Tx(a) Ry(beta) Rz(theta + q) Tz(d).
     """
     value = dict(zip(("theta", "d", "a", "alpha", "beta"), row, strict=True))
     motion: dict[str, Motion] = {"theta": "rz", "d": "tz", "a": "tx", "alpha": "rx", "beta": "ry"}
@@ -137,10 +137,7 @@ def parallel_next(arm: Arm) -> list[bool]:
 
 
 def calibrated_arm(arm: Arm, chain: Chain, *, frame_known: bool) -> Arm:
-    """The arm with the chain's values.
-
-    With an unknown tracker frame the mounting stays nominal (see ``tracker_pose``).
-    """
+    """The arm with the chain's values; with an unknown tracker frame (``tracker_pose``) the mounting stays nominal."""
     value = {s.name: s.value for s in chain.steps}
     joints = tuple(
         replace(

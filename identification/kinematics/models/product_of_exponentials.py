@@ -1,6 +1,6 @@
-"""Product of exponentials: T(q) = exp([S1] q1) ... exp([Sn] qn) M (Brockett 1984.
+"""Product of exponentials: T(q) = exp([S1] q1) ... exp([Sn] qn) M.
 
-Lynch and Park, "Modern Robotics", ch. 4).
+Sources: Brockett 1984; Lynch and Park, "Modern Robotics", ch. 4.
 
 A screw S = (w, v) is the joint axis in the world at q = 0: w its direction and v = -w x p for a point p on it
 (revolute), w = 0 and v the direction (prismatic). M is the end frame at q = 0. It has no singular cases and no choices
@@ -78,9 +78,7 @@ def exponentials_of(chain: Chain) -> Exponentials:
 
 
 def from_lines(direction: ArrayLike, point: ArrayLike, home: ArrayLike, at: ArrayLike) -> Exponentials:
-    """Revolute arm from its axis lines (joints, 3) and end frame (4, 4).
-
-    As seen in the configuration ``at`` (joints,) rad.
+    """Revolute arm from its axis lines (joints, 3) and end frame (4, 4) at the configuration ``at`` (joints,) rad.
 
     The axes at q = 0 follow by turning every axis back about the ones before it.
     """

@@ -58,8 +58,8 @@ def cube_points(centre: ArrayLike, side: float = 0.5) -> Array:
 def cube_targets(arm: Arm, centre: ArrayLike, side: float, posture: ArrayLike, model: Corrected | None = None) -> Array:
     """(5, joints) rad: joint targets for P1 .. P5 with the tool oriented as in ``posture`` (joints,).
 
-    By the nominal ``arm``, or - to have the real arm go there - by the calibrated ``model``. InputError names a point
-    out of reach.
+    Computed with the nominal ``arm``, or with the calibrated ``model`` so that the real arm goes there. InputError
+    names a point out of reach.
     """
     wanted = forward(arm, arm.link_angles(np.asarray(posture, float)))
     use = Corrected(arm) if model is None else model
@@ -120,9 +120,9 @@ def cube_experiment(
 
 
 def cube_report(run: Run, nominal: Array, calibrated: Array, side: float) -> CubeReport | None:
-    """The report of a run over the cube, from predicted positions (N, 3) m of the nominal and the calibrated arm.
+    """Report of a cube run from positions (N, 3) m predicted by the nominal and the calibrated arm.
 
-    None if the arm did not stand at five places.
+    None if the arm did not rest at five places.
     """
     stops = standstills(run)
     if len(stops) < 5:

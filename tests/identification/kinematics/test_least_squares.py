@@ -82,10 +82,7 @@ def test_wrong_points_are_left_out(root: Path) -> None:
 
 
 def test_deviations_are_those_of_the_estimates(root: Path) -> None:
-    """Over many noises the estimates of well-determined values scatter as their deviations say.
-
-    By chi-square, 60 trials each.
-    """
+    """Estimates of well-determined values scatter as their standard deviations say: chi-square, 60 trials each."""
     generator = np.random.default_rng(4)
     nominal = puma(root)
     true = with_errors(nominal, generator)
