@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from arm_io import InputError, make_folder, write_text
-from armscope.api.reading import File, Source, open_recording, read_model, recordings_of
+from armscope.api.reading import File, Source, open_recording, read_model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -129,32 +129,27 @@ def calibrate(
     """The kinematic parameters of an arm from an external tracker, and its position error before and after.
 
     recordings     with tracked points, or with ``tracker``: the tracker's own file (t, x, y, z) of each, in the same
-                   order
+                   order; or tables of poses (.csv: q1, q2, .. rad and x, y, z m, one row per pose)
     model          the nominal arm; joints placed as in URDF are given Denavit-Hartenberg parameters
     target         (3,) m in the frame of the last link; None: as the rig file says
     target_std     m, standard deviation of the target's place
     unknown_frame  estimate where the tracker stands
-    geometry_only  do not try sag, encoder errors and delays
+    geometry_only  do not try couplings, sag, encoder errors and delays
     Raises InputError where points or poses do not suffice, or recordings do not belong together.
     """
-    from identification.kinematics.data import common_ground, gravity_of, tracked
+    from identification.kinematics.data import common_ground, gravity_of
     from identification.kinematics.estimation import Settings, calibrate
     from identification.kinematics.models import UNKNOWN_TARGET, Trust
 
     if not 0 < target_std < 10:
         raise InputError("target_std", f"must be a length in m above 0, is {target_std:g}")
     arm, last_link = nominal_arm(model)
-    fitted = recordings_of(recordings)
-    if tracker and len(tracker) != len(fitted):
-        raise InputError("tracker", f"{len(tracker)} files for {len(fitted)} recordings; there must be one for each")
-    files: list[Path | None] = [Path(file) for file in tracker] or [None] * len(fitted)
-    points = [tracked(open_recording(run), file) for run, file in zip(fitted, files)]
-    points += [tracked(recording) for recording in recordings_of(held_out)]
-    known, place = common_ground(points, target)
+    fitted, judged = _tracked(recordings, tracker, len(arm)), _tracked(held_out, (), len(arm))
+    known, place = common_ground([*fitted, *judged], target)
     estimate = calibrate(
         arm,
-        [one.run for one in points[: len(fitted)]],
-        [one.run for one in points[len(fitted) :]],
+        [one.run for one in fitted],
+        [one.run for one in judged],
         (0.0, 0.0, 0.0) if place is None else in_last_link(last_link, place),
         Settings(
             frame_known=known and not unknown_frame,
@@ -164,7 +159,26 @@ def calibrate(
         ),
         progress=progress,
     )
-    return Calibration(arm, tuple(points), estimate)
+    return Calibration(arm, (*fitted, *judged), estimate)
+
+
+def _tracked(sources: Source | Sequence[Source], tracker: Sequence[File], joints: int) -> list[Tracked]:
+    """Recordings and tables of poses (.csv), each with its tracker's own file if there are any."""
+    from daq.recording import Recording
+    from identification.kinematics.data import read_poses, tracked
+
+    listed = [sources] if isinstance(sources, Recording | str | PathLike) else list(sources)
+    if tracker and len(tracker) != len(listed):
+        raise InputError("tracker", f"{len(tracker)} files for {len(listed)} recordings; there must be one for each")
+    found = []
+    for k, source in enumerate(listed):
+        if not isinstance(source, Recording) and Path(source).suffix.lower() == ".csv":
+            if tracker:
+                raise InputError(Path(source), "is a table of poses, which holds its points; omit --tracker")
+            found.append(read_poses(Path(source), joints))
+        else:
+            found.append(tracked(open_recording(source), Path(tracker[k]) if tracker else None))
+    return found
 
 
 def nominal_arm(model: File | Arm) -> tuple[Arm, Array]:

@@ -15,7 +15,7 @@ from arm_io.plain_data import point_of
 
 if TYPE_CHECKING:
     from arm_model import Arm
-    from armscope.api.calibration import Calibration
+    from armscope.api.calibration import Calibration, Point
     from identification.kinematics.estimation import Calibration as Estimate
 
 
@@ -23,48 +23,62 @@ MANY = ("--held-out", "--tracker")
 """Options that take several values."""
 
 
+Model = Annotated[
+    Path,
+    typer.Option(metavar="MODEL.toml", help="nominal arm; joints placed as in URDF are converted to D-H parameters"),
+]
+Out = Annotated[Path, typer.Option(metavar="DIR", help="folder for kinematics.json, report.html and model.toml")]
+Runs = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        metavar="RUN.mcap|POSES.csv...",
+        help="recordings with tracker points, or tables of poses: q1, q2, .. (rad) and x, y, z (m), one row per pose, "
+        "no t or i needed",
+    ),
+]
+HeldOut = Annotated[
+    list[Path] | None,
+    typer.Option("--held-out", metavar="RUN.mcap", help="held-out recording or table of poses; may be repeated"),
+]
+Tracker = Annotated[
+    list[Path] | None,
+    typer.Option(metavar="FILE.csv", help="the tracker's own file (t, x, y, z) of each RUN.mcap, in the same order"),
+]
+Target = Annotated[
+    str | None,
+    typer.Option(metavar="X,Y,Z", help="position of the target in the frame of the last link, m; default: the rig's"),
+]
+TargetStd = Annotated[float, typer.Option(metavar="M", help="std of the target position, m")]
+UnknownFrame = Annotated[bool, typer.Option("--unknown-frame", help="estimate the pose of the tracker")]
+GeometryOnly = Annotated[
+    bool,
+    typer.Option("--geometry-only", help="geometric parameters only: no couplings, sag, encoder errors or delays"),
+]
+Poses = Annotated[
+    int | None, typer.Option(metavar="N", help="also write DIR/poses.toml: the N best poses, for 'record'")
+]
+Memory = Annotated[
+    int | None, typer.Option(metavar="ROWS", help="capacity of the tracker's memory, which limits the poses")
+]
+Cube = Annotated[
+    bool,
+    typer.Option("--cube", help="also write DIR/iso_cube.toml, and iso_cube_corrected.toml for the calibrated arm"),
+]
+
+
 def command(
-    model: Annotated[
-        Path,
-        typer.Option(
-            metavar="MODEL.toml", help="nominal arm; joints placed as in URDF are converted to D-H parameters"
-        ),
-    ],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="folder for kinematics.json, report.html and model.toml")],
-    run: Annotated[
-        list[Path] | None, typer.Argument(metavar="RUN.mcap...", help="recordings with tracker points")
-    ] = None,
-    held_out: Annotated[
-        list[Path] | None,
-        typer.Option("--held-out", metavar="RUN.mcap", help="held-out recording; may be repeated"),
-    ] = None,
-    tracker: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE.csv", help="the tracker's own file (t, x, y, z) of each RUN.mcap, in the same order"
-        ),
-    ] = None,
-    target: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,Z", help="position of the target in the frame of the last link, m; default: the rig's"
-        ),
-    ] = None,
-    target_std: Annotated[float, typer.Option(metavar="M", help="std of the target position, m")] = 1e-4,
-    unknown_frame: Annotated[bool, typer.Option("--unknown-frame", help="estimate the pose of the tracker")] = False,
-    geometry_only: Annotated[
-        bool, typer.Option("--geometry-only", help="geometric parameters only: no sag, encoder errors or delays")
-    ] = False,
-    poses: Annotated[
-        int | None, typer.Option(metavar="N", help="also write DIR/poses.toml: the N best poses, for 'record'")
-    ] = None,
-    memory: Annotated[
-        int | None, typer.Option(metavar="ROWS", help="capacity of the tracker's memory, which limits the poses")
-    ] = None,
-    cube: Annotated[
-        bool,
-        typer.Option("--cube", help="also write DIR/iso_cube.toml, and iso_cube_corrected.toml for the calibrated arm"),
-    ] = False,
+    model: Model,
+    out: Out,
+    run: Runs = None,
+    held_out: HeldOut = None,
+    tracker: Tracker = None,
+    target: Target = None,
+    target_std: TargetStd = 1e-4,
+    unknown_frame: UnknownFrame = False,
+    geometry_only: GeometryOnly = False,
+    poses: Poses = None,
+    memory: Memory = None,
+    cube: Cube = False,
     as_json: Annotated[bool, typer.Option("--json", help="print kinematics.json and nothing else")] = False,
 ) -> None:
     from rich.console import Console
@@ -73,13 +87,7 @@ def command(
 
     check_folder(out)
     arm, last_link = nominal_arm(model)
-    if not run and poses is None and not cube:
-        raise InputError(
-            "RUN.mcap", "is missing; must be recordings with tracker points, unless --poses N or --cube is given"
-        )
-    if not 0 < target_std < 10:
-        raise InputError("--target-std", f"must be a length in m above 0 (is {target_std:g})")
-    point = None if target is None else point_of(target, "--target")
+    point = _checked(run, target, target_std, planned=poses is not None or cube)
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
         calibration = None
         if run:
@@ -94,28 +102,50 @@ def command(
                 geometry_only=geometry_only,
                 progress=status.update,
             )
-            if calibration.failures:
-                files = ", ".join(path.name for path in run)
-                raise InputError(files, "not calibrated: " + "; ".join(calibration.failures))
+            _refuse_failures(run, calibration)
             status.update("report")
+        place = None if poses is None else in_last_link(last_link, point or _target_of(calibration))
         make_folder(out)
         written = {} if calibration is None else calibration.write(out)
-        if poses is not None:
-            _write_poses(out, arm, in_last_link(last_link, point or _target_of(calibration)), poses, memory, written)
+        if poses is not None and place is not None:
+            _write_poses(out, arm, place, poses, memory, written)
         if cube:
             _write_cube(out, arm, None if calibration is None else calibration.details, written)
     if as_json:
         print(json.dumps(written, indent=1, default=float))
-        return
+    else:
+        _say(out, calibration, written, poses is not None, cube)
+
+
+def _checked(run: list[Path] | None, target: str | None, target_std: float, *, planned: bool) -> Point | None:
+    """The target, where it is given; InputError where the options do not suffice."""
+    if not run and not planned:
+        raise InputError(
+            "RUN.mcap", "is missing; must be recordings with tracker points, unless --poses N or --cube is given"
+        )
+    if not 0 < target_std < 10:
+        raise InputError("--target-std", f"must be a length in m above 0 (is {target_std:g})")
+    return None if target is None else point_of(target, "--target")
+
+
+def _refuse_failures(run: list[Path], calibration: Calibration) -> None:
+    """InputError where the points refute the calibration; nothing is written then."""
+    if calibration.failures:
+        files = ", ".join(path.name for path in run)
+        raise InputError(files, "not calibrated: " + "; ".join(calibration.failures))
+
+
+def _say(out: Path, calibration: Calibration | None, written: dict[str, Any], poses: bool, cube: bool) -> None:
+    names: list[str] = []
     if calibration is not None:
         from identification.kinematics.report import summary
 
+        names = ["kinematics.json", "report.html", "model.toml"]
         print(summary(written))
         for line in written["warnings"] + [str(shift) for shift in calibration.details.shifts]:
             print(f"note: {line}", file=sys.stderr)
-    names = ("kinematics.json", "report.html", "model.toml") if calibration is not None else ()
-    more = [name for name, there in (("poses.toml", poses is not None), ("iso_cube.toml", cube)) if there]
-    print("\n".join(str(out / name) for name in [*names, *more]))
+    names += [name for name, there in (("poses.toml", poses), ("iso_cube.toml", cube)) if there]
+    print("\n".join(str(out / name) for name in names))
 
 
 def _target_of(calibration: Calibration | None) -> tuple[float, float, float]:

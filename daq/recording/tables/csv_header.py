@@ -75,6 +75,12 @@ def _check_missing(
     missing = [name for name in needed if name not in set(names)]
     if not missing:
         return
+    if missing[0] == "t" and {"q1", *"xyz"} <= set(names):
+        raise InputError(
+            path,
+            "line 1: column t is missing: a table of poses (q1, q2, .. and x, y, z, one row per pose) needs no import; "
+            "give it to 'armscope calibrate'",
+        )
     close = difflib.get_close_matches(missing[0], unknown[:1000], 1, 0.5)
     hint = f"; is it {close[0]!r}?" if close else ""
     more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""

@@ -21,6 +21,7 @@ class Run:
 
     count  (joints,) rad of one count where an encoder's zero is this run's own, else 0; None: not known
            (``encoder_steps``)
+    still  every row is a pose at rest; t only numbers them
     """
 
     name: str
@@ -28,6 +29,7 @@ class Run:
     q: Array
     xyz: Array
     count: Array | None = None
+    still: bool = False
 
     @property
     def usable(self) -> Mask:
@@ -41,7 +43,7 @@ class Run:
 
     def velocity(self) -> Array:
         """dq/dt (N, joints), central differences smoothed over 9 rows; zero where it cannot be determined."""
-        if len(self.t) < 3:
+        if len(self.t) < 3 or self.still:
             return np.zeros_like(self.q)
         slope = np.gradient(self.q, self.t, axis=0)
         kernel = np.ones(min(9, len(slope)))

@@ -227,7 +227,7 @@ def error_figure(calibration: Calibration, gravity: Gravity | None) -> Figure:
         axes.axhline(1e3 * 1.6 * calibration.fit.noise, color=MEASURED, lw=1, ls="--", label="noise (mean distance)")
         axes.grid(color=GRID)
         axes.set_title(f"{run.name} ({words})", loc="left", fontsize=10)
-        axes.set_xlabel("t [s]")
+        axes.set_xlabel("row" if run.still else "t [s]")
         axes.set_ylabel("distance [mm]")
         axes.legend(loc="upper right", fontsize=8, ncol=3)
     return figure

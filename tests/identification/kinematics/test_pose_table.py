@@ -1,0 +1,125 @@
+"""Tables of poses without times or currents, few poses, and what such a table must hold."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from arm_io import InputError
+from arm_model.model_file import read_model
+from arm_model.rigid_body.kinematics import link_frames
+from armscope.cli import run
+from identification.kinematics.data.pose_table import read_poses
+
+sys.path.insert(0, str(Path(__file__).parent))
+from foreign_arm import DESCRIPTION, NOISE, TARGET, ForeignArm
+
+HEAD = "q1,q2,q3,q4,q5,q6,x,y,z"
+
+
+def table(path: Path, q: np.ndarray, xyz: np.ndarray) -> Path:
+    np.savetxt(path, np.column_stack((q, xyz)), fmt="%.7f", delimiter=",", header=HEAD, comments="")
+    return path
+
+
+def calibrate(folder: Path, *arguments: str | Path) -> int:
+    (folder / "foreign.toml").write_text(DESCRIPTION)
+    common = ["--model", folder / "foreign.toml", "--out", folder / "out", "--geometry-only"]
+    return run(["calibrate", *map(str, arguments), *map(str, common)])
+
+
+def result(folder: Path) -> dict:
+    return json.loads((folder / "out/kinematics.json").read_text())
+
+
+@pytest.mark.parametrize("held", [0, 6])
+def test_a_table_of_sixty_poses_is_calibrated_and_cross_validated(tmp_path: Path, held: int) -> None:
+    """In the tracker's own frame, with a target that nobody measured; six held-out poses are too few to judge."""
+    arm, generator = ForeignArm(seed=11), np.random.default_rng(12)
+    q = arm.reported(60 + held, generator)
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    xyz = arm.measured(q, generator) @ turn.T + [2.0, -1.0, 0.5]
+    arguments: list[str | Path] = [table(tmp_path / "poses.csv", q[:60], xyz[:60])]
+    if held:
+        arguments += ["--held-out", table(tmp_path / "few.csv", q[60:], xyz[60:])]
+    assert calibrate(tmp_path, *arguments) == 0
+    found = result(tmp_path)
+    assert found["held_out"] == "cross-validation"
+    assert found["position_error"]["held_out"]["after"]["points"] == 60 + held
+    assert found["identifiable"] == 27
+    assert not any("of 27" in warning for warning in found["warnings"])
+    assert not found["tracker_frame"]["known"]
+    # the promise of cross-validation is kept by the model on other poses
+    unseen = arm.reported(200, generator)
+    model, pose = read_model(tmp_path / "out/model.toml"), np.array(found["tracker_frame"]["base_from_tracker"])
+    ends = (link_frames(model, unseen)[:, -1] @ np.array(found["tool"]))[:, :3, 3]
+    seen = (arm.measured(unseen, generator) @ turn.T + [2.0, -1.0, 0.5]) @ pose[:3, :3].T + pose[:3, 3]
+    reached = float(np.sqrt(np.mean((seen - ends) ** 2)))
+    assert reached == pytest.approx(found["position_rms"]["held_out"]["after"], rel=0.25)
+    assert reached < 1.4 * NOISE
+
+
+def test_no_delay_is_made_up_for_poses_at_rest(tmp_path: Path) -> None:
+    arm, generator = ForeignArm(seed=13), np.random.default_rng(14)
+    q = arm.reported(40, generator)
+    poses = read_poses(table(tmp_path / "poses.csv", q, arm.measured(q, generator)), 6)
+    assert not poses.run.velocity().any()
+    np.testing.assert_allclose(poses.run.q, q, atol=1e-7)
+
+
+def test_an_empty_cell_is_a_missing_value_and_extra_columns_are_ignored(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    rows = [f"{k},0.1,0.2,0.3,0.4,0.5,0.{k},1.0,,0.3" for k in range(10, 22)]
+    path.write_text("name,q1,q2,q3,q4,q5,q6,x,y,z\n" + "\n".join(rows) + "\n")
+    poses = read_poses(path, 6)
+    assert len(poses.run.t) == 12
+    assert not poses.run.usable.any()
+    assert np.isnan(poses.run.xyz[:, 1]).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("q1,q2,x,y,z\n0,0,0,0,0\n", "column q3 is missing; a table of poses of this arm must hold q1, q2"),
+        (f"{HEAD},q7\n" + "0," * 9 + "0\n", "column q7: the model has 6 joints"),
+        ("q1,q2,q3,q4,q5,q6,x1,y1,z1,x2,y2,z2\n", "several reflectors"),
+        (f"{HEAD}\n" + "90,0,0,0,0,0,1,1,1\n", "not in degrees"),
+        (f"{HEAD}\n" + "0,0,0,0,0,0,1200,0,1\n", "not in mm"),
+        (f"{HEAD}\n" + "0,0,zero,0,0,0,1,0,1\n", "line 2: q3: 'zero' is no number"),
+        (HEAD.replace(",", ";") + "\n", "separated by ';'"),
+        (f"{HEAD}\n" + "0,0,0,0,0,0,1,0,1\n" * 5, "5 rows have all joint angles and a tracked point; at least 10"),
+        ("", "column q1 is missing"),
+    ],
+)
+def test_another_table_is_refused_in_one_line(tmp_path: Path, capsys, text: str, reason: str) -> None:
+    (tmp_path / "poses.csv").write_text(text)
+    assert calibrate(tmp_path, tmp_path / "poses.csv", "--target", ",".join(map(str, TARGET))) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert error.count("\n") == 1
+    assert reason in error
+    assert not (tmp_path / "out").exists()
+
+
+def test_import_says_that_poses_need_no_import(tmp_path: Path, root: Path, capsys) -> None:
+    (tmp_path / "poses.csv").write_text(f"{HEAD}\n" + "0,0,0,0,0,0,1,0,1\n" * 3)
+    rig = root / "config/puma560_sim.toml"
+    assert run(["import", str(tmp_path / "poses.csv"), "--rig", str(rig), "--out", str(tmp_path / "a.mcap")]) == 2
+    assert "armscope calibrate" in capsys.readouterr().err
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(text=st.text(alphabet='q123xyz,.-e\n\r"; \tn', max_size=80), head=st.booleans())
+def test_any_text_is_a_table_or_an_input_error(tmp_path: Path, text: str, head: bool) -> None:
+    path = tmp_path / "any.csv"
+    path.write_text(("q1,x,y,z\n" if head else "") + text)
+    try:
+        read_poses(path, 1)
+    except InputError as error:
+        assert "\n" not in str(error)
