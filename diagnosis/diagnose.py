@@ -51,7 +51,7 @@ class Diagnosis:
     fit, held_out  residuals of the recordings; left: (N,) whitened, with all causes
     compared       of "fit" and "held_out", each recording's closed loop by the model and by the extended one
     along          ... and (n,) A rms of its residual under both along the measured motion
-    judged         whether the currents were, by a model that expects some
+    judged         whether the currents were compared: not with a model that predicts none
     """
 
     arm: Arm
@@ -73,7 +73,7 @@ class Diagnosis:
 
     @property
     def in_closed_loop(self) -> bool:
-        """Whether current errors are told of the closed loop on the same demands; else along the measured motion."""
+        """Whether current errors are those of the closed loop on the same demands; else along the measured motion."""
         return faithful(self.compared["held_out"], self.along["held_out"])
 
     @property
@@ -88,7 +88,8 @@ class Diagnosis:
 class Measured:
     """What instruments other than the current transducers show.
 
-    events   in setpoints; judged: whether the model expects any current, by which the currents can be judged
+    events  in setpoints
+    judged  whether the model predicts any current with which the measured ones can be compared
     """
 
     tracked: Tracked
@@ -98,7 +99,7 @@ class Measured:
 
     @property
     def known(self) -> list[Cause]:
-        """Causes that the currents are judged with: where the links are, and what stands between motors and links."""
+        """Causes that are in the model before the currents are judged: of geometry and of transmissions."""
         return [*self.tracked.geometry, *(cause for cause in self.of_links if cause.of_arm and self.judged)]
 
     @property
@@ -109,7 +110,7 @@ class Measured:
 
 @dataclass(frozen=True, kw_only=True)
 class Verified:
-    """The causes with their errors in closed loop, and both models held against the recordings; see ``Diagnosis``."""
+    """The causes with their errors in closed loop, and both models compared with the recordings; see ``Diagnosis``."""
 
     causes: list[Cause]
     compared: dict[str, list[tuple[Compared, Compared]]]
@@ -178,8 +179,8 @@ def extend_by(arm: Arm, measured: Measured, named: Named, recordings: Recordings
     events = [from_event(event, named.arm, data) for event in [*named.sight.events, *measured.events]]
     causes = [*events, *named.causes]
     unknown = [cause for cause in measured.tracked.causes if cause not in known]
-    beside = merge(causes if measured.judged else [*causes, *measured.of_links], unknown)
-    extended = extend(named.base, beside) if beside else named.arm
+    together = merge(causes if measured.judged else [*causes, *measured.of_links], unknown)
+    extended = extend(named.base, together) if together else named.arm
     if extended is not arm:
         extended = with_smoothing_velocities(extended, recordings.fit)
     resonant = [named.resonance] if named.resonance else []
@@ -236,26 +237,25 @@ def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[S
         yield from not_held_out(state.fitted.fit, state.data.fit, structures, arm)
     else:
         yield f"{arm.name} has neither masses nor friction: its currents were not judged"
-    yield from _of_width(named.arm, named.base)
-    yield from _beside_causes(named.axis, arm) if named.axis else ()
+    yield from _smoothing(named.arm, named.base)
+    yield from _of_axis(named.axis, arm) if named.axis else ()
     yield from measured.link.remarks if measured.link else ()
 
 
 def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure], arm: Arm) -> tuple[str, ...]:
-    """Says where only the fitted recordings show that something is missing: what they alone show is not named."""
-    told = {one.joint for one in structures}
-    by_joint = {joint: noise_ratio(left, fit, joint) for joint in range(1, len(arm) + 1) if joint not in told}
+    """Warns of joints whose residual exceeds the noise in the fitted recordings alone, where no cause is named."""
+    reported = {one.joint for one in structures}
+    by_joint = {joint: noise_ratio(left, fit, joint) for joint in range(1, len(arm) + 1) if joint not in reported}
     return tuple(
-        f"the residual current of joint {joint} is {loud:.1f} times the noise in the fitted recordings, but not in "
-        "the held-out ones: "
-        "hold out a recording with a similar motion of this joint"
-        for joint, loud in by_joint.items()
-        if loud > LIMITS.above_noise
+        f"the residual current of joint {joint} is {ratio:.1f} times the noise in the fitted recordings, but not in "
+        "the held-out ones: hold out a recording with a similar motion of this joint"
+        for joint, ratio in by_joint.items()
+        if ratio > LIMITS.above_noise
     )
 
 
-def _of_width(arm: Arm, base: Arm) -> tuple[str, ...]:
-    """Says where friction was taken to turn round faster than the model has it."""
+def _smoothing(arm: Arm, base: Arm) -> tuple[str, ...]:
+    """Warns of a Coulomb smoothing velocity that replaces the one of the model."""
     wide, narrow = (one.joints[0].sign_velocity for one in (arm, base))
     return (
         () if narrow == wide else (f"Coulomb smoothing velocity set to {narrow:.2g} instead of {wide:.2g} m/s (rad/s)",)
@@ -272,8 +272,8 @@ def _of_friction(stated: Arm, extended: Arm) -> tuple[str, ...]:
     )
 
 
-def _beside_causes(axis: AxisSide, arm: Arm) -> tuple[str, ...]:
-    """What is left of one axis beside its causes."""
+def _of_axis(axis: AxisSide, arm: Arm) -> tuple[str, ...]:
+    """Residual of a single axis, and the wave over position that no second run confirms."""
     said = []
     if axis.causes:
         left = f"{axis.causes[-1].after:.3g} {arm.joints[0].current_unit} rms"
@@ -293,9 +293,9 @@ def _beside_causes(axis: AxisSide, arm: Arm) -> tuple[str, ...]:
 def _shown_in_loop(
     cause: Cause, extended: Arm, having: Sequence[Compared], recordings: Sequence[Recording], runs: Sequence[Run]
 ) -> Cause:
-    """A cause that shows in a closed loop only (a limit.
+    """A cause that shows in closed loop only, with the errors of that loop.
 
-    The motion obeys it, and along it nothing is missing) with the errors of that loop.
+    Such as a current limit: the measured motion obeys it, and along that motion nothing is missing.
     """
     joint = cause.felt_at
     if joint is None or cause.before != cause.after or len(having) != len(recordings):

@@ -1,9 +1,7 @@
-"""From recordings, seen through what is known of an arm, to causes.
+"""Causes in the currents, conditional on what is known of an arm: search, verification, resonances in closed loop.
 
-The search, what it must bear, and what only closed loops show.
-
-A cause that the search found is given up where it is not told from nothing, or where the model's closed loop errs more
-with it than without; what it stood for is then searched for again.
+A cause is withdrawn if no parameter of it differs significantly from zero, or if the closed loop has a smaller error
+without it. The search is then repeated without that candidate.
 """
 
 from __future__ import annotations
@@ -65,10 +63,7 @@ Progress = Callable[[str], None]
 def named_causes(
     model: Arm, known: Sequence[Cause], recordings: Recordings, screened: Screened, progress: Progress
 ) -> Named:
-    """Names what the currents show conditional on the ``known`` causes of encoders and tracker.
-
-    By the search, and by resonances in closed loop.
-    """
+    """Causes that the currents show conditional on the ``known`` ones of encoders and tracker."""
     excluded = {cause.key for cause in known if not cause.by_tracker}
     arm = extend(model, known) if known else model
     sight = residuals_of(arm, screened, progress)
@@ -79,7 +74,7 @@ def named_causes(
     found = _resonance(named, recordings) if has_dynamics(model) else None
     if found is None:
         return named
-    # the others are then judged by the arm that resonates
+    # the others are searched for again, with the resonance in the model
     arm = extend(model, [*known, found])
     sight = realigned(residuals_of(arm, screened, progress), named.found.state.terms)
     excluded |= {(effect, found.joint) for effect in resonance.transmissions()}
@@ -99,7 +94,7 @@ def _searched(
     axis = axis_side(arm, sight.samples[:first], sight.samples[first:], two_fold=parts)
     of_axis, base = [from_axis(one, arm) for one in axis.causes] if axis else [], arm
     if of_axis:
-        # the search is left with what they leave
+        # the search continues in their residual
         base = with_sharp_friction(arm, sight.samples)
         runs = [replace(run, arm=base) for run in runs]
         terms = extend(base, of_axis).effects[len(arm.effects) :]
@@ -127,9 +122,9 @@ def _datasets(runs: Sequence[Run], first: int, two_fold: bool) -> Split[Dataset]
 def _tenable(
     model: Currents, recordings: Sequence[Recording], runs: Sequence[Run], progress: Progress
 ) -> tuple[Found, list[Cause]]:
-    """What the search finds and closed loops on held-out ``recordings`` do not refute.
+    """Causes that the search finds and closed loops on held-out ``recordings`` do not refute.
 
-    In the place of what they refute, it searches again.
+    In the place of a refuted one it searches again.
     """
     refused: list[EffectKey] = []
     found = search(model, progress)
@@ -143,17 +138,14 @@ def _tenable(
         candidate = found.state.chosen[removed]
         refused.append(candidate.key)
         if len(refused) <= LIMITS.searched_again:
-            # what it stood for may have a better name
+            # another effect may explain the same
             found = search(replace(model, excluded=model.excluded | set(refused)), progress)
         else:
             found = without(found, candidate)
 
 
 def _resonance(named: Named, recordings: Recordings) -> Cause | None:
-    """A spring or a gap that closed loops show.
-
-    It stands in the place of one that the search named, or beside all that it named.
-    """
+    """A spring or a gap that closed loops show: in the place of one that the search named, or in addition."""
     springs: list[Cause | None] = [one for one in named.causes if one.effect in resonance.transmissions()]
     for spring in springs or [None]:
         arm = with_smoothing_velocities(
@@ -181,9 +173,7 @@ def _of_search(found: Found) -> list[Cause]:
 def _indistinct(causes: Sequence[Cause]) -> int | None:
     """The first cause without a linear parameter that differs significantly from zero.
 
-    It follows something, but is not there.
-
-    A link's many parameters need not differ from zero one by one: together they do.
+    The many parameters of a link are exempt: they are significant together, not one by one.
     """
     for index, cause in enumerate(causes):
         sizes = {p.name for p in CATALOGUE[cause.effect].linear}

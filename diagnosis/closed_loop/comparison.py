@@ -1,14 +1,12 @@
-"""Measured against simulated.
+"""Measured and simulated currents: in closed loop on the recorded demands, and along the measured motion.
 
-The model in closed loop on the recorded demands, and its currents along the measured motion.
+Where the controller of the model is that of the arm, the currents of the closed loop contain no encoder quantisation,
+and it is the more sensitive test. Where it is not, its errors are those of the controller, and the currents that the
+model predicts for the measured motion are compared instead (Leboutet et al., Applied Sciences 11, 2021: output-error
+methods depend on the controller).
 
-The closed loop is what a user calls the simulation. Where the controller of the model is that of the arm, its currents
-contain neither encoder quantisation nor derivatives of it, and it is the sharper test. Where it is not, its errors are
-those of the controller, and the currents that the model predicts for the measured motion are compared instead (Leboutet
-et al., Applied Sciences 11, 2021: output-error methods depend on the controller).
-
-Errors are compared in the band of the residual and where friction is known: at standstill the current is the one with
-which the servo came to rest.
+Errors are compared in the band of the residual and where friction is known: at standstill the current depends on how
+the servo came to rest.
 """
 
 from __future__ import annotations
@@ -32,20 +30,16 @@ from diagnosis.residual.run_setup import loaded, setup_of
 from identification.preprocessing import demand_of_run
 
 FAITHFUL = 1.5
-"""Times the error along the measured motion.
-
-a closed loop that errs more at some joint is not that of the arm's controller.
-"""
+"""Ratio to the error along the measured motion above which the controller of the model is not that of the arm."""
 SMOOTHING = np.array([0.12, 0.2, 0.3, 0.45, 0.65, 1.0, 1.6, 2.5])
 """Candidate Coulomb smoothing velocities, as multiples of the model's own; one lane of the engine each."""
 
 
 @dataclass(frozen=True)
 class Compared:
-    """One recording and its simulation.
+    """One recording and its simulation: t (m,) s, currents (m, n) A and angles (m, n) rad.
 
-    t (m,) s; measured and simulated current (m, n) A and angle (m, n) rad; known (r, n): rows that are compared, of
-    those that the run has.
+    known: (r, n) rows of the run that are compared.
     """
 
     name: str
@@ -64,17 +58,14 @@ class Compared:
 
 
 def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
-    """The recording's demands run through the model's closed loop.
-
-    None without a demand, a controller or a stable loop.
-    """
+    """A recording and the closed loop of the model on its demands; None without demand, controller or stable loop."""
     if arm.controller is None or not has_demand(recording):
         return None
     arm = loaded(arm, setup_of(recording).payload)
     knots, demand = recording.t, demand_of_run(recording, arm)
     try:
         motion = simulate(arm, demand, duration=float(knots[-1]), rate=1.0 / recording.dt, times=knots - knots[0])
-    except InputError:  # it left all bounds: a loop that cannot judge
+    except InputError:  # the loop is unstable
         return None
     shown = recorded(arm, motion)
     return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q, comparable_rows(run))
@@ -86,10 +77,7 @@ def has_demand(recording: Recording) -> bool:
 
 
 def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
-    """(n,) A each: rms of the run's residual current under its model and under the extended one.
-
-    Without a closed loop.
-    """
+    """(n,) A each: rms of the residual current along the measured motion, of the model and of the extended one."""
     rows = comparable_rows(run)
     return rms_where(residual_under(run, before.effects), rows), rms_where(residual_under(run, after.effects), rows)
 

@@ -1,6 +1,4 @@
-"""Transmission resonances above the residual's bandwidth.
-
-Springs and play between motor and link, identified in closed loop.
+"""Transmission resonances above the residual's bandwidth: springs and play, identified in closed loop.
 
 Along the measured motion encoder quantisation exceeds everything above 20 Hz. The model in closed loop on the same
 demands has no such noise: where its servos are those of the arm, it follows measured currents to the transducers' noise
@@ -38,11 +36,11 @@ from identification.selection.cluster_covariance import cluster_covariance
 BAND = (10.0, 100.0)
 """Hz."""
 SEARCHED_IN = 2
-"""Recordings of the fitted side in which values are searched: those that the loop follows worst."""
+"""Recordings of the fit set in which values are searched: those with the largest closed-loop error."""
 END_SECONDS = 0.2
-"""Left out at both ends of a recording: those of the filters."""
+"""Excluded at both ends of a recording: filter transients."""
 LANES = 40
-"""First values that are simulated at most, a lane each combination; they are refined from there on."""
+"""Most combinations of first values that are simulated, one per lane; the best is then refined."""
 STEPS = np.array([0.7, 0.85, 0.95, 1.05, 1.18, 1.4])
 """Factors by which each parameter is then varied about the best, the others as they are; dampings by their cubes."""
 ROUNDS = 4
@@ -100,8 +98,8 @@ def transmission_resonance(
 
     None if there is none.
 
-    arm: the model with all other known effects. near: the cause that the currents along the motion show; its values are
-    tried as well.
+    arm: the model with all other known effects. near: the cause that the currents along the motion show, whose values
+    are tried as well.
     """
     fit, held_out = [r for r in fit if has_demand(r)], [r for r in held_out if has_demand(r)]
     if arm.controller is None or not fit or not held_out:
@@ -131,7 +129,7 @@ def transmission_resonance(
         if (trial_score := _searched(arm, effect, int(joint), searched, noise, near)) is not None
     ]
     most = max((share for share, _ in promising), default=0.0)
-    # the simpler first of those that do as well; what its own joint would have, the other joints may refuse
+    # of those that explain as much, the simpler first; one that explains its own joint may be refuted at the others
     for _, trial in sorted(promising, key=lambda one: (one[0] < most - LIMITS.tie, len(one[1].values), -one[0])):
         if (cause := _judged(arm, trial, fit, held_out, noise)) is not None:
             return cause
@@ -177,10 +175,7 @@ def transmissions() -> tuple[str, ...]:
 
 
 def _first(effect: Effect) -> dict[str, Sequence[float]]:
-    """First values of every parameter: those of its search.
-
-    Of the longest so many only that LANES combinations are left.
-    """
+    """First values of every parameter: those of its search, the longest thinned to at most LANES combinations."""
     grid: dict[str, Sequence[float]] = {p.name: p.search for p in effect.parameters if p.search}
     longest = max(grid, key=lambda name: len(grid[name]))
     others = math.prod(len(values) for name, values in grid.items() if name != longest)
@@ -199,12 +194,10 @@ def _shares(arm: Arm, trials: Sequence[Trial], recordings: Sequence[Recording], 
 
 
 def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = ()) -> Array:
-    """(lanes, m, n) A: measured less simulated current in the band.
+    """(lanes, m, n) A: measured minus simulated current in the band, of the arm or with each of the trials.
 
-    Of the arm as it is, or with each of the trials (of one effect and joint).
-
-    NaN in lanes whose loop is not stable. The demand may have been recorded a little early or late: the angles tell by
-    how much.
+    trials: of one effect and joint. NaN in lanes with an unstable loop. A delay of the recorded demand is estimated
+    from the angles and corrected.
     """
     carrying = loaded(arm, setup_of(recording).payload)
     lanes = {}
@@ -250,10 +243,7 @@ def _white_share(recording: Recording) -> float:
 def _judged(
     arm: Arm, trial: Trial, fit: Sequence[Recording], held_out: Sequence[Recording], noise: Array
 ) -> Cause | None:
-    """The cause, if it explains most of what the loop was missing at all joints held out.
-
-    It must gain in enough blocks.
-    """
+    """The cause, if it explains most of the held-out error of all joints above the noise, and significantly so."""
     j = trial.joint - 1
     pairs = [(_errors(arm, r)[0], _errors(arm, r, [trial])[0]) for r in held_out]
     before, after = (np.sqrt(np.mean(np.concatenate(errors) ** 2, axis=0)) for errors in zip(*pairs))
@@ -288,10 +278,7 @@ def _judged(
 
 
 def _estimates(arm: Arm, trial: Trial, fit: Sequence[Recording], noise: Array) -> list[Estimate]:
-    """The parameters with deviations.
-
-    Least squares in the loop's sensitivities, the error independent from block to block.
-    """
+    """The parameters with std, by the sensitivities of the loop; errors of different blocks are independent."""
     j, names, step = trial.joint - 1, list(trial.values), 0.03
     moved = [trial] + [replace(trial, values={**trial.values, n: trial.values[n] * (1 + step)}) for n in names]
     sensitivity, residual, block, first = [], [], [], 0

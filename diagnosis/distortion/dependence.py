@@ -1,4 +1,4 @@
-"""What the variation of a parameter varies with: shares of its variance, against what chance would explain."""
+"""Variables that a time-varying parameter depends on: shares of its variance, compared with chance."""
 
 from __future__ import annotations
 
@@ -18,10 +18,12 @@ DRAWS = 400
 
 @dataclass(frozen=True)
 class Path:
-    """One recording: t (s,) s; value, std (s,) of the parameter; seen (s,): whether that instant shows it.
+    """The parameter in one recording, at s instants.
 
-    Against: variables (s,) by name; score, information (s,): what the residual of that instant alone says of the
-    deviation from the model.
+    t, value, std       (s,) s; value of the parameter and its std
+    seen                (s,) whether the residual at that instant depends on it
+    against             variables (s,) by name
+    score, information  (s,) of the deviation from the model, by the residual at that instant alone
     """
 
     name: str
@@ -36,10 +38,10 @@ class Path:
 
 @dataclass(frozen=True)
 class Share:
-    """Of the variance of the parameter, what a variable explains beyond chance.
+    """Share of the variance of the parameter that a variable explains beyond chance.
 
-    ``chance``: what it does with its blocks permuted; gain: fall of the weighed squared residual when the parameter is
-    a function of the variable alone.
+    chance  share with the blocks of the variable permuted
+    gain    fall of the weighted squared residual if the parameter is a function of the variable alone
     """
 
     against: str
@@ -50,9 +52,9 @@ class Share:
 
 
 def shares_of(paths: Sequence[Path], memory: float) -> tuple[Share, ...]:
-    """What every variable explains of the parameter's variance.
+    """Shares of all variables, compared with those of their permuted blocks.
 
-    Against its blocks (three memories long, at least 1 s) permuted.
+    memory: s, time constant of the smoother; blocks are three times as long, at least 1 s.
     """
     rng = np.random.default_rng(1)
     value, weight = (
@@ -83,10 +85,7 @@ def shares_of(paths: Sequence[Path], memory: float) -> tuple[Share, ...]:
 
 
 def _binned(score: Array, seen: Array, bins: NDArray[np.intp]) -> float:
-    """Fall of the weighed squared residual by one value a bin.
-
-    Beyond that by one value and by one more for every bin.
-    """
+    """Fall of the weighted squared residual by one value per bin, beyond that by one value and by chance."""
     total, information = np.bincount(bins, weights=score), np.bincount(bins, weights=seen)
     there = information > 0
     return float(

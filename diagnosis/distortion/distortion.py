@@ -2,11 +2,11 @@
 
 Source: Butterfield & Thomas, 1986.
 
-The parameter's deviation x from the model is a random walk that the weighed residual of ``evidence`` sees through the
-parameter's own column: x' = x + w, y = H x + e. Kalman filters forwards and backwards (together, what the smoother of
-Rauch, Tung & Striebel gives) yield x with its uncertainty; the strength of the walk and the
-scale of the noise are those of greatest likelihood. Where x then varies, what it varies with hints at what the model
-lacks: it is held against position, direction, speed, load, time and temperature.
+The deviation x of the parameter from the model is a random walk that the weighted residual y observes by the column H
+of the parameter: x' = x + w, y = H x + e. Kalman filters forwards and backwards (together the smoother of Rauch, Tung &
+Striebel) yield x with its uncertainty; the strength of the walk and the scale of the noise have the greatest
+likelihood. A correlation of x with position, direction, speed, load, time or temperature hints at what the model
+lacks.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from diagnosis.units import unit_at
 from identification.selection import p_value
 
 CERTAIN = 0.01
-"""Probability of so strong a walk, or of so large a share, by chance, below which it is called real.
+"""p-value of the gain of a walk, or of a share, below which it is significant.
 
-It has to matter, too: explain more than ``LIMITS.min_gain``, like a cause.
+Like a cause, it must also explain more than ``LIMITS.min_gain``.
 """
 JOINT_SIDE = (
     "viscous",
@@ -62,10 +62,14 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Distortion:
-    """parameter, its joint (from 1) and what drives it, unit and value in the model; paths, one a recording.
+    """One parameter as a function of time.
 
-    Strength of the walk per square root of a second, 0 where it stays as it is as far as one can tell; constant: best
-    value that does not vary, with its deviation; shares, largest first.
+    joint, drive  joint of the parameter (from 1), as number and as the model describes it
+    model         value in the model
+    paths         one per recording
+    strength      of the walk per square root of a second; 0 where no variation is significant
+    constant      best value that does not vary, and its std
+    shares        of the variables, largest first
     """
 
     parameter: str
@@ -80,14 +84,14 @@ class Distortion:
 
     @property
     def varies(self) -> bool:
-        """Whether a parameter that stays as it is would leave more than noise."""
+        """Whether the variation is significant."""
         return self.strength > 0.0
 
 
 def named_parameter(arm: Arm, name: str) -> tuple[str, int]:
-    """The parameter as ``arm_model.parameters`` calls it, and its joint; ``link2.viscous`` is joint 2's.
+    """The parameter's name in ``arm_model.parameters``, and its joint; ``link2.viscous`` is that of joint 2.
 
-    InputError for one the arm has not.
+    InputError for a parameter that the arm does not have.
     """
     found = re.fullmatch(r"(link|joint)(\d+)\.(.+)", name)
     if not found:
@@ -104,7 +108,7 @@ def named_parameter(arm: Arm, name: str) -> tuple[str, int]:
 def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recording]) -> Distortion:
     """The variation of one parameter that makes the model match ``runs``.
 
-    ``recordings`` tell the temperature where they have it.
+    ``recordings``: for temperatures that they may contain.
     """
     own, joint = named_parameter(arm, name)
     model = parameter(arm, own)
@@ -127,8 +131,8 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
 
     paths = paths_of(ratio, scale)
     shares = shares_of(paths, memory(steps, ratio))
-    foretold = gains.sum() > enough and p_value(gains) < CERTAIN
-    if not foretold and not any(one.p < CERTAIN and one.gain > enough for one in shares):
+    significant = gains.sum() > enough and p_value(gains) < CERTAIN
+    if not significant and not any(one.p < CERTAIN and one.gain > enough for one in shares):
         ratio, scale, shares = 0.0, likelihood(steps, 0.0)[1], ()
         paths = paths_of(ratio, scale)
     drive = arm.joints[joint - 1]
@@ -148,8 +152,7 @@ def distort(arm: Arm, name: str, runs: Sequence[Run], recordings: Sequence[Recor
 def _column(run: Run, name: str, value: float) -> Array:
     """(m, n): change of the expected currents, over their deviation, for a unit of the parameter.
 
-    0 near standstill, where the deviation is a bound of what friction may do rather than noise that a likelihood could
-    be made of.
+    0 near standstill, where the std is a bound of the friction rather than noise with a likelihood.
     """
     step = 1e-3 * max(abs(value), 1e-3)
     before, after = (with_parameters(run.arm, {name: value + sign * step}) for sign in (-1.0, 1.0))
@@ -161,16 +164,16 @@ def _column(run: Run, name: str, value: float) -> Array:
 
 
 def _residuals(runs: Sequence[Run], columns: Sequence[Array], arm: Arm) -> list[Array]:
-    """(m, n) weighed residual of every run.
+    """(m, n) weighted residual of every run without the columns that are always free.
 
-    Less what the columns that are always free explain beside a constant parameter.
+    These are fitted together with a constant parameter.
     """
     side = dataset_of(runs)
     free = free_columns(side, arm)
     x = np.column_stack([np.concatenate(columns).T.ravel(), *(one.dense(len(side.y)) for one in free)])
     coefficients = np.linalg.lstsq(x, side.y, rcond=None)[0]
-    left = (side.y - x[:, 1:] @ coefficients[1:]).reshape(-1, side.rows).T
-    return np.split(left, np.cumsum([len(run.t) for run in runs])[:-1])
+    residual = (side.y - x[:, 1:] @ coefficients[1:]).reshape(-1, side.rows).T
+    return np.split(residual, np.cumsum([len(run.t) for run in runs])[:-1])
 
 
 def _steps(residual: Array, column: Array) -> tuple[Array, Array]:
@@ -221,7 +224,7 @@ def _path(
 
 
 def sentence(result: Distortion) -> str:
-    """What the distortion says, in words."""
+    """The result in words."""
     value, std = result.constant
     unit = f" {result.unit}" if result.unit else ""
     if not result.varies:

@@ -1,8 +1,8 @@
-"""One parameter as a random walk that residuals see: Kalman filter, smoother, and how strong the walk is.
+"""One parameter as a random walk that residuals observe: Kalman filter, smoother, strength of the walk.
 
-A recording is told by what every ``STEP`` of it says: score H^T y and information H^T H of the weighed residual y = H x
-+ e, so that the step alone would put the parameter's deviation at score / information, with the variance 1 /
-information in units of the noise.
+Every ``STEP`` of a recording is reduced to score H^T y and information H^T H of the weighted residual y = H x + e. From
+one step alone, the deviation of the parameter is score / information, with variance 1 / information in units of the
+noise variance.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ Steps = Sequence[tuple[Array, Array]]
 STEP = 0.1
 """s: rows within it are taken together."""
 GAP = 0.3
-"""s ahead that a walk has to foretell: more than the longest correlation of residuals seen in practice, 0.25 s."""
+"""s: prediction horizon of the walk, longer than the longest correlation of residuals seen in practice (0.25 s)."""
 
 
 def filtered(score: Array, seen: Array, ratio: float) -> tuple[Array, Array]:
     """Mean and variance of x at every step given all before it, in units of the noise's variance.
 
-    Infinite before the first that sees it.
+    The variance is infinite before the first step with information.
     """
     count = len(score)
     mean, variance = np.zeros(count), np.zeros(count)
@@ -44,10 +44,10 @@ def filtered(score: Array, seen: Array, ratio: float) -> tuple[Array, Array]:
     return mean, variance
 
 
-def foretold(score: Array, seen: Array, ratio: float) -> tuple[NDArray[np.intp], Array, Array]:
-    """For the steps that can be: their place, what they show less what was foretold ``GAP`` before, and its variance.
+def prediction_errors(score: Array, seen: Array, ratio: float) -> tuple[NDArray[np.intp], Array, Array]:
+    """Indices, prediction errors and their variances at the steps that can be predicted ``GAP`` ahead.
 
-    Residuals are coloured over tenths of a second; what is foretold from closer would take their colour for a walk.
+    Residuals are correlated over tenths of a second; a shorter horizon would mistake that correlation for a walk.
     """
     mean, variance = filtered(score, seen, ratio)
     gap = round(GAP / STEP)
@@ -56,10 +56,10 @@ def foretold(score: Array, seen: Array, ratio: float) -> tuple[NDArray[np.intp],
 
 
 def likelihood(steps: Steps, ratio: float) -> tuple[float, float]:
-    """Log likelihood of what is foretold ``GAP`` before, with the noise's scale at its best, and that scale."""
+    """Log likelihood of the prediction errors at the best scale of the noise, and that scale."""
     squares, logs, count = 0.0, 0.0, 0
     for score, seen in steps:
-        _, error, spread = foretold(score, seen, ratio)
+        _, error, spread = prediction_errors(score, seen, ratio)
         squares += float(np.sum(error**2 / spread))
         logs += float(np.sum(np.log(spread)))
         count += len(error)
@@ -83,23 +83,20 @@ def strength(steps: Steps) -> tuple[float, float]:
 
 
 def gains_of(steps: Steps, ratio: float, constant: float) -> Array:
-    """(blocks,) fall of the weighed squared residual by what the walk foretells, beyond what the best constant does.
+    """(blocks,) fall of the weighted squared residual by the predictions of the walk, compared with the best constant.
 
     Blocks of 1 s.
     """
     blocks = []
     for score, seen in steps:
-        k, error, _ = foretold(score, seen, ratio)
+        k, error, _ = prediction_errors(score, seen, ratio)
         still = score[k] / seen[k] - constant
         blocks.append(np.bincount((k * STEP / BLOCK_SECONDS).astype(int), weights=seen[k] * (still**2 - error**2)))
     return np.concatenate(blocks)
 
 
 def smoothed(score: Array, seen: Array, ratio: float) -> tuple[Array, Array]:
-    """x and its variance at every step given all of the recording.
-
-    What was seen before, at, and after it (Fraser & Potter, IEEE T-AC 14, 1969).
-    """
+    """x and its variance at every step given all of the recording (Fraser & Potter, IEEE T-AC 14, 1969)."""
     if ratio == 0.0:
         total = max(float(seen.sum()), 1e-300)
         return np.full(len(seen), score.sum() / total), np.full(len(seen), 1.0 / total)
@@ -110,6 +107,6 @@ def smoothed(score: Array, seen: Array, ratio: float) -> tuple[Array, Array]:
 
 
 def memory(steps: Steps, ratio: float) -> float:
-    """s over which the smoother joins what it sees: the time constant of its steady state."""
+    """s: time constant of the smoother in its steady state."""
     mean = float(np.mean(np.concatenate([seen for _, seen in steps])))
     return STEP / np.sqrt(max(ratio * mean, 1e-12))

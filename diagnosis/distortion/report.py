@@ -1,7 +1,4 @@
-"""distortion.json and distortion.html: a parameter that had to vary, over time and against what it may vary with.
-
-Opens without a network.
-"""
+"""distortion.json and distortion.html: a time-varying parameter, over time and against other variables."""
 
 from __future__ import annotations
 
@@ -37,10 +34,7 @@ def write_distortion(out: FilePath, result: Distortion) -> dict[str, Any]:
 
 
 def table_of(result: Distortion) -> dict[str, Any]:
-    """The content of distortion.json.
-
-    Values where the recordings do not show the parameter are left to what lies around them.
-    """
+    """The content of distortion.json; values at instants without information are interpolated by the smoother."""
     value, std = result.constant
     return {
         "schema": SCHEMA,
@@ -96,10 +90,7 @@ def over_time(result: Distortion) -> tuple[Figure, str]:
 
 
 def against(result: Distortion) -> tuple[Figure, str]:
-    """The parameter against everything that it may vary with.
-
-    One picture each, means in bins drawn over the instants.
-    """
+    """The parameter against every variable that it may depend on, with means in bins."""
     from matplotlib.figure import Figure
 
     names = [name for name in result.paths[0].against if all(name in path.against for path in result.paths)]
@@ -130,26 +121,26 @@ def against(result: Distortion) -> tuple[Figure, str]:
 
 
 def _span(result: Distortion) -> tuple[float, float]:
-    """What the axes show: the values where they are seen, with their band, and the model's."""
+    """Range of the axes: the values with two std where there is information, and the value of the model."""
     value = np.concatenate([path.value[path.seen] for path in result.paths])
     std = np.concatenate([path.std[path.seen] for path in result.paths])
     low, high = np.quantile(value - 2 * std, 0.02), np.quantile(value + 2 * std, 0.98)
     low, high = min(float(low), result.model), max(float(high), result.model)
-    # a value that stays within a hundredth is drawn as the level line that it is
+    # a variation below a hundredth is drawn as a level line
     room = max(0.15 * (high - low), 0.02 * abs(result.model), 1e-12)
     return low - room, high + room
 
 
 def _means(x: Array, value: Array, std: Array) -> tuple[Array, Array, Array]:
-    """Middle of every bin, mean there, and two standard deviations of what is scattered in it."""
+    """Middle of every bin, mean of the values in it, and two std."""
     different = np.unique(x)
     edges = different if len(different) <= 3 else np.unique(np.quantile(x, np.linspace(0, 1, 13)))[:-1]
     bins = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 1)
     places = [np.flatnonzero(bins == k) for k in np.unique(bins)]
     middle = np.array([x[k].mean() for k in places])
     mean = np.array([np.average(value[k], weights=std[k] ** -2) for k in places])
-    doubt = np.array([2 * std[k].mean() for k in places])
-    return middle, mean, doubt
+    spread = np.array([2 * std[k].mean() for k in places])
+    return middle, mean, spread
 
 
 def _page(result: Distortion) -> str:

@@ -1,11 +1,9 @@
-"""The experiment that would tell the members of a group apart, or show an effect that could not be seen.
+"""Discriminating experiments: the motion that isolates the members of an ambiguity group, chosen among many.
 
-Chosen among many motions.
-
-The motion wanted is the one whose smallest distance between the rivals' predictions is largest (``separate_distance``),
-among the families of ``separate_motions``, where the recordings have been already. A motion alone is preferred; then
-the drives off; then a known payload; then going further than the recordings did. Where none of it separates (a
-reference shunt would, say), words from the catalogue say what does.
+The best motion has the largest smallest distance between the predictions of the rivals (``t_optimality``), among the
+families of ``motions`` within the recorded positions. A motion alone is preferred; then the drives off; then a known
+payload; then a motion that exceeds the recorded positions. Where none discriminates, the catalogue names another
+experiment, such as a reference shunt.
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ from arm_model.rigid_body import rigid_torque
 from diagnosis.cause import Cause, EffectKey, Signal, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.motions import Kind, Stage, Trial, room, trials
-from diagnosis.experiments.t_optimality import Question, foreseen, rival_of
+from diagnosis.experiments.t_optimality import Question, predicted_run, rival_of
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.selection.candidate import Candidate
 from experiment import Experiment, demand_of
@@ -30,27 +28,23 @@ Progress = Callable[[str], None]
 Distances = dict[tuple[EffectKey, EffectKey], float]
 
 ENOUGH = 10.0
-"""Standard deviations of the noise by which predictions should differ.
-
-What the model does not know of the motion costs some of them.
-"""
+"""Std of the noise by which predictions must differ: errors of the model reduce the distance in a real motion."""
 
 NOTHING, ONE_IN = 0.1, 3
-"""Standard deviations below which predictions are the same.
-
-Where they are in one motion out of so many, the others of the kind are not tried.
-"""
+"""Std below which predictions are equal; if they are in every third motion of a kind, the others are not tried."""
 
 HOPELESS = 3.0
-"""Standard deviations below which going further than the recordings did is not tried."""
+"""Std below which motions that exceed the recorded positions are not tried."""
 
 
 @dataclass(frozen=True)
 class Separation:
-    """experiment: what to record (None: no motion separates).
+    """A discriminating experiment.
 
-    Distance: standard deviations by which predictions then differ at least; words: what it is, for a person; tried: how
-    many motions it was chosen from.
+    experiment  to be recorded; None: no motion discriminates
+    distance    std of the noise by which predictions differ at least
+    words       description of the motion
+    tried       number of motions that it was chosen from
     """
 
     experiment: Experiment | None
@@ -62,7 +56,7 @@ class Separation:
 def separations(
     result: Diagnosis, rig: Limits | None = None, progress: Progress = lambda sentence: None
 ) -> dict[int, Separation]:
-    """For every cause (by its place, from 0) that comes as a group, what would tell its members apart."""
+    """The discriminating experiment of every cause (by index, from 0) with an ambiguity group."""
     return {
         place: separation(cause, result, rig, progress)
         for place, cause in enumerate(result.causes)
@@ -73,11 +67,11 @@ def separations(
 def separation(
     cause: Cause, result: Diagnosis, rig: Limits | None = None, progress: Progress = lambda sentence: None
 ) -> Separation:
-    """The experiment for the group of a cause; ``rig``: limits beside those of the model."""
+    """The experiment for the ambiguity group of a cause; ``rig``: limits in addition to those of the model."""
     keys = [key for key in cause.group if _shapes(result, key)]
     others = _nuisances(result, set(cause.group))
     nothing = Separation(None, 0.0, separated_by(cause.group), 0)
-    # of what encoders, a tracker or a closed loop show, predictions of currents do not decide
+    # predictions of currents do not discriminate what encoders, a tracker or a closed loop show
     if len(keys) < 2 or cause.signal is not Signal.CURRENT or _aliased({effect for effect, _ in keys}):
         return nothing
     rivals = [rival_of(_shapes(result, key), others, result.fit, result.arm) for key in keys]
@@ -92,9 +86,11 @@ def _aliased(effects: set[str]) -> bool:
 
 @dataclass(frozen=True)
 class _Found:
-    """A trial, how many pairs of rivals it tells apart, and by how much the nearest of these.
+    """A trial and how well it discriminates.
 
-    By how much any, where it tells none.
+    pairs     pairs of rivals that it discriminates
+    distance  smallest of their distances; of all pairs, where it discriminates none
+    together  pairs that it does not discriminate
     """
 
     pairs: int
@@ -108,10 +104,9 @@ class _Found:
 def _best(
     question: Question, result: Diagnosis, joints: Sequence[int], rig: Limits | None, progress: Progress
 ) -> Separation | None:
-    """Of the first kind of experiment that tells all rivals apart, the motion with the largest smallest distance.
+    """Of the first kind of experiment that discriminates all rivals, the motion with the largest smallest distance.
 
-    Where none tells all apart, the one that tells most pairs apart, by the largest distance of these; None where none
-    tells any.
+    Else the motion that discriminates most pairs; None where none discriminates any.
     """
     best, tried, stage = _Found(0, 0.0), 0, stage_of(result, joints, rig, visited=True)
     for kind, visited in ((Kind.MOTION, True), (Kind.OFF, True), (Kind.PAYLOAD, True), (Kind.MOTION, False)):
@@ -126,31 +121,28 @@ def _best(
             together = tuple(pair for pair, distance in distances.items() if distance < ENOUGH)
             found = _Found(len(far), min(far or distances.values()), kind, visited, trial, together)
             same = (best.kind, best.visited) == (kind, visited)
-            # what asks more of a person has to tell more apart, not the same better
+            # an experiment that takes more work must discriminate more pairs, not the same better
             if found.pairs > best.pairs or (same and found.pairs == best.pairs and found.distance > best.distance):
                 best = found
-    return _told(best, best.trial, tried) if best.pairs and best.trial else None
+    return _described(best, best.trial, tried) if best.pairs and best.trial else None
 
 
 def _tried(question: Question, stage: Stage, joints: Sequence[int], kind: Kind) -> Iterator[tuple[Trial, Distances]]:
-    """Trials of a kind that the arm can make, and how far apart rivals are in them.
-
-    Only one in some where none of these tells anything.
-    """
+    """Feasible trials of a kind with the distances of rivals; only every third where none of these shows any."""
     every = list(trials(stage, joints, kind))
     some = every[::ONE_IN]
     largest = 0.0
     for number, trial in enumerate([*some, *(trial for k, trial in enumerate(every) if k % ONE_IN)]):
         if number >= len(some) and largest < NOTHING:
             return
-        run = foreseen(trial, stage, question.noise)
+        run = predicted_run(trial, stage, question.noise)
         if run is not None:
             distances = question.apart(run)
             largest = max(largest, *distances.values())
             yield trial, distances
 
 
-def _told(found: _Found, trial: Trial, tried: int) -> Separation:
+def _described(found: _Found, trial: Trial, tried: int) -> Separation:
     words = f"{trial.words} ({demand_of(trial.experiment).duration:.0f} s)"
     if not found.visited:
         words = further(words)
@@ -161,15 +153,12 @@ def _told(found: _Found, trial: Trial, tried: int) -> Separation:
 
 
 def further(words: str) -> str:
-    """Said of a motion that leaves where the arm was seen to move freely."""
+    """The description of a motion that exceeds the recorded positions, with a warning."""
     return f"{words}; this exceeds the recorded positions: make sure that the workspace is clear"
 
 
 def stage_of(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visited: bool) -> Stage:
-    """The arm at the pose in which the recordings start.
-
-    And the pose they went through that loads the joint most differently.
-    """
+    """The arm at the start of the recordings, and at the recorded pose whose load of the joint differs most."""
     q = np.concatenate([run.q[::20] for run in result.fit])
     box = np.column_stack([q.min(axis=0), q.max(axis=0)]) if visited else None
     limits = room(result.arm, box, rig)
@@ -184,7 +173,7 @@ def stage_of(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visit
 
 
 def _shapes(result: Diagnosis, key: EffectKey) -> list[Candidate]:
-    """All shapes of an effect at its joint; where it is a named cause, the one that was found among them."""
+    """All candidates of an effect at its joint; the last one as found, where it is a named cause."""
     several = [c for c in candidates(result.arm) if c.key == key]
     for cause in result.causes:
         if several and (cause.effect, cause.joint) == key:
@@ -195,13 +184,13 @@ def _shapes(result: Diagnosis, key: EffectKey) -> list[Candidate]:
 
 
 def _nuisances(result: Diagnosis, group: set[EffectKey]) -> list[Candidate]:
-    """The causes beside a group, as they were found."""
+    """The causes outside of a group, as they were found."""
     keys = [(cause.effect, cause.joint) for cause in result.causes]
     return [shapes[-1] for key in keys if key not in group and (shapes := _shapes(result, key))]
 
 
 def separated_by(group: Sequence[EffectKey]) -> str:
-    """What the catalogue knows to separate the members of a group; none of it is a motion."""
+    """The experiments of the catalogue that discriminate the members of a group."""
     names = [effect for effect, _ in group]
     said = [CATALOGUE[a].confused_with[b] for a in names for b in names if b in CATALOGUE[a].confused_with]
     return "; ".join(dict.fromkeys(said)) or "no experiment in the catalogue"

@@ -1,8 +1,6 @@
-"""Motions among which a separating experiment is chosen.
+"""Motions among which experiments are chosen: families that each excite other effects, within the limits of the arm.
 
-Families that each show something else, within what the arm may be asked to do.
-
-single moves at several speeds, a ladder of speeds, slow sweeps, small slow ramps of torque, standstill with the drives
+Single moves at several speeds, a ladder of speeds, slow sweeps, small slow ramps of torque, standstill with the drives
 on and off, chirps, moves through the place where gravity changes sign, one cycle repeated with holds, and the whole
 arm's excitation; with a known payload where asked.
 """
@@ -27,18 +25,18 @@ Segment = dict[str, Any]
 """A segment of an experiment, as its file has it."""
 
 SPEEDS = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)
-"""Of the joint's full speed."""
+"""Shares of the full speed of a joint."""
 LONG = 12.0
-"""s: how long a motion may be, getting there not counted."""
+"""s: longest motion, without the approach."""
 RAMPS = 2.0
-"""1/s: acceleration over speed; half a second to full speed asks of the motors what they can give."""
+"""1/s: acceleration over speed; half a second to full speed is what the motors can provide."""
 APPROACH = 0.3
-"""Of full speed: how fast the arm is brought from its start to the pose of a motion."""
+"""Share of the full speed of the approach to the pose of a motion."""
 MASS = 2.0
-"""kg of the known payload that is asked for."""
+"""kg of the known payload."""
 TIMES = {1: "once", 2: "twice"}
 FEWER = 4
-"""One motion in so many is tried with a payload, too: it is the mass that matters then."""
+"""Every so many motions, one is tried with a payload: which motion hardly matters then."""
 OFF = "switch the drives off and let the brakes hold the arm"
 LOAD = (
     f"bolt a known mass to the flange and write its mass and centre into this file ({MASS:g} kg, 50 mm "
@@ -47,7 +45,7 @@ LOAD = (
 
 
 class Kind(StrEnum):
-    """What it takes to record a motion, the least first."""
+    """What a motion requires to be recorded, the least work first."""
 
     MOTION = "motion"
     OFF = "drives off"
@@ -82,10 +80,7 @@ class Stage:
 
 
 def room(arm: Arm, visited: Array | None = None, rig: Limits | None = None) -> Limits:
-    """What the arm may be asked to do.
-
-    Its model's limits, those of the rig, and (where given) only positions (n, 2) visited before.
-    """
+    """Limits of motions: those of the model, those of the rig, and positions (n, 2) visited before."""
     own = Limits.of(arm)
     position = np.array([joint.limits or (-1.5, 1.5) for joint in arm.joints], float)
     middle, half = position.mean(axis=1), 0.48 * np.ptp(position, axis=1)
@@ -102,7 +97,7 @@ def room(arm: Arm, visited: Array | None = None, rig: Limits | None = None) -> L
 def trials(stage: Stage, joints: Sequence[int], kind: Kind) -> Iterator[Trial]:
     """All motions of a kind for the joints (from 1) that a question is about."""
     if kind is Kind.OFF:
-        yield _standing(stage, stage.start, off=True)  # what stands on its brakes is not moved first
+        yield _standing(stage, stage.start, off=True)  # an arm on its brakes is not moved first
         return
     for number, trial in enumerate(_moving(stage, joints)):
         if kind is Kind.PAYLOAD:

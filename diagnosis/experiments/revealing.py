@@ -1,7 +1,4 @@
-"""Which motion would show what the recordings could not.
-
-Tried in simulation, without and with a known payload, before anybody moves the arm.
-"""
+"""Detection experiments: motions that make undetectable effects detectable, tried in simulation."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ from diagnosis.cause import EffectKey, Undetectable
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import further, stage_of
 from diagnosis.experiments.motions import Stage, Trial, of_joint, with_payload
-from diagnosis.experiments.t_optimality import foreseen
+from diagnosis.experiments.t_optimality import predicted_run
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
 from diagnosis.measurements.currents.detectability import felt, times_noise
@@ -24,10 +21,7 @@ from experiment import Experiment, demand_of
 from identification.experiment_design import Limits
 
 ENOUGH = 1.0
-"""Times the noise that an effect of the largest typical size has to change the currents by.
-
-Three times what is called visible.
-"""
+"""Effect-to-noise ratio that an effect of the largest typical size must reach: three times that of a detectable one."""
 FAMILIES = {
     Excitation.LOAD: "in a slow sweep",
     Excitation.GRAVITY: "in a slow sweep",
@@ -37,18 +31,15 @@ FAMILIES = {
     Excitation.ACCELERATION: "at 1 of its speed",
     Excitation.MOTION: "in a slow sweep",
 }
-"""The motion of ``separate_motions`` that gives a joint most of what an effect needs."""
+"""The family of motions (``motions``) that excites an effect most."""
 OTHERWISE = "at 1 of its speed"
-"""Where a joint has no such motion: one without gravity has no vertical, but its load turns with its acceleration."""
+"""Family for a joint without such a motion: where gravity never changes sign, the load does with the acceleration."""
 BESIDES = "an encoder at the link, or a tracker"
 
 
 @dataclass(frozen=True)
 class Showing:
-    """An effect that could not be seen, with words for the experiment that would show it.
-
-    ``experiment`` to record, where a motion does.
-    """
+    """An undetectable effect with the description of its detection experiment; ``experiment``: the motion, if any."""
 
     invisible: Undetectable
     experiment: Experiment | None = None
@@ -57,10 +48,7 @@ class Showing:
 def shown_by(
     result: Diagnosis, rig: Limits | None = None, progress: Callable[[str], None] = lambda sentence: None
 ) -> list[Showing]:
-    """For everything that the recordings could not show, what would.
-
-    Effects that no motion shows keep the words they had.
-    """
+    """Detection experiments of all undetectable effects, those of the catalogue where no motion shows an effect."""
     if not result.judged:
         return [Showing(one) for one in result.not_visible]
     stage = stage_of(result, [1], rig, visited=False)
@@ -88,34 +76,30 @@ def _family(effect: str) -> str:
 
 
 def _tried(
-    stage: Stage, noise: Array, joint: int, family: str, wanted: set[EffectKey]
+    stage: Stage, noise: Array, joint: int, family: str, effects: set[EffectKey]
 ) -> Iterator[tuple[Trial, dict[EffectKey, float]]]:
-    """A joint's motion of a family.
+    """The motion of a joint of a family (or of OTHERWISE), with a known payload too if it does not show all.
 
-    Or the one that does instead, from the pose of the recordings that loads it most differently; and if that does not
-    show all that is ``wanted``, the same with a known payload. With each, how much it shows of what.
+    Each with the effect-to-noise ratios. It starts from the recorded pose whose load of the joint differs most.
     """
     named = {trial.experiment.name: trial for trial in of_joint(stage, stage.poses[-1], joint)}
     trial = next((named[name] for one in (family, OTHERWISE) if (name := f"joint {joint} {one}") in named), None)
     if trial is None:
         return
-    strengths = _strengths(trial, stage, noise, wanted)
+    strengths = _strengths(trial, stage, noise, effects)
     yield trial, strengths
-    if any(strengths.get(key, 0.0) < ENOUGH for key in wanted):
-        yield with_payload(trial), _strengths(with_payload(trial), stage, noise, wanted)
+    if any(strengths.get(key, 0.0) < ENOUGH for key in effects):
+        yield with_payload(trial), _strengths(with_payload(trial), stage, noise, effects)
 
 
-def _strengths(trial: Trial, stage: Stage, noise: Array, wanted: set[EffectKey]) -> dict[EffectKey, float]:
-    """Times the noise: how much effects of the largest typical size change the currents of a simulated motion.
-
-    Empty where it cannot be made.
-    """
-    run = foreseen(trial, stage, noise)
+def _strengths(trial: Trial, stage: Stage, noise: Array, effects: set[EffectKey]) -> dict[EffectKey, float]:
+    """Effect-to-noise ratios of effects of the largest typical size in a simulated motion; empty if not feasible."""
+    run = predicted_run(trial, stage, noise)
     if run is None:
         return {}
     side, strongest = dataset_of([run]), dict[EffectKey, float]()
     for c in candidates(stage.arm):
-        if c.key in wanted:
+        if c.key in effects:
             strongest[c.key] = max(strongest.get(c.key, 0.0), felt(c, columns_of(c, side), side.rows))
     return strongest
 
@@ -134,7 +118,7 @@ def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]
     motion = trial.words.removeprefix(f"joint {one.joint} ")
     words = f"no motion of this joint that was tried ({motion}: {times_noise(most)})"
     effect = CATALOGUE[one.effect]
-    # what needs gravity comes with words for the instruments that show it without
+    # the catalogue names instruments that show effects of gravity without a motion
     by_links = Instrument.LINK_ENCODER in effect.observed_by and effect.excited_by is not Excitation.GRAVITY
     besides = BESIDES if by_links else one.experiment
     return Showing(replace(one, experiment=f"{words}; {besides}"))

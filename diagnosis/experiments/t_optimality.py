@@ -1,9 +1,9 @@
-"""How far apart the predictions of rival causes would be along a motion that nobody has recorded yet.
+"""Discrimination distance of rival causes along a motion that has not been recorded yet.
 
-T-optimality (Atkinson & Fedorov, Biometrika 62, 1975): one rival is taken for true as the recordings so far show it;
-every other is refit to what it predicts, on those recordings and on the new motion together, with all shapes of its own
-and everything else of the model free; the distance of a pair is what no refit can close, and that of a motion is its
-smallest pair's. In units of the noise.
+T-optimality (Atkinson & Fedorov, Biometrika 62, 1975): one rival is assumed true, as the recordings show it; every
+other one is refitted to its predictions, on those recordings and on the new motion together, with all its nonlinear
+parameters and the nuisances free. The distance of a pair is the residual of that refit, and that of a motion is the
+smallest of its pairs. In units of the noise.
 """
 
 from __future__ import annotations
@@ -28,16 +28,15 @@ from diagnosis.selection.design import Dataset
 from experiment import demand_of
 
 SIMULATED_RATE = 2.0 * ROWS_PER_SECOND
-"""Rows/s of a simulated motion: enough for the bands of ``evidence``."""
+"""Rows/s of a simulated motion: enough for the bands of ``residual``."""
 
 
 @dataclass(frozen=True)
 class Rival:
-    """A cause that could be the true one.
+    """A cause that may be the true one.
 
-    The shapes that it may be refit with, and how it explains the recordings so far.
-
-    No shapes: the rival is that nothing of the kind is there.
+    shapes              candidates that it may be refitted with; none: the rival is that no such effect is present
+    best, coefficients  how it explains the recordings
     """
 
     key: EffectKey
@@ -47,10 +46,11 @@ class Rival:
 
 
 @dataclass(frozen=True)
-class _Told:
-    """Normal equations of one shape of a rival beside the nuisances: gram (r, r) of its columns.
+class _Equations:
+    """Normal equations of one shape of a rival with the nuisances.
 
-    Toward (r, rivals) what each predicts.
+    gram    (r, r) of its columns
+    toward  (r, rivals): its columns times the prediction of each rival
     """
 
     gram: Array
@@ -58,12 +58,12 @@ class _Told:
 
 
 class Question:
-    """Rivals, what stays free beside them (``nuisances``), and what the recordings so far say of both."""
+    """Rivals, free ``nuisances``, and the normal equations of both in the recordings."""
 
     def __init__(self, rivals: Sequence[Rival], nuisances: Sequence[Candidate], runs: Sequence[Run], arm: Arm) -> None:
         self.rivals, self.nuisances, self.arm = tuple(rivals), tuple(nuisances), arm
         self.noise = np.mean([run.noise for run in runs], axis=0)
-        self._told, self._squares = self._equations(dataset_of(runs))
+        self._normal, self._squares = self._equations(dataset_of(runs))
 
     def apart(self, run: Run) -> dict[tuple[EffectKey, EffectKey], float]:
         """The distance of every pair of rivals, whichever of the two is true; see ``distances``."""
@@ -77,41 +77,32 @@ class Question:
         }
 
     def distances(self, run: Run) -> Array:
-        """(rivals, rivals) standard deviations.
-
-        By which what row k predicts for ``run`` stays away from what column l can be refit to.
-        """
+        """(rivals, rivals) std: distance of the prediction of rival k for ``run`` from the best refit of rival l."""
         count = len(self.rivals)
         found = np.full((count, count), np.inf)
         for k in range(count):
-            here, squares = self._equations(dataset_of([self._told_by(k, run)]))
+            here, squares = self._equations(dataset_of([self._under(k, run)]))
             for other in range(count):
                 if k == other:
                     continue
-                before = min(_left(told, self._squares, k) for told in self._told[other])
+                before = min(_residual(equations, self._squares, k) for equations in self._normal[other])
                 both = min(
-                    _left(_Told(t.gram + h.gram, t.toward + h.toward), self._squares + squares, k)
-                    for t, h in zip(self._told[other], here[other])
+                    _residual(_Equations(t.gram + h.gram, t.toward + h.toward), self._squares + squares, k)
+                    for t, h in zip(self._normal[other], here[other])
                 )
                 found[k, other] = np.sqrt(max(both - before, 0.0) / ROWS_FOR_ONE)
         return found
 
-    def _told_by(self, k: int, run: Run) -> Run:
-        """The run as its currents would be with rival k there.
-
-        Some columns are made of the current that is measured.
-        """
+    def _under(self, k: int, run: Run) -> Run:
+        """The run with the currents that rival k predicts: some columns depend on the measured current."""
         rival = self.rivals[k]
         if rival.best is None:
             return run
         current = run.current + columns(rival.best, run) @ rival.coefficients
         return replace(run, current=current, current_rate=np.gradient(current, 1.0 / ROWS_PER_SECOND, axis=0))
 
-    def _equations(self, side: Dataset) -> tuple[list[list[_Told]], Array]:
-        """For every rival, those of each of its shapes on one side.
-
-        And the squares of what each rival predicts there.
-        """
+    def _equations(self, side: Dataset) -> tuple[list[list[_Equations]], Array]:
+        """Normal equations of each shape of every rival in a dataset, and the squares of their predictions."""
         length = len(side.y)
         free = [c.dense(length) for c in free_columns(side, self.arm)]
         free += [columns_of(c, side).dense(length) for c in self.nuisances]
@@ -120,31 +111,31 @@ class Question:
         for k, rival in enumerate(self.rivals):
             if rival.best is not None:
                 predicted[:, k] = columns_of(rival.best, side).spread(rival.coefficients, length)
-        told = []
+        equations = []
         for rival in self.rivals:
             several = []
             for shape in rival.shapes or (None,):
                 x = nuisance if shape is None else np.hstack([nuisance, columns_of(shape, side).dense(length)])
-                several.append(_Told(x.T @ x, x.T @ predicted))
-            told.append(several)
-        return told, np.sum(predicted**2, axis=0)
+                several.append(_Equations(x.T @ x, x.T @ predicted))
+            equations.append(several)
+        return equations, np.sum(predicted**2, axis=0)
 
 
-def _left(told: _Told, squares: Array, k: int) -> float:
+def _residual(equations: _Equations, squares: Array, k: int) -> float:
     """Squared distance of prediction k from the span: p^T p - r^T G^+ r, on unit columns."""
-    scale = np.sqrt(np.diag(told.gram))
+    scale = np.sqrt(np.diag(equations.gram))
     seen = scale > 0
     if not seen.any():
         return float(squares[k])
     scale = scale[seen]
-    values, vectors = np.linalg.eigh(told.gram[np.ix_(seen, seen)] / np.outer(scale, scale))
+    values, vectors = np.linalg.eigh(equations.gram[np.ix_(seen, seen)] / np.outer(scale, scale))
     keep = values > 1e-9 * values[-1]
-    along = vectors[:, keep].T @ (told.toward[seen, k] / scale)
+    along = vectors[:, keep].T @ (equations.toward[seen, k] / scale)
     return max(float(squares[k] - along @ (along / values[keep])), 0.0)
 
 
 def rival_of(shapes: Sequence[Candidate], nuisances: Sequence[Candidate], runs: Sequence[Run], arm: Arm) -> Rival:
-    """A rival as the recordings so far show it: its best shape beside the nuisances, fitted to their residuals."""
+    """A rival as the recordings show it: its best shape, fitted to their residuals with the nuisances."""
     side = dataset_of(runs)
     length = len(side.y)
     free = [c.dense(length) for c in free_columns(side, arm)]
@@ -160,13 +151,10 @@ def rival_of(shapes: Sequence[Candidate], nuisances: Sequence[Candidate], runs: 
     return Rival(best.key, tuple(shapes), best, coefficients)
 
 
-def foreseen(trial: Trial, stage: Stage, noise: Array) -> Run | None:
-    """The trial as the model moves through it, under the noise (n,) A that recordings show.
-
-    None where it leaves the limits.
-    """
-    wanted, setup = trial.experiment, trial.experiment.setup
-    demand = demand_of(wanted)
+def predicted_run(trial: Trial, stage: Stage, noise: Array) -> Run | None:
+    """The residual of a trial as simulated by the model, with noise (n,) A; None where it exceeds the limits."""
+    experiment, setup = trial.experiment, trial.experiment.setup
+    demand = demand_of(experiment)
     arm = loaded(stage.arm, setup.payload)
     t = np.arange(int(demand.duration * SIMULATED_RATE) + 1) / SIMULATED_RATE
     if setup.drives_off:
@@ -174,7 +162,7 @@ def foreseen(trial: Trial, stage: Stage, noise: Array) -> Run | None:
     else:
         try:
             motion = simulate(arm, demand, duration=float(t[-1]), rate=SIMULATED_RATE, times=t)
-        except InputError:  # its simulation diverges: no motion to ask for
+        except InputError:  # the simulation diverges: the motion is not feasible
             return None
         limits, q, current = stage.limits, motion.qm, motion.current
         over = np.abs(motion.torque).max(axis=0) > limits.torque
@@ -185,8 +173,8 @@ def foreseen(trial: Trial, stage: Stage, noise: Array) -> Run | None:
         out = [(q[:, j - 1].min() < low[j - 1]) or (q[:, j - 1].max() > high[j - 1]) for j in moved]
         if over.any() or fast.any() or any(out):
             return None
-    run = residual_run(wanted.name, arm, t, q, current, powered=not setup.drives_off)
+    run = residual_run(experiment.name, arm, t, q, current, powered=not setup.drives_off)
     unsure = np.sqrt(np.maximum(run.deviation**2 - run.noise**2, 0.0))
-    expected = run.along * run.powered  # another filter on the motion would tell apart what is the same
+    expected = run.along * run.powered  # another filter on the motion would discriminate equal effects
     rate = np.gradient(expected, 1.0 / ROWS_PER_SECOND, axis=0)
     return replace(run, current=expected, current_rate=rate, noise=noise, deviation=np.hypot(noise, unsure))

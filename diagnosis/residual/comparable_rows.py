@@ -1,4 +1,4 @@
-"""Rows in which a residual current has no reason but the instruments to be other than zero."""
+"""Rows in which only the noise of the instruments makes a residual current differ from zero."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from arm_io.types import Array
 from diagnosis.residual.run import Run
 
 CERTAIN = 3.0
-"""Times the instruments' noise.
+"""Std of a residual without any error, over the noise of the instruments, up to which a row is compared.
 
-Rows whose residual may deviate more with nothing wrong (friction near standstill) are not compared.
+It is larger near standstill, where stiction makes the current indeterminate.
 """
 
 

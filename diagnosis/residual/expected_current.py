@@ -1,9 +1,7 @@
-"""What the transducers of a model would read for the motion that its encoders show.
-
-Every effect exactly, none to first order.
+"""Currents that the transducers of a model show for a recorded motion, with every effect of the model exactly.
 
 Columns of candidates are first-order changes; the model that has been accepted so far is evaluated here instead, so
-that what a strong effect does in second order is not taken for another effect.
+that the second order of a strong effect is not mistaken for another effect.
 """
 
 from __future__ import annotations
@@ -66,10 +64,7 @@ def motion_of(q: Array, band: float, rate: float) -> tuple[Array, Array, Array]:
 
 
 def terms_of(arm: Arm) -> list[Term]:
-    """The effects of a model that act on rows, with their parameters.
-
-    Events and lines are taken out of the data, not put into the expectation.
-    """
+    """The effects of a model with their parameters, without those that screening removes from the data."""
     return [
         (CATALOGUE[term.name], term.joint, values_of(CATALOGUE[term.name], term.parameters))
         for term in arm.effects
@@ -222,10 +217,7 @@ def gap_of(effect: Effect, values: Values) -> float:
 
 
 def integrated(effect: Effect, p: Values, s: Signals, step: float) -> Array:
-    """State (m,) of an effect along rows ``step`` s apart.
-
-    By exponential steps of its rate, which is affine in the state.
-    """
+    """State (m,) of an effect along rows ``step`` s apart, by exponential steps: its rate is affine in the state."""
     assert effect.rate is not None
     at0 = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=0.0)), float), s.v.shape)
     slope = np.broadcast_to(np.asarray(effect.rate(p, replace(s, state=1.0)), float), s.v.shape) - at0

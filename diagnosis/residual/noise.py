@@ -16,16 +16,13 @@ from diagnosis.residual.expected_current import COMPARE_BAND, low_pass
 QUIET_ROWS, QUIET_BLOCKS = 60, 5
 """Rows that a block must have, and blocks that there must be."""
 END_SECONDS = 0.1
-"""Beginning of a recording that is left out: the filter's own end, and what the start of a drive does."""
+"""Beginning of a recording that is excluded: filter transient and start of the drives."""
 STILL_SECONDS = 0.2
 """Shortest standstill of the whole arm from which noise is estimated."""
 
 
 def scatter(values: Array) -> Array:
-    """(n,) standard deviation of white noise on (m, n) samples.
-
-    Their scatter above 0.7 of half the sampling rate, outliers aside.
-    """
+    """(n,) std of white noise on (m, n) samples, from the median absolute value above 0.7 of the Nyquist frequency."""
     sos = signal.butter(4, 0.7, "highpass", output="sos")
     high = signal.sosfiltfilt(sos, values, axis=0)
     _, response = signal.sosfreqz(sos, 1000)
@@ -35,10 +32,7 @@ def scatter(values: Array) -> Array:
 
 
 def angle_noise(q: Array) -> Array:
-    """(n,) rad: standard deviation of recorded angles (m, n).
-
-    From their step (variance step^2 / 12) or, where it is more, their scatter.
-    """
+    """(n,) rad: std of recorded angles (m, n), from their step (variance step^2 / 12) or, if larger, their scatter."""
     quantised = np.array([encoder_step(column) for column in q.T]) / np.sqrt(12)
     white = scatter(q)
     # the scatter of quantised angles follows from their steps to within a third: only more than that is further noise

@@ -88,18 +88,12 @@ class Run:
 
     @cached_property
     def along(self) -> Array:
-        """(m, n) A: the current that the arm needs, by first-order laws.
-
-        It is for the motion from which columns are computed.
-        """
+        """(m, n) A: current by first-order laws, for the motion from which columns are computed."""
         return inverse_dynamics(self.arm, self.q, self.v, self.a) / self.arm.joint_array("drive_constant")
 
     @cached_property
     def by_acceleration(self) -> Array:
-        """(m, n, n) A s2/rad: derivative of the expected current of joint j by the acceleration of k.
-
-        Of the links alone.
-        """
+        """(m, n, n) A s2/rad: derivative of the expected current of joint j by the acceleration of link k."""
         links = mass_matrix(described(self.arm), self.q, rotors=False)
         return links / self.arm.joint_array("drive_constant")[:, None]
 
@@ -119,10 +113,7 @@ class Run:
         return regressor(described(self.arm), self.q, self.v, self.a)[0][..., : 10 * len(self.arm)]
 
     def _slopes(self, angle: float, speed: float) -> Array:
-        """(m, n, n) A: slopes of the rigid torque along each joint's angle or speed.
-
-        By central differences of such a step.
-        """
+        """(m, n, n) A: slopes of the rigid torque by each angle or speed, by central differences of these steps."""
         bent, joints = described(self.arm), np.eye(len(self.arm))
         slopes = np.empty((len(self.t), len(joints), len(joints)))
         for k, joint in enumerate(joints):
@@ -165,7 +156,7 @@ def residual_run(
     # look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
     links = mass_matrix(bent, low, rotors=False)
-    # the wobble of friction near standstill, as far as the filters smear it
+    # friction near standstill is indeterminate, as far as the filters smear it
     coulomb = np.array([joint.ratio * max(joint.coulomb) for joint in arm.joints]) / constant
     slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
     width = arm.joint_array("sign_velocity")
@@ -211,18 +202,12 @@ def merged(runs: Sequence[Run]) -> Run:
 
 
 def kept(rate: float) -> slice:
-    """Rows of a recording at ``rate`` Hz that are looked at.
-
-    ROWS_PER_SECOND of them, the ends of the filters left out.
-    """
+    """Rows of a recording at ``rate`` Hz that are kept: ROWS_PER_SECOND of them, without filter transients."""
     return slice(int(0.2 * rate), -int(0.2 * rate), max(1, round(rate / ROWS_PER_SECOND)))
 
 
 def passed(frequency: Array) -> Array:
-    """Share of an oscillation at ``frequency`` Hz that is left in the residual.
-
-    The filters of motion and comparison, forwards and back.
-    """
+    """Share of an oscillation at ``frequency`` Hz that passes the filters of motion and comparison."""
     share: Array = 1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) / (1.0 + (frequency / MOTION_BAND) ** 8)
     return share
 
@@ -230,7 +215,7 @@ def passed(frequency: Array) -> Array:
 def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | float = 0.0) -> Array:
     """(n,) A: standard deviation of the residual from the instruments alone, in the band of comparison.
 
-    Current: its scatter, taken for white, or ``still`` (n,) A, what it does while the arm stands, if that is more.
+    Current: its scatter, taken for white, or ``still`` (n,) A, its std at standstill, if that is larger.
     Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``noise``.
     """
     white = scatter(i)
@@ -245,10 +230,7 @@ def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | floa
 
 
 def residual_with(run: Run, terms: Sequence[EffectTerm]) -> Array:
-    """(m, n) A: the residual of a recording under its arm with more effects, through the same filters.
-
-    See ``Run.residual``.
-    """
+    """(m, n) A: ``Run.residual`` of a recording under its arm with more effects."""
     return residual_under(run, (*run.arm.effects, *terms))
 
 
@@ -263,7 +245,7 @@ def residual_under(run: Run, effects: Sequence[EffectTerm]) -> Array:
 
 
 def signals_of(run: Run, arm: Arm, joint: int) -> Signals:
-    """What laws of effects may look at, at one joint (1-based) of a run; arrays (m,)."""
+    """Arguments (m,) of the laws of effects at one joint (1-based) of a run."""
     j = joint - 1
     drive = arm.joints[j]
     v = run.brisk_v[:, j]

@@ -1,7 +1,7 @@
-"""What a person did to the arm before a run (``[setup]`` of its experiment): a known payload, the drives off.
+"""Setup of the arm before a run (``[setup]`` of its experiment): a known payload, the drives off.
 
 A run with a known payload is judged by the arm that carries it. With the drives off the brakes hold the arm: no torque
-of the arm comes from its motors, and what the current channels show is their own.
+of the arm comes from its motors, and the current channels show their own errors.
 """
 
 from __future__ import annotations

@@ -30,9 +30,11 @@ OWN_LIMIT = 0.02
 
 @dataclass(frozen=True)
 class Residuals:
-    """Events; every recording as a run without them, and its samples t (k,) s, q (k, n) rad, i (k, n) A without them.
+    """Residuals of recordings under one model, and events.
 
-    periods s between rows; still (n,) A: std of the currents at standstill.
+    runs, samples  every recording without its events, as residual and as t (k,) s, q (k, n) rad, i (k, n) A
+    periods        s between rows
+    still          (n,) A: std of the currents at standstill
     """
 
     events: list[Event]
@@ -94,8 +96,8 @@ def residuals_of(arm: Arm, screened: Screened, progress: Callable[[str], None] =
 def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
     """The recordings with dropped triggers corrected; the same object where there are none.
 
-    terms: effects conditional on which the lags are estimated. Strong effects that are not yet in the model hide a
-    change of lag, so that it is searched for again once they are known.
+    terms: effects conditional on which the lags are estimated. Strong effects that are not in the model mask a change
+    of lag, so that it is searched for again once they are known.
     """
     runs = list(sight.runs)
     if terms:
@@ -114,14 +116,14 @@ def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
 
 
 def _gain_of_realignment(original: Run, corrected: Run, terms: Sequence[EffectTerm]) -> Gain:
-    """What realigned currents explain, at the joint where that is most."""
+    """Gain by realigned currents at the joint where it is largest."""
     before, after = (rms_where(residual_with(run, terms), comparable_rows(run)) for run in (original, corrected))
     most = int(np.argmax((before**2 - after**2) / corrected.noise**2))
     return Gain(before=float(before[most]), after=float(after[most]), unit="A", joint=most + 1)
 
 
 def _its_own(arm: Arm, limit: Event) -> bool:
-    """Whether a clipped current is clipped at the torque limit that the model has itself."""
+    """Whether a current is clipped at the torque limit of the model."""
     assert limit.joint is not None
     joint = arm.joints[limit.joint - 1]
     value, std = next((p.value, p.std) for p in limit.parameters if p.name == "limit")
@@ -130,7 +132,7 @@ def _its_own(arm: Arm, limit: Event) -> bool:
 
 
 def check(arm: Arm, recordings: Sequence[Recording]) -> None:
-    """InputError where a recording does not belong to the arm, or has nothing to judge."""
+    """InputError where a recording does not belong to the arm, is too short, or has missing or constant signals."""
     for r in recordings:
         if r.joints != len(arm):
             raise InputError(r.path, f"has {r.joints} joints, the model {arm.name} has {len(arm)}")

@@ -18,22 +18,21 @@ from diagnosis.residual.run_setup import setup_of
 from diagnosis.screening.event import Event
 
 RUNS_AWAY = 1.5
-"""Times the largest tracking error before, of a joint whose current is clipped."""
+"""Tracking error of a joint with a clipped current, over the largest one before."""
 AVERAGED, FLAT_SECONDS, PILED = 0.01, 0.03, 3.0
-"""A current averaged over the first is clipped if it lies flat for the second, and if of the rows near its top this
-many times more lie at it than below it."""
+"""s over which a current is averaged, s for which a clipped current is constant, and the ratio of rows at the maximum
+to rows near it."""
 
 
 def current_limits(recordings: Sequence[Recording]) -> list[Event]:
-    """Currents that pile up at one extreme value, in either direction.
+    """Currents whose rows accumulate at one extreme value, in either direction.
 
-    Of a current with a smooth maximum as many rows lie within 2 widths of its top as in the 6 widths below (a
-    parabola); of one that is clipped, nearly all of them: in all recordings together, or in one in which the joint
-    departs from its setpoint meanwhile. The width is what noise and converter leave of a value averaged over
-    ``AVERAGED`` s.
+    Near a smooth maximum (a parabola), as many rows are within 2 widths of it as in the 6 widths below; near a clipped
+    one, nearly all: in all recordings together, or in one in which the joint departs from its setpoint meanwhile. The
+    width is the uncertainty, by noise and converter, of a value averaged over ``AVERAGED`` s.
     """
     smooth = [_averaged(r) for r in recordings]
-    # noise that no average removes
+    # noise that averaging does not remove
     still = still_noise([r for r in recordings if not setup_of(r).drives_off])
     events = []
     for j in range(recordings[0].joints):
@@ -56,7 +55,7 @@ def current_limits(recordings: Sequence[Recording]) -> list[Event]:
 
 
 def _width(recordings: Sequence[Recording], smooth: Sequence[Array], j: int, still: float) -> float:
-    """A: what noise and converter leave of an averaged current of joint j (from 0)."""
+    """A: uncertainty, by noise and converter, of an averaged current of joint j (from 0)."""
     top = max(float(values.max()) for values in smooth)
     rows = max(1, round(AVERAGED / recordings[0].dt))
     noise = float(np.hypot(max(float(scatter(r.i)[j]) for r in recordings) / np.sqrt(rows), still))
@@ -66,10 +65,7 @@ def _width(recordings: Sequence[Recording], smooth: Sequence[Array], j: int, sti
 def _clipped(
     recordings: Sequence[Recording], smooth: Sequence[Array], j: int, top: float, width: float
 ) -> tuple[int, ...]:
-    """Recordings (by index) in which joint j (from 0) moves and its current reaches its top, where that is a limit.
-
-    Empty where it is none.
-    """
+    """Recordings (by index) in which joint j (from 0) moves and its current is clipped; empty where it is not."""
     near = [float(np.sum(values > top - 2 * width)) * r.dt for values, r in zip(smooth, recordings)]
     below = [float(np.sum(values > top - 8 * width)) * r.dt for values, r in zip(smooth, recordings)]
     moving = [k for k, r in enumerate(recordings) if near[k] > 0.0 and np.ptp(r.q[:, j]) > 0.01]

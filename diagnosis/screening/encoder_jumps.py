@@ -23,18 +23,15 @@ from diagnosis.screening.event import Event, Gain
 JUMP_IN_STEPS = 2.4
 """Steps of the encoder that a jump must exceed."""
 STEPS_OFF = 3.0
-"""Steps of the encoder by which a jump may differ from what missing rows make of it."""
+"""Steps of the encoder by which a jump may differ from the turn in the missing rows."""
 JUMP_OVER_OTHERS = 2.4
-"""Times what one row in a hundred jumps that a jump must exceed."""
+"""Ratio to the 99 % quantile of the differences between rows that a jump must exceed."""
 
 
 def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
-    """Angles that jump by several encoder steps between two rows and keep the offset.
+    """Angles that jump by several encoder steps between two rows and keep the offset; one event per joint.
 
-    One event per joint, from its largest jump.
-
-    Where all moving angles jump as far as they turn in a whole number of rows, rows are missing and no counts
-    (``dropped_triggers``).
+    Where all moving angles jump by their turn in a whole number of rows, rows are missing, not counts.
     """
     jumps_of = [[_jump(r, j) for j in range(r.joints)] for r in recordings]
     missing = [_rows_missing(r, of_joint) for r, of_joint in zip(recordings, jumps_of)]
@@ -72,9 +69,9 @@ def jumps(recordings: list[Recording], arm: Arm) -> list[Event]:
 
 
 def _rows_missing(recording: Recording, jumps: Sequence[tuple[int, float] | None]) -> tuple[int, int] | None:
-    """(row, how many are missing before it) where the jumps (row, rad) of joints are in one row.
+    """(row, number of rows missing before it) where all jumps (row, rad) are at one row.
 
-    All are as far as so many rows turn them.
+    Each is then the turn of its joint in so many rows. None where they are not.
     """
     jumped = [(j, jump) for j, jump in enumerate(jumps) if jump is not None]
     if len(jumped) < 2 or len({row for _, (row, _) in jumped}) > 1:
@@ -89,17 +86,14 @@ def _rows_missing(recording: Recording, jumps: Sequence[tuple[int, float] | None
 
 
 def _turned(q: Array, row: int, near: int) -> float:
-    """rad: what an angle (m,) turns in a row about one, without the step there."""
+    """rad: turn of an angle (m,) per row about a row, without the step there."""
     return float(q[row - 1] - q[row - near] + q[row + near - 1] - q[row]) / (2 * (near - 1))
 
 
 def _as_elsewhere(
     recording: Recording, jumps: Sequence[tuple[int, float] | None], instants: Set[tuple[int, int]]
 ) -> tuple[int, int] | None:
-    """Rows missing where other recordings miss them, in one that has a single small jump.
-
-    As so few rows make of a slow joint.
-    """
+    """Rows missing at the row of other recordings, in one with a single small jump, as of a slow joint."""
     jumped = [(j, *jump) for j, jump in enumerate(jumps) if jump is not None]
     if len(jumped) != 1:
         return None
@@ -132,10 +126,7 @@ def _dropped_triggers(recordings: Sequence[Recording], missing: Sequence[tuple[i
 
 
 def _count(q: Array, joint: Joint) -> float:
-    """rad: one count of an encoder.
-
-    The step in which its angle (n,) comes, or, if noise hides that, the one of the model's encoder.
-    """
+    """rad: one count of an encoder: the step of its angle (n,), or, if noise masks it, of the model's encoder."""
     step = encoder_step(q)
     in_steps = float(scatter(q[:, None])[0]) < 2.0 * step / np.sqrt(12)
     if in_steps or joint.encoder_lines is None:
@@ -157,8 +148,8 @@ def _jump(recording: Recording, j: int) -> tuple[int, float] | None:
     if abs(size) < JUMP_IN_STEPS * step or not near < row < len(q) - 2 * near:
         return None
     if abs(size) < JUMP_OVER_OTHERS * float(np.quantile(np.abs(bend - usual), 0.99)):
-        return None  # an angle that is not counted in steps wobbles
-    # it stays: lines through the rows before and after are apart by the jump
+        return None  # no more than the noise of an angle without steps
+    # the offset remains: parabolas through the rows before and after differ by the jump
     before, after = slice(max(row - 5 * near, 0), row + 1), slice(row + 1, row + 1 + 5 * near)
     t = recording.t - recording.t[row]
     shift = np.polyval(np.polyfit(t[after], q[after], 2), dt / 2) - np.polyval(
@@ -170,7 +161,7 @@ def _jump(recording: Recording, j: int) -> tuple[int, float] | None:
 
 
 def without_jumps(recording: Recording, index: int, events: list[Event]) -> Array:
-    """(n, J) rad: the angles of recording ``index`` with its jumps taken out, and rows that are missing bridged."""
+    """(n, J) rad: the angles of recording ``index`` without its jumps, missing rows interpolated."""
     q = recording.q.copy()
     for event in events:
         if event.effect == DROPPED_TRIGGER.name and index in event.recordings:
@@ -185,7 +176,7 @@ def without_jumps(recording: Recording, index: int, events: list[Event]) -> Arra
 
 
 def _bridged(q: Array, row: int, count: int) -> Array:
-    """Angles (m, n) with ``count`` rows on a straight line put before a row; as many are cut at the end."""
+    """Angles (m, n) with ``count`` interpolated rows inserted before a row; as many are cut at the end."""
     rows = np.arange(len(q), dtype=float)
     source = np.where(rows < row, rows, np.maximum(rows - count, row - 1 + (rows - row + 1) / (count + 1)))
     return np.column_stack([np.interp(source, rows, column) for column in q.T])

@@ -1,6 +1,4 @@
-"""Triggers that one group of channels dropped.
-
-From one row on its currents belong to later rows, and their lag changes.
+"""Triggers that one group of channels dropped: from one row on, currents belong to later rows, and their lag changes.
 
 The lag against the angles is estimated per second and per joint: the projection of the residual on the derivative of
 the current. A constant lag is time skew and remains. A lag that changes at one instant by whole rows, equally at all
@@ -24,21 +22,20 @@ from diagnosis.screening.event import Event
 Index = NDArray[np.intp]
 
 PIECE = 0.25
-"""s: within a piece the lag is one number."""
+"""s: length of the pieces for which a lag is estimated."""
 SURE = 7.0
-"""Standard deviations of the change: it is the largest among all instants, of data with other things wrong in it."""
+"""Std of the change that it must exceed: it is the largest of all instants, in data with other errors."""
 OTHERS = 4.0
-"""Standard deviations by which the joints other than the best one must show the change, and within which they must
-agree with it."""
+"""Std that the change at the joints other than the most certain one must exceed, and within which it must agree."""
 WHOLE = 0.3
 """Rows by which a change of lag may miss a whole number."""
 MOST_ROWS = 12
 COLOURED, FILTERED = 16.0, 0.02
-"""Rows over which what else is wrong correlates the residual, and s over which filters smear an instant."""
+"""Rows over which other errors correlate the residual, and s by which filters smear an instant."""
 BALANCED = 0.03
-"""Share of the weight of one side of the change that the other must have at a joint that tells of it."""
+"""Least ratio of the weights before and after the change at a joint that shows it."""
 APART = 2e-4
-"""s by which other things that are wrong make the lags of the joints differ."""
+"""s by which the lags of the joints differ because of other errors."""
 FEWEST = 6
 """Pieces needed on either side of the change."""
 
@@ -130,7 +127,7 @@ def change_of_lag(run: Run) -> Change | None:
     # scatter per joint: it includes other errors there
     scatter = np.sum(weight * residual**2, axis=0) / max(len(lag) - 2, 1)
     per_joint = _steps_by_joint(lag, weight, at)
-    inverse_variance = _seen_on_both_sides(weight, at) / np.maximum(scatter * _leverage(weight, at), 1e-300)
+    inverse_variance = _on_both_sides(weight, at) / np.maximum(scatter * _leverage(weight, at), 1e-300)
     if not _agreed(per_joint, inverse_variance):
         return None
     step = float(np.sum(inverse_variance * per_joint) / np.sum(inverse_variance))
@@ -140,9 +137,9 @@ def change_of_lag(run: Run) -> Change | None:
 
 
 def _agreed(per_joint: Array, inverse_variance: Array) -> bool:
-    """Whether the joints other than the one that knows best show the same step (inverse variances ``known``).
+    """Whether the joints other than the most certain one show the same step.
 
-    Trigger edges are lost for all, and what is wrong with one joint alone is something else.
+    Dropped triggers affect all joints; an error of one joint alone has another cause.
     """
     best = int(np.argmax(inverse_variance))
     others = np.delete(inverse_variance, best)
@@ -159,9 +156,9 @@ def _agreed(per_joint: Array, inverse_variance: Array) -> bool:
 
 
 def _lags(run: Run) -> tuple[Array, Array, Array]:
-    """lag (p, n) s of the currents in each piece.
+    """lag (p, n) s of the currents in each piece, its weight (p, n), and the start (p,) s of each piece.
 
-    Its weight (p, n) (inverse variance if the residual were noise), and the pieces' starts (p,).
+    The weight is the inverse variance if the residual is noise.
     """
     slope, residual = run.current_rate / run.deviation, run.residual / run.deviation
     number: Index = ((run.t - run.t[0]) // PIECE).astype(np.intp)
@@ -178,11 +175,8 @@ def _means(lag: Array, weight: Array) -> Array:
     return means
 
 
-def _seen_on_both_sides(weight: Array, at: int) -> NDArray[np.bool_]:
-    """(n,) whether a joint's current changed enough before and after.
-
-    Where it hardly did, what else is wrong makes lags of milliseconds.
-    """
+def _on_both_sides(weight: Array, at: int) -> NDArray[np.bool_]:
+    """(n,) whether a joint's current changed enough before and after; else other errors cause lags of milliseconds."""
     sides = weight[:at].sum(axis=0), weight[at:].sum(axis=0)
     on_both: NDArray[np.bool_] = np.minimum(*sides) > BALANCED * np.maximum(*sides)
     return on_both
@@ -208,7 +202,7 @@ def _step(lag: Array, weight: Array, at: int) -> tuple[float, float]:
 
 
 def _instant(run: Run, change: Change) -> tuple[float, float]:
-    """Time of the change and its deviation: the mean of all instants by how likely the residual makes them.
+    """Time of the change and its std: the mean of all instants, weighted by their likelihood.
 
     Each joint's lag l before the change is unknown, but near the one c that all have (time skew): at every instant the
     sum over joints of l^2 W - 2 l b + (l - c)^2 / ``APART``^2 has its least over l and c in closed form. Rows are
@@ -231,7 +225,7 @@ def _instant(run: Run, change: Change) -> tuple[float, float]:
 
 
 def realigned_rows(current: Array, loss: DroppedTriggers) -> Array:
-    """(k, n) currents with the rows after the loss moved back where they belong; the rows lost are bridged."""
+    """(k, n) currents with the rows after the loss moved to where they belong; the rows lost repeat the last one."""
     row, count = int(loss.row), loss.count
     rows = np.arange(len(current), dtype=float)
     source = np.where(rows >= row + max(count, 0), rows - count, np.minimum(rows, row))

@@ -15,7 +15,7 @@ from diagnosis.cause import Estimate
 from diagnosis.screening.event import Event, Gain
 
 MAINS = (50.0, 60.0)
-"""Hz: what the grids of the world run at, to within 1 Hz."""
+"""Hz: mains frequencies, to within 1 Hz."""
 HUM_BAND = (45.0, 65.0)
 """Hz: band in which the floor around the line is estimated."""
 HIGH_PASS = 30.0
@@ -40,7 +40,7 @@ class _Line:
 
 
 def mains_hum(recordings: Sequence[Recording]) -> list[Event]:
-    """A line at the frequency of the mains in the current of a joint, above the floor in every recording."""
+    """A spectral line at mains frequency in the current of a joint, above the floor in every recording."""
     events = []
     for j in range(recordings[0].joints):
         lines = [_line(r.t, r.i[:, j]) for r in recordings]
@@ -122,6 +122,6 @@ def _waves(frequency: float, t: Array) -> Array:
 
 
 def _above(current: Array, dt: float) -> Array:
-    """(m,) A: what the current has above HIGH_PASS."""
+    """(m,) A: the current above HIGH_PASS."""
     sections = signal.butter(4, min(HIGH_PASS * 2 * dt, 0.9), "highpass", output="sos")
     return np.asarray(signal.sosfiltfilt(sections, current), float)

@@ -1,7 +1,4 @@
-"""Recordings that were mixed up, as opposed to a wrong model.
-
-No motion, degrees, currents of opposite sign or other unit.
-"""
+"""Recordings that were mixed up: no motion, degrees, currents of the opposite sign or in another unit."""
 
 from __future__ import annotations
 
@@ -17,11 +14,11 @@ from diagnosis.residual.run import Run
 STANDSTILL = 0.005
 """rad (m): smaller motion of a joint is standstill."""
 BEYOND = 4.0
-"""Times the limits of a joint: no arm was there, but one in degrees was."""
+"""Ratio to the limits of a joint above which angles are degrees."""
 ALIKE, OPPOSITE = 0.8, -0.5
-"""Correlations of measured and expected currents: the same but for its size; the other way round."""
+"""Correlations of measured and expected currents: equal but for their size; of opposite sign."""
 OTHER_UNIT = 5.0
-"""Times what is expected."""
+"""Ratio to the expected current, or its inverse, above which the unit is wrong."""
 ABOVE_NOISE = 10.0
 """Std of a current over its noise, above which it is compared."""
 
@@ -38,10 +35,7 @@ def check_uncoupled(arm: Arm) -> None:
 
 
 def check_motion(arm: Arm, recordings: Sequence[Recording], words: str) -> None:
-    """InputError where no joint moves in any of the recordings (``words``.
-
-    Which they are), or where angles are no radians.
-    """
+    """InputError where no joint moves in any of the recordings (named by ``words``), or angles are not in radians."""
     for r in recordings:
         for j, joint in enumerate(arm.joints):
             most = float(np.abs(r.q[:, j]).max())

@@ -17,9 +17,9 @@ from diagnosis.screening.time_split import part, stillest
 MOST = 1080.0
 """s, times joints: three minutes of a six-joint arm, fitted and held-out recordings together."""
 LENGTH = 30.0
-"""s of a stretch, or little more or less."""
+"""s: approximate length of a stretch."""
 LEAST = 10.0
-"""s of every recording that are kept: there may be many short ones, each of a motion of its own."""
+"""s of every recording that are kept: there may be many short ones, each with its own motion."""
 NEAR = 3.0
 """s within which a stretch begins where the arm moves least."""
 
@@ -27,9 +27,9 @@ NEAR = 3.0
 def examined(
     fit: Sequence[Recording], held_out: Sequence[Recording], most: float = MOST
 ) -> tuple[list[Recording], list[Recording], str | None]:
-    """The recordings, those of more than ``most`` s times joints in all as stretches, each with its own time from 0.
+    """The recordings, as stretches with their own time from 0 where there are more than ``most`` s times joints.
 
-    And what to say of it.
+    The last is a remark for the report, or None.
     """
     everything = [*fit, *held_out]
     total = sum(duration(recording) for recording in everything)
@@ -48,10 +48,7 @@ def examined(
 
 
 def stretches(recording: Recording, share: float) -> list[Recording]:
-    """Parts of a recording that are ``share`` of it together, from its beginning to its end, whose rows are their own.
-
-    The rest can be freed.
-    """
+    """Copied parts of a recording, evenly spread, of ``share`` of its length in total; the rest can be freed."""
     seconds = duration(recording)
     kept = min(max(share * seconds, LEAST), seconds)
     count = max(1, round(kept / LENGTH))

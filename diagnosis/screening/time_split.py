@@ -1,4 +1,4 @@
-"""One recording split by time, where there is no other to judge by."""
+"""One recording split by time, where no other one is held out."""
 
 from __future__ import annotations
 
@@ -14,20 +14,14 @@ FITTED = 0.6
 
 
 def split(recording: Recording) -> tuple[Recording, Recording]:
-    """The first and the last part of a recording, each with its own time from 0.
-
-    A weaker test than another run: say so.
-    """
+    """The first and the last part of a recording, each with its own time from 0: a weaker test than another run."""
     row = round(FITTED * len(recording))
     rows = stillest(recording, round(0.8 * row), round(1.2 * row), row)
     return part(recording, slice(0, rows)), part(recording, slice(rows, None))
 
 
 def stillest(recording: Recording, low: int, high: int, row: int) -> int:
-    """The row from ``low`` to ``high``, near ``row``, at which the arm moves least.
-
-    a part starts at standstill, as recordings do, where it can.
-    """
+    """The row from ``low`` to ``high``, near ``row``, at which the arm moves least: recordings start at standstill."""
     near = np.arange(low, min(high, len(recording) - 2))
     if len(near) == 0:
         return row

@@ -1,4 +1,4 @@
-"""What a selection from whitened residuals is made of: responses with their blocks, and columns of candidates."""
+"""Datasets of a selection from whitened residuals, and columns of candidates."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Dataset:
     corrected: Array | float = 0.0
 
     def of(self, joint: int) -> slice:
-        """Where joint (1-based) stands in ``y``."""
+        """Rows of a joint (1-based) in ``y``."""
         return slice((joint - 1) * self.rows, joint * self.rows)
 
     def at_joint(self, name: str, joint: int) -> Array:
@@ -55,12 +55,9 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Columns:
-    """Whitened columns of one candidate on one side.
+    """Whitened columns x (rows, k) of one candidate at the rows ``where`` of ``y``; 0 at all others."""
 
-    ``where`` says at which rows of ``y`` they stand, elsewhere they are 0.
-    """
-
-    x: Array  # (rows, k)
+    x: Array
     where: slice
 
     def dot(self, other: Array) -> Array:

@@ -23,12 +23,10 @@ def estimates(
 ) -> list[Estimate]:
     """The parameters of a candidate with coefficients (k,), in the order of the catalogue.
 
-    They are in the units of a joint (None: SI).
-
-    covariance (k + s, k + s): of the coefficients, then of the ``nonlinear`` parameters (default:
-    ``candidate.searched()``), where these were estimated.
-    systematic: relative std of the measurement model, in addition to that of the data; default: the model error of the
-    effect.
+    covariance  (k + s, k + s) of the coefficients, then of the nonlinear parameters that were estimated
+    joint       in whose units the parameters are; None: SI
+    systematic  relative std of the measurement model, in addition to that of the data; None: model error of the effect
+    nonlinear   names of the nonlinear parameters in ``covariance``; None: ``candidate.searched()``
     """
     c, effect = np.asarray(coefficients, float), candidate.definition
     by_coefficient = [_derivative(candidate, c, k) for k in range(len(c))]
@@ -49,7 +47,7 @@ def estimates(
 
 
 def _derivative(candidate: Candidate, c: Array, k: int) -> dict[str, float]:
-    """Of every parameter by coefficient k, by central differences."""
+    """Derivative of every parameter by coefficient k, by central differences."""
     step = 1e-4 * max(float(np.max(np.abs(c))), 1e-9)
     up, down = c.copy(), c.copy()
     up[k] += step

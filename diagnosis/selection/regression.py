@@ -1,6 +1,4 @@
-"""Whitened regression y = A b + X c + e.
-
-The columns A of chosen candidates are fitted together, those of another one, X, conditional on them.
+"""Whitened regression y = A b + X c + e, with columns A of the chosen candidates and X of another one.
 
 Coefficients and nonlinear parameters come from the fit set; the gain of a candidate is the fall of the squared held-out
 residual.
@@ -20,12 +18,9 @@ from diagnosis.selection.design import Columns, Dataset, Pair
 from identification.selection import Score, Split, p_value, scaled, shift_p_value
 
 INDEPENDENT = 1e-3
-"""Relative singular value below which columns of unit length are one.
-
-What the data says there is rounding and the columns' own errors.
-"""
+"""Relative singular value of columns of unit length below which they are dependent: rounding and model errors."""
 CERTAIN = 1e-4
-"""Probability from blocks below which the instants of a sparse effect need not be asked as well."""
+"""p-value from blocks above which the instants of a sparse effect are tested as well."""
 
 
 @dataclass(frozen=True)
@@ -104,19 +99,13 @@ def by_recording(values: Array, side: Dataset) -> list[Array]:
 
 
 def gain_of(pair: Pair, fitted: Fitted, held_out: Dataset) -> tuple[Array, Array]:
-    """Coefficients (k,) of columns conditional on those fitted.
-
-    And the fall of the squared held-out residual row by row.
-    """
+    """Coefficients (k,) of columns conditional on those fitted, and the fall of the squared held-out residual."""
     _, c = fit_gain(pair.fit, fitted)
     return c, fitted.held_out**2 - residual_with(pair, c, fitted, held_out) ** 2
 
 
 def residual_with(pair: Pair, c: Array, fitted: Fitted, held_out: Dataset) -> Array:
-    """(M,) held-out residual with columns of coefficients c (k,) added.
-
-    The fitted ones are refitted conditional on them.
-    """
+    """(M,) held-out residual with columns of coefficients c (k,) added and the fitted ones refitted."""
     inside = pair.fit.dot(fitted.basis).T @ c
     after: Array = fitted.held_out - pair.held_out.spread(c, len(held_out.y)) + fitted.to_held_out @ inside
     return after
@@ -125,9 +114,9 @@ def residual_with(pair: Pair, c: Array, fitted: Fitted, held_out: Dataset) -> Ar
 def best_of_each(
     library: Mapping[Candidate, Pair], fitted: Fitted, fit: Dataset, taken: Set[EffectKey]
 ) -> list[Candidate]:
-    """For every effect at every joint that is not taken.
+    """For every effect at every joint that is not taken, the candidate that fits its own joint best.
 
-    The candidate is the one that fits the currents of its own joint best conditional on those fitted.
+    Conditional on those fitted.
     """
     of_key: dict[EffectKey, list[Candidate]] = {}
     for candidate in library:
@@ -141,7 +130,7 @@ def best_of_each(
 
 
 def at_joint(columns: Columns, joint: int | None, side: Dataset) -> Columns:
-    """The part of the columns that stands at one joint's rows; all of it for an effect of the whole arm."""
+    """The columns at the rows of one joint; all of them for an effect of the whole arm."""
     if joint is None or columns.where == side.of(joint):
         return columns
     return Columns(columns.x[side.of(joint)], side.of(joint))

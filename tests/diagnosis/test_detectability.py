@@ -17,7 +17,7 @@ from diagnosis.cause import Undetectable
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.motions import Stage, Trial, room
 from diagnosis.experiments.revealing import shown_by
-from diagnosis.experiments.t_optimality import foreseen
+from diagnosis.experiments.t_optimality import predicted_run
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
 from diagnosis.measurements.currents.detectability import not_visible
@@ -80,7 +80,7 @@ def test_the_motion_asked_for_shows_it(one_joint: Run, arm: Arm) -> None:
     for showing in shown_by(cast(Diagnosis, Judged(arm, (one_joint,), asked))):
         assert showing.experiment is not None
         assert "the workspace is clear" in showing.experiment.description
-        moved = foreseen(Trial("", showing.experiment, (2,)), stage, one_joint.noise)
+        moved = predicted_run(Trial("", showing.experiment, (2,)), stage, one_joint.noise)
         assert moved is not None
         key = showing.invisible.effect, showing.invisible.joint
         assert key not in _unseen(moved, arm)

@@ -17,7 +17,7 @@ from arm_model.simulation.simulation import simulate
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation, separation
 from diagnosis.experiments.motions import Kind, Stage, room, trials
-from diagnosis.experiments.t_optimality import Question, foreseen, rival_of
+from diagnosis.experiments.t_optimality import Question, predicted_run, rival_of
 from diagnosis.measurements.currents.columns import candidates, columns
 from diagnosis.measurements.currents.design_matrix import dataset_of, free_columns
 from diagnosis.residual.run import COMPARE_BAND, ROWS_PER_SECOND, Run
@@ -82,7 +82,7 @@ def test_a_distance_is_what_no_refit_closes(puma: Arm, root: Path) -> None:
     question = Question(rivals, [], data.fit, puma)
     stage = _stage(data)
     ladder = next(trial for trial in trials(stage, [1], Kind.MOTION) if "ladder" in trial.experiment.name)
-    run = foreseen(ladder, stage, question.noise)
+    run = predicted_run(ladder, stage, question.noise)
     assert run is not None
     assert rivals[0].best is not None and rivals[1].best is not None
     found = question.distances(run)
@@ -103,7 +103,7 @@ def test_what_is_identical_in_every_motion_stays_so(puma: Arm, root: Path) -> No
     apart = []
     for trial in trials(stage, [2], Kind.MOTION):
         if "0.25" in trial.experiment.name or "chirp" in trial.experiment.name:
-            run = foreseen(trial, stage, question.noise)
+            run = predicted_run(trial, stage, question.noise)
             if run is not None:
                 apart.append(question.distances(run).min())
     alone = Question([rivals[0], rivals[0]], [], data.fit, puma).distances(run).min()  # type: ignore[arg-type]

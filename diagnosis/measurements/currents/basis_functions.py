@@ -1,7 +1,4 @@
-"""Functions of one variable (or of two angles) that a residual may depend on.
-
-They stand where no effect of the catalogue states how.
-"""
+"""Functions of one variable (or of two angles) that a residual may depend on where no effect explains it."""
 
 from __future__ import annotations
 
@@ -20,28 +17,22 @@ from diagnosis.selection.design import Columns, Dataset, Pair
 from identification.selection import Split
 
 KNOTS = 16
-"""Of a function of one variable: enough for three cycles over the range of a joint."""
+"""Knots of a function of one variable: enough for three cycles over the range of a joint."""
 PLACES = 100
-"""Over the range of a joint, of the function that shows what is at one place only."""
+"""Knots over the range of a joint of the function for local effects, such as a damaged tooth."""
 CYCLES = (0.5, 40.0)
 """Cycles per motor revolution between which a ripple is searched for."""
 BINS_PER_TURN = 256
 UNMIXED = ("velocity", "acceleration", "current")
-"""Variables whose functions are not multiplied by the direction or the velocity.
-
-They contain it, or it means nothing.
-"""
+"""Variables whose functions are not multiplied by direction or velocity, which they contain."""
 TWO_FACED = ("position", "load torque")
-"""Variables that may have one function forwards and another one backwards.
-
-What drives loses, what is driven does not.
-"""
+"""Variables that may have a function per direction: a gear loses torque where it drives."""
 PLAYS = (0.004, 0.01, 0.02, 0.05, 0.1)
 """Half-widths of play operators, of the range of the current."""
 
 
 def variables(side: Dataset, arm: Arm, joint: int) -> Iterator[tuple[str, Array]]:
-    """Name and values (rows,) of everything that a residual of this joint is held against."""
+    """Name and values (rows,) of every variable that the residual of this joint may depend on."""
     yield "time", np.concatenate([run.t for run in side.runs])
     yield "position", side.at_joint("q", joint)
     yield "motor angle", np.mod(side.at_joint("q", joint) * arm.joints[joint - 1].ratio, 2 * np.pi)
@@ -69,9 +60,9 @@ class Shape:
 
 
 def shapes_of(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint: int) -> Iterator[Shape]:
-    """Functions of every variable at one joint, alone and times direction and velocity, over the deviation of each row.
+    """Functions of every variable at one joint, alone and times direction and velocity, over the std of each row.
 
-    residual (n * rows,): whitened, of the fitted side; where its ripples are is read from it.
+    residual (n * rows,): whitened, of the fit set; the ripples are those of its spectrum.
     """
     width = arm.joints[joint - 1].sign_velocity
     factors = []
@@ -105,10 +96,7 @@ def shapes_of(fit: Dataset, held_out: Dataset, residual: Array, arm: Arm, joint:
 
 
 def _places(fit: Dataset, held_out: Dataset, joint: int) -> Iterator[Shape]:
-    """What is there at a place and nowhere else (a detent, a damaged tooth).
-
-    Narrow functions of the position, side by side.
-    """
+    """Narrow functions of the position, for local effects (a detent, a damaged tooth)."""
     x, x_held_out = fit.at_joint("q", joint), held_out.at_joint("q", joint)
     edges = np.linspace(x.min(), x.max(), PLACES)
     if not np.ptp(x):
@@ -159,10 +147,7 @@ def _wave(name: str, fit: Dataset, held_out: Dataset, joint: int, angle: Callabl
 
 
 def _ripple(weighted: Array, motor: Array) -> float | None:
-    """Cycles a motor revolution of the strongest ripple over the motor's angle (rows,) rad.
-
-    None where it hardly turned.
-    """
+    """Cycles per motor revolution of the strongest ripple over motor angle (rows,) rad; None below two turns."""
     if np.ptp(motor) < 4 * np.pi:
         return None
     # the residual summed in fine bins of the motor's turns has the ripple as a line of its spectrum
@@ -185,9 +170,7 @@ def _plane_wave(weighted: Array, own: Array, other: Array) -> tuple[float, float
 
 
 def _past(fit: Dataset, held_out: Dataset, arm: Arm, joint: int) -> Iterator[Shape]:
-    """Functions of the history of the current.
-
-    Play operators from a tenth of its range to a 250th (Prandtl and Ishlinskii).
+    """Functions of the history of the current: play operators of several widths (Prandtl and Ishlinskii).
 
     The current is the one that the model predicts for the smoothed motion: the measured one contains the residual and
     would explain itself.
@@ -212,7 +195,7 @@ def _expected(run: Run, arm: Arm, joint: int) -> Array:
 
 
 def _play(values: Array, width: float) -> Array:
-    """(m,) what follows values (m,) with play of half-width ``width``."""
+    """(m,) output of a play operator of half-width ``width`` on values (m,)."""
     kept, at = np.empty_like(values), float(values[0])
     for row, value in enumerate(values.tolist()):
         at = min(max(at, value - width), value + width)

@@ -1,4 +1,4 @@
-"""Every effect of the catalogue at every joint, as what it would add to the recorded currents.
+"""Columns of every effect of the catalogue at every joint: its first-order change of the recorded currents.
 
 A candidate is one effect at one joint (or of the whole arm) with its nonlinear parameters fixed; its columns are the
 first-order change of the residual currents of all joints for a unit of each linear parameter, from the effect's own
@@ -42,7 +42,7 @@ def columns(candidate: Candidate, run: Run) -> Array:
     """(m, n, k) A: change of ``run.residual`` for a unit of each of k coefficients."""
     effect, arm, joint = candidate.definition, run.arm, candidate.joint
     if not run.powered and effect.current is None:
-        # the brakes hold; only what the instruments add is there
+        # the brakes hold: only effects of the instruments act
         count = effect.link_parameters or len(candidate.units())
         return np.zeros((*run.current.shape, 1 if effect.delay is not None else count))
     if effect.link_parameters:
@@ -68,14 +68,14 @@ def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) 
     elif effect.current is not None:
         change[:, j] = effect.current(p, s)
     elif effect.deflection is not None:
-        # the link stands where the motor is, less the deflection
+        # link angle = motor angle - deflection
         elastic = effect.spring is not None
         rates = _wound_up(run, j, effect, p) if elastic else _rates(effect.deflection, p, s, arm.joints[j].ratio, run)
         change = -_moved(run, j, *rates)
         # virtual work: where the link turns less than the motor, the motor feels less of its load
         change[:, j] -= _slope(effect.deflection, p, s) * arm.joints[j].ratio * s.load / arm.joints[j].drive_constant
     elif effect.angle is not None:
-        # the whole joint stands where it reads, less the error
+        # true angle = reading - error, of motor and link
         error, speed, acceleration = _rates(effect.angle, p, s, arm.joints[j].ratio, run)
         change = -_moved(run, j, error, speed, acceleration)
         drive = arm.joints[j]

@@ -1,7 +1,4 @@
-"""All candidates as whitened columns over all recordings, laid out joint by joint.
-
-Each is computed once and is as short as it can be.
-"""
+"""Datasets, and candidates as whitened columns over all rows that they affect."""
 
 from __future__ import annotations
 
@@ -42,7 +39,7 @@ def dataset_with(side: Dataset, terms: Sequence[EffectTerm]) -> Array:
 
 
 def columns_of(candidate: Candidate, side: Dataset) -> Columns:
-    """The candidate's columns over all recordings of a side, over the deviation of each row."""
+    """The candidate's columns over all recordings of a set, over the std of each row."""
     parts = [columns(candidate, run) / run.deviation[..., None] for run in side.together]
     x = np.concatenate(parts) if len(parts) > 1 else parts[0]  # (rows, n, k)
     if at_own_joint(candidate):
@@ -53,10 +50,9 @@ def columns_of(candidate: Candidate, side: Dataset) -> Columns:
 
 
 def free_columns(side: Dataset, arm: Arm) -> list[Columns]:
-    """Columns that are always in the model: how friction turns from one direction to the other.
+    """Columns that are always in the model: an error of the Coulomb smoothing velocity (``sign_velocity``).
 
-    No data sheet says it, and simulations differ in it: a joint's Coulomb friction may change sign over a wider or
-    narrower band of velocity than the model's ``sign_velocity``. d/dw of v / sqrt(v^2 + w^2) = -v w / (v^2 +
+    No data sheet states it, and simulations differ in it. d/dw of v / sqrt(v^2 + w^2) = -v w / (v^2 +
     w^2)^(3/2), times F over the drive's constant.
     """
     columns = []

@@ -37,8 +37,8 @@ Rivals = Mapping[EffectKey, Sequence[Score[Candidate]]]
 class State:
     """Chosen candidates in the order of acceptance, fitted together.
 
-    data    residuals less what the chosen do in second order
-    rivals  for each of the chosen, the candidates that would have done as well
+    data    residuals, corrected for what the chosen do beyond first order
+    rivals  for each of the chosen, the candidates that gained as much
     """
 
     model: Currents = field(repr=False)
@@ -69,7 +69,7 @@ class State:
 class Currents(MeasurementModel[Candidate, State]):
     """Residuals under the model as given, all candidates' columns, and the columns that are always free.
 
-    ripples   candidates whose columns are computed only where they stand out of the residual
+    ripples   candidates whose columns are computed only for the strongest orders of the residual
     excluded  effects that may not be chosen
     """
 
@@ -173,7 +173,7 @@ class Currents(MeasurementModel[Candidate, State]):
         return {c.key for c in state.chosen} | aliases | set(self.excluded)
 
     def _add_ripples(self, residual: Array) -> None:
-        """Adds the ripples that stand out of the whitened residual of the fit set to the library."""
+        """Adds the strongest ripples of the whitened residual of the fit set to the library."""
         highest = max((order_of(c) or 0 for c in self.ripples), default=0)
         for joint in sorted({c.joint for c in self.ripples if c.joint}):
             orders = detectable_orders(self.data.fit, residual, self.arm, joint, highest)

@@ -1,7 +1,7 @@
-"""Two effects at one joint that hide each other: alone neither predicts the held-out residual, together they do.
+"""Two effects at one joint that mask each other: alone neither predicts the held-out residual, together they do.
 
-Alone, each is fitted to what the other does. Forward selection stalls before such a pair (a gain of the current and
-friction by the load, both odd in the load, of opposite sign). Where it has stalled and the residual of a joint exceeds
+Alone, each is fitted to the effect of the other. Forward selection stalls before such a pair (a current gain and load
+friction, both odd in the load, of opposite sign). Where it has stalled and the residual of a joint exceeds
 the noise, all pairs of effects at that joint are scored.
 """
 

@@ -1,7 +1,4 @@
-"""Candidates of the currents.
-
-Whether their parameters are physically admissible, and their nonlinear parameters refined between grid values.
-"""
+"""Candidates of the currents: physical admissibility, and refinement of nonlinear parameters between grid values."""
 
 from __future__ import annotations
 
@@ -16,21 +13,15 @@ from diagnosis.selection.regression import Fitted, fit_gain
 
 
 def is_physical(candidate: Candidate, coefficients: Array) -> bool:
-    """Whether the parameters have the signs that they must have.
-
-    No negative mass, stiffness, gap or friction share) and sizes that can be.
-    """
+    """Whether the parameters have admissible signs and sizes: no negative mass, stiffness, gap or friction share."""
     if candidate.unit_amplitude and not 0.25 < coefficients[0] < 4.0:
-        return False  # such an effect is there as it is or not at all; off the grid's points it is seen in part
+        return False  # its true coefficient is 1; between the points of the grid it may differ
     values = candidate.parameters(coefficients.tolist())
     return all(candidate.definition.admits(name, value) for name, value in values.items())
 
 
 def refined(candidate: Candidate, fitted: Fitted, fit: Dataset) -> Candidate:
-    """The candidate with each continuous shape parameter at its best between the neighbours on its grid.
-
-    One after the other.
-    """
+    """The candidate with each continuous nonlinear parameter at its optimum near its grid value, in turn."""
     searched = candidate.searched()
     for name in searched * (2 if len(searched) > 1 else 1):
         value = dict(candidate.shape)[name]

@@ -1,7 +1,4 @@
-"""Orders of the motor angle that exceed the noise of a residual.
-
-Ripples are candidates at these only, of sixty per joint.
-"""
+"""Orders of the motor angle at which a residual is strongest: of sixty per joint, ripples are candidates at these."""
 
 from __future__ import annotations
 
@@ -21,10 +18,7 @@ FEW = 4
 
 
 def order_of(candidate: Candidate) -> int | None:
-    """The order of an effect that is a line over the motor's angle and has many orders to choose from.
-
-    None for all others.
-    """
+    """The order of a ripple over motor angle with many possible orders; None for all other candidates."""
     for parameter in candidate.definition.parameters:
         if parameter.whole and parameter.name in dict(candidate.shape) and np.ptp(parameter.typical) > FEW:
             return round(dict(candidate.shape)[parameter.name])

@@ -1,6 +1,6 @@
 """The search for causes in the currents.
 
-The stepwise selection, refined by the exact model, simplified, and held against unexplained structure.
+Stepwise selection, refinement by the exact model, simplification, and comparison with unexplained structure.
 """
 
 from __future__ import annotations
@@ -58,10 +58,10 @@ def _with_unexplained(state: State) -> Found:
 
 
 def _superfluous(found: Found) -> list[Candidate]:
-    """The cause that unexplained structure conditional on all causes makes superfluous most, if there is one.
+    """The cause that is most superfluous conditional on unexplained structure, if one is.
 
-    Where the residual follows no known variable and is far above noise, a cause that explains less than it was a name
-    for part of it.
+    Where the residual depends on no known variable and is far above noise, a cause that explains less than it is part
+    of it.
     """
     state, shares = found.state, dict[Candidate, float]()
     model, held_out = state.model, state.data.held_out
@@ -98,10 +98,7 @@ def _outdone(state: State) -> list[Candidate]:
 
 
 def _cancelling(own: Sequence[Candidate], state: State) -> float:
-    """Energy of what some of the chosen explain, each for itself, over that of what they explain together.
-
-    1 where they are independent.
-    """
+    """Sum of the energies of what some of the chosen explain, over the energy of the sum; 1 if independent."""
     contributions = [
         state.model.columns(c).fit.spread(coefficients, len(state.fitted.fit))
         for c, coefficients in zip(state.chosen, state.coefficients)
@@ -117,11 +114,10 @@ def _overlap(a: Columns, b: Columns) -> bool:
 
 
 def simplified(state: State) -> State:
-    """The state with fewer or simpler effects in the place of others where nothing that matters is lost.
+    """The state with fewer or simpler effects in the place of others, if the held-out residual hardly grows.
 
-    Two parts of an effect at one joint are that effect. One that contains a simpler one is that simpler one, if that is
-    enough: while other causes were missing or known to first order only, the one with more coefficients may have fitted
-    their rest.
+    Two special cases of an effect at one joint are replaced by that effect; an effect is replaced by a simpler one that
+    it contains. While other causes were missing, the additional coefficients may have fitted their residual.
     """
     model = state.model
     for substitute, replaced in _simpler(state.chosen):
@@ -141,10 +137,7 @@ def simplified(state: State) -> State:
 
 
 def _simpler(chosen: Sequence[Candidate]) -> Iterator[tuple[Candidate, tuple[Candidate, ...]]]:
-    """An effect, and those of the chosen in whose place it may do.
-
-    The whole for several of its parts, a part for the whole.
-    """
+    """An effect, and those of the chosen that it may replace: the whole for several parts, a part for the whole."""
     for whole in CATALOGUE.values():
         for joint in sorted({c.joint for c in chosen if c.joint}):
             own = tuple(c for c in chosen if c.joint == joint and c.effect in whole.special_cases)
@@ -156,9 +149,9 @@ def _simpler(chosen: Sequence[Candidate]) -> Iterator[tuple[Candidate, tuple[Can
 
 
 def gauss_newton_refined(state: State) -> State:
-    """The state with its continuous nonlinear parameters where the exact model fits best.
+    """The state after a Gauss-Newton step of its nonlinear parameters in the exact model, if the residual falls.
 
-    One Gauss-Newton step, kept if it leaves less. None where there is no arm with the linear ones.
+    Unchanged where the chosen effects make no arm that exists.
     """
     searched = [(k, name) for k, c in enumerate(state.chosen) for name in c.searched()]
     if not searched:

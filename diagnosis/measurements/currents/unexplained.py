@@ -1,12 +1,10 @@
-"""Structure that no effect of the catalogue explains.
-
-Smooth functions of one variable, conditional on the named causes.
+"""Structure that no effect of the catalogue explains: smooth functions of one variable, conditional on the causes.
 
 For every joint and every variable that a torque or a reading could depend on, a spline of the variable (also times the
 direction, or times the velocity, of the joint) is fitted together with the causes and scored on the held-out recordings
 like a cause. What enters is structure that the catalogue does not contain. A cause that such a function makes
-superfluous was the nearest name for something else, and is removed: a spring that is part of a wavy torque over
-position is no spring.
+superfluous approximates something else, and is removed: a spring that fits part of a wavy torque over position is no
+spring.
 """
 
 from __future__ import annotations
@@ -40,16 +38,13 @@ def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm) -> Une
     structures_found: list[Structure] = []
     pairs: list[Pair] = []
     for joint in range(1, len(arm) + 1):
-        structures, columns = _left_at(joint, data, fitted, arm)
+        structures, columns = _structures_at(joint, data, fitted, arm)
         structures_found, pairs = structures_found + structures, pairs + columns
     return Unexplained(structures_found, pairs)
 
 
-def _left_at(joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm) -> tuple[list[Structure], list[Pair]]:
-    """Structures at one joint, and their columns.
-
-    A function of its own: the shapes of two joints at once would take twice the memory.
-    """
+def _structures_at(joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm) -> tuple[list[Structure], list[Pair]]:
+    """Structures at one joint, and their columns; the memory of its shapes is freed before the next joint."""
     structures: list[Structure] = []
     pairs: list[Pair] = []
     fit, held_out = data
@@ -108,9 +103,9 @@ def better_than_causes(
 ) -> bool:
     """Whether one function of one variable leaves significantly less than the causes of a joint (``without`` them).
 
-    A complete cause is never beaten: a function of one variable can only come near it. One that is not the cause at all
-    is. allowed: squared error by which the function may leave more, where the causes are too many to be believed; the
-    velocity, on which several effects depend, is no such variable.
+    Functions of one variable only approximate a true cause, but may explain more than a wrong one. allowed: squared
+    error by which the function may be worse, where there are implausibly many causes; not for the velocity, on which
+    several effects depend.
     """
     fit, held_out = data
     rows = held_out.of(joint)

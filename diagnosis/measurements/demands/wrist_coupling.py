@@ -69,9 +69,11 @@ class CoupledAxis:
 
 @dataclass(frozen=True)
 class _Rows:
-    """difference (m,) rad of motor and demand.
+    """Rows of one axis.
 
-    Columns (m, OWN + motors), of the servo and of the motors that may turn it; block (m,) from 0.
+    difference  (m,) rad of motor and demand
+    columns     (m, OWN + motors) of the servo and of the motors that may turn the axis
+    block       (m,) from 0
     """
 
     difference: Array
@@ -86,9 +88,7 @@ class _Rows:
 def wrist_coupling(fit: Sequence[Recording], held_out: Sequence[Recording]) -> list[Event]:
     """The coupling of the wrist, from motor angles against demands.
 
-    Empty where there is none, or no demand is recorded.
-
-    Where both sets are parts of the same recordings, each is predicted from the other.
+    Empty where there is none, or no demand is recorded. Parts of the same recordings are predicted from each other.
     """
     with_demand = [
         [r for r in side if r.qref is not None and r.joints >= 6 and not np.isnan(r.qref).any()]
@@ -147,7 +147,7 @@ def _coupled_axis(fit: Sequence[Recording], held_out: Sequence[Recording], axis:
     values = _solved(source.columns, source.difference)
     turns = float(np.std(source.columns[:, OWN:] @ values[OWN:]))
     noise = float(np.mean([angle_noise(r.q)[axis - 1] for r in fit]))
-    # in each direction separately: what one part shows and the other refutes is no coupling
+    # in each fold: a gain in one part only is no coupling
     both_ways = all(
         np.sum(after_**2) < (1.0 - LIMITS.explained) * np.sum(without_rows**2)
         for without_rows, after_ in zip(without, residual)
@@ -163,7 +163,7 @@ def _coupled_axis(fit: Sequence[Recording], held_out: Sequence[Recording], axis:
 
 
 def _rows(recordings: Sequence[Recording], axis: int, motors: Sequence[int]) -> _Rows:
-    """All recordings one after the other, each about its own mean: what is constant is a zero."""
+    """All recordings one after the other, each about its mean: a constant is an offset."""
     differences, columns, blocks, first = [], [], [], 0
     for r in recordings:
         assert r.qref is not None

@@ -33,7 +33,7 @@ class LinkSide:
     """Causes and unexplained structure of the link-encoder differences.
 
     held_out: the held-out rows; without, residual (m, k): their difference less its constant, and after all causes;
-    remarks: residuals above the scatter, per joint.
+    remarks: residuals above the scatter of the encoders, per joint.
     """
 
     causes: list[Cause]
@@ -62,7 +62,7 @@ def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording])
 
 
 def _settled(candidate: LinkCandidate, model: LinkEncoders) -> LinkCandidate:
-    """A gap at the value that its own coefficient asks for, instead of the nearest on the grid."""
+    """A gap refined from the nearest grid value by its own coefficient."""
     if candidate.variant[0] != "half_gap":
         return candidate
     for _ in range(4):
@@ -159,10 +159,7 @@ def _damping(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, stif
 
 
 def _fitted(chosen: Chosen, model: LinkEncoders) -> tuple[Array, Array]:
-    """Coefficients (c,) on the fit rows and their covariance (c, c).
-
-    Right for residuals that are correlated within a block.
-    """
+    """Coefficients (c,) of the rows that parameters are estimated from, and their covariance, clustered by block."""
     x = model.stacked(chosen, model.whole)
     values = model.fitted(chosen, model.whole)
     y = model.response(model.whole)
@@ -272,7 +269,7 @@ def _remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
 
 
 def _structure(chosen: Chosen, model: LinkEncoders) -> list[Structure]:
-    """Joints whose residual exceeds the noise and is predictable from a variable, with the best variable."""
+    """Unexplained structure of joints whose residual exceeds the noise and is predictable from a variable."""
     structures = []
     residuals = [model.residual(chosen, model.rows.fit, side) for side in (model.rows.fit, model.rows.held_out)]
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):

@@ -1,8 +1,8 @@
-"""Motor encoder less link encoder: what it is, row by row, and what each effect would make of it.
+"""Motor minus link encoder, row by row, and the columns of each effect.
 
-The difference d = q_motor / gear - q_link needs no dynamics: lost motion, elasticity, gear errors and stamps that
-disagree are all in it. Of the arm only the gear ratios are needed; the load comes from its masses where it has some,
-else from the measured current.
+The difference d = q_motor / gear - q_link needs no dynamics: it contains lost motion, elasticity, gear errors and
+differences of the time stamps. Of the arm only the gear ratios are needed; the load comes from its masses where it has
+some, else from the measured current.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ VELOCITY_BAND = 30.0
 LOAD_BAND = 10.0
 """Hz: pass-band of loads."""
 MOST_ROWS = 8000
-"""Of one side: a difference needs no filter, so that rows may simply be left out."""
+"""Rows of either set: the difference needs no filter, so that rows may be left out."""
 ENDS = 0.1
 """s at either end of a recording that filters spoil."""
 DRAGS = (0.0, 0.1, 0.2, 0.3, 0.4)
-"""Friction between motor and gear that is tried, as a share of the largest measured torque.
+"""Friction between motor and gear that is tried where the load is not known from masses.
 
-Where the load is not known from masses.
+As a share of the largest measured torque.
 """
 HIGHEST_ORDER = 60
 """Highest order, cycles per motor turn, that is searched."""
@@ -78,7 +78,7 @@ class Rows:
 
 
 def joints_with_both(recordings: Sequence[Recording]) -> Index:
-    """Joints (1-based) whose link encoder every recording holds without a hole."""
+    """Joints (1-based) that move and whose link encoder has a value in every row of every recording."""
     if any(r.ql is None for r in recordings):
         return np.empty(0, np.intp)
     there = np.all([np.isfinite(r.ql).all(axis=0) for r in recordings if r.ql is not None], axis=0)
@@ -186,7 +186,8 @@ def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[L
     if effect.gap is not None:
         yield from (LinkCandidate(effect.name, joint, (("half_gap", gap),)) for gap in _gaps(effect.gap))
         if min(load.max(), -load.min()) > 0.05 * float(np.max(np.abs(load))):
-            yield LinkCandidate(effect.name, joint, (("by_load", 1.0),))  # the load changes sides
+            # the load changes its sign
+            yield LinkCandidate(effect.name, joint, (("by_load", 1.0),))
     elif effect.spring is not None:
         yield from (
             LinkCandidate(effect.name, joint, (("drag", drag),)) for drag in (DRAGS[:1] if rows.known_load else DRAGS)
@@ -199,7 +200,7 @@ def _at_joint(effect: Effect, rows: Rows, column: int, joint: int) -> Iterator[L
 
 
 def standing_waves(residual: Array, rows: Rows, k: int) -> list[LinkCandidate]:
-    """Waves of the gear at the k-th joint at the orders, whole or not, at which ``rest`` (m,) repeats most."""
+    """Waves of the gear at the k-th joint at the strongest orders, whole or not, of a residual (m,)."""
     gears = (e for e in observed_by(Instrument.LINK_ENCODER) if e.wave and e.deflection is not None)
     joint = int(rows.joints[k])
     return [
@@ -210,7 +211,7 @@ def standing_waves(residual: Array, rows: Rows, k: int) -> list[LinkCandidate]:
 
 
 def late() -> LinkCandidate:
-    """Stamps of the link encoders that are late, alike at all joints."""
+    """Late time stamps of the link encoders, with the same delay at all joints."""
     return next(
         LinkCandidate(effect.name, None) for effect in observed_by(Instrument.LINK_ENCODER) if effect.delay is not None
     )
@@ -254,7 +255,7 @@ def turns(rows: Rows, k: int) -> float:
 
 
 def standing_orders(residual: Array, rows: Rows, k: int, count: int = 3) -> list[float]:
-    """Cycles a motor turn, whole or not (a wave of the gear wheel is not), at which ``rest`` (m,) repeats most.
+    """Strongest cycles per motor turn, whole or not (a wave of the gear wheel is not), of a residual (m,).
 
     Peaks of the spectrum over motor angle of its averages in bins of a 128th turn, less their running mean over a turn.
     """
@@ -278,7 +279,7 @@ def _direction(v: Array) -> Array:
 
 
 def _play(q: Array, half_gap: float, starts: tuple[int, ...]) -> Array:
-    """Motor less link where friction holds the link: the link is only taken along at either side of the gap."""
+    """Motor minus link where friction holds the link: it moves only while the motor is at either side of the gap."""
     out = np.empty_like(q)
     begun = set(starts)
     d, before = 0.0, q[0]

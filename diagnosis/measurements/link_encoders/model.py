@@ -1,8 +1,7 @@
-"""Motor encoder less link encoder as a measurement model of the selection, where recordings have both.
+"""Motor minus link encoder as a measurement model of the selection, where recordings have both.
 
-Where both sets are parts of the same recordings, each part is predicted from the other, so that a short run has blocks
-enough to judge by. A constant per joint is always free (no two encoders have the same zero) and named last, where it is
-large.
+Where both sets are parts of the same recordings, each part is predicted from the other, so that a short run has enough
+blocks. A constant per joint is always free (no two encoders have the same zero) and named last, where it is large.
 """
 
 from __future__ import annotations
@@ -62,11 +61,11 @@ LIMITS = LinkLimits(
 
 @dataclass(frozen=True)
 class LinkEncoders(CandidateModel[LinkCandidate]):
-    """rows: fit and held-out rows.
+    """The difference of motor and link encoders of k joints.
 
-    Whole: the rows that parameters are estimated from: those of fit, or of two parts of the same recordings all.
-
-    scale (k,) rad: spread of each joint's difference, so that joints weigh alike.
+    rows   of the fit set and of the held-out set
+    whole  rows from which parameters are estimated: those of the fit set; all, of two parts of the same recordings
+    scale  (k,) rad: std of the difference of each joint, so that joints have equal weight
     """
 
     rows: Split[Rows]
@@ -76,10 +75,7 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
     cache: dict[tuple[int, LinkCandidate, int], Array] = field(default_factory=dict, repr=False)
 
     def admissible(self, score: Score[LinkCandidate], state: Chosen) -> bool:
-        """Whether a candidate matters, also in the held-out set alone.
-
-        It must do so where the residual is above the noise, and is physically admissible.
-        """
+        """Whether a candidate matters, also in the held-out set alone and above the noise, and is admissible."""
         candidate = score.candidate
         return (
             score.share > self.limits.min_gain
@@ -121,7 +117,7 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
     def best(self, chosen: Sequence[LinkCandidate]) -> list[LinkCandidate]:
         """For each effect at each joint, the nonlinear parameter that fits best conditional on those chosen.
 
-        a wave that is chosen may come again with another order only.
+        A wave may be chosen several times, with different orders.
         """
         fit, everything = self.rows.fit, list(candidates(self.rows.fit))
         taken: set[EffectKey] = {c.key for c in chosen if c.variant[0] != "order"}
@@ -149,10 +145,7 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
         return self.cache[key]
 
     def stacked(self, chosen: Sequence[LinkCandidate], rows: Rows) -> Array:
-        """(k m, c) columns over the joints' scales, joint after joint.
-
-        a constant per joint, then those of every candidate.
-        """
+        """(k m, c) columns over the joints' scales, joint after joint: a constant per joint, then the candidates."""
         joints = len(rows.joints)
         x = np.zeros((joints, rows.rows, joints + sum(c.width for c in chosen)))
         for k in range(joints):
@@ -223,7 +216,7 @@ def _off(basis: Array, values: Array) -> Array:
 
 
 def _correlated(residual: Array, dt: float) -> float:
-    """s over which the column of ``rest`` (m, k) that does so longest is correlated to more than 1 / e."""
+    """s: longest correlation time of the columns of a residual (m, k), to 1 / e."""
     residual = residual - residual.mean(axis=0)
     power = np.abs(np.fft.rfft(residual, 2 * len(residual), axis=0)) ** 2
     with_itself = np.fft.irfft(power, axis=0)[: len(residual)]

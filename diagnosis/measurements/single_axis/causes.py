@@ -1,9 +1,6 @@
-"""Causes at one axis alone, with an encoder fine enough to judge reversals.
+"""Causes at a single axis with an encoder fine enough to judge reversals: parameters and ambiguity groups.
 
-See ``diagnosis.measurements.single_axis.columns``.
-
-The causes that ``model.SingleAxis`` selects, with parameters, ambiguity groups, and the wave over the place that one
-run alone shows.
+A wave over position that a single run shows is reported, not named.
 """
 
 from __future__ import annotations
@@ -27,16 +24,18 @@ from identification.selection.cluster_covariance import cluster_covariance
 Samples = tuple[Array, Array, Array]
 
 SMALL = 1e-4
-"""Share of a nonlinear parameter over which columns are differentiated."""
+"""Relative step of a nonlinear parameter by which columns are differentiated."""
 TURN = 2e-3
-"""Of an axis's speed: the velocity over which friction turns round, at most."""
+"""Largest Coulomb smoothing velocity, as a share of the speed of the axis."""
 
 
 @dataclass(frozen=True)
 class AxisCause:
-    """One cause; before, after: rms of the held-out residual without and with it, A.
+    """One cause.
 
-    Gains (blocks,): fall of its square; without (m,) A: that residual without it, row by row.
+    before, after  A: rms of the held-out residual without and with it
+    gains          (blocks,) fall of its square
+    without        (m,) A: held-out residual without it
     """
 
     effect: str
@@ -51,9 +50,10 @@ class AxisCause:
 
 @dataclass(frozen=True)
 class StandingWave:
-    """A force that goes with the sine of the place in one run.
+    """A force with the sine of the position, in one run.
 
-    Length m (rad), amplitude N (N m), and the share of what is left that either part of the run predicts of the other.
+    length, amplitude  m (rad), N (N m)
+    share              of the residual energy of either part of the run, predicted from the other
     """
 
     length: float
@@ -63,9 +63,9 @@ class StandingWave:
 
 @dataclass(frozen=True)
 class AxisSide:
-    """Causes in the order of acceptance; the wave that no second run confirms, if there is one.
+    """Causes in the order of acceptance, and the wave that no second run confirms, if there is one.
 
-    The held-out rows, and what all causes leave of them (m,) A.
+    residual: (m,) A of the held-out rows, with all causes.
     """
 
     causes: list[AxisCause]
@@ -75,12 +75,10 @@ class AxisSide:
 
 
 def with_sharp_friction(arm: Arm, recordings: Sequence[Samples]) -> Arm:
-    """The arm of one axis with friction that turns round within TURN of its speed.
+    """The arm of one axis with a Coulomb smoothing velocity of at most TURN times its speed.
 
-    Where the model's turns more slowly than that.
-
-    Over which velocity the sign of friction is smoothed is chosen for simulation, seldom measured; as wide as a
-    stroke's start it would hide what friction does there.
+    That velocity is chosen for simulation, seldom measured; if it is as large as the speeds at the start of a stroke,
+    it hides what friction does there.
     """
     speed = max(
         float(np.max(np.abs(np.diff(low_pass(q, 20.0, rate_of(t)), axis=0)))) * rate_of(t) for t, q, _ in recordings
@@ -90,11 +88,9 @@ def with_sharp_friction(arm: Arm, recordings: Sequence[Samples]) -> Arm:
 
 
 def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, two_fold: bool) -> AxisSide | None:
-    """Causes, and what stands beside them.
+    """Diagnoses a single axis; None where the arm has several joints, or its encoder is too coarse.
 
-    None where the arm is not one axis, or its encoder too coarse to say more than filters leave.
-
-    fit, held_out: recordings (t (k,) s uniform, q (k, 1), i (k, 1)); parts: they are parts of the same recordings.
+    fit, held_out: recordings (t (k,) s uniform, q (k, 1), i (k, 1)); two_fold: they are parts of the same recordings.
     """
     if len(arm) != 1:
         return None
@@ -110,9 +106,9 @@ def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, 
 
 
 def _goes_on(fit: Sequence[Samples], held_out: Sequence[Samples]) -> bool:
-    """Whether all that is held out begins or ends where one of the others ends or begins.
+    """Whether all held-out recordings begin or end, to within two rows, where one of the others ends or begins.
 
-    To within two rows of its motion: pieces of one run.
+    They are then pieces of one run.
     """
 
     def meet(one: Samples, other: Samples) -> bool:
@@ -124,10 +120,7 @@ def _goes_on(fit: Sequence[Samples], held_out: Sequence[Samples]) -> bool:
 
 
 def _wave(chosen: Chosen, model: SingleAxis) -> StandingWave | None:
-    """The strongest wave over the place that one run has beside its causes.
-
-    Where its parts and its directions agree on it.
-    """
+    """The strongest wave over position in the residual of a single run, where its parts and directions agree on it."""
     if not model.one_run:
         return None
     fit = model.rows.fit
@@ -159,7 +152,7 @@ def _cause(candidate: Candidate, chosen: Chosen, model: SingleAxis) -> AxisCause
 
 
 def _group(score: Score[Candidate], chosen: Chosen, model: SingleAxis) -> tuple[str, ...]:
-    """The ambiguity group of a cause: itself, and what explains as much in its place with no more coefficients."""
+    """The ambiguity group of a cause: itself, and effects that explain as much with no more coefficients."""
     others = model.without(score.candidate, chosen)
     named, group = {c.effect for c in chosen}, [score.candidate.effect]
     for rival in model.best(others):

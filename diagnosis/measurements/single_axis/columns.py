@@ -1,11 +1,9 @@
-"""One axis alone, seen finely.
+"""Columns of a single axis with a fine encoder, at the full rate: friction at reversals and near standstill.
 
-What a drive with a fine encoder shows within milliseconds, at reversals and near standstill.
-
-An arm's joints are seen through filters of 10 to 20 Hz, because their encoders' steps, twice differentiated, would
-drown everything faster; and what friction does near standstill is not judged. A single axis with a fine scale shows it:
-its columns are the effects' own laws at the full rate, through the same filter as its current. Nothing is taken to
-first order in velocity or thinned before it is filtered.
+The currents of an arm are filtered at 10 to 20 Hz, because encoder quantisation, twice differentiated, exceeds
+everything faster, and friction near standstill is not judged. A single axis with a fine scale shows it: its columns are
+the laws of the effects at the full rate, through the same filter as its current. Nothing is linearised in velocity or
+thinned before it is filtered.
 """
 
 from __future__ import annotations
@@ -39,9 +37,9 @@ ENDS = 0.3
 """s at either end of a recording that filters spoil."""
 ROWS_PER_SECOND = 200
 PLACES, SPEEDS = 8, 15
-"""Parts of the travel and of the range of speed that are an observation each."""
+"""Parts of the travel and of the range of speed; rows in the same parts are one observation."""
 FEWEST_WAVES = 8
-"""Of one length, in the travel: fewer are a bend."""
+"""Waves of one length in the travel: fewer cannot be distinguished from a smooth bend."""
 
 
 @dataclass(frozen=True)
@@ -63,10 +61,9 @@ class Rows:
 
     @property
     def cells(self) -> Index:
-        """(m,) from 0: rows at the same place and speed.
+        """(m,) from 0: rows at the same position and speed.
 
-        What a model lacks is the same each time that a motion comes by: however often it is repeated, that is one
-        observation.
+        A model error is the same at every repetition of a motion, so that all repetitions are one observation.
         """
         place, speed = (
             np.minimum((x - x.min()) / max(float(np.ptp(x)), 1e-12) * parts, parts - 1).astype(np.intp)
@@ -159,9 +156,9 @@ def _tried(parameter: Parameter, rows: Rows) -> tuple[float, ...]:
 
 
 def waves(residual: Array, rows: Rows, count: int = 3) -> list[Candidate]:
-    """Torques that go with the sine of the place, at the wave numbers where ``rest`` (m,) repeats most.
+    """Torques with the sine of the position, at the strongest wave numbers of a residual (m,).
 
-    At least FEWEST_WAVES in the travel, and not so many that the fastest stroke would take them past the filter.
+    At least FEWEST_WAVES in the travel, and at most as many as the filter passes at the fastest stroke.
     """
     travel, speed = float(np.ptp(rows.q)), max(float(np.max(np.abs(s.v))) for s, _ in rows.parts)
     most = COMPARE_BAND * travel / max(speed, 1e-12)

@@ -1,10 +1,9 @@
 """One axis with an encoder fine enough to judge reversals, as a measurement model of the selection.
 
 Coefficients and nonlinear parameters come from the fit rows, acceptance from the held-out ones; parts of one recording
-are predicted from each other. A drive that repeats one motion would confirm anything that repeats with it. So what is
-not itself a difference between the directions has to hold across them too: each direction is predicted from what the
-other one shows. A wave over the place is chosen only where other recordings show it at the same places: where a scale
-has its zero, and in which turn its screw then stands, one run cannot tell.
+are predicted from each other. A drive that repeats one motion would confirm anything that repeats with it. So an effect
+that is not a difference between directions must hold across them: each direction is predicted from the other. A wave
+over position is chosen only where other recordings show it at the same positions.
 """
 
 from __future__ import annotations
@@ -51,11 +50,11 @@ LIMITS = AxisLimits(
 
 @dataclass(frozen=True)
 class SingleAxis(CandidateModel[Candidate]):
-    """rows: fit and held-out rows.
+    """The held-out error of the current of one axis.
 
-    Whole: the rows that parameters are estimated from: those of fit, or of two parts of the same recordings all.
-
-    one_run: nothing is held out but what one run went on with, whether it was cut here or into tables before.
+    rows     of the fit set and of the held-out set
+    whole    rows from which parameters are estimated: those of the fit set; all, of two parts of the same recordings
+    one_run  the held-out set continues the run of the fit set, whether it was split here or into tables before
     """
 
     rows: Split[Rows]
@@ -80,7 +79,7 @@ class SingleAxis(CandidateModel[Candidate]):
         return tuple(self._refined(candidate, [c for c in chosen if c is not candidate]) for candidate in chosen)
 
     def best(self, chosen: Sequence[Candidate]) -> list[Candidate]:
-        """For every effect that is not chosen, the nonlinear parameters that leave least of the fit rows."""
+        """For every effect that is not chosen, the nonlinear parameters with the smallest residual of the fit rows."""
         taken = {c.effect for c in chosen}
         best: dict[str, tuple[float, Candidate]] = {}
         for candidate in [
@@ -129,7 +128,7 @@ class SingleAxis(CandidateModel[Candidate]):
         return scaled_lstsq(self.stacked(chosen, rows), rows.residual)
 
     def residual(self, chosen: Sequence[Candidate], learned: Rows, judged: Rows) -> Array:
-        """(m,) A: what is left of ``judged`` with coefficients from ``learned``."""
+        """(m,) A: residual of ``judged`` with coefficients from ``learned``."""
         return np.asarray(judged.residual - self.stacked(chosen, judged) @ self.fitted(chosen, learned), float)
 
     def is_physical(self, candidate: Candidate, chosen: Sequence[Candidate]) -> bool:

@@ -1,1 +1,1 @@
-"""Effects that show in the position of a target seen by an external tracker."""
+"""Effects that show in the position of a target measured by an external tracker."""

@@ -1,11 +1,9 @@
-"""What the tracker says is wrong.
+"""Causes that tracked points show: geometry, sag, joint offsets, ripples, delays and wrong points.
 
-Geometry, sag, zeros, ripples, delays and wrong points, from recordings with tracked points.
-
-The measured angles are the reference: the target is where the model's kinematics put it, or something is wrong between
-the encoders and the target. The tracker's frame and the target's place on the last link are those of the rig, and may
-be off by some tenths of a millimetre and of a milliradian (``tracker_candidates.FRAME``, ``TARGET``, ``BOUND``); beyond
-that something else is wrong, and named.
+The measured angles are the reference: where the target is not at the position of the model's kinematics, something
+between the encoders and the target is wrong. The tracker's frame and the target's position on the last link are those
+of the rig, uncertain by some tenths of a millimetre and of a milliradian (``columns.FRAME``, ``TARGET``, ``BOUND``);
+larger deviations have another cause.
 """
 
 from __future__ import annotations
@@ -38,10 +36,11 @@ OTHER_POSES = "more varied poses: armscope calibrate --poses 40"
 
 @dataclass(frozen=True)
 class Tracked:
-    """What the tracker's points say. noise m, of a coordinate.
+    """What the tracked points show.
 
-    Rms (before, after) m and distances (before, after), (N,) m each, of "fit" and "held_out"; shown: effects (and
-    joints) that these points would show.
+    noise           m, of a coordinate
+    rms, distances  (before, after) of "fit" and "held_out": m, and (N,) m
+    shown           effects (and joints) that are detectable in these points
     """
 
     causes: list[Cause]
@@ -54,7 +53,7 @@ class Tracked:
 
     @property
     def geometry(self) -> list[Cause]:
-        """Causes that say where the links are: what the currents are to be seen through as well."""
+        """Causes that change the geometry of the links, and so the predicted currents."""
         return [cause for cause in self.causes if cause.effect in (JOINT_ZERO_OFFSET.name, LINK_GEOMETRY.name)]
 
 
@@ -118,7 +117,7 @@ def tracked_causes(
 
 
 def _target(recording: Recording) -> tuple[float, float, float]:
-    """(3,) m in the frame of the last link, from the rig in the recording; its origin where that does not say."""
+    """(3,) m in the frame of the last link, from the rig in the recording; default: its origin."""
     x, y, z = (float(v) for v in recording.rig.get("tracker", {}).get("target", (0.0, 0.0, 0.0)))
     return x, y, z
 
@@ -126,7 +125,7 @@ def _target(recording: Recording) -> tuple[float, float, float]:
 def _start(
     arm: Arm, part: Sequence[tuple[Recording, Array]], target: tuple[float, float, float], frame_known: bool
 ) -> Chain:
-    """The model's chain; where no rig file says how the tracker stands, with the base laid where the points are."""
+    """The model's chain; where no rig file has the pose of the tracker, with its base fitted to the points."""
     chain = chain_of(described(arm), target)
     if frame_known:
         return chain
@@ -146,17 +145,17 @@ def _points(recording: Recording) -> Array:
 
 
 def _zeros(chain: Chain, side: Side, steps: Array) -> float:
-    """m rms a coordinate: what encoder steps (n,) rad of this size leave open, their zeros included."""
+    """m rms per coordinate: uncertainty of the points by encoder steps (n,) rad and encoder zeros."""
     rows = slice(None, None, max(1, len(side) // 500))
     joint = position_jacobian(chain, side.q[rows])[1][:, :, chain.joint_steps()]
     return float(np.sqrt(np.mean(np.sum((joint * steps) ** 2, axis=2)) / 6.0))
 
 
 def _sparse(state: State, model: TrackedPoints) -> State:
-    """The state without those geometric errors of a link that explain nothing, and without zeros of a count or two.
+    """The state without geometric errors of a link that explain nothing, and without offsets of a count or two.
 
-    The least certain is left out first; the others, frame and target take over what they shared with it. A turn of
-    theta alone is a zero offset.
+    The least significant is removed first, the others, frame and target refitted. An error of theta alone is a joint
+    offset.
     """
     fit, steps = model.points.fit, model.steps
     least = LIMITS.geometry_gain * 3 * len(fit) * model.level**2

@@ -1,9 +1,7 @@
-"""What can be wrong where only the tracker looks.
+"""Candidates of the tracked points, their columns, and the fit of several together.
 
-Candidates, what each does to the points, and the fit of several together.
-
-Geometry moves values of the kinematic chain (``identification.kinematics``); everything else turns the joints by its
-own law from ``arm_model.effects``, per unit of its linear parameters.
+Geometric errors change values of the kinematic chain (``identification.kinematics``); every other effect turns the
+joints by its own law from ``arm_model.effects``, per unit of its linear parameters.
 """
 
 from __future__ import annotations
@@ -27,11 +25,11 @@ from identification.kinematics.models import Parameters, chain_of, parallel_next
 GEOMETRY = {p.name: p.chain for p in LINK_GEOMETRY.parameters}
 """Value of the kinematic chain that each geometric error of a link moves."""
 FRAME, TARGET = 3e-4, 3e-4
-"""How well the tracker's frame (m, rad) and the target's place (m) are known that a rig file gives."""
+"""Prior std of the tracker's frame (m, rad) and of the target's position (m) from a rig file."""
 ANYWHERE = 10.0
-"""The same, of a tracker whose place no rig file gives."""
+"""Prior std of the frame of a tracker whose pose no rig file gives."""
 BOUND = 2.5
-"""Prior deviations beyond which frame and target are not taken to be off: something else is."""
+"""Prior std beyond which frame and target are kept at their values: the error has another cause."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +94,7 @@ def candidates(arm: Arm) -> Iterator[TrackedCandidate]:
         if parallel[j - 1]:
             yield TrackedCandidate(LINK_GEOMETRY.name, j, names=tuple(GEOMETRY))
         else:
-            # beta does there what theta and the next joint's theta do, or nearly: it has to improve the held-out points
-            # by itself
+            # beta is there nearly aliased with theta and the theta of the next joint: it is a candidate of its own
             yield TrackedCandidate(LINK_GEOMETRY.name, j, names=tuple(name for name in GEOMETRY if name != "beta"))
             yield TrackedCandidate(LINK_GEOMETRY.name, j, names=("beta",))
 
@@ -111,7 +108,7 @@ def _orders(effect: Effect) -> Iterator[tuple[tuple[str, float], ...]]:
 
 
 def turns(candidate: TrackedCandidate, side: Side) -> Array:
-    """(N, n, k): how far a unit of each of its coefficients turns each joint; k = 0 for geometry."""
+    """(N, n, k) rad: turn of each joint by a unit of each coefficient; k = 0 for geometry."""
     n, j = side.q.shape[1], (candidate.joint or 1) - 1
     if candidate.names:
         return np.zeros((len(side), n, 0))
@@ -125,7 +122,7 @@ def turns(candidate: TrackedCandidate, side: Side) -> Array:
     columns = []
     if effect.bend is not None:
         columns = [effect.bend(unit, replace(signals, load=side.holding[:, j])) for unit in unit_values]
-    elif effect.angle is not None:  # the link stands where the joint reads, less the error
+    elif effect.angle is not None:  # link angle = reading - error
         columns = [-effect.angle(unit, signals) for unit in unit_values]
     elif effect.deflection is not None:
         columns = [-effect.deflection(unit, signals) for unit in unit_values]
@@ -186,11 +183,10 @@ def fitted(
 ) -> State:
     """All chosen candidates fitted together with frame and target.
 
-    What of these would go beyond what may be unknown of it stays where the rig says, and something else is left to be
-    named.
+    Values of frame and target that would exceed BOUND prior std are kept at those of the rig.
 
-    steps (n,) rad: of encoders whose zeros may be up to a count off in every recording; they are then fitted beside all
-    else, so that values and deviations are what many recordings would agree on.
+    steps (n,) rad: of encoders whose zeros may be wrong by up to a count in every recording; these are then fitted as
+    well, so that values and std are those of many recordings.
     """
     parameters = _parameters(arm, chosen, target, frame_known)
     scale = np.concatenate([np.zeros(0), *(c.scales for c in chosen if not c.names)])
@@ -225,10 +221,7 @@ def _correlated(residual: Array, estimate: Fit, side: Side) -> float:
 
 
 def _widened(covariance: Array, prior: Array, correlated: float) -> Array:
-    """The covariance if only every ``correlated``-th point counts.
-
-    What the points say is worth less, what was known before is not.
-    """
+    """The covariance if only every ``correlated``-th point counts, with the same prior."""
     unit = covariance / np.outer(prior, prior)  # (H + 1)^-1 for points that say H
     information = np.linalg.inv(unit) - np.eye(len(prior))
     return np.asarray(np.linalg.inv(information / correlated + np.eye(len(prior))) * np.outer(prior, prior))
@@ -245,10 +238,7 @@ def _with_zeros(points: Points, side: Side, steps: Array) -> Points:
 
 
 def _zero_scales(side: Side, steps: Array) -> Array:
-    """Prior deviations, rad.
-
-    The count that a counter is set to, and the place within it, are each off by step / sqrt(12).
-    """
+    """Prior std, rad: the count that a counter is set to, and the position within it, step / sqrt(12) each."""
     return np.tile(np.maximum(steps, 1e-7) / np.sqrt(6.0), len(np.unique(side.of)))
 
 

@@ -1,9 +1,9 @@
 """Tracked points as a measurement model of the selection.
 
 Screening is linear: about the present fit, what a candidate's columns and all that is free explain of the fit set,
-judged by what it does to the held-out points. A candidate enters if that is larger than a share of what the points
-leave undetermined. Refits are not linear, so that a strong effect leaves nothing to be taken for another. Significance
-is judged when nothing enters any more, conditional on all others: before, two effects of one size hide each other's.
+judged on the held-out points. A candidate enters if its gain exceeds a share of what the points leave undetermined.
+Refits are not linear, so that a strong effect leaves no residual that resembles another one. Significance is judged
+when no candidate enters any more, conditional on all others: before, two effects of one size mask each other.
 """
 
 from __future__ import annotations
@@ -63,10 +63,10 @@ LIMITS = TrackerLimits(
 
 @dataclass(frozen=True)
 class Named:
-    """A chosen candidate: everything that does as well in its place.
+    """A chosen candidate with its ambiguity group.
 
-    With its score conditional on all others, and ``before`` (N, 3) m: the held-out residual without it, all others
-    refitted.
+    score   conditional on all others
+    before  (N, 3) m: held-out residual without it, all others refitted
     """
 
     candidate: TrackedCandidate
@@ -79,7 +79,7 @@ class Named:
 class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
     """points: fit and held-out points; target (3,) m in the frame of the last link.
 
-    frame_known: whether a rig file says how the tracker stands.
+    frame_known: whether a rig file has the pose of the tracker.
 
     nominal  values of the chain at which fits start
     level    m: std of a coordinate that the points leave undetermined
@@ -111,7 +111,7 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
         return fitted(self.arm, chosen, self.points.fit, self.target, frame_known=self.frame_known, start=start)
 
     def precise(self, state: State) -> State:
-        """The same candidates with the encoders' own zeros beside them, for values and std."""
+        """The same candidates fitted together with the zeros of the encoders, for values and std."""
         return fitted(
             self.arm,
             state.chosen,
@@ -212,10 +212,7 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
 
 
 def selected(model: TrackedPoints, progress: Callable[[str], None]) -> State:
-    """The candidates that are there.
-
-    Those that matter, and of them those that are significant conditional on all others.
-    """
+    """The candidates that matter and are significant conditional on all others."""
     state = select(model, lambda sentence: progress(f"{sentence} in the tracker's points"))
     return eliminate(model, state, fdr=model.limits.final_fdr, tests=len(model.every))
 
@@ -252,17 +249,14 @@ def _merged(entering: TrackedCandidate, chosen: Sequence[TrackedCandidate]) -> T
 
 
 def _within(part: TrackedCandidate, whole: TrackedCandidate) -> bool:
-    """Whether ``other`` can do everything that ``one`` can: the same, or all of its values and more."""
+    """Whether ``whole`` contains ``part``: the same candidate, or all of its values and more."""
     if part.names and whole.names:
         return set(part.values) <= set(whole.values)
     return part.key == whole.key
 
 
 def _of_the_same_errors(alike: Sequence[TrackedCandidate], candidate: TrackedCandidate) -> list[TrackedCandidate]:
-    """Other links with just those geometric errors that the candidate has.
-
-    With all five they would follow the encoders' zeros.
-    """
+    """Other links with the geometric errors of the candidate only: with all five they would fit encoder zeros."""
     if candidate.effect != LINK_GEOMETRY.name:
         return []
     return [replace(c, names=candidate.names) for c in alike if c.effect == LINK_GEOMETRY.name]

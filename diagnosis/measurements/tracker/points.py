@@ -1,7 +1,4 @@
-"""What a tracker recorded, ready to be judged.
-
-Points and the joints' motion at the same rows, wrong points taken out and counted.
-"""
+"""Tracked points with the motion of the joints at the same rows, wrong points removed and counted."""
 
 from __future__ import annotations
 
@@ -25,12 +22,9 @@ from identification.selection import BLOCK_SECONDS
 Mask = NDArray[np.bool_]
 
 MOST = 6000
-"""Points of one side that are used; more are evenly thinned."""
+"""Points of either set that are used; more are evenly thinned."""
 WRONG = 8.0
-"""Deviations of the noise from the median of its neighbours that make a point wrong.
-
-a Gaussian one exceeds them once in 1e14.
-"""
+"""Noise std from the median of its neighbours above which a point is wrong; Gaussian noise: once in 1e14."""
 NEIGHBOURS = 7
 RATES = 0.1
 """s: length of the local cubics whose slopes are speed and acceleration."""
@@ -61,20 +55,13 @@ class Side:
 
 @dataclass(frozen=True)
 class Outliers:
-    """Points far from their neighbours, points that are missing among others, and points expected.
-
-    Size m of the wrong ones.
-    """
+    """Numbers of wrong, missing and expected points, of gaps, and the deviations ``size`` m of the wrong ones."""
 
     wrong: int
     missing: int
     breaks: int
     expected: int
     size: Array
-
-    @property
-    def share(self) -> float:
-        return (self.wrong + self.missing) / max(self.expected, 1)
 
 
 @dataclass(frozen=True)
@@ -91,10 +78,7 @@ class _Rows:
 
 
 def points_of(recording: Recording) -> Array | None:
-    """(n, 3) m in the base frame, or in the tracker's own where its rig does not know how it stands.
-
-    None without a tracker.
-    """
+    """(n, 3) m in the base frame, or in the tracker's own where the rig has no pose of it; None without a tracker."""
     xyz = recording.xyz if recording.xyz is not None else recording.points
     return None if xyz is None or np.isfinite(xyz).all(axis=1).sum() < NEIGHBOURS else xyz
 

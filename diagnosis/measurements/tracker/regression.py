@@ -20,16 +20,19 @@ def point_residual(state: State, side: Side) -> Array:
 
 
 def good(residual: Array) -> NDArray[np.bool_]:
-    """(N,) rows without those that are wrong by far."""
+    """(N,) rows that are no outliers."""
     length = np.linalg.norm(residual, axis=1)
     return np.asarray(length <= _largest(length))
 
 
 @dataclass(frozen=True)
 class Linear:
-    """A side about a fit: residual (N, 3), columns of all that is free (N, 3, k) per prior deviation.
+    """Points about a fit.
 
-    Every step's (N, 3, steps).
+    residual  (N, 3) m
+    free      (N, 3, k) m: columns of all free parameters, per prior std
+    every     (N, 3, steps): columns of every value of the chain
+    good      (N,) rows that are no outliers
     """
 
     residual: Array
@@ -62,7 +65,7 @@ def columns_of(candidate: TrackedCandidate, state: State, side: Side, about: Lin
 
 
 def squares(residual: Array) -> Array:
-    """(N,) squared distances, those of wrong points as far as they could be right."""
+    """(N,) squared distances, those of outliers clipped."""
     length = np.linalg.norm(residual, axis=1)
     return np.asarray(np.minimum(length, _largest(length)) ** 2)
 
