@@ -16,16 +16,26 @@ from identification.kinematics.models.parameters import Parameters
 from identification.selection.limits import Limits
 from identification.selection.stepwise import MeasurementModel, Score, select
 
-LIMITS = Limits(
+
+@dataclass(frozen=True, kw_only=True)
+class ExtensionLimits(Limits):
+    """Gains are shares of the rms.
+
+    standard_errors  between blocks that a gain must exceed, in place of a false-discovery rate: there are enough blocks
+    folds            parts of the points, each predicted without itself
+    """
+
+    standard_errors: float = 3.0
+    folds: int = 5
+
+
+LIMITS = ExtensionLimits(
     max_causes=30,
-    # judged by ``SIGNIFICANT`` standard errors of the gain, which left-out blocks have enough for
     fdr=None,
-    # of the rms: less is not worth a parameter
+    # less is not worth a parameter
     min_gain=0.02,
     kept_gain=None,
 )
-SIGNIFICANT = 3.0
-"""Standard errors between blocks that the gain of an extension must exceed."""
 
 
 @dataclass(frozen=True)
@@ -50,16 +60,13 @@ def choose(
     candidates: Sequence[Extension],
     deflect: Callable[[Sequence[Extension]], Array],
     start: Fit,
-    *,
-    folds: int = 5,
     report: Callable[[str], None] | None = None,
 ) -> tuple[list[Extension], list[Trial]]:
     """Extensions accepted one after the other, the best first, and the trials of every round's best.
 
     Points are cut into blocks (N,) of neighbours; whole blocks are left out in turn, so that no point is predicted from
-    its own neighbours. A candidate is accepted if its gain on left-out blocks exceeds ``SIGNIFICANT`` standard errors
-    (between blocks) and a share of the rms. All of it on the linearised problem, which after the fit is exact to a
-    micrometre.
+    its own neighbours. A candidate is accepted if its gain on left-out blocks exceeds the ``LIMITS``. All of it on the
+    linearised problem, which after the fit is exact to a micrometre.
 
     deflect gives the deflections (N, joints, parameters) of extensions at ``points``.
     """
@@ -69,7 +76,7 @@ def choose(
         parameters=parameters,
         points=points.where(thin),
         blocks=np.unique(blocks[thin], return_inverse=True)[1],
-        fold=_folds(blocks[thin], folds),
+        fold=_folds(blocks[thin], LIMITS.folds),
         candidates=tuple(candidates),
         deflect=lambda extensions: deflect(extensions)[thin],
         nominal=start.values,
@@ -99,7 +106,7 @@ class LeftOutPoints(MeasurementModel[Extension, Chosen]):
     deflect: Callable[[Sequence[Extension]], Array]
     nominal: Array
     report: Callable[[str], None]
-    limits: Limits = LIMITS
+    limits: ExtensionLimits = LIMITS
     trials: list[Trial] = field(default_factory=list)
 
     def start(self) -> Chosen:
@@ -238,14 +245,14 @@ def _folds(blocks: Index, folds: int) -> Index:
 
 
 def _judged(
-    extension: Extension, before: Array, after: Array, blocks: Index, limits: Limits
+    extension: Extension, before: Array, after: Array, blocks: Index, limits: ExtensionLimits
 ) -> tuple[Score[Extension], Trial]:
     gains = np.bincount(blocks, before - after).astype(float)
     gain = float(gains.sum())
     error = float(np.sqrt(np.sum((gains - gains.mean()) ** 2) * len(gains) / max(len(gains) - 1, 1)))
     z = gain / max(error, 1e-300)
     rms_before, rms_after = (float(np.sqrt(np.mean(s) / 3.0)) for s in (before, after))
-    accepted = bool(z > SIGNIFICANT and rms_after < (1.0 - limits.min_gain) * rms_before)
+    accepted = bool(z > limits.standard_errors and rms_after < (1.0 - limits.min_gain) * rms_before)
     score = Score(
         candidate=extension,
         gain=gain,

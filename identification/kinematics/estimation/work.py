@@ -260,9 +260,7 @@ def _extend(work: Work) -> None:
         return deflections(extensions, points.q, velocity=velocity, gravity=gravity)
 
     numbers = blocks(work.runs, work.rows)
-    work.extensions, work.trials = choose(
-        work.parameters, points, numbers, tried, deflect, work.estimate, report=work.tell
-    )
+    work.extensions, work.trials = choose(work.parameters, points, numbers, tried, deflect, work.estimate, work.tell)
     if work.extensions:
         points = Points(points.q, points.xyz, deflect(work.extensions))
         scale = prior_scales(work.extensions)

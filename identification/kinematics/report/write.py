@@ -13,6 +13,7 @@ from arm_io import write_text
 from arm_model import Arm, EffectTerm
 from identification.kinematics.estimation.calibration import Calibration
 from identification.kinematics.estimation.circle_point import Circle
+from identification.kinematics.estimation.cross_validation import LIMITS
 from identification.kinematics.estimation.position_error import LeftOut, PositionError
 from identification.kinematics.models.parameters import calibrated_arm, target_of, tracker_pose
 
@@ -74,6 +75,7 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
             }
             for t in calibration.trials
         ],
+        "limits": {"extensions": LIMITS.to_json()},
         "circles": [_circle(c) for c in calibration.circles],
         "circle_point": None if calibration.circle_point is None else {"fit": _error(calibration.circle_point)},
         "refused_sweeps": list(calibration.refused),

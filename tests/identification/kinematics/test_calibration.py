@@ -60,6 +60,8 @@ def test_geometry_alone_is_left_alone(arms) -> None:
         true.joints[1].beta, abs=6 * table["parameters"][1]["std"]["beta"] + 1e-5
     )
     assert set(table["parameters"][0]) == {"joint", "theta", "alpha", "a", "d", "beta", "std"}
+    limits = table["limits"]["extensions"]
+    assert (limits["min_gain"], limits["standard_errors"], limits["folds"]) == (0.02, 3.0, 5)
 
 
 def test_sag_and_delay_are_found_by_name(arms) -> None:
