@@ -2,8 +2,9 @@
 
 See http://wiki.ros.org/urdf/XML).
 
-URDF knows no motors: gears, torque constants and controllers do not go through it. Friction and damping are at the
-joint.
+Of the motors URDF knows the gears (``<mechanicalReduction>`` of a ``<transmission>``, as ros_control has it), but no
+rotor inertias, torque constants and controllers: currents of an arm from URDF are torques at the joint, with a gear or
+without. Friction and damping are at the joint.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
     links = {link.get("name", ""): link for link in robot.findall("link")}
     chain = _chain(path, robot, links, tip)
     joints: list[Joint] = []
+    gears = _gears(path, robot)
     offset = np.eye(4)  # of the next joint's parent in the last moving link's frame
     lump = np.zeros(10)
     for element in chain:
@@ -51,7 +53,7 @@ def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
             lump = lump + transform(inertial, pose)
             continue
         joints = _with_lump(path, joints, lump)
-        joints.append(_joint(path, element, pose))
+        joints.append(_joint(path, element, pose, gears.get(element.get("name", ""), 1.0)))
         offset, lump = np.eye(4), inertial
     joints = _with_lump(path, joints, lump)
     if not joints:
@@ -130,7 +132,29 @@ def _inertial(path: str | Path, link: xml.Element) -> Array:
     return transform(barycentric(mass, (0.0, 0.0, 0.0), entries), _origin(path, inertial))
 
 
-def _joint(path: str | Path, element: xml.Element, pose: Array) -> Joint:
+def _gears(path: str | Path, robot: xml.Element) -> dict[str, float]:
+    """Mechanical reduction of every joint that a transmission names with one; motor angle over joint angle."""
+    gears = {}
+    for transmission in robot.findall("transmission"):
+        found = transmission.find(".//mechanicalReduction")
+        driven = [joint.get("name", "") for joint in transmission.findall("joint")]
+        if found is None or len(driven) != 1:
+            continue
+        try:
+            gear = float(found.text or "")
+        except ValueError:
+            gear = 0.0
+        if not np.isfinite(gear) or gear == 0.0:
+            raise InputError(
+                path,
+                f"transmission {transmission.get('name')!r}: mechanicalReduction is {found.text!r}; expected a number "
+                "other than 0",
+            )
+        gears[driven[0]] = gear
+    return gears
+
+
+def _joint(path: str | Path, element: xml.Element, pose: Array, gear: float) -> Joint:
     kind = element.get("type", "")
     if kind not in _MOVING:
         allowed = ", ".join([*_MOVING, "fixed"])
@@ -141,6 +165,7 @@ def _joint(path: str | Path, element: xml.Element, pose: Array) -> Joint:
     speed = _numbers(path, limit, "velocity", "0", 1)[0]
     axis = _numbers(path, element.find("axis"), "xyz", "1 0 0", 3)
     damping, friction = (_numbers(path, dynamics, name, "0", 1)[0] for name in ("damping", "friction"))
+    ratio = abs(gear)
     return Joint(
         name=element.get("name", ""),
         type=_MOVING[kind],  # type: ignore[arg-type]
@@ -150,9 +175,12 @@ def _joint(path: str | Path, element: xml.Element, pose: Array) -> Joint:
         axis=(axis[0], axis[1], axis[2]),
         limits=(lower, upper) if kind != "continuous" and lower < upper else None,
         torque_limit=effort if effort > 0 else None,
-        motor_speed_limit=speed if speed > 0 else None,
-        viscous=(damping, damping),
-        coulomb=(friction, friction),
+        gear=gear,
+        # so that torque at the joint = |gear| torque_constant i = i
+        torque_constant=1.0 / ratio,
+        motor_speed_limit=speed * ratio if speed > 0 else None,
+        viscous=(damping / ratio**2, damping / ratio**2),
+        coulomb=(friction / ratio, friction / ratio),
     )
 
 
@@ -191,6 +219,8 @@ def write_urdf(path: str | Path, arm: Arm) -> None:
         name = f"link{number}"
         _write_joint(robot, joint, f"joint{number}", parent, name, pose @ before)
         _write_link(robot, joint, name, after)
+        if joint.gear != 1.0:
+            _write_gear(robot, joint, joint.name or f"joint{number}")
         pose, parent = after, name
     fixed = xml.SubElement(robot, "joint", name="flange", type="fixed")
     xml.SubElement(fixed, "parent", link=parent)
@@ -216,6 +246,14 @@ def _write_joint(robot: xml.Element, joint: Joint, name: str, parent: str, child
     damping = joint.ratio**2 * sum(joint.viscous) / 2
     dynamics = {"damping": repr(damping), "friction": repr(friction)}
     xml.SubElement(element, "dynamics", dynamics)
+
+
+def _write_gear(robot: xml.Element, joint: Joint, name: str) -> None:
+    transmission = xml.SubElement(robot, "transmission", name=f"{name}_transmission")
+    xml.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
+    xml.SubElement(transmission, "joint", name=name)
+    actuator = xml.SubElement(transmission, "actuator", name=f"{name}_motor")
+    xml.SubElement(actuator, "mechanicalReduction").text = repr(float(joint.gear))
 
 
 def _write_link(robot: xml.Element, joint: Joint, name: str, after: Array) -> None:

@@ -67,7 +67,7 @@ class Equations:
 
 
 def column_names(arm: Arm, friction: Friction) -> list[str]:
-    """Names of ``model_columns``: regressor, friction as requested, rotors if the model has any, effects.
+    """Names of ``model_columns``: regressor, friction as requested, rotors where the model has one or a gear, effects.
 
     symmetric   viscous, coulomb, offset: with a constant offset, Coulomb friction may differ by direction
     asymmetric  viscous_positive, viscous_negative, coulomb_positive, coulomb_negative; an offset could not be
@@ -133,8 +133,17 @@ def _left_out(arm: Arm, name: str, friction: Friction) -> bool:
     head, _, rest = name.partition(".")
     if rest == "offset":
         return friction == "asymmetric"
-    # Without a rotor in the model, its inertia is part of what the joint moves.
-    return rest == "rotor_inertia" and arm.joints[int(head.removeprefix("joint")) - 1].rotor_inertia == 0.0
+    if rest != "rotor_inertia":
+        return False
+    # Without rotor and gear in the model, the rotor's inertia is part of what the joint moves: behind a gear it turns
+    # as fast as the motor, and no link's inertia is felt as it is.
+    joint = arm.joints[int(head.removeprefix("joint")) - 1]
+    return joint.rotor_inertia == 0.0 and joint.ratio == 1.0
+
+
+def freed_rotors(arm: Arm) -> list[int]:
+    """Joints (from 1) whose model has a gear and no rotor inertia: a rotor is there, and it is identified."""
+    return [j for j, joint in enumerate(arm.joints, 1) if joint.rotor_inertia == 0.0 and joint.ratio != 1.0]
 
 
 def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int = 0, seed: int = 1) -> BaseParameters:

@@ -23,6 +23,7 @@ from identification.regression.equations import (
     Friction,
     equations,
     equations_of,
+    freed_rotors,
     model_values,
     structural_base,
     with_effects,
@@ -151,6 +152,12 @@ def prepare(
         f"{name}: held as the model has it, and counted as rigid or sliding here" for name in left_to_the_model(arm)
     ]
     warnings += [f"{name} is in the model more than once: only the first is fitted" for name in repeated(arm)]
+    if freed := freed_rotors(arm):
+        which = f"joint{'s' if len(freed) > 1 else ''} {', '.join(map(str, freed))}"
+        warnings.append(
+            f"the model has a gear and no rotor inertia at {which}: identified here, at the joint side (gear^2 times "
+            "that of the motor), where it can be told from the link's; in base_parameters else"
+        )
     progress("equations of motion")
     base = structural_base(arm, friction)
     views = [motions, list(map(with_reversals, motions))]
