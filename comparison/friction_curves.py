@@ -76,8 +76,12 @@ def _curve(motions: Sequence[Motion], names: Sequence[str], arm: Arm, joint: int
     which = "positive" if direction > 0 else "negative"
     for mine, peak, name in zip(speeds, peaks, names):
         if len(mine) < FEWEST or not peak:
-            few = f"fewer than {EXCURSIONS} times" if mine.any() else "not"
-            return Curve(joint, direction, nothing, f"{name} moves joint {joint + 1} {few} in {which} direction")
+            moved = (
+                f"moves joint {joint + 1} fewer than {EXCURSIONS} times"
+                if mine.any()
+                else f"never moves joint {joint + 1}"
+            )
+            return Curve(joint, direction, nothing, f"{name} {moved} in {which} direction")
     ends = [(float(np.quantile(mine, TAIL)), peak) for mine, peak in zip(speeds, peaks)]
     low, high = max(end[0] for end in ends), min(end[1] for end in ends)
     if low >= high:

@@ -12,7 +12,6 @@ from arm_io.types import Array, Progress
 from arm_model import Arm
 from comparison.change import Estimate, Quantity
 from comparison.circumstances import circumstances
-from comparison.friction_curves import common_curves
 from comparison.outcome import Comparison
 from comparison.quantities import friction_maps, values_quantities
 from comparison.regression import Fitted, Structure, fit, rows_of, shown_by, structure_of
@@ -36,7 +35,7 @@ def compare_recordings(
     motions, _, runs = motions_of(recordings, [], arm, progress)
     names = [recording.path.name for recording in recordings]
     base = structural_base(arm, "asymmetric")
-    structure = structure_of(arm, base, common_curves(motions, names, arm))
+    structure = structure_of(arm, base, motions, names)
     fits, shown = _fits(structure, recordings, motions, progress)
     side = np.array([True] * len(before) + [False] * len(after))
     quantities, maps = _quantities(structure, fits, shown, side, names)
@@ -73,7 +72,7 @@ def _check(before: Sequence[Recording], after: Sequence[Recording]) -> None:
 def _fits(
     structure: Structure, recordings: Sequence[Recording], motions: Sequence[Motion], progress: Progress
 ) -> tuple[list[Fitted], NDArray[np.bool_]]:
-    """One fit per recording, and (recordings, s + f) what each shows."""
+    """One fit per recording, and (recordings, c) what each shows."""
     data = []
     for recording, motion in zip(recordings, motions):
         progress(f"equations of {recording.path.name}")
@@ -99,7 +98,7 @@ def _quantities(
     side: NDArray[np.bool_],
     names: Sequence[str],
 ) -> tuple[list[Quantity], Array]:
-    """What is compared, friction of the joints first, and (r, s + f) how it follows from the values."""
+    """What is compared, friction of the joints first, and (r, c) how it follows from the values."""
     comparable = np.asarray(shown[side].any(axis=0) & shown[~side].any(axis=0), bool)
     variance = np.zeros(shown.shape[1])
     for mine in (side, ~side):

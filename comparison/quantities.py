@@ -13,27 +13,29 @@ from numpy.typing import NDArray
 from arm_io.types import Array
 from comparison.change import Quantity
 from comparison.friction_curves import level_and_slope
+from comparison.load_friction import loaded_joints
 from comparison.regression import Structure
-from comparison.wording import friction_quantity, parameter_quantity, point_quantity
+from comparison.wording import friction_quantity, load_quantity, parameter_quantity, point_quantity
 from identification.result import unit_of
 
 
 def values_quantities(structure: Structure) -> list[Quantity]:
-    """(s + f) the values themselves."""
+    """(c) the values themselves."""
     arm, base = structure.arm, structure.base
     found = [
         parameter_quantity(base.expression(int(row)), unit_of(base.names[column], arm))
         for row, column in zip(structure.rows, structure.kept)
     ]
-    return found + [
+    points = [
         point_quantity(arm, curve.joint, curve.direction, float(curve.speeds[k])) for curve, k in structure.points
     ]
+    return [*found, *points, *(load_quantity(int(j)) for j in loaded_joints(structure.loads))]
 
 
 def friction_maps(structure: Structure, variance: Array) -> tuple[list[Quantity], Array]:
-    """Level, slope and offset of each joint's friction, and (r, s + f) how they follow from the values.
+    """Level, slope and offset of each joint's friction, and (r, c) how they follow from the values.
 
-    variance  (s + f,) of the changes of the values, which weight the points; NaN where they are not comparable
+    variance  (c,) of the changes of the values, which weight the points; NaN where they are not comparable
     """
     quantities: list[Quantity] = []
     maps: list[Array] = []
@@ -59,7 +61,7 @@ def friction_maps(structure: Structure, variance: Array) -> tuple[list[Quantity]
 
 
 def _level_rows(rows: Array, speeds: Sequence[Array], places: Sequence[NDArray[np.intp]], variance: Array) -> str:
-    """Fills level, slope and offset (3, s + f) of one joint; the reason where one cannot be had."""
+    """Fills level, slope and offset (3, c) of one joint; the reason where one cannot be had."""
     if any(np.isnan(variance[place]).any() for place in places):
         return "these motions do not separate friction from the rest of the model"
     sloped = True

@@ -1,7 +1,8 @@
 """The regression of one recording, with columns that mean the same in every recording of a comparison.
 
 Columns: base parameters of links, rotors and effects of the model, which depend on the structure of the arm alone
-(``structural_base``), and the points of friction curves (``friction_curves``) in place of Coulomb and viscous friction.
+(``structural_base``); points of friction curves (``friction_curves``) in place of Coulomb and viscous friction; and
+friction by load (``load_friction``).
 What the recording's setup adds (a known payload) is subtracted first.
 """
 
@@ -16,7 +17,8 @@ from scipy import stats
 
 from arm_io.types import Array
 from arm_model import Arm
-from comparison.friction_curves import Curve, hats, knots_of, model_friction
+from comparison.friction_curves import Curve, common_curves, hats, knots_of, model_friction
+from comparison.load_friction import EFFECT, load_columns, loaded_joints, mean_loads
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter
 from identification.regression.base_parameters import BaseParameters, base_parameters
 from identification.regression.effect_columns import is_effect
@@ -34,7 +36,8 @@ UNKNOWN = 0.1
 class Rows:
     """The rows of one recording.
 
-    columns  (k, s + f) of the s structural base parameters and the f compared points of friction curves
+    columns  (k, c) of the c = s + f + l values: s structural base parameters, f compared points of friction curves, l
+             coefficients of load friction
     own      (k, o) of points of its own, fitted and not compared
     y        (k,) N m or N
     """
@@ -54,10 +57,10 @@ class Rows:
 
 @dataclass(frozen=True)
 class Fitted:
-    """(s + f,) values, NaN where the recording does not show them; covariance with zeros there, of white noise blocks.
+    """(c,) values, NaN where the recording does not show them; covariance with zeros there, of white noise blocks.
 
     widened  factor between the raw standard deviations and those two of which hold 95 %
-    leakage  (s + f, s + f) change of each value by a unit error of one that was taken from the model
+    leakage  (c, c) change of each value by a unit error of one that was taken from the model
     """
 
     values: Array
@@ -69,12 +72,16 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Structure:
-    """Structural base parameters that are no friction: rows (s,) of ``base``, and the compared friction curves."""
+    """Structural base parameters that are no friction: rows (s,) of ``base``; the compared friction curves; mean loads.
+
+    loads  (J,) N m (N), NaN of joints without a column of load friction
+    """
 
     arm: Arm
     base: BaseParameters
     rows: NDArray[np.intp]
     curves: Sequence[Curve]
+    loads: Array
 
     @property
     def kept(self) -> NDArray[np.intp]:
@@ -87,14 +94,16 @@ class Structure:
         return [(curve, k) for curve in self.curves for k in range(len(curve.speeds))]
 
     def model(self) -> Array:
-        """(s + f,) values of the model."""
+        """(c,) values of the model."""
         base = self.base.grouping[self.rows] @ model_values(self.arm, "asymmetric")
-        return np.concatenate([base, *(model_friction(self.arm, curve, curve.speeds) for curve in self.curves)])
+        points = [model_friction(self.arm, curve, curve.speeds) for curve in self.curves]
+        return np.concatenate([base, *points, np.zeros(len(loaded_joints(self.loads)))])
 
     def uncertain(self, units: Sequence[str]) -> Array:
-        """(s + f,) how far the model's values may be off: their size, at least UNKNOWN of the largest of the unit."""
+        """(c,) how far the model's values may be off: their size, at least UNKNOWN of the largest of the unit."""
         base = np.abs(self.base.grouping[self.rows]) @ np.abs(model_values(self.arm, "asymmetric"))
         size = np.concatenate([base, np.abs(self.model()[len(base) :])])
+        size[len(size) - len(loaded_joints(self.loads)) :] = EFFECT.linear[0].typical[1]
         kinds = np.array(units)
         floor = np.array([UNKNOWN * size[kinds == unit].max() for unit in units])
         return np.asarray(np.maximum(size, floor))
@@ -107,10 +116,10 @@ def is_friction(name: str) -> bool:
     return head.startswith("joint") and not is_effect(name) and kind in ("viscous", "coulomb", "drag", "offset")
 
 
-def structure_of(arm: Arm, base: BaseParameters, curves: Sequence[Curve]) -> Structure:
-    """Base parameters of links, rotors and effects."""
+def structure_of(arm: Arm, base: BaseParameters, motions: Sequence[Motion], names: Sequence[str]) -> Structure:
+    """What all ``motions`` are compared by; ``names`` of their recordings."""
     rows = [row for row, column in enumerate(base.kept) if not is_friction(base.names[column])]
-    return Structure(arm, base, np.array(rows, np.intp), curves)
+    return Structure(arm, base, np.array(rows, np.intp), common_curves(motions, names, arm), mean_loads(arm, motions))
 
 
 def rows_of(structure: Structure, motion: Motion, carrying: Arm) -> Rows:
@@ -132,16 +141,20 @@ def rows_of(structure: Structure, motion: Motion, carrying: Arm) -> Rows:
         block = np.where((joint == curve.joint)[:, None], shown[row], 0.0)
         compared.append(block[:, common])
         own.append(block[:, ~common])
+    joints = loaded_joints(structure.loads)
+    by_load = load_columns(carrying, motion, structure.loads) * equation_weight(motion)[:, joints]
+    compared.append(np.where(joint[:, None] == joints, parallel_filter(motion, by_load)[row], 0.0))
     columns = np.concatenate([found.columns[:, structure.kept], *compared], axis=1)
     return Rows(found, columns, np.concatenate([np.empty((len(y), 0)), *own], axis=1), y)
 
 
 def shown_by(rows: Rows, structure: Structure) -> NDArray[np.bool_]:
-    """(s + f,) which values a recording shows: friction first, then links and rotors, effects of the model last."""
+    """(c,) which values a recording shows: friction curves first, then links, rotors, effects, load friction last."""
     size, first, links = rows.columns.shape[1], rows.own.shape[1], len(structure.rows)
     both = np.concatenate([rows.own, rows.columns], axis=1) * rows.weight[:, None]
     # Base parameters come in the order of reading, effects last.
-    order = [*range(first), *range(first + links, first + size), *range(first, first + links)]
+    curves = range(first + links, first + links + len(structure.points))
+    order = [*range(first), *curves, *range(first, first + links), *range(curves.stop, first + size)]
     kept = base_parameters(both, [str(k) for k in range(first + size)], order=order, negligible=EXCITED).kept
     found = np.zeros(size, bool)
     found[kept[kept >= first] - first] = True
@@ -149,7 +162,7 @@ def shown_by(rows: Rows, structure: Structure) -> NDArray[np.bool_]:
 
 
 def fit(rows: Rows, shown: NDArray[np.bool_], model: Array) -> Fitted:
-    """Weighted least squares of the values ``shown`` (s + f,); the others at those of the ``model`` (s + f,)."""
+    """Weighted least squares of the values ``shown`` (c,); the others at those of the ``model`` (c,)."""
     silent = ~shown
     y = rows.y - rows.columns[:, silent] @ model[silent]
     # A column of its own that this recording's other columns contain would make the rest undetermined.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from arm_model import Arm
 from comparison.change import Kind, Quantity
+from comparison.load_friction import EFFECT
 from identification.regression.effect_columns import is_effect
 from identification.result import unit_of
 
@@ -69,6 +70,17 @@ def friction_quantity(arm: Arm, joint: int, kind: str) -> Quantity:
     """'coulomb', 'viscous' or 'offset' of a joint (from 0)."""
     name = f"joint{joint + 1}.{kind}"
     return Quantity(name=name, words=in_words(name), unit=unit_of(name, arm), kind="friction", joint=joint + 1)
+
+
+def load_quantity(joint: int) -> Quantity:
+    """Friction of a joint (from 0) per load."""
+    return Quantity(
+        name=f"joint{joint + 1}.{EFFECT.name}.{EFFECT.linear[0].name}",
+        words=f"friction of joint {joint + 1} per load",
+        unit=EFFECT.linear[0].unit,
+        kind="friction",
+        joint=joint + 1,
+    )
 
 
 def point_quantity(arm: Arm, joint: int, direction: float, speed: float) -> Quantity:

@@ -61,16 +61,19 @@ def record(
     resting: int | None = None,
     temp: float | None = None,
     experiment: str | None = None,
+    by_load: float = 0.0,
 ) -> Recording:
     """Encoders of 1e-5 rad; currents with white noise of 10 mA and as much that is correlated over 20 rows.
 
-    seed, noise  of the motion and of the noise; resting: a joint (from 0) that stands still
+    seed, noise  of the motion and of the noise; resting: a joint (from 0) that stands still;
+                 by_load: share of the load of joint 2 that is added to its friction
     """
     t = np.arange(int(rate * seconds)) / rate
     q, qd, qdd = motion(t, len(arm), seed, speed)
     if resting is not None:
         q[:, resting], qd[:, resting], qdd[:, resting] = q[0, resting], 0.0, 0.0
     torque = rigid_torque(arm, q, qd, qdd)
+    torque[:, 1] += by_load * np.abs(torque[:, 1]) * np.sign(qd[:, 1])
     for j, joint in enumerate(arm.joints):
         torque[:, j] += joint.ratio**2 * joint.rotor_inertia * qdd[:, j] + friction(qd[:, j], levels[j])
     white, driven = np.random.default_rng(noise).standard_normal((2, *q.shape))

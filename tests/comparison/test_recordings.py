@@ -115,14 +115,28 @@ def test_what_a_recording_does_not_show_is_not_compared(arm: Arm, tmp_path: Path
     after = record(tmp_path / "after.mcap", arm, 2, resting=2, levels=WORN, temp=31.5, rate=200.0)
     result = compare_recordings([before], [after], arm)
     of_three = [one for one in result.changes if one.quantity.joint == 3 and one.quantity.kind == "friction"]
-    assert len(of_three) == 3
-    for one in of_three:
-        assert not one.comparable and one.quantity.why == "after.mcap moves joint 3 not in positive direction"
+    whys = {one.quantity.name.partition(".")[2]: one.quantity.why for one in of_three}
+    rests = "after.mcap never moves joint 3 in positive direction"
+    assert whys == {
+        **dict.fromkeys(("coulomb", "viscous", "offset"), rests),
+        "load_friction.mu": "not excited in after.mcap",
+    }
     assert result.significant == []
     sentences = {one.kind: one.sentence for one in result.circumstances}
     assert "motor 3 is 7.5 K warmer (24.0 to 31.5 degC)" in sentences["temperature"]
     assert "250 rows/s before, 200 after" in sentences["rate"]
     assert "motion" in sentences
+
+
+def test_friction_by_load_is_no_change_of_masses(arm: Arm, tmp_path: Path) -> None:
+    before = record(tmp_path / "before.mcap", arm, 1)
+    after = record(tmp_path / "after.mcap", arm, 2, by_load=0.1)
+    result = compare_recordings([before], [after], arm)
+    found = {one.quantity.name: one for one in result.significant if one.quantity.kind != "curve"}
+    worn = found["joint2.load_friction.mu"]
+    assert worn.change == pytest.approx(0.1, abs=3 * worn.std)
+    assert {one.quantity.joint for one in result.significant} == {2}
+    assert names(result, "inertia") == set()
 
 
 def test_an_effect_of_the_model_is_compared_too(arm: Arm, tmp_path: Path) -> None:

@@ -1,0 +1,101 @@
+"""The statistics of a comparison on numbers whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from comparison.change import Change, Estimate, Kind, Quantity
+from comparison.significance import changes, moderate
+
+SIZE = 40
+
+
+def quantities(kind: Kind = "inertia", count: int = SIZE) -> list[Quantity]:
+    return [Quantity(name=f"q{k}", words=f"q{k}", unit="", kind=kind) for k in range(count)]
+
+
+def side(rng: np.random.Generator, recordings: int, scatter: float, shift: np.ndarray, freedom: float = 60.0):
+    """Estimates of deviation 1 as stated, which scatter ``scatter`` times as much."""
+    found = []
+    for _ in range(recordings):
+        values = shift + scatter * rng.standard_normal(len(shift))
+        ones = np.ones(len(shift))
+        found.append(Estimate(source="", values=values, std=1.02 * ones, raw=ones, freedom=freedom))
+    return found
+
+
+def named(found: list[Change]) -> np.ndarray:
+    return np.array([one.significant for one in found])
+
+
+@pytest.mark.parametrize(("recordings", "scatter"), [(1, 1.0), (2, 1.0), (2, 3.0), (3, 3.0), (6, 3.0)])
+def test_false_discoveries_stay_at_their_rate(recordings: int, scatter: float) -> None:
+    """Nothing changed: in at most one comparison of twenty is anything named, however small the stated deviations."""
+    rng, nothing, trials = np.random.default_rng(recordings), np.zeros(SIZE), 300
+    false = 0
+    for _ in range(trials):
+        sides = [side(rng, recordings, scatter, nothing) for _ in range(2)]
+        false += named(changes(quantities(), *sides)).any()
+    # 0.05 and three of its standard deviations
+    assert false / trials < 0.05 + 3 * (0.05 * 0.95 / trials) ** 0.5
+
+
+def test_change_above_the_scatter_is_found() -> None:
+    """In groups that scatter three times as much as they say; 5 % of what is named may be false."""
+    rng, shift, trials, hits, false = np.random.default_rng(0), np.zeros(SIZE), 100, 0, 0.0
+    shift[7] = 15.0
+    for _ in range(trials):
+        found = changes(quantities(), side(rng, 3, 3.0, 0 * shift), side(rng, 3, 3.0, shift))
+        hits += found[7].significant
+        false += (named(found).sum() - found[7].significant) / max(named(found).sum(), 1)
+        assert found[7].std == pytest.approx(3.0 * (2 / 3) ** 0.5, rel=0.4)
+    assert hits >= 0.95 * trials
+    assert false <= 0.1 * trials
+    assert np.mean([one.scatter for one in found]) == pytest.approx(3.0, rel=0.3)
+
+
+def test_single_pair_is_the_difference_over_the_joint_deviation() -> None:
+    rng = np.random.default_rng(1)
+    a, b = side(rng, 1, 1.0, np.zeros(SIZE)), side(rng, 1, 1.0, np.zeros(SIZE))
+    for k, one in enumerate(changes(quantities(), a, b)):
+        assert one.change == pytest.approx(b[0].values[k] - a[0].values[k])
+        assert one.std == pytest.approx(1.02 * 2**0.5) and one.scatter is None
+        assert one.p == pytest.approx(2 * stats.t.sf(abs(one.change) / 2**0.5, 120))
+
+
+def test_a_recording_that_says_nothing_is_left_out() -> None:
+    rng = np.random.default_rng(2)
+    before, after = side(rng, 2, 1.0, np.zeros(3)), side(rng, 2, 1.0, np.zeros(3))
+    before[0].values[0] = np.nan
+    for one in after:
+        one.values[1] = np.nan
+    found = changes(quantities(count=3), before, after)
+    assert found[0].before == pytest.approx(before[1].values[0]) and found[0].comparable
+    assert found[1].quantity.why == "one side says nothing of it" and found[1].p is None
+    assert found[2].comparable
+
+
+def test_many_changed_points_of_a_curve_let_nothing_else_through() -> None:
+    """Ten changed points and one other quantity with p = 0.008: among eleven alone that would be called significant."""
+    curve = [Quantity(name=f"p{k}", words="", unit="N m", kind="curve", joint=3, speed=0.1 * k) for k in range(10)]
+    other = quantities(count=30)
+    shift = np.array([20.0] * 10 + [2.65 * 2**0.5] + [0.0] * 29)
+    ones = np.ones(40)
+    pair = [Estimate(source="", values=v, std=ones, raw=ones, freedom=1e6) for v in (0 * shift, shift)]
+    found = changes(curve + other, pair[:1], pair[1:])
+    assert found[10].p == pytest.approx(0.008, rel=0.02)
+    assert float(stats.false_discovery_control([one.p for one in found])[10]) < 0.05
+    assert named(found).tolist() == [True] * 10 + [False] * 30
+
+
+def test_moderation_recovers_the_common_scatter() -> None:
+    rng = np.random.default_rng(3)
+    freedom = np.full(400, 4.0)
+    alike, left = moderate(9.0 * rng.chisquare(4, 400) / 4, freedom)
+    assert alike == pytest.approx(9.0, rel=0.35) and (left > 30).all()
+    # Quantities that scatter differently keep what is their own.
+    mixed = np.where(np.arange(400) % 2, 1.0, 400.0)
+    moderated, left = moderate(mixed * rng.chisquare(4, 400) / 4, freedom)
+    assert (left < 8).all() and np.median(moderated[::2]) > 50 * np.median(moderated[1::2])
