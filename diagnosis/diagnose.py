@@ -10,7 +10,7 @@ extend   all causes together, the extended model, and what these recordings coul
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from arm_model.effects import dissipative
 from daq.recording import Recording
 from diagnosis.cause import Cause, Signal, Structure, Undetectable, extend, merge
 from diagnosis.closed_loop.comparison import Compared, along_motion, compare, faithful, with_smoothing_velocities
-from diagnosis.find_causes import Named, has_dynamics, named_causes
+from diagnosis.find_causes import Named, Progress, Recordings, has_dynamics, named_causes
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.detectability import not_judged, not_visible
 from diagnosis.measurements.currents.limits import LIMITS
@@ -38,9 +38,6 @@ from diagnosis.screening.plausibility import check_motion, mixed_up
 from diagnosis.selection.design import Dataset
 from diagnosis.units import unit_at
 from identification.selection import Split
-
-Recordings = Split[Sequence[Recording]]
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -266,8 +266,8 @@ def _through_the_vertical(axis: _Axis) -> Iterator[Trial]:
         share = min(1.0, 0.1 / axis.full)
         cycle = {"type": "repeat", "times": 2, "segment": [axis.to(b, share), axis.to(a, share)]}
         words = (
-            f"slowly through {place:.3g} {axis.unit}, where gravity at it changes sign (between {a:.3g} and {b:.3g}, "
-            "twice)"
+            f"slowly through {place:.3g} {axis.unit}, where its gravity torque changes sign (twice, "
+            f"between {a:.3g} and {b:.3g})"
         )
         yield axis.trial("through the vertical", words, [axis.to(a, 0.25), cycle])
 

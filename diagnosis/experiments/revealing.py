@@ -116,7 +116,7 @@ def _best(one: Undetectable, tried: Sequence[tuple[Trial, dict[EffectKey, float]
         return Showing(one)
     trial, most = max(able, key=lambda pair: pair[1])
     motion = trial.words.removeprefix(f"joint {one.joint} ")
-    words = f"no motion of this joint that was tried ({motion}: {times_noise(most)})"
+    words = f"none of the motions tried for this joint suffices ({motion}: {times_noise(most)})"
     effect = CATALOGUE[one.effect]
     # the catalogue names instruments that show effects of gravity without a motion
     by_links = Instrument.LINK_ENCODER in effect.observed_by and effect.excited_by is not Excitation.GRAVITY

@@ -26,6 +26,7 @@ from diagnosis.residual.run_setup import loaded
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 from experiment import demand_of
+from identification.selection import scaled_lstsq
 
 SIMULATED_RATE = 2.0 * ROWS_PER_SECOND
 """Rows/s of a simulated motion: enough for the bands of ``residual``."""
@@ -104,9 +105,7 @@ class Question:
     def _equations(self, side: Dataset) -> tuple[list[list[_Equations]], Array]:
         """Normal equations of each shape of every rival in a dataset, and the squares of their predictions."""
         length = len(side.y)
-        free = [c.dense(length) for c in free_columns(side, self.arm)]
-        free += [columns_of(c, side).dense(length) for c in self.nuisances]
-        nuisance = np.hstack(free) if free else np.empty((length, 0))
+        nuisance = _dense(self.nuisances, side, self.arm)
         predicted = np.zeros((length, len(self.rivals)))
         for k, rival in enumerate(self.rivals):
             if rival.best is not None:
@@ -134,19 +133,20 @@ def _residual(equations: _Equations, squares: Array, k: int) -> float:
     return max(float(squares[k] - along @ (along / values[keep])), 0.0)
 
 
+def _dense(nuisances: Sequence[Candidate], side: Dataset, arm: Arm) -> Array:
+    """(N, k): the columns that are always free, and those of the nuisances."""
+    columns = [*free_columns(side, arm), *(columns_of(c, side) for c in nuisances)]
+    return np.hstack([np.empty((len(side.y), 0)), *(c.dense(len(side.y)) for c in columns)])
+
+
 def rival_of(shapes: Sequence[Candidate], nuisances: Sequence[Candidate], runs: Sequence[Run], arm: Arm) -> Rival:
     """A rival as the recordings show it: its best shape, fitted to their residuals with the nuisances."""
     side = dataset_of(runs)
-    length = len(side.y)
-    free = [c.dense(length) for c in free_columns(side, arm)]
-    free += [columns_of(c, side).dense(length) for c in nuisances]
-    fits = []
+    nuisance, fits = _dense(nuisances, side, arm), []
     for shape in shapes:
-        x = np.hstack([columns_of(shape, side).dense(length), *free])
-        scale = np.linalg.norm(x, axis=0)
-        scale[scale == 0.0] = 1.0
-        c = np.linalg.lstsq(x / scale, side.y, rcond=1e-8)[0] / scale
-        fits.append((float(np.sum((side.y - x @ c) ** 2)), shape, c[: x.shape[1] - sum(f.shape[1] for f in free)]))
+        x = np.hstack([columns_of(shape, side).dense(len(side.y)), nuisance])
+        c = scaled_lstsq(x, side.y, 1e-8)
+        fits.append((float(np.sum((side.y - x @ c) ** 2)), shape, c[: x.shape[1] - nuisance.shape[1]]))
     _, best, coefficients = min(fits, key=lambda one: one[0])
     return Rival(best.key, tuple(shapes), best, coefficients)
 

@@ -163,7 +163,7 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
         for p in cause.parameters
     ]
     factor, unit = readable(cause.unit, (cause.before, cause.after))
-    less = f", {cause.before / cause.after:.3g} times less" if 0.0 < cause.after < cause.before else ""
+    less = f", {cause.before / cause.after:.3g} times smaller" if 0.0 < cause.after < cause.before else ""
     sure = "" if len(cause.group) == 1 else " that this cause, or one indistinguishable from it, is present"
     parts = [
         f"<p><code>{escape(equation)}</code></p>",

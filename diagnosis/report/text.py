@@ -35,5 +35,5 @@ def _over_noise(table: dict[str, Any]) -> list[str]:
     sizes = []
     for row in rows:
         before, after = (f"{row['noise_ratio'][when]:.2g}" for when in ("before", "after"))
-        sizes.append(f"joint {row['joint']} {before if before == after else f'{before} -> {after}'}")
-    return [f"held-out residual current over the noise floor of the instruments: {', '.join(sizes)}"]
+        sizes.append(f"joint {row['joint']}: {before if before == after else f'{before} -> {after}'}")
+    return [f"held-out residual current over the noise floor of the instruments: {'; '.join(sizes)}"]

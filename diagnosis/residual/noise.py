@@ -17,6 +17,8 @@ QUIET_ROWS, QUIET_BLOCKS = 60, 5
 """Rows that a block must have, and blocks that there must be."""
 END_SECONDS = 0.1
 """Beginning of a recording that is excluded: filter transient and start of the drives."""
+MAD_TO_STD = 1.4826
+"""Std of normal noise over its median absolute value."""
 STILL_SECONDS = 0.2
 """Shortest standstill of the whole arm from which noise is estimated."""
 
@@ -27,7 +29,7 @@ def scatter(values: Array) -> Array:
     high = signal.sosfiltfilt(sos, values, axis=0)
     _, response = signal.sosfreqz(sos, 1000)
     passed = float(np.mean(np.abs(response) ** 4))  # of white noise's power, forwards and back
-    deviation: Array = 1.4826 * np.median(np.abs(high), axis=0) / np.sqrt(passed)
+    deviation: Array = MAD_TO_STD * np.median(np.abs(high), axis=0) / np.sqrt(passed)
     return deviation
 
 

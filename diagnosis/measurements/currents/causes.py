@@ -40,14 +40,14 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
         aliases += definition.observed_by[Instrument.CURRENT].aliases
     group += [(name, candidate.joint) for name in aliases if (name, candidate.joint) not in group]
     where, unit = (
-        f"joint {candidate.joint}" if candidate.joint else "all joints",
+        f"of joint {candidate.joint}" if candidate.joint else "of all joints",
         model.arm.joints[joint - 1].current_unit,
     )
     sentence = (
         f"{definition.shows}: with it, the held-out current error of joint {joint} falls from {before:.3g} to "
         f"{after:.3g} {unit} rms, "
         f"in {int(np.sum(conditional.blocks > 0))} of {int(np.sum(conditional.blocks != 0))} one-second blocks "
-        f"({where})"
+        f"{where}"
     )
     separate = None
     if len(group) > 1:

@@ -50,7 +50,7 @@ def not_visible(
         if strength < SHOWS_FROM and (effect, joint) not in known:
             reasons = (
                 _did(CATALOGUE[effect].excited_by, joint, held_out, arm),
-                f"the effect of even {_size(effect, arm, joint)} is {times_noise(strength)}",
+                f"even {_size(effect, arm, joint)} changes the currents by {times_noise(strength)}",
             )
             where = f"joint {joint}" if joint else "all joints"
             undetectable.append(
@@ -76,8 +76,8 @@ def felt(candidate: Candidate, columns: Columns, rows: int) -> float:
 
 
 def times_noise(strength: float) -> str:
-    """``0.2 times the noise``, or that it is negligible."""
-    return "negligible against the noise" if strength < 0.005 else f"{strength:.2g} times the noise"
+    """``0.2 times the noise``."""
+    return "less than 0.005 times the noise" if strength < 0.005 else f"{strength:.2g} times the noise"
 
 
 def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
@@ -94,16 +94,16 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
             f"{unit_at(drive, 'N m')})"
         )
     if need in (Excitation.LOAD, Excitation.LOAD_REVERSAL):
-        return f"joint {joint} carried no more than {np.abs(load).max():.2g} {unit_at(drive, 'N m')}"
+        return f"the load of joint {joint} was at most {np.abs(load).max():.2g} {unit_at(drive, 'N m')}"
     if need is Excitation.GRAVITY:
         poses = np.concatenate([run.q[::10] for run in side.runs])
         gravity = rigid_torque(arm, poses, 0.0 * poses, 0.0 * poses)[:, j]
-        change = f"changed by no more than {np.ptp(gravity):.2g} {unit_at(drive, 'N m')}"
-        return f"gravity at joint {joint} {change if np.abs(gravity).max() > 1e-6 else 'is zero'}"
+        change = f"changed by at most {np.ptp(gravity):.2g} {unit_at(drive, 'N m')}"
+        return f"the gravity torque of joint {joint} {change if np.abs(gravity).max() > 1e-6 else 'is zero'}"
     if need is Excitation.CURRENT:
-        return f"joint {joint} drew no more than {np.abs(current).max():.2g} {drive.current_unit}"
+        return f"the current of joint {joint} was at most {np.abs(current).max():.2g} {drive.current_unit}"
     if need is Excitation.ACCELERATION:
-        return f"joint {joint} accelerated by no more than {np.abs(a).max():.2g} {unit_at(drive, 'rad/s2')}"
+        return f"the acceleration of joint {joint} was at most {np.abs(a).max():.2g} {unit_at(drive, 'rad/s2')}"
     return (
         f"joint {joint} moved {np.ptp(q):.2g} {unit_at(drive, 'rad')}, at up to {np.abs(v).max():.2g} "
         f"{unit_at(drive, 'rad/s')}"

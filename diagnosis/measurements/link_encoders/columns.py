@@ -22,6 +22,7 @@ from arm_model.rigid_body import rigid_torque
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import low_pass
+from diagnosis.residual.noise import MAD_TO_STD
 from diagnosis.selection.candidate import Candidate
 
 Index = NDArray[np.intp]
@@ -105,7 +106,7 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
         else:
             load = low_pass(r.i, LOAD_BAND, rate) * arm.joint_array("drive_constant")
         difference = (r.q - r.ql)[:, k]
-        scatter = 1.4826 * np.median(np.abs(np.diff(difference, 2, axis=0)), axis=0) / np.sqrt(6)
+        scatter = MAD_TO_STD * np.median(np.abs(np.diff(difference, 2, axis=0)), axis=0) / np.sqrt(6)
         steps = np.array([[encoder_step(angles[:, j]) for angles in (r.q, r.ql)] for j in k])
         noises.append(np.sqrt(scatter**2 + np.sum(steps**2, axis=1) / 12))
         keep = slice(int(ENDS * rate), -int(ENDS * rate), stride)

@@ -26,6 +26,7 @@ from diagnosis.measurements.tracker.model import LIMITS, Named, TrackedPoints, s
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
 from diagnosis.measurements.tracker.regression import energy, good, point_residual
 from diagnosis.residual.encoder_step import encoder_step
+from diagnosis.residual.noise import MAD_TO_STD
 from diagnosis.selection.estimates import estimates
 from identification.kinematics.data import aligned
 from identification.kinematics.models import Chain, chain_of, position, position_jacobian, xyz_ypr
@@ -233,7 +234,7 @@ def _strays(outliers: Sequence[Sequence[Outliers]], names: Sequence[Sequence[str
     share = (wrong + missing) / expected
     size = np.concatenate([o.size for o in of_recordings])
     typical = float(np.median(size)) if len(size) else 0.0
-    spread = float(1.4826 * np.median(np.abs(size - typical)) / np.sqrt(len(size))) if len(size) else 0.0
+    spread = float(MAD_TO_STD * np.median(np.abs(size - typical)) / np.sqrt(len(size))) if len(size) else 0.0
     listed = ", ".join(
         name
         for part, files in zip(outliers, names)

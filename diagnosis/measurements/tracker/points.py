@@ -16,6 +16,7 @@ from arm_model.effects import described
 from arm_model.rigid_body import rigid_torque
 from arm_model.tracking import bends, latency
 from daq.recording import Recording
+from diagnosis.residual.noise import MAD_TO_STD
 from diagnosis.residual.run_setup import loaded, setup_of
 from identification.selection import BLOCK_SECONDS
 
@@ -131,7 +132,7 @@ def _rows(t: Array, q: Array, xyz: Array, off: Array) -> _Rows:
     away = off[tracked]
     # the noise from second differences: what is wrong with the arm is smooth
     second = (away[:-2] - 2 * away[1:-1] + away[2:]) / np.sqrt(6.0)
-    noise = float(1.4826 * np.median(np.abs(second))) if len(second) else 0.0
+    noise = float(MAD_TO_STD * np.median(np.abs(second))) if len(second) else 0.0
     deviation = away - ndimage.median_filter(away, size=(NEIGHBOURS, 1), mode="nearest")
     distance = np.linalg.norm(deviation, axis=1)
     wrong = distance > WRONG * max(float(np.median(distance)) / 1.5382, noise, 1e-9)
