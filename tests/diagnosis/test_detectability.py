@@ -90,7 +90,7 @@ def test_what_no_motion_shows_is_not_promised(one_joint: Run, arm: Arm) -> None:
     unseen = _unseen(one_joint, arm)["joint_zero_offset", 1]
     (showing,) = shown_by(cast(Diagnosis, Judged(arm, (one_joint,), [unseen])))
     assert showing.experiment is None
-    assert "no motion" in showing.invisible.experiment and "tracker" in showing.invisible.experiment
+    assert "none of the motions tried" in showing.invisible.experiment and "tracker" in showing.invisible.experiment
     of_nothing = replace(unseen, effect="link_geometry")
     (same,) = shown_by(cast(Diagnosis, Judged(arm, (one_joint,), [of_nothing])))
     assert same.invisible == of_nothing
