@@ -25,6 +25,7 @@ from diagnosis.find_causes import Named, Progress, Recordings, has_dynamics, nam
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.detectability import not_judged, not_visible
 from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.shortage import Shortage
 from diagnosis.measurements.currents.unexplained import noise_ratio
 from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
@@ -49,6 +50,7 @@ class Diagnosis:
     compared       of "fit" and "held_out", each recording's closed loop by the model and by the extended one
     along          ... and (n,) A rms of its residual under both along the measured motion
     judged         whether the currents were compared: not with a model that predicts none
+    shortage       what the held-out recordings are too short for
     """
 
     arm: Arm
@@ -66,6 +68,7 @@ class Diagnosis:
     tracked: Tracked | None = None
     axis: AxisSide | None = None
     judged: bool = True
+    shortage: Shortage | None = None
     warnings: tuple[str, ...] = ()
 
     @property
@@ -75,7 +78,7 @@ class Diagnosis:
 
     @property
     def verdict(self) -> str:
-        """``consistent``, ``explained`` or ``unexplained``, as the contract defines them."""
+        """``consistent``, ``explained`` or ``unexplained``; with a ``shortage``, of what could be judged."""
         if self.unexplained:
             return "unexplained"
         return "explained" if self.causes else "consistent"
@@ -137,7 +140,11 @@ def diagnose(
         left=Split(state.fitted.fit, state.fitted.held_out),
         causes=verified.causes,
         not_visible=_undetectable(measured, named),
-        unexplained=[*structures, *(measured.link.unexplained if measured.link else []), *measured.tracked.unexplained],
+        unexplained=[
+            *_judged(structures, named.shortage),
+            *(measured.link.unexplained if measured.link else []),
+            *measured.tracked.unexplained,
+        ],
         compared=verified.compared,
         along=verified.along,
         encoder_noise=np.array([encoder_step(column) / np.sqrt(12) for column in fit[0].q.T]),
@@ -145,6 +152,7 @@ def diagnose(
         tracked=measured.tracked,
         axis=named.axis,
         judged=measured.judged,
+        shortage=named.shortage if measured.judged else None,
         warnings=(*_warnings(arm, measured, named, structures), *_of_friction(stated, extended)),
     )
 
@@ -215,6 +223,12 @@ def _structures(measured: Measured, named: Named) -> list[Structure]:
     if named.axis and named.axis.wave:
         return [Structure(Signal.CURRENT, 1, "position", named.axis.wave.share)]
     return named.found.unexplained.structures if measured.judged else []
+
+
+def _judged(structures: Sequence[Structure], shortage: Shortage | None) -> list[Structure]:
+    """Those for which the recordings were long enough."""
+    short = shortage.joints if shortage else ()
+    return [one for one in structures if one.joint not in short]
 
 
 def _undetectable(measured: Measured, named: Named) -> list[Undetectable]:

@@ -25,6 +25,7 @@ from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import impossible
 from diagnosis.measurements.currents.ripple_orders import order_of
 from diagnosis.measurements.currents.search import Found, search, without
+from diagnosis.measurements.currents.shortage import Shortage, shortage
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Residuals, Screened, realigned, residuals_of
@@ -43,6 +44,7 @@ class Named:
                 residual
     found       what the search chose; axis: what a single axis with a fine encoder shows
     causes      of the search or of the axis; resonance: a spring or a gap found in closed loop, which ``arm`` has
+    shortage    what the held-out recordings are too short for
     """
 
     arm: Arm
@@ -53,6 +55,7 @@ class Named:
     found: Found
     axis: AxisSide | None
     causes: list[Cause]
+    shortage: Shortage | None = None
     resonance: Cause | None = None
 
 
@@ -112,6 +115,7 @@ def _searched(
         found=found,
         axis=axis,
         causes=causes + of_axis,
+        shortage=shortage(found) if axis is None else None,
     )
 
 

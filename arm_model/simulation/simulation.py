@@ -281,6 +281,8 @@ def simulate_batch(
         start = np.zeros(len(arm)) if arm.controller is None else given[0]
     run = _prepared(arm, parameters, start, substeps)
     rows = _advance(run, given, times)
+    # a lane that diverged overflows; its callers look for that
+    rows = np.where(np.abs(rows) < 1e100, rows, np.nan)
     grid = np.arange(ticks) * period
     shown = np.column_stack([np.interp(times, grid, given[:, j]) for j in range(len(arm))])
     return _motion(run, rows, times, shown)

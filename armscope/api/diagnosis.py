@@ -42,8 +42,13 @@ class Diagnosis:
 
     @property
     def verdict(self) -> str:
-        """``consistent``, ``explained`` or ``unexplained``."""
+        """``consistent``, ``explained`` or ``unexplained``; of what could be judged where ``too_short`` says more."""
         return self.details.verdict
+
+    @property
+    def too_short(self) -> str | None:
+        """What could not be judged for want of rows, and how many s more are needed; None where all could."""
+        return None if self.details.shortage is None else str(self.details.shortage)
 
     @property
     def causes(self) -> list[Cause]:
@@ -57,7 +62,8 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         causes = [cause.effect + (f" of joint {cause.joint}" if cause.joint else "") for cause in self.details.causes]
-        return f"<Diagnosis of {self.details.arm.name}: {self.verdict}{': ' * bool(causes)}{', '.join(causes)}>"
+        verdict = "too short to judge" if self.too_short else self.verdict
+        return f"<Diagnosis of {self.details.arm.name}: {verdict}{': ' * bool(causes)}{', '.join(causes)}>"
 
     def __str__(self) -> str:
         from diagnosis.report import diagnosis_text

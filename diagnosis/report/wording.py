@@ -27,12 +27,21 @@ def either(cause: Cause) -> str:
 
 def sentence(result: Diagnosis) -> str:
     """The verdict in words."""
+    judged = _judged(result)
+    if result.shortage is None:
+        return judged
+    said = f"Too short to judge: {result.shortage}."
+    return said if judged.startswith("Consistent") else f"{judged} {said}"
+
+
+def _judged(result: Diagnosis) -> str:
+    """The verdict on what could be judged."""
     if result.verdict == "consistent":
         return "Consistent: nothing beyond the noise was found in these recordings."
     grouped = any(len(cause.group) > 1 for cause in result.causes)
     causes = ("; " if grouped else ", ").join(map(either, result.causes))
     if result.verdict == "explained":
-        return f"Explained: {causes}." + ("" if result.warnings else " The residual is noise.")
+        return f"Explained: {causes}." + ("" if result.warnings or result.shortage else " The residual is noise.")
     places = ", ".join(against(one.signal, one.joint, one.against) for one in result.unexplained)
     structure = f"structure in {places} that no effect of the catalogue explains."
     return f"Explained in part: {causes}. There remains {structure}" if causes else f"Unexplained: {structure}"

@@ -61,6 +61,8 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
             {"signal": one.signal, "joint": one.joint, "against": one.against, "share": round(one.share, 4)}
             for one in result.unexplained
         ],
+        "too_short": [str(result.shortage)] if result.shortage else [],
+        "seconds_needed": result.shortage.seconds if result.shortage else 0.0,
         "warnings": list(result.warnings),
         "limits": {name: limits.to_json() for name, limits in LIMITS.items()},
     }

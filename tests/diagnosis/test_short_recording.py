@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import armscope
 from arm_model import Arm
+from daq.recording import Recording
 from diagnosis.screening.cleaned import residuals_of, screened
 
 
@@ -26,3 +28,36 @@ def test_dropped_triggers_are_looked_for_in_a_run_of_any_length(
     short = motion.model_copy(update={"segment": [pause, series.model_copy(update={"duration": seconds, "fade": 0.4})]})
     recording = armscope.simulate(arm, short).write(tmp_path / "short.mcap")
     assert len(residuals_of(arm, screened(arm, [recording])).runs) == 1
+
+
+def _loaded(arm: Arm, root: Path, tmp_path: Path, name: str, seconds: float, mass: float = 3.0) -> Recording:
+    """A run with a mass that the model does not have, and noise."""
+    motion = armscope.read_experiment(root / f"config/starters/csv/{name}.toml")
+    pause, series = motion.segment[:2]
+    part = motion.model_copy(update={"segment": [pause, series.model_copy(update={"duration": seconds, "fade": 0.4})]})
+    real = arm.with_effect("payload", mass=mass, x=0.05, y=0.0, z=0.1)
+    path = tmp_path / f"{name}_{seconds}.mcap"
+    recording = armscope.simulate(real, part, rate=500.0).write(path)
+    noise = 0.01 * np.random.default_rng(1).normal(size=recording.i.shape)
+    return replace(recording, i=recording.i + noise)
+
+
+@pytest.mark.parametrize("seconds", [2.5, 3.5])
+def test_too_few_seconds_are_no_unexplained_structure(arm: Arm, root: Path, tmp_path: Path, seconds: float) -> None:
+    fit, held_out = (_loaded(arm, root, tmp_path, *run) for run in (("fit", 8.0), ("held_out", seconds)))
+    short = armscope.diagnose(fit, arm, held_out=held_out)
+    table = short.to_json()
+    assert short.verdict != "unexplained" and not table["unexplained"] and not short.causes
+    assert str(short).startswith(f"Too short to judge: {table['seconds_needed']:.0f} s more are needed")
+    assert table["too_short"] == [short.too_short] and "Consistent" not in str(short)
+    enough = _loaded(arm, root, tmp_path, "held_out", seconds + table["seconds_needed"])
+    found = armscope.diagnose(fit, arm, held_out=enough)
+    assert [(cause.effect, found.too_short) for cause in found.causes] == [("payload", None)]
+
+
+def test_what_no_effect_explains_stays_unexplained(arm: Arm, root: Path, tmp_path: Path) -> None:
+    fit, held_out = (_loaded(arm, root, tmp_path, *run, mass=1e-9) for run in (("fit", 8.0), ("held_out", 3.5)))
+    steps = np.random.default_rng(3).normal(size=(60, 2))
+    strange = [replace(r, i=r.i + 2.0 * steps[(5.0 * r.t).astype(int)]) for r in (fit, held_out)]
+    result = armscope.diagnose(strange[0], arm, held_out=strange[1])
+    assert result.verdict == "unexplained" and result.too_short is None

@@ -17,6 +17,7 @@ from arm_model.model_file import read_model
 from diagnosis.cause import Estimate, Signal, Structure
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import dataset_of
+from diagnosis.measurements.currents.shortage import Shortage
 from diagnosis.measurements.currents.structure_share import predictable
 from diagnosis.report.tables import unseen
 from diagnosis.report.wording import either, estimate, gain, sentence
@@ -31,6 +32,7 @@ class Verdict:
     causes: list = field(default_factory=list)
     unexplained: list = field(default_factory=list)
     warnings: tuple[str, ...] = ()
+    shortage: Shortage | None = None
 
 
 @pytest.mark.parametrize(
@@ -56,6 +58,14 @@ def test_a_group_is_never_told_as_one_lucky_member() -> None:
     result = Verdict("explained", [aliased, alone])
     expected = "Explained: torque constant or current gain of joint 2; backlash of joint 3. The residual is noise."
     assert sentence(cast(Diagnosis, result)) == expected
+
+
+def test_a_short_recording_says_how_much_more_is_needed() -> None:
+    short = Shortage(("payload", None), (1, 2), 2.0)
+    said = sentence(cast(Diagnosis, Verdict("consistent", [], shortage=short)))
+    assert said.startswith("Too short to judge: 2 s more are needed in the held-out recordings: payload would explain")
+    beside = sentence(cast(Diagnosis, Verdict("explained", [group_of(("backlash", 3), felt_at=3)], shortage=short)))
+    assert beside.startswith("Explained: backlash of joint 3. Too short to judge: 2 s more")
 
 
 def test_what_is_left_is_said_with_its_place() -> None:

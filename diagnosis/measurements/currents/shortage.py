@@ -1,0 +1,81 @@
+"""Whether held-out recordings were long enough to judge what is left.
+
+A cause is certain by the blocks of held-out rows in which it gains: n blocks that all agree are chance with probability
+2^-n. Where an effect explains what is left in every block and there are too few of them, the structure is not
+unexplained: it was not recorded for long enough.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.cause import EffectKey, in_words
+from diagnosis.measurements.currents.search import Found
+from diagnosis.screening.time_split import FITTED
+from diagnosis.selection.candidate import Candidate
+from identification.selection import Score, benjamini_hochberg
+
+NEARLY_ALL = 0.9
+"""Share of a joint's residual energy that an effect must explain to be what is left there."""
+
+
+@dataclass(frozen=True)
+class Shortage:
+    """``effect`` explains what is left at ``joints`` (from 1), but is certain only with ``seconds`` more.
+
+    split: these are of a recording that is split by time, else of the held-out ones.
+    """
+
+    effect: EffectKey
+    joints: tuple[int, ...]
+    seconds: float
+    split: bool = False
+
+    def __str__(self) -> str:
+        """``2 s more are needed: payload would explain ...``."""
+        joints = f"joint{'s' * (len(self.joints) > 1)} {', '.join(map(str, self.joints))}"
+        where = "recording" if self.split else "held-out recordings"
+        return (
+            f"{self.seconds:.0f} s more are needed in the {where}: {in_words(self.effect)} would explain the residual "
+            f"current of {joints} in every one-second block, but so few blocks may agree by chance"
+        )
+
+
+def shortage(found: Found) -> Shortage | None:
+    """What the structures that a search left unexplained may be, had more been recorded; None where they are not."""
+    state, model = found.state, found.state.model
+    left = sorted({one.joint for one in found.unexplained.structures if one.joint})
+    if not left:
+        return None
+    scores = model.scores(state)
+    q = benjamini_hochberg(np.array([score.p for score in scores]))
+    energy = state.data.held_out.by_joint(state.fitted.held_out**2)
+    short = [
+        (score, chance, joints)
+        for score, chance in zip(scores, q.tolist())
+        if (joints := tuple(one for one in left if score.by_joint[one - 1] > NEARLY_ALL * energy[one - 1]))
+        and chance >= (model.fdr(score) or 1.0)
+        and _unanimous(score)
+        and model.admissible(score, state)
+    ]
+    if not short:
+        return None
+    best = max(score.gain for score, _, _ in short)
+    # the simplest of those that nearly explain as much
+    score, chance, joints = min(
+        (one for one in short if one[0].gain > model.limits.ambiguity * best),
+        key=lambda one: (len(one[0].coefficients), -one[0].gain),
+    )
+    # of a recording that is split, only a part is held out
+    share = 1.0 - FITTED if state.data.two_fold else 1.0
+    blocks = int(np.floor(np.log2(chance / (model.fdr(score) or 1.0)))) + 1
+    seconds = float(np.ceil(blocks * model.limits.block_seconds / share))
+    return Shortage(score.candidate.key, joints, seconds, split=state.data.two_fold)
+
+
+def _unanimous(score: Score[Candidate]) -> bool:
+    """Whether every block in which the candidate does anything gains by it."""
+    active = np.abs(score.blocks) > 1e-9 * np.abs(score.blocks).max()
+    return bool((score.blocks[active] > 0.0).all())
