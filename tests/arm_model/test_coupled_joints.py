@@ -17,6 +17,8 @@ from arm_model.rigid_body.regressor import parameter_vector, regressor
 from arm_model.simulation import simulate
 from arm_model.system import inverse_dynamics
 from arm_model.urdf import write_urdf
+from diagnosis.screening import screened
+from identification.identify import identify_by
 
 ENTRIES = (Coupling(3, 2, -1.0), Coupling(4, 3, 0.5), Coupling(6, 6, -1.0))
 
@@ -105,3 +107,12 @@ def test_what_cannot_hold_couplings_refuses_them(arm: Arm, tmp_path: Path) -> No
     with pytest.raises(InputError, match=r"no place for \[\[coupling\]\]"):
         write_urdf(tmp_path / "arm.urdf", arm)
     assert not (tmp_path / "arm.urdf").exists()
+
+
+def test_diagnosis_and_joint_by_joint_identification_refuse_coupled_arms(arm: Arm) -> None:
+    """They take reported angles for those of the links; saying so beats a wrong cause."""
+    with pytest.raises(InputError, match="joint 3 by joint 2"):
+        screened(arm, [])
+    for method in ("motor-link", "sequence"):
+        with pytest.raises(InputError, match="joints one at a time"):
+            identify_by(method, [], arm)

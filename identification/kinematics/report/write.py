@@ -36,21 +36,13 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         row: dict[str, Any] = {"joint": j} | {name: getattr(joint, name) for name in NAMES}
         row["std"] = {name: calibration.std.get(f"joint{j}.{name}", 0.0) for name in NAMES}
         parameters.append(row)
-    before, after = calibration.before, calibration.after
-    parts, judged_on = ("fit", "held_out"), calibration.judged_by
+    judged_on = calibration.judged_by
     return {
         "schema": "armscope.kinematics/1",
         "parameters": parameters,
         "base": np.array(calibrated.base).tolist(),
         "tool": tool.tolist(),
-        "position_rms": {part: {"before": before[part].rms, "after": after[part].rms} for part in parts},
-        "position_rms_inliers": {
-            part: {"before": _finite(before[part].rms_inliers), "after": _finite(after[part].rms_inliers)}
-            for part in parts
-        },
-        "left_out": [_left_out(one) for one in calibration.left_out],
-        "position_error": {part: {"before": _error(before[part]), "after": _error(after[part])} for part in parts},
-        "improvement": {part: _improvement(before[part], after[part]) for part in parts},
+        **_position(calibration),
         "identifiable": calibration.identifiable,
         "observability": vars(calibration.observability),
         "noise": calibration.fit.noise,
@@ -85,6 +77,21 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         "verdict": "not calibrated" if calibration.failures else "calibrated",
         "failures": list(calibration.failures),
         "warnings": list(calibration.warnings),
+    }
+
+
+def _position(calibration: Calibration) -> dict[str, Any]:
+    """Position errors before and after, of all points and without those left out."""
+    before, after, parts = calibration.before, calibration.after, ("fit", "held_out")
+    return {
+        "position_rms": {part: {"before": before[part].rms, "after": after[part].rms} for part in parts},
+        "position_rms_inliers": {
+            part: {"before": _finite(before[part].rms_inliers), "after": _finite(after[part].rms_inliers)}
+            for part in parts
+        },
+        "left_out": [_left_out(one) for one in calibration.left_out],
+        "position_error": {part: {"before": _error(before[part]), "after": _error(after[part])} for part in parts},
+        "improvement": {part: _improvement(before[part], after[part]) for part in parts},
     }
 
 
