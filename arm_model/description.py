@@ -69,6 +69,18 @@ class Cylinder:
 
 
 @dataclass(frozen=True, config=STRICT)
+class Capsule:
+    """A part of a link's surface for checks of collisions: all within ``radius`` m of the segment from start to end.
+
+    start, end (3,) m in the link's frame; the same point twice makes a sphere.
+    """
+
+    start: Vector
+    end: Vector
+    radius: Positive
+
+
+@dataclass(frozen=True, config=STRICT)
 class Joint:
     """One joint, the link behind it and the drive that moves it.
 
@@ -85,6 +97,8 @@ class Joint:
     # what the link moves in
     drag: NotNegative | None = None  # N m s2/rad2 (N s2/m2) at the joint; absent: nothing is said about it
     cylinder: Cylinder | None = None
+    # what the link may collide with things by; absent: assumed (``arm_model.collision``); empty: nothing
+    capsule: tuple[Capsule, ...] | None = None
     # where the joint sits
     convention: Literal["standard", "modified", "placed"] = "standard"
     theta: float = 0.0  # rad, added to q of a revolute joint
@@ -213,6 +227,7 @@ class Arm:
     ``base``: pose of link frame 0 in the base frame, in which gravity (m/s2) and tracker points are given; ``tool``:
     pose of the tool in the frame of the last link; ``coupling``: what differs from the identity in the matrix between
     reported and link angles. Joint limits are those of the reported angles.
+    ``capsule``: of the base, in frame 0, as those of the links.
     """
 
     name: str
@@ -224,6 +239,7 @@ class Arm:
     coupling: tuple[Coupling, ...] = ()
     effects: tuple[EffectTerm, ...] = ()
     source: str = ""  # where the numbers come from, for people
+    capsule: tuple[Capsule, ...] | None = None
     unphysical: str = ""  # why impossible inertias are kept (a published set, say); without a reason they are refused
 
     @model_validator(mode="after")

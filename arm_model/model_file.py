@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError
 from arm_io import InputError, check_table, read_toml, write_toml
 from arm_io.table import Table
 from arm_io.toml import one_line
-from arm_model.description import IDENTITY, Arm, Controller, Coupling, EffectTerm, Joint, Pose, Vector
+from arm_model.description import IDENTITY, Arm, Capsule, Controller, Coupling, EffectTerm, Joint, Pose, Vector
 from arm_model.effects import check_terms, dissipation
 from arm_model.rigid_body.inertia import unphysical
 from arm_model.urdf import read_urdf
@@ -27,6 +27,7 @@ class _ModelFile(Table):
     gravity: Vector = (0.0, 0.0, -9.80665)
     base: Pose = IDENTITY
     tool: Pose = IDENTITY
+    capsule: list[Capsule] | None = None
     joint: list[Joint] = Field(min_length=1)
     controller: Controller | None = None
     coupling: list[Coupling] = Field(default=[])
@@ -66,6 +67,7 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
             coupling=tuple(layout.coupling),
             effects=tuple(layout.effect),
             source=layout.source,
+            capsule=None if layout.capsule is None else tuple(layout.capsule),
             unphysical=layout.unphysical,
         )
     except ValidationError as error:
@@ -95,6 +97,8 @@ def model_table(arm: Arm) -> dict[str, Any]:
     for name in ("base", "tool"):
         if getattr(arm, name) != IDENTITY:
             table[name] = [list(row) for row in getattr(arm, name)]
+    if arm.capsule is not None:
+        table["capsule"] = [asdict(capsule) for capsule in arm.capsule]
     default = asdict(Joint())
     table["joint"] = [
         {

@@ -17,12 +17,20 @@ import numpy as np
 
 from arm_io import InputError, read_file, write_text
 from arm_io.types import Array
-from arm_model.description import Arm, Joint, Pose
+from arm_model.capsules import moved, of_geometry
+from arm_model.description import Arm, Capsule, Joint, Pose
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
 from arm_model.rigid_body.kinematics import placement, roll_pitch_yaw, rpy_of
 
 _MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _LIMITS = ("lower", "upper")
+_SIZES = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+}
+"""Shape of <collision> -> its attributes and how many numbers each has."""
 
 
 def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
@@ -44,21 +52,51 @@ def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
     gears = _gears(path, robot)
     offset = np.eye(4)  # of the next joint's parent in the last moving link's frame
     lump = np.zeros(10)
+    root = _attribute(path, chain[0], "parent", "link") if chain else ""
+    shapes = [_capsules(path, links[root])] if chain else []
     for element in chain:
         pose = offset @ _origin(path, element)
-        inertial = _inertial(path, links[_attribute(path, element, "child", "link")])
+        link = links[_attribute(path, element, "child", "link")]
+        inertial, shape = _inertial(path, link), _capsules(path, link)
         kind = element.get("type", "")
         if kind == "fixed":
             offset = pose
             lump = lump + transform(inertial, pose)
+            shapes[-1] = _both(shapes[-1], moved(shape, pose))
             continue
         joints = _with_lump(path, joints, lump)
         joints.append(_joint(path, element, pose, gears.get(element.get("name", ""), 1.0)))
+        shapes.append(shape)
         offset, lump = np.eye(4), inertial
     joints = _with_lump(path, joints, lump)
     if not joints:
         raise InputError(path, "has no moving joint")
-    return Arm(name=robot.get("name", "robot"), joints=tuple(joints), tool=_pose(offset))
+    shaped = tuple(replace(joint, capsule=shape) for joint, shape in zip(joints, shapes[1:]))
+    return Arm(name=robot.get("name", "robot"), joints=shaped, tool=_pose(offset), capsule=shapes[0])
+
+
+Capsules = tuple[Capsule, ...] | None
+"""Of a link; None where the file does not say, or says it by a mesh."""
+
+
+def _capsules(path: str | Path, link: xml.Element) -> Capsules:
+    """Capsules round the primitives of a link's <collision>; None where it has none, or one is a mesh."""
+    found: list[Capsule] = []
+    for collision in link.findall("collision"):
+        geometry = collision.find("geometry")
+        shape = None if geometry is None or not len(geometry) else geometry[0]
+        if shape is None or shape.tag not in _SIZES:
+            return None
+        sizes = [_numbers(path, shape, name, "", count) for name, count in _SIZES[shape.tag].items()]
+        if not all(size > 0 for size in sum(sizes, ())):
+            raise InputError(path, f"link {link.get('name')!r}: the <{shape.tag}> of <collision> needs sizes above 0")
+        found.append(of_geometry(shape.tag, sum(sizes, ()), _origin(path, collision)))
+    return tuple(found) or None
+
+
+def _both(one: Capsules, other: Capsules) -> Capsules:
+    """What is known of two links that are one."""
+    return one if other is None else other if one is None else one + other
 
 
 def _pose(matrix: Array) -> Pose:

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from arm_io import DeviceFault, InputError
+from arm_model.collision import read_chain
 from armscope.api.recording import record
 from armscope.commands.record import run_shown
 from daq.recording import Recording, open_recording
-from daq.rig import Rig, check_motion, read_rig
+from daq.rig import Rig, chain_of, check_motion, read_rig
 from diagnosis import Diagnosis, in_words
 from diagnosis.experiments import Separation, separations
 from diagnosis.report import title
@@ -125,7 +126,7 @@ def _allowed(bench: Bench, case: Case, place: int, found: Separation, most: int)
     members = " or ".join(map(in_words, cause.group))
     bench.say(f"experiment {len(case.experiments) + 1} of at most {most}, for {title(cause)}: is it {members}?")
     bench.say(f"  {found.words}; recorded twice; discrimination distance {found.distance:.0f} standard deviations")
-    problems = check_motion(bench.rig, found.experiment)
+    problems = check_motion(bench.rig, found.experiment, chain_of(bench.rig, read_chain))
     if problems:
         bench.say(f"  not run: {problems[0]}")
         return False

@@ -63,7 +63,7 @@ class Demand:
         """Stretches of time that show all there is to see, s; what is left out repeats them."""
         found: list[tuple[float, float]] = []
         for start, piece in zip(self.starts.tolist(), self.pieces):
-            inner = piece.spans() if isinstance(piece, Demand | Repeated) else [(0.0, piece.duration)]
+            inner = piece.spans() if isinstance(piece, Demand | Repeated | Series) else [(0.0, piece.duration)]
             for begin, end in ((start + begin, start + end) for begin, end in inner):
                 if found and begin <= found[-1][1] + FELT:
                     found[-1] = (min(begin, found[-1][0]), max(end, found[-1][1]))

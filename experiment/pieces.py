@@ -140,6 +140,14 @@ class Series:
             extremes.append((values.min(axis=0) - between, values.max(axis=0) + between))
         return extremes
 
+    def spans(self) -> list[tuple[float, float]]:
+        """Stretches that show all there is to see: both fades, and a period between them."""
+        segment, period = self.segment, 1.0 / self.segment.fundamental
+        last = segment.duration - segment.fade - 2 * FELT
+        if segment.fade + period >= last:
+            return [(0.0, segment.duration)]
+        return [(0.0, segment.fade + period), (last, segment.duration)]
+
     def bounds(self, start: float, stop: float) -> Bounds:
         value, rate, curvature = _fading(start, stop, self.segment.duration, self.segment.fade)
         (low, high), speeds, accelerations = self._period

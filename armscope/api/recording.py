@@ -91,8 +91,9 @@ def record(
     fetch     bring the recording here, to ``out``, if the daemon records to a folder of its own
     progress  is called with the state of the run: progress 0 to 1, rows, lost; transfer: with bytes fetched, and of how
               many
-    Ctrl-C ends the run with the rows so far. Raises InputError where the motion is outside the limits of the rig or
-    ``out`` exists, DeviceFault where a device fails before the run; ``Recorded.fault`` tells of one that fails in it.
+    Ctrl-C ends the run with the rows so far. Raises InputError where the motion leaves the limits or the space of the
+    rig or ``out`` exists, DeviceFault where a device fails before the run; ``Recorded.fault`` tells of one that fails
+    in it.
     """
     from experiment import Experiment, write_experiment
 
@@ -112,12 +113,13 @@ def _through_server(
     progress: Callable[[Table], None],
     transfer: Callable[[int, int], None],
 ) -> Recorded:
+    from arm_model.collision import read_chain
     from daq.rig import read_rig
     from daq.service import RemoteServer, server_of
     from daq.service.transfer import fetch as transfers
 
     checked = read_rig(rig, drivers=False)
-    server = server_of(rig, checked)
+    server = server_of(rig, checked, read_chain)
     try:
         folder = server.ask("status").get("recordings")
         place = _place(out, folder, fetch)

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from arm_io import make_folder
+from arm_model.collision import read_chain
 from armscope.commands.options import RigOption
 from daq.service import Service
 
@@ -24,7 +25,7 @@ def command(
 ) -> None:
     if recordings is not None:
         make_folder(recordings)
-    service = Service(rig, folder=recordings)
+    service = Service(rig, folder=recordings, read_chain=read_chain)
     told_to_end = []
 
     def end(number: int, _: object) -> None:

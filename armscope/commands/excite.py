@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -42,35 +43,58 @@ def command(
     ] = Criterion.d,
     candidates: Annotated[int, typer.Option(min=32, help="number of candidate motions")] = 1600,
     seed: Annotated[int, typer.Option(help="seed of the random candidates; the same seed gives the same motion")] = 1,
+    floor: Annotated[
+        float | None, typer.Option(metavar="Z", help="z of the floor or table top in the base frame, m; no link below")
+    ] = None,
+    space: Annotated[
+        Path | None,
+        typer.Option(metavar="SPACE.toml", help="floor, boxes and limits of the tool; default: the rig's [space]"),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="also draw the motion (.png, .svg or .pdf)")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Designs an excitation."""
+    from arm_clearance import pairs_of
     from arm_io import InputError
     from arm_model import read_model
+    from arm_model.collision import chain_of
+    from armscope.motion import check_picture, clearance_in_words, clearance_of, draw, space_of
     from daq.rig import read_rig
-    from experiment import write_experiment
+    from experiment import demand_of, write_experiment
     from identification.experiment_design import Series
     from identification.preprocessing import rate_beside
 
+    if plot is not None:
+        check_picture(plot)
     checked = None if rig is None else read_rig(rig, drivers=False)
     path = model or (checked.model_path if checked else None)
     if path is None:
         raise InputError("--model", "is missing, and no --rig names one")
     arm = read_model(path)
-    series = Series(duration, fundamental, harmonics)
-    designed = _design(arm, series, _limits(arm, checked), criterion, candidates, seed)
+    series, limits, chain = Series(duration, fundamental, harmonics), _limits(arm, checked), chain_of(arm)
+    around = space_of(checked, space, floor)
+    pairs = None if around is None else pairs_of(chain, around)
+    designed = _design(
+        arm, series, criterion=criterion.value, limits=replace(limits, pairs=pairs), candidates=candidates, seed=seed
+    )
     if checked is not None and checked.trigger is not None:
         rate = rate_beside(arm, checked.trigger.rate)
         if rate != checked.trigger.rate:
             designed = designed.model_copy(update={"rate": rate})
     write_experiment(out, designed, heading=f"Excitation for {arm.name}, seed {seed}, {candidates} candidates.")
+    demand = demand_of(designed)
+    if plot is not None:
+        draw(plot, demand, chain, around, limits.position)
     if as_json:
         joints = len(arm)
         table = {"file": str(out), "duration": duration, "joints": joints, "harmonics": harmonics}
-        print(json.dumps(table | {"rate": designed.rate}))
+        print(json.dumps(table | {"rate": designed.rate, "clearance": clearance_of(demand, chain, pairs)}))
     else:
         sampled = f", {designed.rate:g} rows/s (not a multiple of the setpoint rate)" if designed.rate else ""
         print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints{sampled}")
+        print("\n".join(f"  {line}" for line in clearance_in_words(demand, chain, pairs)))
 
 
 def _limits(arm: Arm, rig: Rig | None) -> Limits:
@@ -86,8 +110,8 @@ def _limits(arm: Arm, rig: Rig | None) -> Limits:
     return limits.within(arm, **rig.limits.model_dump())
 
 
-def _design(arm: Arm, series: Series, limits: Limits, criterion: Criterion, candidates: int, seed: int) -> Experiment:
-    """The best of the candidate motions; shows progress on a terminal."""
+def _design(arm: Arm, series: Series, **search: Any) -> Experiment:
+    """The best of the candidate motions, ``design_excitation``; shows progress on a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -98,9 +122,6 @@ def _design(arm: Arm, series: Series, limits: Limits, criterion: Criterion, cand
         return design_excitation(
             arm,
             series,
-            criterion=criterion.value,
-            limits=limits,
-            candidates=candidates,
-            seed=seed,
+            **search,
             progress=lambda share, text: bar.update(task, completed=share, description=text),
         )

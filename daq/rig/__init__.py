@@ -7,7 +7,7 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from daq.rig.bench import Bench
     from daq.rig.calibration import COUNTS_PER_LINE
-    from daq.rig.preflight import check_motion, check_plan
+    from daq.rig.preflight import chain_of, check_motion, check_plan
     from daq.rig.rig_file import LONGEST_RIG_NAME, DeviceTable, Rig, context_of, read_rig
 else:
     __getattr__ = lazy(__name__)
@@ -18,6 +18,7 @@ __all__ = [
     "Bench",
     "DeviceTable",
     "Rig",
+    "chain_of",
     "check_motion",
     "check_plan",
     "context_of",

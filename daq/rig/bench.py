@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_clearance import Chain
 from arm_io import DeviceFault, InputError
 from daq.rig.calibration import Calibration, calibration_of, counts_at
 from daq.rig.channels import Columns, columns_of
@@ -18,7 +19,7 @@ from drivers.protocols import Device, HostClock, Identity, QuadratureCounter
 
 
 class Bench:
-    """The devices of a rig, by name, in the order of the rig file.
+    """The devices of a rig, by name, in the order of the rig file; ``chain``: the arm's links, for a ``[space]``.
 
     identities   what each device says it is; there once opened
     columns      which channel is which column of the rows
@@ -28,7 +29,7 @@ class Bench:
     presets      device -> channel -> count to which it was last set
     """
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig, chain: Chain | None = None) -> None:
         if rig.trigger is None:
             raise InputError(rig.name, "trigger: is missing; this rig has no devices and is for imported data only")
         self.rig = rig
@@ -39,7 +40,7 @@ class Bench:
         self.columns: Columns = columns_of(rig, self.devices)
         self.calibration: Calibration = calibration_of(rig, self.columns)
         self.clock: HostClock = SystemClock()
-        self.guard = Guard(rig, self.devices, self.clock)
+        self.guard = Guard(rig, self.devices, self.clock, chain)
         self.identities: dict[str, Identity] = {}
         self.presets: dict[str, dict[int, int]] = {}
 
@@ -96,9 +97,9 @@ class Bench:
 
 
 @contextmanager
-def open_bench(rig: Rig) -> Iterator[Bench]:
+def open_bench(rig: Rig, chain: Chain | None = None) -> Iterator[Bench]:
     """The rig's devices, open, and closed again whatever happens."""
-    bench = Bench(rig)
+    bench = Bench(rig, chain)
     bench.open()
     try:
         yield bench

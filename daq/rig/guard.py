@@ -19,6 +19,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_clearance import Chain
 from arm_io import DeviceFault, InputError
 from daq.rig.preflight import check_motion
 from daq.rig.rig_file import Output, Rig
@@ -32,12 +33,13 @@ START = "start"  # the output that begins a run
 class Guard:
     """Outputs and arm of one rig. May be used from any thread.
 
+    chain    the arm's links, for rigs with a ``[space]``
     tripped  why all is held safe, or None
     silent   the device that the sampler waited for when the watchdog tripped; None if it waited for none
     """
 
-    def __init__(self, rig: Rig, devices: Mapping[str, Device], clock: HostClock) -> None:
-        self.rig, self.clock = rig, clock
+    def __init__(self, rig: Rig, devices: Mapping[str, Device], clock: HostClock, chain: Chain | None = None) -> None:
+        self.rig, self.clock, self.chain = rig, clock, chain
         self.tripped: str | None = None
         self._outputs = [d for d in devices.values() if isinstance(d, DigitalOutput | AnalogOutput)]
         self._devices = devices
@@ -80,8 +82,8 @@ class Guard:
             device.write_volts(output.channel, volts)
 
     def load(self, experiment: Experiment) -> None:
-        """Gives the controller an experiment that keeps the rig's limits; InputError otherwise."""
-        problems = check_motion(self.rig, experiment)
+        """Gives the controller an experiment that keeps the rig's limits and its space; InputError otherwise."""
+        problems = check_motion(self.rig, experiment, self.chain)
         if problems:
             more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
             raise InputError(f"experiment {experiment.name!r}", problems[0] + more)

@@ -2,17 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 
+from arm_clearance import Chain, check_clearance
+from arm_io import InputError
 from arm_io.types import Array
 from daq.rig.rig_file import Rig
 from drivers.protocols import Device, Identity, Latched, Plan, PositionTracker
-from experiment import STEP, Excess, Experiment, Kind, demand_of, excesses
+from experiment import STEP, Demand, Excess, Experiment, Kind, demand_of, excesses
 
 ROUNDING, RELATIVE = 1e-9, 1e-6
 """rad (m) of a position, and parts of a speed or acceleration, by which a limit may be passed."""
+ChainReader = Callable[[Path], Chain]
+"""Reads the links of the arm in a model file: daq itself does not know models (docs/architecture.md)."""
+
+
+def chain_of(rig: Rig, read_chain: ChainReader | None) -> Chain | None:
+    """The links of a rig's arm where its file has a ``[space]`` that they must keep clear of.
+
+    InputError where the model has another number of joints.
+    """
+    if rig.space is None or rig.model_path is None or read_chain is None:
+        return None
+    chain = read_chain(rig.model_path)
+    if len(chain) != rig.joints:
+        raise InputError(rig.name, f"space: the rig has {rig.joints} joints, its model {len(chain)}")
+    return chain
 
 
 def check_plan(rig: Rig, devices: Mapping[str, Device], identities: Mapping[str, Identity], plan: Plan) -> list[str]:
@@ -55,10 +73,10 @@ def _check_memory(name: str, memory: int, plan: Plan) -> list[str]:
     ]
 
 
-def check_motion(rig: Rig, experiment: Experiment) -> list[str]:
-    """Where an experiment asks for more than the rig's limits allow, one sentence each.
+def check_motion(rig: Rig, experiment: Experiment, chain: Chain | None = None) -> list[str]:
+    """Where an experiment asks for more than the rig's limits and its space allow, one sentence each.
 
-    Its demand is looked at every ``STEP`` s.
+    Its demand is looked at every ``STEP`` s. ``chain``: the links of the arm; a rig with a ``[space]`` needs them.
     """
     if len(experiment.start) != rig.joints:
         return [f"the experiment is for {len(experiment.start)} joints, the rig has {rig.joints}"]
@@ -72,7 +90,17 @@ def check_motion(rig: Rig, experiment: Experiment) -> list[str]:
         speed=None if speed is None else speed * (1 + RELATIVE),
         acceleration=None if acceleration is None else acceleration * (1 + RELATIVE),
     )
-    return _away_from_start(experiment, demand(np.zeros(1))[0], speed) + [_sentence(rig, one) for one in found]
+    problems = _away_from_start(experiment, demand(np.zeros(1))[0], speed) + [_sentence(rig, one) for one in found]
+    # A motion that is refused already may be anything, an endless one included.
+    return problems or _check_space(rig, demand, chain)
+
+
+def _check_space(rig: Rig, demand: Demand, chain: Chain | None) -> list[str]:
+    if rig.space is None:
+        return []
+    if chain is None:
+        return ["the rig file has a [space], and this program was not given the arm's links to check it"]
+    return check_clearance(demand, chain, rig.space)
 
 
 def _away_from_start(experiment: Experiment, first: Array, speed: Array | None) -> list[str]:

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import ConfigDict, Field, PrivateAttr, field_validator, model_validator
 
+from arm_clearance import Space
 from arm_io import InputError, check_table, read_toml
 from arm_io.table import Rate, Seconds, Table
 from drivers import RigContext, check_config, is_loopback, make_device
@@ -243,6 +244,7 @@ class Rig(Table):
     joint: list[JointTable] = Field(min_length=1, max_length=64)
     tracker: TrackerTable | None = None
     limits: Limits = Limits()
+    space: Space | None = None  # what stands around the arm; None: nothing is said, and nothing is checked
     outputs: dict[str, Output] = Field(default={})
     watchdog: Seconds = 0.5  # s without a sign of life after which the guard brings all outputs to their safe state
     block_seconds: Annotated[float, Field(gt=0, le=1)] = 0.01  # how often the devices are read
@@ -273,6 +275,8 @@ class Rig(Table):
                 raise ValueError(f"device name {name!r} is used twice")
         if self.device and self.trigger is None:
             raise ValueError("trigger: is missing; a rig with devices needs [trigger] with source, device and rate")
+        if self.space is not None and self.model is None:
+            raise ValueError("space: needs 'model', the arm whose links keep clear of it")
         for place, device in _device_uses(self):
             if device not in names:
                 known = ", ".join(names) or "none"

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from arm_clearance import Chain
 from arm_io import InputError
 from daq.rig.bench import Bench
 from daq.rig.rig_file import Rig
@@ -39,8 +40,8 @@ class Armed:
 class DeviceJobs:
     """The open rig, and what can be asked of it."""
 
-    def __init__(self, rig: Rig, rig_text: str) -> None:
-        self.bench = Bench(rig)
+    def __init__(self, rig: Rig, rig_text: str, chain: Chain | None = None) -> None:
+        self.bench = Bench(rig, chain)
         self._rig_text = rig_text
 
     def known_identities(self) -> Table:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from arm_io import InputError
+from daq.rig.preflight import ChainReader
 from daq.rig.rig_file import Rig
 from daq.service.client import ARM_SECONDS, call, claim
 from daq.service.rig_lock import holder_of
@@ -27,17 +28,17 @@ class RigServer(Protocol):
     def close(self) -> None: ...
 
 
-def server_of(path: Path, rig: Rig) -> RigServer:
+def server_of(path: Path, rig: Rig, read_chain: ChainReader | None = None) -> RigServer:
     """The daemon that has the rig of the file ``path``.
 
-    An embedded one where there is none and the rig is this machine's.
+    An embedded one where there is none and the rig is this machine's; ``read_chain`` as of ``Service``.
     """
     holder = holder_of(rig.name)
     if holder is not None and holder.role == "record":
         raise InputError(path, f"rig '{rig.name}' is recording now (process {holder.pid}); one run at a time")
     if holder is not None or not rig.zenoh.loopback:
         return RemoteServer(rig)
-    return EmbeddedServer(path)
+    return EmbeddedServer(path, read_chain)
 
 
 class RemoteServer:
@@ -66,10 +67,10 @@ class RemoteServer:
 class EmbeddedServer:
     """A service of our own."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, read_chain: ChainReader | None = None) -> None:
         from daq.service.service import Service
 
-        self._service = Service(path, role="record", publish="optional")
+        self._service = Service(path, role="record", publish="optional", read_chain=read_chain)
         self._service.open()
         for note in self._service.notes:
             print(f"note: {note}", file=sys.stderr)

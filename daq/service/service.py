@@ -19,6 +19,7 @@ from typing import Any, cast
 from arm_io import DeviceFault, InputError, read_text
 from daq.acquisition.states import End
 from daq.rig.bench import Bench
+from daq.rig.preflight import ChainReader, chain_of
 from daq.rig.rig_file import Rig, read_rig
 from daq.service.commands.answers import Outcome, PendingAnswers
 from daq.service.commands.arguments import (
@@ -58,12 +59,22 @@ class Service:
     folder   recordings go only there, by plain file name; must be given where the endpoint is not loopback
     publish  'required': InputError or DeviceFault if the endpoint cannot be had; 'optional': without it, and ``notes``
              says why
+    read_chain  reads the links of an arm from its model; a rig with a [space] needs it
     state    idle, arming, armed, disarming or running
     bug      what ended the last run if that was an error in the program; None otherwise
     """
 
-    def __init__(self, rig_path: Path, *, role: str = "daemon", folder: Path | None = None, publish: str = "required"):
+    def __init__(
+        self,
+        rig_path: Path,
+        *,
+        role: str = "daemon",
+        folder: Path | None = None,
+        publish: str = "required",
+        read_chain: ChainReader | None = None,
+    ):
         self.rig: Rig = read_rig(rig_path)
+        self._chain = chain_of(self.rig, read_chain)
         self.rig_text = read_text(rig_path)
         self.rig_sha256 = hashlib.sha256(self.rig_text.encode()).hexdigest()
         self.keys = keys_of(self.rig.name)
@@ -98,7 +109,7 @@ class Service:
         self._devices = Worker("devices", self.wake)
         self._served.open(self.wake)
         try:
-            self._jobs = DeviceJobs(self.rig, self.rig_text)
+            self._jobs = DeviceJobs(self.rig, self.rig_text, self._chain)
             self._open_endpoint()
             self.bench.open()
         except BaseException:

@@ -20,12 +20,14 @@ from typing import Literal
 
 import numpy as np
 
+from arm_clearance import Pairs
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.system import inverse_dynamics
 from experiment import Experiment, demand_of
 from experiment.segments import Fourier, Hold
+from identification.experiment_design.keep_clear import SMALLEST, clear_share, clear_start, is_clear, none_is_clear
 from identification.regression.base_parameters import BaseParameters
 from identification.regression.equations import model_columns, model_values, structural_base
 
@@ -42,13 +44,14 @@ SPEED, ACCELERATION = 1.0, 3.0  # rad/s, rad/s2 where a model states no limit: a
 class Limits:
     """position (n, 2) rad, speed (n,) rad/s, acceleration (n,) rad/s2, torque (n,) N m.
 
-    m and N for prismatic joints.
+    m and N for prismatic joints. pairs: the distances that must be kept; None: nothing is said of the arm's space.
     """
 
     position: Array
     speed: Array
     acceleration: Array
     torque: Array
+    pairs: Pairs | None = None
 
     @staticmethod
     def of(arm: Arm, *, share: float = 0.8) -> Limits:
@@ -93,7 +96,7 @@ class Limits:
         weaker = self.torque
         if current is not None:
             weaker = np.minimum(weaker, share * np.array(current, float) * arm.joint_array("drive_constant"))
-        return Limits(np.stack([low, high], axis=1), slower, np.minimum(self.acceleration, gentler), weaker)
+        return Limits(np.stack([low, high], axis=1), slower, np.minimum(self.acceleration, gentler), weaker, self.pairs)
 
 
 @dataclass(frozen=True)
@@ -121,20 +124,25 @@ def design_excitation(
     """The best of ``candidates`` motions: random ones first, then steps from the best that shrink when they fail.
 
     The same seed gives the same motion. ``progress`` is called with the share done and the best score so far, in words.
+    InputError where no motion keeps clear of what ``limits.pairs`` names.
     """
     limits = limits or Limits.of(arm)
     base = structural_base(arm)
     random = np.random.default_rng(seed)
-    best, best_score, step = _random(arm, series.harmonics, random), -np.inf, 0.5
+    task = _Task(arm, limits, series)
+    best, best_score, step = _random(task, random), -np.inf, 0.5
     generations = max(2, candidates // TOGETHER)
     for generation in range(generations):
         if generation < generations // 5:
-            trials = [_random(arm, series.harmonics, random) for _ in range(TOGETHER)]
+            trials = [_random(task, random) for _ in range(TOGETHER)]
         else:
             steps = step * random.standard_normal((TOGETHER, *best.shape))
             trials = list(best + steps * (random.random(steps.shape) < 0.3))
-        found = [_experiment(arm, trial, limits, series) for trial in trials]
-        scores = excitation_scores(arm, base, found, limits, criterion)
+        found = [_experiment(task, trial) for trial in trials]
+        scores = np.full(len(trials), -np.inf)
+        clear = [k for k, one in enumerate(found) if one is not None]
+        if clear:
+            scores[clear] = excitation_scores(arm, base, [one for one in found if one is not None], limits, criterion)
         winner = int(np.argmax(scores))
         if scores[winner] > best_score:
             best, best_score = trials[winner], float(scores[winner])
@@ -142,7 +150,16 @@ def design_excitation(
         elif generation >= generations // 5:
             step = max(0.9 * step, 0.02)
         progress(generation / generations, f"{criterion} {_shown(best_score, criterion)}")
-    return _experiment(arm, best, limits, series)
+    return _checked(task, best)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """Whose motions are designed: within which limits, of which form."""
+
+    arm: Arm
+    limits: Limits
+    series: Series
 
 
 def excitation_scores(
@@ -171,15 +188,35 @@ def _shown(score: float, criterion: Criterion) -> str:
     return f"{score:.1f}" if criterion == "d" else f"{np.exp(-score):.0f}"
 
 
-def _random(arm: Arm, harmonics: int, random: np.random.Generator) -> Array:
+def _random(task: _Task, random: np.random.Generator) -> Array:
     """(n, 1 + 2 harmonics): pose, sines, cosines, in units of the limits; higher harmonics smaller."""
-    proposal = random.standard_normal((len(arm), 1 + 2 * harmonics))
+    harmonics = task.series.harmonics
+    proposal = random.standard_normal((len(task.arm), 1 + 2 * harmonics))
     proposal[:, 1:] /= np.tile(np.arange(1, harmonics + 1), 2)
+    if task.limits.pairs is not None:
+        low, high = task.limits.position.T
+        quarter = (high - low) / 4
+        start = clear_start(task.limits.pairs, low + quarter, high - quarter, random)
+        if start is not None:
+            proposal[:, 0] = np.arctanh(np.clip((start - (low + high) / 2) / quarter, -0.999, 0.999))
     return np.asarray(proposal)
 
 
-def _experiment(arm: Arm, proposal: Array, limits: Limits, series: Series) -> Experiment:
-    """The proposal scaled into the limits."""
+def _checked(task: _Task, proposal: Array) -> Experiment:
+    """The best proposal, clear at every instant; InputError where it is not even clear where it was looked at."""
+    share = 1.0
+    while (found := _experiment(task, proposal, share)) is not None and share >= SMALLEST:
+        if task.limits.pairs is None or is_clear(demand_of(found), task.limits.pairs):
+            return found
+        share *= 0.95
+    assert task.limits.pairs is not None
+    low, high = task.limits.position.T
+    raise none_is_clear(task.limits.pairs, low + (high - low) / 4, high - (high - low) / 4)
+
+
+def _experiment(task: _Task, proposal: Array, share: float = 1.0) -> Experiment | None:
+    """The proposal scaled into the limits, and to a ``share`` of that; None where it is not clear of the space."""
+    arm, limits, series = task.arm, task.limits, task.series
     low, high = limits.position.T
     start = (low + high) / 2 + 0.5 * (high - low) / 2 * np.tanh(proposal[:, 0])
     weights = proposal[:, 1:]
@@ -206,6 +243,11 @@ def _experiment(arm: Arm, proposal: Array, limits: Limits, series: Series) -> Ex
             break
         # Fiercer than the motors: all joints calm down together, since they feel each other.
         scale = scale * 0.85
+    if task.limits.pairs is not None:
+        scale = scale * clear_share(task.limits.pairs, start, q * scale)
+        if not scale.any():
+            return None
+    scale = scale * share
     return _fourier(weights * scale[:, None], start, limits, series)
 
 

@@ -1,0 +1,75 @@
+"""A motion before it runs: which space it must keep clear of, how clear it is, and its picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from arm_io import InputError, check_file
+
+if TYPE_CHECKING:
+    from arm_clearance import Chain, Pairs, Space
+    from arm_io.types import Array
+    from daq.rig import Rig
+    from experiment import Demand
+
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def space_of(rig: Rig | None, file: Path | None = None, floor: float | None = None) -> Space | None:
+    """The space in ``file``, else the rig's, with the floor at ``floor`` m where it is given; None: nothing is said."""
+    from arm_clearance import Space, read_space
+
+    space = read_space(file) if file is not None else None if rig is None else rig.space
+    if floor is None:
+        return space
+    if not -1e6 < floor < 1e6:
+        raise InputError("--floor", f"must be a height in m, is {floor:g}")
+    return (space or Space()).model_copy(update={"floor": floor})
+
+
+def clearance_of(demand: Demand, chain: Chain, pairs: Pairs | None) -> dict[str, Any]:
+    """Of a motion, as JSON: ``lowest`` z m that a link reaches, and what it comes nearest to, null without a space."""
+    from arm_clearance import left_out, lowest_point, nearest
+
+    found = None if pairs is None else nearest(demand, pairs)
+    return {
+        "lowest": lowest_point(demand, chain),
+        "least": None if found is None else found.clearance,
+        "time": None if found is None else found.time,
+        "between": None if found is None else [found.one, found.other],
+        "notes": [] if pairs is None else left_out(pairs),
+    }
+
+
+def clearance_in_words(demand: Demand, chain: Chain, pairs: Pairs | None) -> list[str]:
+    """The same for a person, one line each."""
+    from arm_clearance import in_words, left_out, lowest_point, nearest
+
+    if pairs is None:
+        lowest = lowest_point(demand, chain)
+        where = f"{-lowest:.2f} m BELOW" if lowest < 0 else f"{lowest:.2f} m above"
+        return [
+            f"no floor and no boxes were given: links reach down to {where} z = 0 of the base frame; "
+            "--floor, --space or [space] of the rig file keep them clear"
+        ]
+    found = nearest(demand, pairs)
+    return ([] if found is None else [in_words(found)]) + left_out(pairs)
+
+
+def check_picture(path: Path) -> None:
+    """InputError where a picture cannot be written there."""
+    if path.suffix.lower() not in PICTURES:
+        raise InputError(path, "the name of a picture must end in .png, .svg or .pdf")
+    check_file(path)
+
+
+def draw(path: Path, demand: Demand, chain: Chain, space: Space | None, limits: Array | None = None) -> None:
+    """Writes the picture of a motion; ``limits`` (n, 2) rad (m) of position, None: the model's."""
+    from arm_clearance import picture
+
+    figure = picture(demand, chain, space, limits)
+    try:
+        figure.savefig(path, dpi=110)
+    except OSError as error:
+        raise InputError(path, f"cannot be written: {error.strerror}") from None

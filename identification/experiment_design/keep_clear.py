@@ -1,0 +1,60 @@
+"""Motions that keep clear of the arm's space: start poses that do, and how far a motion about one may go."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_clearance import Pairs, nearest
+from arm_io import InputError
+from arm_io.types import Array
+from experiment import Demand
+
+RESERVE = 1e-3
+"""M beyond what must be kept, so that a check of the same motion agrees."""
+DRAWN = 64
+"""Start poses that are drawn for a candidate; the first that is clear is taken."""
+SHRINK, SMALLEST = 0.8, 0.1
+"""Factor by which a motion is shrunk about its start pose until it is clear, and the share at which it is given up."""
+
+
+def clear_start(pairs: Pairs, low: Array, high: Array, random: np.random.Generator) -> Array | None:
+    """(n,) a pose between low and high (n,) that is clear; None where none of ``DRAWN`` is."""
+    poses = low + (high - low) * random.random((DRAWN, len(low)))
+    clear = np.flatnonzero(_room(pairs, poses) >= RESERVE)
+    return None if not len(clear) else np.asarray(poses[clear[0]])
+
+
+def clear_share(pairs: Pairs, start: Array, way: Array) -> float:
+    """The share of a motion ``way`` (rows, n) about ``start`` (n,) that is clear at these rows; 0 where none is."""
+    if not _room(pairs, start[None])[0] >= RESERVE:
+        return 0.0
+    share = 1.0
+    while share >= SMALLEST:
+        if _room(pairs, start + share * way).min() >= RESERVE:
+            return share
+        share *= SHRINK
+    return 0.0
+
+
+def is_clear(demand: Demand, pairs: Pairs) -> bool:
+    """Whether a motion is clear at every instant."""
+    found = nearest(demand, pairs)
+    return found is None or found.room >= RESERVE
+
+
+def none_is_clear(pairs: Pairs, low: Array, high: Array) -> InputError:
+    """Why there is no motion: what stands most in the way of poses between low and high (n,)."""
+    poses = low + (high - low) * np.random.default_rng(0).random((DRAWN, len(low)))
+    room = pairs.clearance(poses) - pairs.required()
+    blocked = room < RESERVE
+    one, other = pairs.names()[int(np.argmax(blocked.sum(axis=0)))]
+    return InputError(
+        "excite",
+        f"no motion keeps clear: {blocked.any(axis=1).sum()} of {DRAWN} start poses within the limits do not, most "
+        f"often {one} and {other}; narrow the limits of position to where the arm is clear, or correct the space",
+    )
+
+
+def _room(pairs: Pairs, q: Array) -> Array:
+    """(k,) m that are left in each pose."""
+    return np.asarray((pairs.clearance(q) - pairs.required()).min(axis=1, initial=np.inf))
