@@ -74,10 +74,10 @@ def repeat(motion: Recording, out: Path, rows: int) -> None:
         "counts": motion.counts,
         "volts": motion.volts,
         "quality": motion.quality,
-        "position": motion.q,
-        "current": motion.i,
+        "q": motion.q,
+        "i": motion.i,
         "points": motion.points,
-        "demand": motion.qref,
+        "qref": motion.qref,
     }
     with Recorder(out, motion.layout, attachments, live=False) as recorder:
         for first in range(0, rows, BLOCK):

@@ -73,13 +73,13 @@ def fields(rows: Rows) -> list[dict[str, list]]:
     Converted at once, which is the fastest way for the others.
     """
     step = np.diff(rows.wall_ns, prepend=rows.wall_ns[:1] - 1) * 1e-9
-    velocity = np.diff(rows.position, axis=0, prepend=rows.position[:1]) / step[:, None]
+    velocity = np.diff(rows.q, axis=0, prepend=rows.q[:1]) / step[:, None]
     own = {name: getattr(rows, name).tolist() for name in ("number", "host_ns", "tick", "counts", "volts", "quality")}
     return [
         own,
-        {"q": rows.position.tolist(), "velocity": velocity.tolist()},
-        {"i": rows.current.tolist()},
-        {"qref": rows.demand.tolist() if rows.demand is not None else []},
+        {"q": rows.q.tolist(), "velocity": velocity.tolist()},
+        {"i": rows.i.tolist()},
+        {"qref": rows.qref.tolist() if rows.qref is not None else []},
     ]
 
 
@@ -233,7 +233,7 @@ def measure() -> dict[str, float]:
         readers = {"mcap_ros2": read_mcap_ros2, "rosbags": read_rosbags}
         for path, rows, every in ((small, few, [*readers.values(), read_ours]), (written, many, [read_ours])):
             for read in every:
-                np.testing.assert_array_equal(read(path), rows.position)
+                np.testing.assert_array_equal(read(path), rows.q)
         reads = best_rates(
             {name: (partial(read, small), THEIRS) for name, read in readers.items()}
             | {"ours": (partial(read_ours, written), OURS)}

@@ -214,7 +214,7 @@ class Acquisition:
         self._pace_ns = (int(rows.host_ns[-1]) - self._first[1]) / max(int(rows.number[-1]) - self._first[0], 1)
         unmeasured = without_position(self.bench.calibration, rows.quality)
         untimed = of_another_time(self.bench.calibration, rows.quality)
-        breach = self.bench.guard.breach(rows.position, rows.current, rows.host_ns, unmeasured, untimed)
+        breach = self.bench.guard.breach(rows.q, rows.i, rows.host_ns, unmeasured, untimed)
         if breach is not None:
             self.stop(End.LIMIT, breach)
         self.rows_made += len(rows)
@@ -239,10 +239,10 @@ class Acquisition:
             counts=joined.counts,
             volts=joined.volts,
             quality=joined.quality,
-            position=positions(calibration, joined.counts, joined.quality),
-            current=currents(calibration, joined.volts),
+            q=positions(calibration, joined.counts, joined.quality),
+            i=currents(calibration, joined.volts),
             points=joined.points,
-            demand=demand,
+            qref=demand,
         )
 
     def _make_join(self) -> None:
@@ -310,7 +310,7 @@ class Acquisition:
         if self.experiment is None:
             return
         measured = ~without_position(self.bench.calibration, rows.quality)
-        first = rows.position[np.argmax(measured, axis=0), np.arange(measured.shape[1])]
+        first = rows.q[np.argmax(measured, axis=0), np.arange(measured.shape[1])]
         near = np.abs(first - np.array(self.experiment.start)) <= START_TOLERANCE
         for joint in np.flatnonzero(measured.any(axis=0) & ~near):
             self.stop(

@@ -20,9 +20,9 @@ class Rows:
     volts     (n, A) float64 V
     points    (n, 3) float64 m in the tracker's frame, NaN where there is none; None for a rig without a tracker
     quality   (n, C + A (+ 1 with points)) uint8: drivers.protocols.Quality, columns in that order
-    position  (n, J) float64 rad (m): joint angles, motor encoder over gear ratio; NaN where missing
-    current   (n, J) float64 A: motor currents, positive drives the joint positive; NaN where missing
-    demand    (n, J) float64 rad (m), or None where the controller does not report it
+    q         (n, J) float64 rad (m): joint angles, motor encoder over gear ratio; NaN where missing
+    i         (n, J) float64 A: motor currents, positive drives the joint positive; NaN where missing
+    qref      (n, J) float64 rad (m), or None where the controller does not report it
     """
 
     number: NDArray[np.int64]
@@ -32,10 +32,10 @@ class Rows:
     counts: NDArray[np.int64]
     volts: NDArray[np.float64]
     quality: NDArray[np.uint8]
-    position: NDArray[np.float64]
-    current: NDArray[np.float64]
+    q: NDArray[np.float64]
+    i: NDArray[np.float64]
     points: NDArray[np.float64] | None = None
-    demand: NDArray[np.float64] | None = None
+    qref: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.number)

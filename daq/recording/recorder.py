@@ -235,14 +235,14 @@ class Recorder:
 def _columns(blocks: list[Rows], layout: Layout) -> dict[str, NDArray]:
     """The blocks end to end, under the names that the columns have in the file.
 
-    NaN where a block lacks demands or points.
+    NaN where a block lacks qref or points.
     """
-    names = {"position": "q", "current": "i", "demand": "qref", "points": "xyz"}
-    wanted = {"demand": "qref" in layout.signals, "points": bool(layout.points)}
+    names = {"points": "xyz"}
+    required = {"qref": "qref" in layout.signals, "points": bool(layout.points)}
     columns = {}
     for name in Rows.__dataclass_fields__:
         pieces = [getattr(block, name) for block in blocks]
-        if wanted.get(name, True):
+        if required.get(name, True):
             width = 3 if name == "points" else len(layout.joints)
             pieces = [np.full((len(b), width), np.nan) if p is None else p for p, b in zip(pieces, blocks)]
             columns[names.get(name, name)] = np.concatenate(pieces)

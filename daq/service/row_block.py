@@ -58,8 +58,6 @@ UNITS = {
 }
 """Units of the columns that have one; names as in ``daq.recording.reader.Recording``."""
 
-_NAMES = {"position": "q", "current": "i", "demand": "qref"}
-
 Columns = Mapping[str, NDArray]
 
 
@@ -82,8 +80,8 @@ class RowBlock:
 
 def columns_of(rows: Rows) -> dict[str, NDArray]:
     """The columns of a block of the sampler, under the names that they have in a Recording."""
-    named = {_NAMES.get(field, field): getattr(rows, field) for field in Rows.__dataclass_fields__}
-    return {name: values for name, values in named.items() if values is not None}
+    columns = {name: getattr(rows, name) for name in Rows.__dataclass_fields__}
+    return {name: values for name, values in columns.items() if values is not None}
 
 
 def describe(columns: Columns, joints: Sequence[str]) -> bytes:

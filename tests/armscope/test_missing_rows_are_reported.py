@@ -101,10 +101,10 @@ def rows_of(whole: object, part: slice) -> Rows:
         counts=nothing.astype(np.int64),
         volts=nothing,
         quality=nothing.astype(np.uint8),
-        position=whole.q[part] + 1e-6 * noise[:, :1],  # type: ignore[attr-defined]
-        current=whole.i[part] + 1e-2 * noise[:, 1:],  # type: ignore[attr-defined]
+        q=whole.q[part] + 1e-6 * noise[:, :1],  # type: ignore[attr-defined]
+        i=whole.i[part] + 1e-2 * noise[:, 1:],  # type: ignore[attr-defined]
         points=None,
-        demand=whole.qref[part],  # type: ignore[attr-defined]
+        qref=whole.qref[part],  # type: ignore[attr-defined]
     )
 
 

@@ -85,9 +85,9 @@ def rows_of(signals: Signals, current: CubicSpline, rng: np.random.Generator, de
         counts=counts,
         volts=volts,
         quality=quality,
-        position=positions(its.calibration, counts, quality),
-        current=currents(its.calibration, volts),
-        demand=demand,
+        q=positions(its.calibration, counts, quality),
+        i=currents(its.calibration, volts),
+        qref=demand,
     )
 
 

@@ -201,4 +201,4 @@ def recorded(what: Truth, laboratory: Laboratory, seed: int) -> Rows:
     # elsewhere: angles by the same encoders with a little noise, currents of the drives' own sensors
     own = current + rng.normal(0.0, WHITE, current.shape)
     count = 2 * np.pi / (signals.counts * signals.gear)
-    return replace(rows, position=rows.position + 0.3 * count * rng.normal(size=current.shape), current=own)
+    return replace(rows, q=rows.q + 0.3 * count * rng.normal(size=current.shape), i=own)

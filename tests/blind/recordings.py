@@ -22,7 +22,7 @@ def write_recording(path: Path, rows: Rows, laboratory: Laboratory) -> None:
     if laboratory.route == "table":
         table = path.with_suffix(".csv")
         _write_csv(table, rows)
-        data = read_csv(table, joints=rows.position.shape[1])
+        data = read_csv(table, joints=rows.q.shape[1])
         write_table(path, data.t, data.signals, Attachments(rig=RIG.read_text(encoding="utf-8")))
         table.unlink()
         return
@@ -36,10 +36,10 @@ def write_recording(path: Path, rows: Rows, laboratory: Laboratory) -> None:
 
 
 def _write_csv(path: Path, rows: Rows) -> None:
-    n = rows.position.shape[1]
-    assert rows.demand is not None
+    n = rows.q.shape[1]
+    assert rows.qref is not None
     names = ["t", *(f"{signal}{j}" for signal in ("q", "i", "qref") for j in range(1, n + 1))]
-    values = np.column_stack([rows.wall_ns * 1e-9, rows.position, rows.current, rows.demand])
+    values = np.column_stack([rows.wall_ns * 1e-9, rows.q, rows.i, rows.qref])
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(names)

@@ -27,9 +27,9 @@ COLUMNS = {
     "counts": "counts",
     "volts": "volts",
     "quality": "quality",
-    "q": "position",
-    "i": "current",
-    "qref": "demand",
+    "q": "q",
+    "i": "i",
+    "qref": "qref",
     "points": "points",
 }
 """Field of a Recording -> field of Rows."""
@@ -50,10 +50,10 @@ def make_rows(first: int, count: int, seed: int = 0) -> Rows:
         counts=((random[:, 1:3] - 0.5) * 2.0**62).astype(np.int64),
         volts=random[:, 3:7] * 20 - 10,
         quality=(random[:, 7:14] * 64).astype(np.uint8),
-        position=random[:, 14:17] * 6 - 3,
-        current=np.where(random[:, 17:20] < 0.1, np.nan, random[:, 20:23] * 9),
+        q=random[:, 14:17] * 6 - 3,
+        i=np.where(random[:, 17:20] < 0.1, np.nan, random[:, 20:23] * 9),
         points=random[:, 23:26],
-        demand=random[:, 26:29] * 6 - 3,
+        qref=random[:, 26:29] * 6 - 3,
     )
 
 

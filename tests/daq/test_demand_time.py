@@ -36,11 +36,11 @@ def test_the_demand_of_a_row_is_that_of_its_time(root: Path, monkeypatch: pytest
         acquisition = Acquisition(bench, motion)
         rows = joined(list(acquisition.rows()))
     [(_, at)] = began
-    assert rows.demand is not None
+    assert rows.qref is not None
     true = demand_of(motion)((rows.host_ns - at) * 1e-9)
     speed = np.abs(np.gradient(true[:, 0], rows.host_ns * 1e-9)).max()
     uncertain = [float(took) for note in acquisition.notes for took in re.findall("known to (.*) ms", note)]
-    assert np.abs(rows.demand - true).max() < max([1.0, *uncertain]) * 1.1e-3 * speed
+    assert np.abs(rows.qref - true).max() < max([1.0, *uncertain]) * 1.1e-3 * speed
 
 
 def test_a_start_signal_that_takes_long_is_noted(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:

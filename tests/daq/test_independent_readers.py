@@ -37,9 +37,9 @@ def file(tmp_path_factory: pytest.TempPathFactory, rows: Rows) -> Path:
 
 def velocity(rows: Rows) -> np.ndarray:
     """Difference quotient, one row at a time."""
-    result = np.full(rows.position.shape, np.nan)
+    result = np.full(rows.q.shape, np.nan)
     for k in range(1, len(rows)):
-        result[k] = (rows.position[k] - rows.position[k - 1]) / ((rows.wall_ns[k] - rows.wall_ns[k - 1]) * 1e-9)
+        result[k] = (rows.q[k] - rows.q[k - 1]) / ((rows.wall_ns[k] - rows.wall_ns[k - 1]) * 1e-9)
     return result
 
 
@@ -51,13 +51,13 @@ def check_messages(rows: Rows, messages: dict[str, list]) -> None:
         np.testing.assert_array_equal(stamps, rows.wall_ns, err_msg=topic)
     states = messages["/joint_states"]
     assert all(list(message.name) == names for message in states)
-    np.testing.assert_array_equal([message.position for message in states], rows.position)
+    np.testing.assert_array_equal([message.position for message in states], rows.q)
     np.testing.assert_allclose([message.velocity for message in states], velocity(rows), rtol=1e-12)
-    np.testing.assert_allclose([message.effort for message in states], rows.current * [1.0, 2.0, 3.0])
+    np.testing.assert_allclose([message.effort for message in states], rows.i * [1.0, 2.0, 3.0])
     currents = messages["/motor_currents"]
-    np.testing.assert_array_equal([message.effort for message in currents], rows.current)
+    np.testing.assert_array_equal([message.effort for message in currents], rows.i)
     assert all(len(message.position) == len(message.velocity) == 0 for message in currents)
-    np.testing.assert_array_equal([message.position for message in messages["/joint_demands"]], rows.demand)
+    np.testing.assert_array_equal([message.position for message in messages["/joint_demands"]], rows.qref)
     points = [(message.point.x, message.point.y, message.point.z) for message in messages["/tracker/point"]]
     np.testing.assert_array_equal(points, rows.points)
     assert {message.header.frame_id for message in messages["/tracker/point"]} == {"tracker"}

@@ -30,8 +30,8 @@ def rows(first: int, count: int, seed: int = 0, tracker: bool = True) -> Rows:
         counts=random.integers(-(2**40), 2**40, (count, 3)),
         volts=random.normal(size=(count, 8)),
         quality=random.integers(0, 64, (count, 12)).astype(np.uint8),
-        position=random.normal(size=(count, 2)),
-        current=random.normal(size=(count, 2)),
+        q=random.normal(size=(count, 2)),
+        i=random.normal(size=(count, 2)),
         points=random.normal(size=(count, 3)) if tracker else None,
     )
 

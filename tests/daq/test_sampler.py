@@ -53,9 +53,9 @@ def test_raw_values_become_angles_and_currents_in_the_joints_sense() -> None:
     assert rows is not None
     for joint, gear in enumerate((-60.0, 100.0)):
         motor_turns = rows.counts[:, joint] / (4 * 250)
-        assert np.allclose(rows.position[:, joint], 2 * np.pi * motor_turns / gear)
+        assert np.allclose(rows.q[:, joint], 2 * np.pi * motor_turns / gear)
         motor_current = rows.volts[:, joint] * 200 / 10 / 10
-        assert np.allclose(rows.current[:, joint], np.sign(gear) * motor_current)
+        assert np.allclose(rows.i[:, joint], np.sign(gear) * motor_current)
 
 
 def test_the_counters_are_preset_to_the_pose_in_which_the_experiment_starts() -> None:
@@ -64,9 +64,9 @@ def test_the_counters_are_preset_to_the_pose_in_which_the_experiment_starts() ->
     acquisition, rows = run(make_rig(more=more), experiment=experiment)
     assert rows is not None
     assert acquisition.ending is not None and acquisition.ending.reason is End.MOTION_DONE
-    assert rows.position[0] == pytest.approx(experiment.start, abs=2 * np.pi / 1000 / 60)
-    assert rows.demand is not None and rows.demand[0] == pytest.approx(experiment.start)
-    assert rows.demand[-1] == pytest.approx([0.5, -0.2], abs=1e-3)
+    assert rows.q[0] == pytest.approx(experiment.start, abs=2 * np.pi / 1000 / 60)
+    assert rows.qref is not None and rows.qref[0] == pytest.approx(experiment.start)
+    assert rows.qref[-1] == pytest.approx([0.5, -0.2], abs=1e-3)
     presets = tuple(round(q * 1000 * gear / (2 * np.pi)) for q, gear in zip(experiment.start, (-60, 100)))
     assert_no_row_is_shifted(rows, presets)
 

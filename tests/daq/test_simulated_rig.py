@@ -31,15 +31,15 @@ def motion(root: Path) -> Experiment:
 
 def test_a_test_of_the_thesis_ends_where_it_should(root: Path, motion: Experiment) -> None:
     acquisition, rows = run(_fast(root / "config/puma560_sim.toml"), experiment=motion)
-    assert rows is not None and rows.demand is not None and rows.points is not None
+    assert rows is not None and rows.qref is not None and rows.points is not None
     assert acquisition.ending is not None and acquisition.ending.reason is End.MOTION_DONE
     assert acquisition.ledger.summary().lost == 0 and acquisition.notes == []
     count = 2 * np.pi / 1000 / 53.7
-    assert np.abs(rows.position[0] - motion.start).max() < 5 * count
-    assert np.abs(rows.position[-1] - rows.demand[-1]).max() < 0.01
+    assert np.abs(rows.q[0] - motion.start).max() < 5 * count
+    assert np.abs(rows.q[-1] - rows.qref[-1]).max() < 0.01
     # A negative gear: the count goes the other way, position and current do not.
-    fast = rows.demand[:, 2] > 0
-    assert rows.counts[-1, 2] < rows.counts[0, 2] and rows.position[-1, 2] > rows.position[0, 2]
+    fast = rows.qref[:, 2] > 0
+    assert rows.counts[-1, 2] < rows.counts[0, 2] and rows.q[-1, 2] > rows.q[0, 2]
     assert fast.any()
     seen = ~np.isnan(rows.points[:, 0])
     assert np.flatnonzero(seen)[:4].tolist() == [0, 3, 6, 9]  # 350 points/s of 1000

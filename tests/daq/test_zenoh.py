@@ -46,8 +46,8 @@ def rows(first: int, count: int, seed: int = 0, tracker: bool = True) -> Rows:
         counts=random.integers(-(2**40), 2**40, (count, 3)),
         volts=random.normal(size=(count, 8)),
         quality=random.integers(0, 64, (count, 12)).astype(np.uint8),
-        position=random.normal(size=(count, 2)),
-        current=random.normal(size=(count, 2)),
+        q=random.normal(size=(count, 2)),
+        i=random.normal(size=(count, 2)),
         points=random.normal(size=(count, 3)) if tracker else None,
     )
 
@@ -132,7 +132,7 @@ def test_joint_state_reads_as_ros_message(server: zenoh.Session, server_rig: Rig
     last_a, last_b = ((stamp - 10**18) // 10**6 for stamp in (stamp_a, stamp_b))
     assert a.name == list(JOINTS)
     np.testing.assert_array_equal(a.position, rows(last_a - 9, 10).position[-1])
-    np.testing.assert_array_equal(b.position, rows(last_b - 9, 10).position[-1])
+    np.testing.assert_array_equal(b.position, rows(last_b - 9, 10).q[-1])
     np.testing.assert_allclose(b.velocity, (b.position - a.position) / ((stamp_b - stamp_a) * 1e-9))
 
 

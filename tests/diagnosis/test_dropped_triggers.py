@@ -30,9 +30,7 @@ PERIOD = 1e-3
 def _seen(root: Path, *hidden: Hidden, seed: int = 3) -> Run:
     what = truth(fourier("run", seed, 0.12, 0.9, 10.0), hidden, LABORATORY)
     rows = recorded(what, LABORATORY, seed)
-    return residual_run(
-        "run", read_model(root / "config" / "models" / "puma560.toml"), what.signals.t, rows.position, rows.current
-    )
+    return residual_run("run", read_model(root / "config" / "models" / "puma560.toml"), what.signals.t, rows.q, rows.i)
 
 
 def _found(*runs: Run) -> list[DroppedTriggers]:

@@ -68,7 +68,7 @@ def _recorded(
             ql = np.floor(link / LINK_STEP) * LINK_STEP
             ql[:, 3:] = np.nan
             path = Path(folder) / f"run_{number}.mcap"
-            write_table(path, t, {"q": rows.position, "i": rows.current, "ql": ql}, Attachments())
+            write_table(path, t, {"q": rows.q, "i": rows.i, "ql": ql}, Attachments())
             read.append(open_recording(path))
     return read
 
@@ -174,6 +174,6 @@ def test_without_link_encoders_there_is_nothing_to_say(root: Path, arm: Arm) -> 
     rows = recorded(what, LABORATORY, 1)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
-        write_table(path, what.signals.t, {"q": rows.position, "i": rows.current}, Attachments())
+        write_table(path, what.signals.t, {"q": rows.q, "i": rows.i}, Attachments())
         recording = open_recording(path)
     assert link_side(arm, [recording], [recording]) is None

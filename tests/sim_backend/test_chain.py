@@ -71,13 +71,11 @@ def test_positions_currents_and_points_are_those_of_the_same_simulation(
     t = (1 + rows.number) * 1e-3
     motion = simulate(arm, demand, duration=float(t[-1]) + 0.1, rate=1000.0, times=np.append(0.0, t))
     counts_per_radian = np.array([abs(j.gear) * j.encoder_lines * 4 / (2 * np.pi) for j in arm.joints])
-    assert (np.abs(rows.position - motion.qm[1:]) * counts_per_radian).max() < 1.6, (
-        "half a count of zero, one of reading"
-    )
+    assert (np.abs(rows.q - motion.qm[1:]) * counts_per_radian).max() < 1.6, "half a count of zero, one of reading"
     for joint, turns in enumerate((10, 10, 10, 20, 20, 20)):
         converted = np.append(0.0, t + joint / 83.3e3)
         late = simulate(arm, demand, duration=float(t[-1]) + 0.1, rate=1000.0, times=converted).current[1:, joint]
-        error = rows.current[:, joint] - late
+        error = rows.i[:, joint] - late
         spread = 20 / turns * np.sqrt((20 / 4096) ** 2 / 12 + 0.003**2 + 0.001**2)  # converter's step, noise of both
         assert abs(error.mean()) < 0.1 * spread and error.std() == pytest.approx(spread, rel=0.1)
     frame = link_frames(arm, motion.q[1:])[:, -1]
@@ -111,7 +109,7 @@ def test_twenty_kilohertz_on_the_timer_with_the_tracker_on_its_own_clock(root: P
     fresh = rows.quality[:, -1] == 0
     assert rows.points is not None and abs(fresh.mean() - 0.05) < 0.002
     arm = read_model(root / "config/models/puma560.toml")
-    frame = link_frames(arm, np.column_stack([rows.position[fresh][:, :3], np.zeros((fresh.sum(), 3))]))[:, -1]
+    frame = link_frames(arm, np.column_stack([rows.q[fresh][:, :3], np.zeros((fresh.sum(), 3))]))[:, -1]
     target = frame[:, :3, :3] @ [0.05, 0.0, 0.10] + frame[:, :3, 3]
     assert np.abs(rows.points[fresh] - target).max() < 2e-3, "a wrist that sags under its servos, and encoder steps"
 
@@ -124,7 +122,7 @@ def test_looking_moves_nothing(root: Path) -> None:
         second = joined(list(Acquisition(bench, seconds=0.5).rows()))
     assert len(first) == len(second) == 500
     for rows, settling in ((first, 1), (second, 10)):  # counts; servos still settle after a motion
-        assert np.ptp(rows.counts, axis=0).max() <= settling and rows.demand is None
+        assert np.ptp(rows.counts, axis=0).max() <= settling and rows.qref is None
 
 
 def test_payload_and_drives_off_are_carried_out(root: Path) -> None:

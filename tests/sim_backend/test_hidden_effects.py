@@ -29,7 +29,7 @@ def _run(root: Path, tmp_path: Path, *effects: EffectTerm, **changes: object) ->
 def test_current_offset_shows_with_the_drives_off(root: Path, tmp_path: Path) -> None:
     still = {"segment": [{"type": "hold", "duration": 0.5}], "setup": {"drives_off": True}}
     rows = _run(root, tmp_path, EffectTerm("current_offset", 3, {"offset": 0.07}), **still)
-    assert rows.current.mean(axis=0) == pytest.approx([0, 0, 0.07, 0, 0, 0], abs=1.5e-3)
+    assert rows.i.mean(axis=0) == pytest.approx([0, 0, 0.07, 0, 0, 0], abs=1.5e-3)
 
 
 def test_missed_counts_are_a_step_in_the_counts_of_one_joint(root: Path, tmp_path: Path) -> None:
@@ -44,8 +44,8 @@ def test_missed_counts_are_a_step_in_the_counts_of_one_joint(root: Path, tmp_pat
 def test_late_currents_are_late_and_nothing_else_is(root: Path, tmp_path: Path) -> None:
     rows, whole = _run(root, tmp_path, EffectTerm("time_skew", None, {"delay": 0.004})), _run(root, tmp_path)
     assert (rows.counts == whole.counts).all()
-    error = rows.current[4:] - whole.current[:-4]
-    assert np.abs(error[:, :3]).max() < 0.06 and np.abs(rows.current - whole.current).max() > 1.0
+    error = rows.i[4:] - whole.i[:-4]
+    assert np.abs(error[:, :3]).max() < 0.06 and np.abs(rows.i - whole.i).max() > 1.0
 
 
 def test_backlash_lets_the_link_fall_behind_the_motor(root: Path, tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_backlash_lets_the_link_fall_behind_the_motor(root: Path, tmp_path: Path
         assert rows.points is not None
         seen = ~np.isnan(rows.points[:, 0])
         target = rows.points[seen] @ tracker[:3, :3].T + tracker[:3, 3]
-        ahead = rows.position[seen, 0] - np.arctan2(target[:, 1], target[:, 0])
+        ahead = rows.q[seen, 0] - np.arctan2(target[:, 1], target[:, 0])
         return ahead - ahead[0]
 
     assert np.ptp(lead(loose)) == pytest.approx(4e-3, rel=0.25)
