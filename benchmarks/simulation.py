@@ -46,7 +46,7 @@ def first_joints(arm: Arm, n: int) -> Arm:
 
 
 def move(n: int) -> Callable[[Array], Array]:
-    """To and fro, all joints, a second each way."""
+    """Back and forth, all joints, a second each way."""
     reach = np.array([0.8, 0.6, -0.7, 0.5, 0.4, -0.6])[:n]
     return lambda t: np.outer((1 - np.cos(np.pi * t)) / 2, reach)
 

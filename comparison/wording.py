@@ -30,7 +30,7 @@ FRICTION = ("coulomb", "viscous", "offset", "drag")
 def in_words(expression: str) -> str:
     """'joint3.coulomb' -> 'Coulomb friction of joint 3'.
 
-    Of a sum of parameters its first, and how many more are in it.
+    For a sum of parameters: the first, and the number of others.
     """
     first, *others = expression.replace(" - ", " + ").split(" + ")
     head, _, rest = first.partition(".")

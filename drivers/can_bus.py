@@ -249,10 +249,7 @@ def _python_can(config: CanConfig) -> Any:
 
 
 def _arrival(stamp: float) -> int:
-    """Host ns (monotonic) of a frame stamped with so many s of Unix time, as the kernel does.
-
-    Now, for a stamp of another kind.
-    """
+    """Host ns (monotonic) of a frame stamped with Unix time in s, as the kernel does; else the time of the call."""
     age = time.time_ns() - int(stamp * 1e9)
     now = time.monotonic_ns()  # read later, so that what holds this thread up here makes no frame older than it is
     return now - age if 0 <= age < OLDEST * 1e9 else now

@@ -171,9 +171,9 @@ class Latched(Protocol):
 
 @runtime_checkable
 class Polled(Protocol):
-    """No latch: ``poll`` reads every channel now and returns one row (number -1.
+    """No latch: ``poll`` reads every channel now and returns one row.
 
-    Host time halfway through the reading).
+    Its number is -1, its host time halfway through the reading.
     """
 
     def poll(self) -> Block: ...
@@ -269,11 +269,9 @@ class OwnWatchdog(Protocol):
 
 @runtime_checkable
 class PositionTracker(Protocol):
-    """External tracker: points in its own frame come by ``read`` (Latched).
+    """External tracker: points in its own frame by ``read`` (Latched), or after the run from its memory (``recall``).
 
-    After the run they come by ``recall`` from its memory.
-
-    It cannot be triggered; it raises the trigger line once a sample. ``recall`` returns what its memory holds.
+    It cannot be triggered; it raises the trigger line once per sample.
     """
 
     rate: float  # Hz, set

@@ -13,9 +13,7 @@ Columns = tuple[int, int]  # counters, inputs
 
 
 class Reconnect:
-    """Tries after 0.1 s, then ever less often (doubling, at most every 2 s), for ``patience`` s.
-
-    Then the device is given up.
+    """Tries after 0.1 s, then ever less often (doubling, at most every 2 s), for ``patience`` s, then gives up.
 
     ``close`` lets go of it once it is lost, so that what comes back can have its old name. There is no clock inside:
     ``now`` is the host's monotonic time, ns.
@@ -46,9 +44,7 @@ class Reconnect:
     def poll(
         self, clock: HostClock, reopen: Callable[[], None], row: Callable[[int], Block], columns: Columns
     ) -> Block:
-        """One row of a Polled device: ``row(now)``.
-
-        Without any value where the device is lost, as it is when that raises OSError.
+        """One row of a Polled device: ``row(now)``; without any value while the device is lost (OSError).
 
         ``columns`` are its counters and inputs. ``now`` is read after reopening, which takes its time.
         """

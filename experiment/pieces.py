@@ -124,10 +124,7 @@ class Series:
 
     @cached_property
     def _period(self) -> list[tuple[Array, Array]]:
-        """Lowest and highest value of the series, its rate and its curvature.
-
-        Of samples over one period, and what is between them.
-        """
+        """Bounds of the series, its rate and its curvature: extremes of samples over one period, and between them."""
         amplitudes = np.abs(np.array(self.segment.sine, float)) + np.abs(np.array(self.segment.cosine, float))
         harmonics = np.arange(1, amplitudes.shape[1] + 1)
         period, pulsation = 1 / self.segment.fundamental, 2 * np.pi * self.segment.fundamental

@@ -59,9 +59,9 @@ def set_watchdog(link: T7Link, lines: Iterable[int], seconds: int) -> None:
 
 
 def start_counter(link: T7Link, line: int) -> None:
-    """Quadrature counting x4 on lines ``line`` and ``line`` + 1, from 0 (datasheet 13.2.
+    """Starts quadrature counting x4 on lines ``line`` and ``line`` + 1, from 0.
 
-    An index is written while disabled).
+    The index is written while the counter is disabled (datasheet 13.2).
     """
     for register, value in ((t7.EF_ENABLE, 0), (t7.EF_INDEX, t7.QUADRATURE), (t7.EF_ENABLE, 1)):
         for phase in (line, line + 1):

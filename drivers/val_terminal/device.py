@@ -123,10 +123,7 @@ class ValTerminal:
     # -- motion -------------------------------------------------------------------------------------------------------
 
     def load(self, experiment: object) -> None:
-        """Refuses what VAL cannot do.
-
-        Then drives the arm to the start pose, slowly, and waits until it stands there.
-        """
+        """Drives the arm slowly to the start pose and waits until it rests there; refuses what VAL cannot do."""
         if not isinstance(experiment, Experiment):
             raise self._fault(f"needs an Experiment, has {type(experiment).__name__}")
         if len(experiment.start) != self.joints:

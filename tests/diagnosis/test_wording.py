@@ -84,7 +84,7 @@ def test_small_errors_are_told_in_thousandths() -> None:
 
 
 def test_structure_is_predictable_and_noise_is_not(root: Path) -> None:
-    """A function of joint 2's angle is foretold on the other recording, in noise by its share of the variance.
+    """A function of joint 2's angle is predicted on the other recording, in noise by its share of the variance.
 
     Noise by nothing.
     """

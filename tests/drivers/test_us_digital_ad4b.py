@@ -53,7 +53,7 @@ def test_ad4b_counts(ad4b: tuple[Any, Any]) -> None:
 def test_24_bits_wrap_at_speed(tmp_path: Path) -> None:
     """An encoder at 25 million counts per second.
 
-    3 wraps in 2 seconds through a 24-bit register read 190 times a second.
+    3 wraps in 2 seconds through a 24-bit register read 190 times per second.
     """
     where = us_digital_ad4b.Config(port=str(tmp_path / "fast"), timeout=0.2)
     wires = swing_wires()

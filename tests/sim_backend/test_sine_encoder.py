@@ -123,7 +123,7 @@ def test_noise_at_standstill_chatters_only_where_it_exceeds_the_hysteresis() -> 
 
 
 def test_hysteresis_is_lost_motion_of_its_own_width() -> None:
-    """To and fro: the edges come back 2 asin(h / gain) of phase later."""
+    """Back and forth: the edges come back 2 asin(h / gain) of phase later."""
     there = np.linspace(0.0, 40 * np.pi, 200_001) / LINES
     angle = np.concatenate([there, there[::-1]])[:, None]
     encoder = _encoder(hysteresis=0.1, sine_gain=0.8)

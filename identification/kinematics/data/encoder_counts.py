@@ -22,9 +22,9 @@ _PAUSE = 1.5
 
 
 def between_counts(t: Array, q: Array) -> Array:
-    """Angles q (N, joints) rad at t (N,) s as local cubics over ``SMOOTHED`` s (Savitzky and Golay, Anal.
+    """Angles q (N, joints) rad at t (N,) s as local cubics over ``SMOOTHED`` s.
 
-    Chem. 36, 1964).
+    Source: Savitzky and Golay, Anal. Chem. 36, 1964.
 
     Rows nearer to a missing sample than that, stretches shorter than that, and rows too far apart for it stay as they
     are.
