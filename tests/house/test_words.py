@@ -1,7 +1,10 @@
 """Messages and documents use the field's terms (CONTRIBUTING.md, glossary), no idioms or metaphors."""
 
 import ast
+import io
 import re
+import tokenize
+from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -37,6 +40,13 @@ INSTEAD = {
 }
 """Pattern of an old word -> what to write."""
 OLD = re.compile("|".join(rf"\b{pattern}" for pattern in INSTEAD), re.IGNORECASE)
+NOWHERE = re.compile(
+    r"\b(told from|(is|are|be) wanted|strangers|fore(tell|tells|told)|as good as (nothing|invisible)|what swings|weeded"
+    r"|to and fro"
+    r"|(one|row|two|sentence|number|column|block|times|counts?) a (joint|second|turn|row|run|cause|motion|step))\b",
+    re.IGNORECASE,
+)
+"""Idioms that docstrings and comments do without as well."""
 SHOWN = {
     "InputError",
     "DeviceFault",
@@ -79,6 +89,19 @@ def literals(tree: ast.AST) -> list[tuple[int, str]]:
     return found
 
 
+def prose(source: str) -> Iterator[tuple[int, str]]:
+    """Line and text of every comment and every string in triple quotes."""
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT or (token.type == tokenize.STRING and token.string.endswith('"""')):
+            yield token.start[0], token.string
+
+
+def torn(docstring: str) -> bool:
+    """Whether a summary line is cut: a bracket stays open, or the next paragraph goes on with its sentence."""
+    summary, _, rest = docstring.partition("\n")
+    return summary.count("(") > summary.count(")") or bool(re.match(r"(And|Or|Nor|Than) ", rest.lstrip()))
+
+
 def test_messages() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{line}: {word.group()!r} in {text!r}"
@@ -104,3 +127,33 @@ def test_documents() -> None:
 def test_an_old_word_is_found() -> None:
     tree = ast.parse('raise InputError(path, f"{name} wants a number")\nprint("two encoders a joint")\nx = "nobody"')
     assert [bool(OLD.search(text)) for _, text in literals(tree) if " " in text] == [True, True]
+
+
+def test_docstrings_and_comments() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}: {word.group()!r}"
+        for package in PACKAGES
+        for path in sorted((ROOT / package).rglob("*.py"))
+        for line, text in prose(path.read_text(encoding="utf-8"))
+        if (word := NOWHERE.search(text))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_docstrings_are_whole() -> None:
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    wrong = [
+        f"{path.relative_to(ROOT)}: {docstring.splitlines()[0]!r}"
+        for package in PACKAGES
+        for path in sorted((ROOT / package).rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, documented) and (docstring := ast.get_docstring(node)) and torn(docstring)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_torn_docstring_and_an_old_idiom_are_found() -> None:
+    assert torn("Blocks (the leading axis.\n\nOthers are shared).") and torn("The arm.\n\nAnd its load.")
+    assert not torn("Blocks (the leading axis).\n\nAndroid is whole.")
+    texts = list(prose('x = "two a joint"\n# one a joint\ny = """It is told from nothing."""\n'))
+    assert [(line, bool(NOWHERE.search(text))) for line, text in texts] == [(2, True), (3, True)]
