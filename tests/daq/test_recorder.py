@@ -61,7 +61,7 @@ def test_an_empty_recording_is_one(tmp_path: Path) -> None:
 def test_a_rig_without_tracker_and_demand(tmp_path: Path) -> None:
     layout = rows_layout(["joint1", "joint2", "joint3"], counters=["c1", "c2"], inputs=["v1", "v2", "v3", "v4"])
     rows = make_rows(0, 20)
-    rows = dataclasses.replace(rows, demand=None, points=None, quality=rows.quality[:, :6])
+    rows = dataclasses.replace(rows, qref=None, points=None, quality=rows.quality[:, :6])
     with Recorder(tmp_path / "run.mcap", layout, Attachments()) as recorder:
         recorder.append(rows)
     recording = open_recording(tmp_path / "run.mcap")
@@ -74,13 +74,13 @@ def test_demands_and_points_may_come_and_go(tmp_path: Path) -> None:
 
     The other way round is a bug, and reported.
     """
-    first, second = make_rows(0, 10), dataclasses.replace(make_rows(10, 10), demand=None, points=None)
+    first, second = make_rows(0, 10), dataclasses.replace(make_rows(10, 10), qref=None, points=None)
     with Recorder(tmp_path / "run.mcap", LAYOUT, Attachments()) as recorder:
         recorder.append(first)
         recorder.append(second)
     recording = open_recording(tmp_path / "run.mcap")
     assert np.isnan(recording.qref[10:]).all() and np.isnan(recording.points[10:]).all()
-    np.testing.assert_array_equal(recording.qref[:10], first.demand)
+    np.testing.assert_array_equal(recording.qref[:10], first.qref)
     narrow = rows_layout(["joint1", "joint2", "joint3"], counters=["c1", "c2"], inputs=["v1", "v2", "v3", "v4"])
     recorder = Recorder(tmp_path / "other.mcap", narrow, Attachments())
     recorder.append(first)

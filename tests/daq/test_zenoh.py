@@ -131,7 +131,7 @@ def test_joint_state_reads_as_ros_message(server: zenoh.Session, server_rig: Rig
     stamp_a, stamp_b = (m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in (a, b))
     last_a, last_b = ((stamp - 10**18) // 10**6 for stamp in (stamp_a, stamp_b))
     assert a.name == list(JOINTS)
-    np.testing.assert_array_equal(a.position, rows(last_a - 9, 10).position[-1])
+    np.testing.assert_array_equal(a.position, rows(last_a - 9, 10).q[-1])
     np.testing.assert_array_equal(b.position, rows(last_b - 9, 10).q[-1])
     np.testing.assert_allclose(b.velocity, (b.position - a.position) / ((stamp_b - stamp_a) * 1e-9))
 

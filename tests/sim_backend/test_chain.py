@@ -136,9 +136,9 @@ def test_payload_and_drives_off_are_carried_out(root: Path) -> None:
     bolted = frames[-1] @ [0.0, 0.0, 0.05, 1.0]
     weight = np.array([0.0, 0.0, -9.80665 * 2.0])
     joint2 = np.cross(frames[1][:3, 2], bolted[:3] - frames[1][:3, 3]) @ weight  # what gravity does about joint 2
-    extra = (loaded.current - free.current)[:, 1].mean()
+    extra = (loaded.i - free.i)[:, 1].mean()
     assert extra == pytest.approx(-joint2 / (107.815 * 0.2587), abs=5e-3)
-    assert np.abs(off.current.mean(axis=0)).max() < 1e-3 and np.ptp(off.counts, axis=0).max() <= 1
+    assert np.abs(off.i.mean(axis=0)).max() < 1e-3 and np.ptp(off.counts, axis=0).max() <= 1
 
 
 def test_hidden_arm_moves_under_the_servos_of_the_known_one(root: Path, tmp_path: Path) -> None:
