@@ -43,6 +43,8 @@ class Language:
 PYTHON = Language(
     {"sin": "sin", "cos": "cos", "sqrt": "sqrt", "exp": "exp", "abs": "abs", "min": "minimum", "max": "maximum"}
 )
+PYTHON_FUNCTIONS = ("sin", "cos", "sqrt", "exp", "abs", "minimum", "maximum")
+"""What ``python_function`` needs in its namespace."""
 C = Language(
     {"sin": "sin", "cos": "cos", "sqrt": "sqrt", "exp": "exp", "abs": "fabs", "min": "fmin", "max": "fmax"},
     "const double {name} = {value};",

@@ -6,9 +6,11 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from arm_model.system.dynamics import inverse_dynamics
+    from arm_model.system.kernel_inputs import numbers
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
     "inverse_dynamics",
+    "numbers",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -243,8 +243,18 @@ def _equations(arm: Arm, form: Form, by: Formulation | None) -> str:
     write: Callable[..., str] = printing.python_function if python else printing.c_function
     arguments = [name if python else f"double {name}" for name in legal.values()]
     order = f"out of {what}, in order: {', '.join(_left(name) for name in outputs)}"
-    head = f"# {order}\n" if python else f"/* {order} */\n#include <math.h>\n\n"
+    imported = f"from numpy import {', '.join(printing.PYTHON_FUNCTIONS)}\n\n"
+    head = f"# {order}\n{imported}{_values(arm, legal)}" if python else f"/* {order} */\n#include <math.h>\n\n"
     return head + write(what, arguments, tape, list(outputs.values()), legal)
+
+
+def _values(arm: Arm, legal: Mapping[str, str]) -> str:
+    """The model's values of what its equations take, regrouped as they have it, as a Python dictionary."""
+    from arm_model.system import numbers
+
+    given = numbers(arm)
+    lines = "".join(f'    "{text}": {float(given[name][0])!r},\n' for name, text in legal.items() if name in given)
+    return f"VALUES = {{\n{lines}}}\n\n\n"
 
 
 def _left(name: str) -> str:

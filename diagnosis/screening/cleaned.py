@@ -131,11 +131,21 @@ def _its_own(arm: Arm, limit: Event) -> bool:
     return own is not None and abs(value - own) < 2 * std + OWN_LIMIT * own
 
 
+LEAST_RATE = 20.0
+"""rows/s: below, reversals last no row, and nothing is left of the band in which currents are compared."""
+
+
 def check(arm: Arm, recordings: Sequence[Recording]) -> None:
     """InputError where a recording does not belong to the arm, is too short, or has missing or constant signals."""
     for r in recordings:
         if r.joints != len(arm):
             raise InputError(r.path, f"has {r.joints} joints, the model {arm.name} has {len(arm)}")
+        if r.dt > 1.0 / LEAST_RATE:
+            raise InputError(
+                r.path,
+                f"has {1 / r.dt:.3g} rows per second; at least {LEAST_RATE:g} are needed to compare currents "
+                "(100 and more show all that the comparison can)",
+            )
         if len(r) < 3 / r.dt:
             raise InputError(r.path, f"is {len(r) * r.dt:.1f} s long; at least 3 s are needed")
         for name, values in (("position", r.q), ("current", r.i)):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,6 +40,24 @@ def test_equations(root: Path, form: str, capsys: pytest.CaptureFixture[str]) ->
     assert first in printed
     if form == "python":
         compile(printed, "rates", "exec")
+
+
+def test_python_equations_run_as_printed(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With their imports and the values of the model: the torques are those of the numeric recursion."""
+    assert run(["model", str(root / MODEL), "--equations", "python", "--by", "kane"]) == 0
+    printed = capsys.readouterr().out
+    space: dict[str, Any] = {}
+    exec(compile(printed, "torques", "exec"), space)
+    q, qd, qdd = np.random.default_rng(1).uniform(-1.0, 1.0, (3, 6))
+    state = {f"{name}{j}": x for name, values in (("q", q), ("qd", qd), ("qdd", qdd)) for j, x in enumerate(values, 1)}
+    taken = inspect.signature(space["torques"]).parameters
+    assert set(space["VALUES"]) == set(taken) - set(state)
+    found = space["torques"](**space["VALUES"], **{name: state[name] for name in taken if name in state})
+    arm = read_model(root / MODEL)
+    np.testing.assert_allclose(found, numeric.rigid_torque(arm, q[None], qd[None], qdd[None])[0], rtol=1e-9, atol=1e-9)
+    assert run(["model", str(root / MODEL), "--equations", "python"]) == 0
+    exec(compile(capsys.readouterr().out, "rates", "exec"), space)
+    assert space["VALUES"]["rotor1"] > 0.0
 
 
 def test_every_effect_is_listed(capsys: pytest.CaptureFixture[str]) -> None:

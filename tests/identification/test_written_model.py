@@ -107,6 +107,23 @@ def test_one_set_of_friction_for_files_and_commands(tmp_path: Path) -> None:
     assert driven(dissipative(falling, [0.5]), [0.5]) == []
 
 
+@pytest.mark.parametrize("rate", [4, 10, 16])
+def test_slow_recordings_end_in_one_line_or_a_result(
+    rate: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    read = armscope.open(record(tmp_path / "fast.mcap", carriage(), 1))
+    rows = slice(None, None, 500 // rate)
+    write_table(tmp_path / "slow.mcap", read.t[rows], {"q": read.q[rows], "i": read.i[rows]}, Attachments())
+    write_model(tmp_path / "model.toml", carriage())
+    slow, model = str(tmp_path / "slow.mcap"), str(tmp_path / "model.toml")
+    assert run(["identify", slow, "--model", model, "--out", str(tmp_path / "out")]) in (0, 2)
+    capsys.readouterr()
+    assert run(["diagnose", "--fit", slow, "--model", model, "--out", str(tmp_path / "found")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ") and "rows per second; at least 20 are needed" in said and said.count("\n") == 1
+    assert not (tmp_path / "found" / "diagnosis.json").exists()
+
+
 def test_published_drive(root: Path, shared: Path, tmp_path: Path) -> None:
     """EMPS: the Stribeck term that a diagnosis finds survives an identification, and so does its error."""
     runs = {}

@@ -1,0 +1,29 @@
+"""docs/models.md lists every key of a model file, and no other."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+from pathlib import Path
+
+from arm_model.description import Controller, Coupling, Cylinder, EffectTerm, Joint
+from arm_model.model_file import _ModelFile
+
+
+def test_every_key_is_documented(root: Path) -> None:
+    text = (root / "docs/models.md").read_text(encoding="utf-8")
+    sections = dict(re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", text, flags=re.S | re.M))
+    expected = {"Arm": set(_ModelFile.model_fields)}
+    for heading, described in (
+        ("`[[joint]]`", Joint),
+        ("`[joint.cylinder]`", Cylinder),
+        ("`[[coupling]]`", Coupling),
+        ("`[controller]`", Controller),
+        ("`[[effect]]`", EffectTerm),
+    ):
+        expected[heading] = {field.name for field in fields(described)}
+    assert set(sections) == set(expected)
+    for heading, keys in expected.items():
+        listed = re.findall(r"^\| `(\w+)` \|", sections[heading], flags=re.M)
+        assert len(listed) == len(set(listed))
+        assert set(listed) == keys, heading
