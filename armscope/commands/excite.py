@@ -55,46 +55,55 @@ def command(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Designs an excitation."""
     from arm_clearance import pairs_of
-    from arm_io import InputError
     from arm_model import read_model
     from arm_model.collision import chain_of
     from armscope.motion import check_picture, clearance_in_words, clearance_of, draw, space_of
     from daq.rig import read_rig
     from experiment import demand_of, write_experiment
     from identification.experiment_design import Series
-    from identification.preprocessing import rate_beside
 
     if plot is not None:
         check_picture(plot)
     checked = None if rig is None else read_rig(rig, drivers=False)
-    path = model or (checked.model_path if checked else None)
-    if path is None:
-        raise InputError("--model", "is missing, and no --rig names one")
-    arm = read_model(path)
+    arm = read_model(_model_path(model, checked))
     series, limits, chain = Series(duration, fundamental, harmonics), _limits(arm, checked), chain_of(arm)
     around = space_of(checked, space, floor)
     pairs = None if around is None else pairs_of(chain, around)
     designed = _design(
         arm, series, criterion=criterion.value, limits=replace(limits, pairs=pairs), candidates=candidates, seed=seed
     )
-    if checked is not None and checked.trigger is not None:
-        rate = rate_beside(arm, checked.trigger.rate)
-        if rate != checked.trigger.rate:
-            designed = designed.model_copy(update={"rate": rate})
+    designed = _off_the_setpoints(arm, designed, checked)
     write_experiment(out, designed, heading=f"Excitation for {arm.name}, seed {seed}, {candidates} candidates.")
     demand = demand_of(designed)
     if plot is not None:
         draw(plot, demand, chain, around, limits.position)
     if as_json:
-        joints = len(arm)
-        table = {"file": str(out), "duration": duration, "joints": joints, "harmonics": harmonics}
+        table = {"file": str(out), "duration": duration, "joints": len(arm), "harmonics": harmonics}
         print(json.dumps(table | {"rate": designed.rate, "clearance": clearance_of(demand, chain, pairs)}))
     else:
         sampled = f", {designed.rate:g} rows/s (not a multiple of the setpoint rate)" if designed.rate else ""
         print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints{sampled}")
         print("\n".join(f"  {line}" for line in clearance_in_words(demand, chain, pairs)))
+
+
+def _model_path(model: Path | None, rig: Rig | None) -> Path:
+    """The model given, else the rig's."""
+    from arm_io import InputError
+
+    path = model or (rig.model_path if rig else None)
+    if path is None:
+        raise InputError("--model", "is missing, and no --rig names one")
+    return path
+
+
+def _off_the_setpoints(arm: Arm, designed: Experiment, rig: Rig | None) -> Experiment:
+    """The experiment, sampled at no multiple of the setpoint rate if the rig's own rate is one."""
+    from identification.preprocessing import rate_beside
+
+    if rig is None or rig.trigger is None or (rate := rate_beside(arm, rig.trigger.rate)) == rig.trigger.rate:
+        return designed
+    return designed.model_copy(update={"rate": rate})
 
 
 def _limits(arm: Arm, rig: Rig | None) -> Limits:
