@@ -38,7 +38,7 @@ COMMANDS: dict[str, str] = {
     "recover": "recover all readable rows of an unfinished or damaged recording, and list the losses",
     "import": "convert measured data (CSV) to a recording",
     "export": "convert a recording to a table (CSV) with the same columns",
-    "plot": "plot one recording, or several overlaid",
+    "plot": "plot one recording, or several overlaid, or an experiment before it runs",
     "model": "summarise a model file, print its equations (text, LaTeX, Python, C), convert from and to URDF",
     "simulate": "simulate a model on an experiment, or on the demands of a recording",
     "excite": "design an exciting motion for identification, as an experiment to record",

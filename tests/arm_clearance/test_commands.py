@@ -200,6 +200,24 @@ def test_a_wrong_space_is_one_line(
     assert said in line and "\n" not in line and not out.exists()
 
 
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--floor", "nan"], "--floor: must be a finite number"),
+        (["--floor", "1e9"], "--floor: must be a height in m"),
+        (["--floor", "0", "--plot", "z.txt"], "z.txt: the name of a picture must end in"),
+        (["--space", "none.toml"], "none.toml: no such file"),
+    ],
+)
+def test_a_wrong_option_is_one_line(
+    ur5: Path, tmp_path: Path, capsys: pytest.CaptureFixture, options: list[str], said: str
+) -> None:
+    out = tmp_path / "e.toml"
+    assert run(["excite", "--model", str(ur5), "--out", str(out), *options]) == 2
+    line = capsys.readouterr().err.strip()
+    assert said in line and "\n" not in line and not out.exists()
+
+
 def test_a_space_needs_a_model(root: Path, tmp_path: Path) -> None:
     table = read_toml(root / "config/puma560_sim.toml") | {"space": {"floor": 0.0}}
     write_toml(tmp_path / "rig.toml", _removed("model")(table))
