@@ -133,7 +133,7 @@ def _pooled(side: Sequence[Estimate], scatter: Array) -> Pooled:
     known = total > 0
     share = share / np.where(known, total, 1.0)
     part = share**2 * np.where(seen, variance, 0.0)
-    widened = np.array([np.where(seen[k], one.std / one.raw, 1.0) for k, one in enumerate(side)])
+    widened = np.array([np.where(s, one.std, 1.0) / np.where(s, one.raw, 1.0) for s, one in zip(seen, side)])
     freedom = np.array([one.freedom for one in side])[:, None]
     sums = (part.sum(axis=0), (part * widened**2).sum(axis=0), (part**2 / freedom).sum(axis=0))
     raw, std, fourth = (np.where(known, each, np.nan) for each in sums)

@@ -40,6 +40,7 @@ READERS: dict[str, list[str]] = {
     "identify": ["RUN", "--model", EMPS, "--out", "OUT"],
     "diagnose": ["--fit", "RUN", "--model", EMPS, "--out", "OUT"],
     "calibrate": ["RUN", "--model", EMPS, "--out", "OUT"],
+    "compare": ["RUN", "WHOLE", "--model", EMPS, "--out", "OUT"],
     "simulate": ["--like", "RUN", "--model", EMPS, "--out", "OUT/simulated.mcap"],
 }
 """Command -> its arguments."""
@@ -63,6 +64,8 @@ ledger)."""
 SHOW_DAMAGED = {"info", "recover", "replay", "view"}
 """Commands that read a file of which more is damaged than rows; the others refuse it until it is recovered."""
 LIGHT = sorted(READERS.keys() - {"diagnose", "calibrate"})
+WHOLE: dict[str, Path] = {}
+"""Where the motion without losses was simulated to, once it was."""
 
 
 def test_every_command_is_known_to_read_recordings_or_not() -> None:
@@ -76,6 +79,7 @@ def recorded(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "sweep.toml").write_text(EXPERIMENT)
     made = ["--experiment", str(folder / "sweep.toml"), "--out", str(folder / "whole.mcap"), "--rate", str(RATE)]
     assert run(["simulate", "--model", str(root / EMPS), *made]) == 0
+    WHOLE["WHOLE"] = folder / "whole.mcap"
     whole = open_recording(folder / "whole.mcap")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("daq.recording.recorder.CHUNK_BYTES", 100_000)
@@ -110,7 +114,7 @@ def rows_of(whole: object, part: slice) -> Rows:
 
 def call(command: str, recording: Path, root: Path, out: Path, free_port: int) -> int:
     out.mkdir(exist_ok=True)
-    places = {"RUN": str(recording), EMPS: str(root / EMPS)}
+    places = {"RUN": str(recording), EMPS: str(root / EMPS), "WHOLE": str(WHOLE["WHOLE"])}
     arguments = [
         places.get(one, one.replace("OUT", str(out)).replace("PORT", str(free_port))) for one in READERS[command]
     ]
