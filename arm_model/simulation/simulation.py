@@ -119,7 +119,7 @@ def _program(arm: Arm, inputs: Mapping[str, Array], lanes: int) -> Program:
     ]
     terms = [(term.name, term.joint) for term in arm.effects]
     width = 1 if lanes == 1 else LANES
-    key = repr((width, joints, arm.base, arm.controller, terms, sorted(zero)))
+    key = repr((width, joints, arm.base, arm.coupling, arm.controller, terms, sorted(zero)))
     if key not in _kept:
         if len(_kept) >= KEPT:
             _kept.pop(next(iter(_kept)))

@@ -116,3 +116,11 @@ def test_diagnosis_and_joint_by_joint_identification_refuse_coupled_arms(arm: Ar
     for method in ("motor-link", "sequence"):
         with pytest.raises(InputError, match="joints one at a time"):
             identify_by(method, [], arm)
+
+
+def test_an_arm_without_couplings_does_not_get_the_equations_of_one_with_them(arm: Arm) -> None:
+    """Compiled equations are kept within a process."""
+    pose = np.array([0.3, 0.5, -1.0, 0.2, 0.5, -0.3])
+    for each in (arm, replace(arm, coupling=())):
+        motion = simulate(each, lambda t: np.tile(pose, (len(t), 1)), duration=0.1, rate=100)
+        np.testing.assert_allclose(motion.q, np.tile(each.link_angles(pose), (len(motion.t), 1)), atol=1e-9)

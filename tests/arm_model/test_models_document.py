@@ -6,7 +6,7 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-from arm_model.description import Controller, Coupling, Cylinder, EffectTerm, Joint
+from arm_model.description import Capsule, Controller, Coupling, Cylinder, EffectTerm, Joint
 from arm_model.model_file import _ModelFile
 
 
@@ -17,6 +17,7 @@ def test_every_key_is_documented(root: Path) -> None:
     for heading, described in (
         ("`[[joint]]`", Joint),
         ("`[joint.cylinder]`", Cylinder),
+        ("`[[joint.capsule]]`", Capsule),
         ("`[[coupling]]`", Coupling),
         ("`[controller]`", Controller),
         ("`[[effect]]`", EffectTerm),
