@@ -97,6 +97,7 @@ def test_commands_work_in_an_empty_folder(installed: Installed) -> None:
 
 
 def test_the_demo_runs_in_an_empty_folder(installed: Installed) -> None:
-    printed = installed.run("armscope", "demo", "--out", "demo", timeout=170)
+    printed = installed.run("armscope", "demo", "--out", "demo", timeout=300)
     assert (installed.empty / "demo/identified/report.html").is_file()
-    assert Path(printed.splitlines()[-1]).read_bytes().startswith(b"\x89PNG")
+    assert (installed.empty / "demo/currents.png").read_bytes().startswith(b"\x89PNG")
+    assert Path(printed.splitlines()[-1]).read_bytes().startswith(b"<!doctype html>")
