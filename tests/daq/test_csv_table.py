@@ -231,3 +231,11 @@ def test_the_command_asks_for_the_unit_and_takes_it(tmp_path: Path, capsys: pyte
     assert run(["import", str(table), "--out", str(out), "--time-unit", "ms"]) == 0
     np.testing.assert_array_equal(open_recording(out).t, np.arange(2000) / 1000)
     assert run(["import", str(table), "--out", str(out), "--time-unit", "hours"]) == 2
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_single_line_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "one.csv"
+    path.write_text("t,q1,i1\n0,0.1,1\n")
+    with pytest.raises(InputError, match="has 1 lines of numbers; there must be at least 2"):
+        read_csv(path)

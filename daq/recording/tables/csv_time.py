@@ -111,6 +111,5 @@ def _ask(path: str | Path, t: Array) -> None:
         raise InputError(
             path, f"t begins at {t[0]:.0f}, as {likely[0]} since 1970 do; give --time-unit s, ms, us or ns"
         )
-    step = float(np.median(np.diff(t)))
-    if step >= SLOW and len(t) >= ENOUGH:
+    if len(t) >= ENOUGH and (step := float(np.median(np.diff(t)))) >= SLOW:
         raise InputError(path, f"t goes by {step:g} from row to row; is it in s? Give --time-unit s, ms, us or ns")
