@@ -43,7 +43,7 @@ def ratios(runs: Sequence[Run], whitened: Array) -> list[JointNoise]:
     """
     data, found = dataset_of(runs), []
     for j, joint in enumerate(runs[0].arm.joints):
-        sure = np.concatenate([run.deviation[:, j] < 3.0 * run.noise[j] for run in runs])
+        sure = data.comparable(j + 1)
         if not sure.any():
             continue
         deviation = np.concatenate([run.deviation[:, j] for run in runs])

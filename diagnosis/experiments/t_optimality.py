@@ -174,7 +174,15 @@ def predicted_run(trial: Trial, stage: Stage, noise: Array) -> Run | None:
         if over.any() or fast.any() or any(out):
             return None
     run = residual_run(experiment.name, arm, t, q, current, powered=not setup.drives_off)
-    unsure = np.sqrt(np.maximum(run.deviation**2 - run.noise**2, 0.0))
+    unsure = np.sqrt(np.maximum(run.deviation**2 - run.instruments**2, 0.0))
     expected = run.along * run.powered  # another filter on the motion would discriminate equal effects
     rate = np.gradient(expected, 1.0 / ROWS_PER_SECOND, axis=0)
-    return replace(run, current=expected, current_rate=rate, noise=noise, deviation=np.hypot(noise, unsure))
+    every = np.broadcast_to(noise, expected.shape)
+    return replace(
+        run,
+        current=expected,
+        current_rate=rate,
+        noise=noise,
+        instruments=every,
+        deviation=np.hypot(every, unsure),
+    )

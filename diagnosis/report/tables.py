@@ -82,7 +82,7 @@ def rough(result: Diagnosis, table: dict[str, Any]) -> str:
         for run, rows_here in zip(runs, map(slice, edges, edges[1:])):
             cells = []
             for j in joints:
-                ratio = run.deviation[:, j - 1] / run.noise[j - 1]
+                ratio = run.deviation[:, j - 1] / run.instruments[:, j - 1]
                 sure = comparable_rows(run)[:, j - 1]
                 several = ((y[side.of(j)][rows_here] * ratio)[sure] for y in (side.y, left))
                 texts = [f"{np.sqrt(np.mean(y**2)):.1f}" for y in several] if sure.any() else ["standstill"] * 2

@@ -17,7 +17,7 @@ It is larger near standstill, where stiction makes the current indeterminate.
 
 def comparable_rows(run: Run) -> NDArray[np.bool_]:
     """(m, n): rows of a run that are compared, per joint."""
-    rows: NDArray[np.bool_] = run.deviation < CERTAIN * run.noise
+    rows: NDArray[np.bool_] = run.deviation < CERTAIN * run.instruments
     return rows
 
 

@@ -23,6 +23,7 @@ from arm_model.effects import Signals, described
 from arm_model.rigid_body import mass_matrix, rigid_torque
 from arm_model.rigid_body.regressor import regressor
 from arm_model.system import inverse_dynamics
+from diagnosis.residual.beats import beat_variance, steps_of
 from diagnosis.residual.expected_current import (
     COLUMN_BAND,
     COMPARE_BAND,
@@ -51,9 +52,11 @@ class Run:
     n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
     rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone;
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
-    deviation (m, n) A: standard deviation that the residual has with nothing wrong; block (m,): block of one second,
-    from 0; arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off:
-    the brakes hold the arm, and the currents show what their own instruments add.
+    noise (n,) A: std of the residual from the instruments alone; instruments (m, n) A: the same row by row, larger
+    where steps of an encoder beat with the rows (``beats``); deviation (m, n) A: std that the residual has with nothing
+    wrong: of the instruments, and of friction near standstill; block (m,): block of one second, from 0;
+    arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes
+    hold the arm, and the currents show what their own instruments add.
     """
 
     name: str
@@ -71,6 +74,7 @@ class Run:
     inertia: Array
     deviation: Array
     noise: Array
+    instruments: Array
     block: NDArray[np.intp]
     arm: Arm
     powered: bool = True
@@ -164,7 +168,7 @@ def residual_run(
     friction_std = coulomb * uncertain * powered
     rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered))
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
-    deviation = np.hypot(noise, friction_std)
+    instruments = _row_by_row(noise, q, slow_v, bent, rate)
     brisk = [thin(values) for values in (position, v, a)]
     return Run(
         name=name,
@@ -180,8 +184,9 @@ def residual_run(
         brisk_v=brisk[1],
         brisk_rigid=rigid_torque(bent, *brisk),
         inertia=links.diagonal(axis1=1, axis2=2),
-        deviation=deviation,
+        deviation=np.hypot(instruments, friction_std),
         noise=noise,
+        instruments=instruments,
         block=block,
         arm=arm,
         powered=powered,
@@ -227,6 +232,16 @@ def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | floa
     from_angle = inertia / arm.joint_array("drive_constant") * angle_noise(q) * np.sqrt(wobble)
     from_current = np.maximum(white * np.sqrt(share), still)
     return np.hypot(from_current, from_angle) + 1e-9
+
+
+def _row_by_row(noise: Array, q: Array, v: Array, arm: Arm, rate: float) -> Array:
+    """(m, n) A: ``noise`` (n,) or, at speeds v (m, n) at which encoder steps beat with the rows, what the beats leave.
+
+    An acceleration that is wrong at one joint is wrong in the currents of all that its inertia couples.
+    """
+    inertia = mass_matrix(arm, q[:: max(1, len(q) // 50)]) / arm.joint_array("drive_constant")[:, None]
+    beats = beat_variance(v, steps_of(q), rate, lambda f: (2 * np.pi * f) ** 2 * passed(f))
+    return np.sqrt(np.maximum(noise**2, beats @ np.mean(inertia**2, axis=0).T))
 
 
 def residual_with(run: Run, terms: Sequence[EffectTerm]) -> Array:

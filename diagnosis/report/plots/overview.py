@@ -35,7 +35,7 @@ def overview(result: Diagnosis) -> tuple[Figure, str]:
     axes = figure.subplots(joints, 1, sharex=True, squeeze=False)[:, 0]
     t = np.arange(side.rows) / ROWS_PER_SECOND
     for j, axis in enumerate(axes, 1):
-        noise = np.concatenate([run.noise[j - 1] / run.deviation[:, j - 1] for run in result.held_out])
+        noise = side.at_joint("instruments", j) / side.at_joint("deviation", j)
         # elsewhere, near standstill, the current is not determined
         shown = side.comparable(j)
         axis.axhspan(-2.0, 2.0, color=NOISE, lw=0.0, label="noise")
@@ -89,7 +89,7 @@ def cause_figure(result: Diagnosis, cause: Cause) -> tuple[Figure, str]:
     name = view_of(cause.effect)
     x = dict(variables(side, result.arm, joint))[name]
     deviation, known = side.at_joint("deviation", joint), side.comparable(joint)
-    noise = float(np.mean([run.noise[joint - 1] for run in result.held_out]))
+    noise = float(np.sqrt(np.mean(side.at_joint("instruments", joint)[known] ** 2))) if known.any() else 0.0
     residuals = [(y[side.of(joint)] * deviation)[known] for y in (side.y, result.left.held_out)]
     largest = max((float(np.abs(values).max()) for values in residuals if len(values)), default=1.0)
     factor, unit = readable(result.arm.joints[joint - 1].current_unit, [largest])
