@@ -11,6 +11,7 @@ import stat
 from pathlib import Path
 
 from arm_io.errors import InputError
+from arm_io.handles import NOT_BLOCKING, PLAIN
 
 MOST_TEXT = 64 << 20
 """Bytes of a text that is read at once.
@@ -25,10 +26,12 @@ def open_regular(path: str | Path) -> int:
     Raises InputError where there is none, it cannot be read, or is a folder, FIFO, socket or device.
     """
     try:
-        handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+        handle = os.open(path, os.O_RDONLY | PLAIN | NOT_BLOCKING)
     except FileNotFoundError:
         raise InputError(path, "no such file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        if os.path.isdir(path):  # which Windows does not open
+            raise InputError(path, "is a folder; the name of a file is needed") from None
         raise InputError(path, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     mode = os.fstat(handle).st_mode
     if not stat.S_ISREG(mode):

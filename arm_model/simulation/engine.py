@@ -52,7 +52,10 @@ def cache_folder() -> Path:
     try:
         root.mkdir(parents=True, exist_ok=True)
     except OSError:
-        root = Path(tempfile.gettempdir()) / f"armscope-{os.getuid()}"
+        root = (
+            Path(tempfile.gettempdir())
+            / f"armscope-{os.getuid() if hasattr(os, 'getuid') else os.environ.get('USERNAME', '')}"
+        )
         root.mkdir(mode=0o700, exist_ok=True)
     return root
 

@@ -56,5 +56,5 @@ def _program() -> str:
 def _user() -> str:
     try:
         return getpass.getuser()
-    except (OSError, KeyError):
+    except (ImportError, OSError, KeyError):  # Windows has no pwd
         return "unknown"

@@ -1,11 +1,10 @@
-"""One process a rig: a lock file by the rig's name, held by flock(2).
+"""One process a rig: a lock file by the rig's name, held by a lock on the file.
 
 It is free again however its holder ends.
 """
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import tempfile
@@ -13,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from arm_io import DeviceFault
+from arm_io.handles import PLAIN, read_at, try_lock, write_at
 from daq.service.zenoh_session import keys_of
 
 
@@ -35,16 +35,13 @@ def lock_path(rig: str) -> Path:
 def holder_of(rig: str) -> Holder | None:
     """Who has the rig now, or None."""
     try:
-        handle = os.open(lock_path(rig), os.O_RDONLY | os.O_CLOEXEC)
+        handle = os.open(lock_path(rig), os.O_RDONLY | PLAIN)
     except FileNotFoundError:
         return None
     try:
-        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return _read(handle)
+        return None if try_lock(handle, shared=True) else _read(handle)
     finally:
         os.close(handle)
-    return None
 
 
 class RigLock:
@@ -56,18 +53,16 @@ class RigLock:
     def __init__(self, rig: str, role: str) -> None:
         path = lock_path(rig)
         try:
-            self._handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self._handle = os.open(path, os.O_RDWR | os.O_CREAT | PLAIN, 0o644)
         except PermissionError:
             raise DeviceFault("rig", f"{path} belongs to another user, who has used this rig; delete it") from None
-        try:
-            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        if not try_lock(self._handle):
             holder = _read(self._handle)
             os.close(self._handle)
             who = f"process {holder.pid} ({holder.role})" if holder else "another process"
-            raise DeviceFault("rig", f"'{rig}' is in use by {who}; one process a rig") from None
+            raise DeviceFault("rig", f"'{rig}' is in use by {who}; one process a rig")
         os.ftruncate(self._handle, 0)
-        os.pwrite(self._handle, json.dumps({"pid": os.getpid(), "role": role}).encode(), 0)
+        write_at(self._handle, json.dumps({"pid": os.getpid(), "role": role}).encode(), 0)
 
     def release(self) -> None:
         """Gives the rig back; a second call does nothing."""
@@ -79,7 +74,7 @@ class RigLock:
 
 def _read(handle: int) -> Holder | None:
     try:
-        table = json.loads(os.pread(handle, 1000, 0))
+        table = json.loads(read_at(handle, 1000, 0))
         return Holder(int(table["pid"]), str(table["role"]))
     except (ValueError, KeyError, TypeError):
         return None

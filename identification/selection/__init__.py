@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from identification.selection.significance import (
         BLOCK_SECONDS,
         Index,
-        benjamini_hochberg,
         block_sums,
         p_value,
         shift_p_value,
@@ -31,7 +30,6 @@ __all__ = [
     "Score",
     "Split",
     "Thresholds",
-    "benjamini_hochberg",
     "block_sums",
     "eliminate",
     "p_value",

@@ -73,16 +73,3 @@ def shift_p_value(predicted: Sequence[Array], residual: Sequence[Array], draws: 
     if 2 * here <= size:
         return 1.0
     return float((1 + np.count_nonzero(total >= here)) / (1 + draws))
-
-
-def benjamini_hochberg(p: Array) -> Array:
-    """Adjusted p-values (q-values) of Benjamini & Hochberg (JRSS B 57, 1995); same order as ``p`` (m,)."""
-    m = len(p)
-    if m == 0:
-        return np.empty(0)
-    order = np.argsort(p)
-    ranked = p[order] * m / np.arange(1, m + 1)
-    adjusted = np.minimum.accumulate(ranked[::-1])[::-1]
-    q = np.empty(m)
-    q[order] = np.minimum(adjusted, 1.0)
-    return q

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
+from scipy import stats
 
 from arm_io.types import Array
 from identification.selection.limits import Limits
-from identification.selection.significance import benjamini_hochberg
 
 C = TypeVar("C", bound=Hashable)
 S = TypeVar("S")
@@ -126,7 +126,7 @@ def select(model: MeasurementModel[C, S], progress: Progress = lambda sentence: 
 def forward(model: MeasurementModel[C, S], state: S) -> S | None:
     """The state with the best admissible candidate; None where none enters."""
     scores = model.scores(state)
-    q = benjamini_hochberg(np.array([score.p for score in scores]))
+    q = stats.false_discovery_control(np.array([score.p for score in scores]))
     admissible = [
         score
         for score, q_score in zip(scores, q)

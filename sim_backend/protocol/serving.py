@@ -6,10 +6,8 @@ import contextlib
 import os
 import select
 import socket
-import termios
 import threading
 import time
-import tty
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Protocol
@@ -83,6 +81,11 @@ class Terminal:
             self.path.unlink()
         elif self.path.exists():
             raise DeviceFault(self._name, f"{self.path} exists and is no link: a simulated port would take its place")
+        try:
+            import termios
+            import tty
+        except ImportError:
+            raise DeviceFault(self._name, "simulated serial ports need Linux or macOS; this system has none") from None
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave, termios.TCSANOW)
         os.set_blocking(self._master, False)

@@ -45,6 +45,7 @@ def test_no_folder_and_a_folder_in_the_way_are_refused_in_one_line(tmp_path: Pat
     assert [file.name for file in tmp_path.iterdir()] == ["x.toml"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX")
 def test_a_full_disk_leaves_what_was_there(tmp_path: Path, root: Path) -> None:
     """A real limit of the file system, in a process of its own."""
     path = tmp_path / "report.html"

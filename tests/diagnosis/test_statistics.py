@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import signal, stats
 
 from diagnosis.selection.aliasing import confusability, span_of
-from identification.selection.significance import benjamini_hochberg, p_value
+from identification.selection.significance import p_value
 
 
 def _coloured(rng: np.random.Generator, seconds: float, correlation: float, rate: float = 100.0) -> np.ndarray:
@@ -49,16 +49,6 @@ def test_p_values_are_never_smaller_than_the_exact_ones(gains: list[int]) -> Non
     signs = np.array(list(itertools.product((-1, 1), repeat=len(values))))
     exact = np.mean(signs @ np.abs(values) >= values.sum() - 1e-9)
     assert p_value(values) >= exact * (1 - 1e-3) or values.sum() <= 0
-
-
-@given(st.lists(st.floats(0, 1), min_size=1, max_size=40))
-def test_q_values_are_p_values_adjusted_upwards_in_their_order(p: list[float]) -> None:
-    values = np.array(p)
-    q = benjamini_hochberg(values)
-    assert np.all(q >= values - 1e-15) and np.all(q <= 1)
-    order = np.argsort(values)
-    assert np.all(np.diff(q[order]) >= -1e-15)
-    np.testing.assert_allclose(q, stats.false_discovery_control(values))
 
 
 @settings(max_examples=25)

@@ -42,6 +42,6 @@ def release(data: memoryview, start: int, end: int) -> int:
     if end - start < WINDOW:
         return start
     first, last = (place // mmap.PAGESIZE * mmap.PAGESIZE for place in (start, end))
-    if isinstance(data.obj, mmap.mmap):
+    if isinstance(data.obj, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):  # not on Windows
         data.obj.madvise(mmap.MADV_DONTNEED, first, last - first)
     return last

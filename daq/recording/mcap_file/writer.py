@@ -7,7 +7,6 @@ is overwritten in place, so that after a crash the file itself holds the number 
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import struct
@@ -41,6 +40,7 @@ from numpy.typing import NDArray
 
 from arm_io import DeviceFault, InputError, check_file
 from arm_io.files import open_regular
+from arm_io.handles import PLAIN, folder_to_disk, to_disk, try_lock, write_at
 from daq.recording.mcap_file import checksums
 from daq.recording.mcap_file.checksums import MAGIC, Checksums
 from daq.recording.mcap_file.pages import ACTIVE
@@ -118,7 +118,7 @@ class McapFile:
     def progress(self, progress: Progress) -> None:
         """Overwrites the progress in place."""
         record = _bytes(progress.to_metadata())
-        os.pwrite(self._handle, record, self._progress_offset)
+        write_at(self._handle, record, self._progress_offset)
         self._progress = record
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
@@ -175,7 +175,7 @@ class McapFile:
 
     def sync(self) -> None:
         """Waits until everything written is on the disk."""
-        os.fdatasync(self._handle)
+        to_disk(self._handle)
 
     def finish(self) -> None:
         """Checksums, summary and footer; then the file gets its name.
@@ -188,8 +188,8 @@ class McapFile:
         self._write([_bytes(DataEnd(self._checksums.of_all())), self._summary(self._end + 13)])
         self.sync()
         self.close()
-        os.rename(self.active, self.path)
-        _sync_folder(self.path.parent)
+        os.replace(self.active, self.path)
+        folder_to_disk(self.path.parent)
 
     def close(self) -> None:
         """Closes the file as it is, unfinished if ``finish`` was not called. May be called again."""
@@ -208,7 +208,7 @@ class McapFile:
         start, rest = self._end, memoryview(data)
         try:
             while rest:
-                rest = rest[os.pwrite(self._handle, rest, self._end + len(data) - len(rest)) :]
+                rest = rest[write_at(self._handle, rest, self._end + len(data) - len(rest)) :]
         except OSError:
             os.ftruncate(self._handle, self._end)
             raise
@@ -266,12 +266,11 @@ def create(path: str | Path, *, live: bool = False, replace: bool = False) -> Mc
         raise InputError(path, "exists already, and no recording is overwritten; use another name")
     handle = -1
     try:
-        handle = os.open(active, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | (os.O_EXCL if live else 0), 0o644)
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        handle = os.open(active, os.O_RDWR | os.O_CREAT | PLAIN | (os.O_EXCL if live else 0), 0o644)
+        if not try_lock(handle):
+            os.close(handle)
+            raise InputError(path, "is being written by another process")
         os.ftruncate(handle, 0)
-    except BlockingIOError:
-        os.close(handle)
-        raise InputError(path, "is being written by another process") from None
     except FileExistsError:
         raise InputError(
             active, "an unfinished recording is there; 'armscope recover' it first, or remove it"
@@ -294,11 +293,7 @@ def _check_clock() -> None:
 def being_written(path: str | Path) -> bool:
     """True while a process has the file ``path`` open for recording."""
     with os.fdopen(open_regular(path), "rb") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-    return False
+        return not try_lock(file.fileno(), shared=True)
 
 
 def as_json(value: object) -> bytes:
@@ -311,11 +306,3 @@ def _bytes(*records: McapRecord) -> bytes:
     for record in records:
         record.write(builder)
     return builder.end()
-
-
-def _sync_folder(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from arm_io import DeviceFault, InputError, check_file
+from arm_io.handles import NO_LINK, PLAIN, read_at
 from daq.service.client import call, call_for_bytes
 from daq.service.transfer.folder import MOST_PIECE
 from daq.service.zenoh_session import Keys
@@ -43,7 +44,7 @@ def fetch(
     size, sha256 = int(answer["bytes"]), str(answer["sha256"])
     part = out.with_name(f"{out.name}.{sha256[:12]}.part")
     try:
-        handle = os.open(part, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
+        handle = os.open(part, os.O_RDWR | os.O_CREAT | os.O_APPEND | PLAIN | NO_LINK, 0o644)
     except OSError as error:
         raise InputError(out, f"cannot be written: {error.strerror}") from None
     try:
@@ -89,7 +90,7 @@ def _piece(session: zenoh.Session, keys: Keys, wanted: dict[str, Any]) -> bytes:
 def _verify(handle: int, size: int, sha256: str, part: Path) -> None:
     digest = hashlib.sha256()
     offset = 0
-    while block := os.pread(handle, 1 << 20, offset):
+    while block := read_at(handle, 1 << 20, offset):
         digest.update(block)
         offset += len(block)
     if offset != size or digest.hexdigest() != sha256:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_io import InputError
+from arm_io.handles import NO_LINK, NOT_BLOCKING, PLAIN, read_at
 from daq.recording.mcap_file.pages import ACTIVE
 
 SUFFIX = ".mcap"
@@ -79,7 +80,7 @@ class RecordingsFolder:
         """At most ``length`` bytes from ``offset`` on; fewer at the end of the file."""
         handle, _ = self._open(name)
         try:
-            return os.pread(handle, min(length, MOST_PIECE), offset)
+            return read_at(handle, min(length, MOST_PIECE), offset)
         finally:
             os.close(handle)
 
@@ -88,7 +89,7 @@ class RecordingsFolder:
             raise InputError("daemon", f"{name[:60]!r} is no plain name of a recording, like run{SUFFIX}")
         try:
             # No links: they could lead out of the folder. Not blocking: a FIFO would wait for its writer.
-            handle = os.open(self.path / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+            handle = os.open(self.path / name, os.O_RDONLY | NO_LINK | NOT_BLOCKING | PLAIN)
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "not a file name"
             raise InputError("daemon", f"{name[:60]}: no such recording ({reason})") from None

@@ -11,6 +11,7 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence, Set
 
 import numpy as np
+from scipy import stats
 
 from arm_io.types import Array
 from arm_model.effects import same_columns
@@ -20,7 +21,7 @@ from diagnosis.measurements.currents.refinement import is_physical
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.selection.regression import Fitted, at_joint, best_of_each, gain_of
-from identification.selection import Split, benjamini_hochberg, p_value
+from identification.selection import Split, p_value
 
 
 def pair_of(
@@ -46,7 +47,7 @@ def pair_of(
             if other.effect not in same_columns(one.definition)
         ]
         gains = [gain_of(_both(one, other, library, data), fitted, held_out) for one, other in pairs]
-        q = benjamini_hochberg(np.array([p_value(held_out.by_block(fall)) for _, fall in gains]))
+        q = stats.false_discovery_control(np.array([p_value(held_out.by_block(fall)) for _, fall in gains]))
         least = LIMITS.pair_share * float(np.sum(fitted.held_out[held_out.of(joint)] ** 2))
         admissible = []
         for (one, other), (c, fall), q_pair in zip(pairs, gains, q):

@@ -10,12 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from diagnosis.cause import EffectKey, in_words
 from diagnosis.measurements.currents.search import Found
 from diagnosis.screening.time_split import FITTED
 from diagnosis.selection.candidate import Candidate
-from identification.selection import Score, benjamini_hochberg
+from identification.selection import Score
 
 NEARLY_ALL = 0.9
 """Share of a joint's residual energy that an effect must explain to be what is left there."""
@@ -50,7 +51,7 @@ def shortage(found: Found) -> Shortage | None:
     if not left:
         return None
     scores = model.scores(state)
-    q = benjamini_hochberg(np.array([score.p for score in scores]))
+    q = stats.false_discovery_control(np.array([score.p for score in scores]))
     energy = state.data.held_out.by_joint(state.fitted.held_out**2)
     short = [
         (score, chance, joints)

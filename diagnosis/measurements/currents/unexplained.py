@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from arm_io.types import Array
 from arm_model import Arm
@@ -22,7 +23,7 @@ from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.noise import quiet_noise
 from diagnosis.selection.design import Dataset, Pair
 from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with
-from identification.selection import Split, benjamini_hochberg, p_value
+from identification.selection import Split, p_value
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ def _strongest(
     Name, columns, share of the residual's variance.
     """
     gains = [held_out.by_block(gain_of(shape.pair, fitted, held_out)[1]) for shape in shapes]
-    q = benjamini_hochberg(np.array([p_value(gain) for gain in gains]))
+    q = stats.false_discovery_control(np.array([p_value(gain) for gain in gains]))
     rows = held_out.of(joint)
     before = float(np.sum(fitted.held_out[rows] ** 2))
     explained = float(np.sum(held_out.y[rows] ** 2)) - before
