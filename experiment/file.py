@@ -24,10 +24,17 @@ Every one may double what is kept of the motion inside (``experiment.demand.Repe
 
 
 class Payload(Table):
-    """A known mass bolted to the flange before the run."""
+    """A known body bolted to the flange before the run."""
 
     mass: Annotated[float, Field(gt=0)]  # kg
     com: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, in the frame of the last link
+    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6  # kg m2 about com: xx, yy, zz, xy, yz, xz
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The parameters of the effect ``payload`` that it is."""
+        entries = zip(("ixx", "iyy", "izz", "ixy", "iyz", "ixz"), self.inertia)
+        return {"mass": self.mass, **dict(zip("xyz", self.com)), **dict(entries)}
 
 
 class Setup(Table):

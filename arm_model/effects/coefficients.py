@@ -46,5 +46,21 @@ def solved(effect: Effect, held: Mapping[str, float], coefficients: Sequence[flo
     if (spanned := effect.span) is not None and spanned.span is not None:
         found[effect.linear[0].name], found[spanned.name] = spanned.span.solve(*c)
     moments = [p for p in effect.parameters if p.span is Span.MOMENT]
-    found |= {p.name: value / c[0] if c[0] else 0.0 for p, value in zip(moments, c[len(effect.linear) :])}
+    first = c[len(effect.linear) :][: len(moments)]
+    found |= {p.name: value / c[0] if c[0] else 0.0 for p, value in zip(moments, first)}
+    about_origin = c[len(effect.linear) + len(moments) :]
+    if moments and about_origin:
+        names = [p.name for p in effect.parameters if p.span is Span.INERTIA]
+        found |= dict(zip(names, _about_centre(c[0], first, about_origin)))
     return found
+
+
+def _about_centre(mass: float, first: Sequence[float], about_origin: Sequence[float]) -> list[float]:
+    """(6,) kg m2 xx, xy, xz, yy, yz, zz about the centre of mass, from those about the frame's origin.
+
+    mass kg, first moment (3,) kg m.
+    """
+    x, y, z = first
+    square = x * x + y * y + z * z
+    steiner = (square - x * x, -x * y, -x * z, square - y * y, -y * z, square - z * z)
+    return [value - (other / mass if mass else 0.0) for value, other in zip(about_origin, steiner)]

@@ -166,6 +166,7 @@ class Effect:
     model_error      relative error of its first-order column
     link_parameters  its columns are this many barycentric parameters of its joint's link (of the last one, for the
                      whole arm): mass, first moments, inertia about the frame's origin; 0: they follow from its law
+    body             effect of a link that has its columns where it is a body with an inertia of its own, not a point
     own_joint        a change of the description that only the current of its own joint shows
     driven           its law looks at ``s.driver``
     sparse           acts at a few instants of a recording: may also be judged by when these are
@@ -188,6 +189,7 @@ class Effect:
     near_cases: tuple[str, ...] = ()
     model_error: float = SYSTEMATIC
     link_parameters: int = 0
+    body: str = ""
     own_joint: bool = False
     driven: bool = False
     sparse: bool = False

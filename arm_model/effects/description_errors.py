@@ -48,8 +48,9 @@ def _steiner(r: np.ndarray) -> np.ndarray:
 
 def _payload(arm: Arm, joint: int | None, p: Values) -> Arm:
     point = np.array([p.x, p.y, p.z])
-    last = len(arm.joints)
-    return _with_joint(arm, last, **_merged(arm.joints[-1], p.mass, p.mass * point, p.mass * _steiner(point)))
+    own = np.array([[p.ixx, p.ixy, p.ixz], [p.ixy, p.iyy, p.iyz], [p.ixz, p.iyz, p.izz]])
+    body = _merged(arm.joints[-1], p.mass, p.mass * point, own + p.mass * _steiner(point))
+    return _with_joint(arm, len(arm.joints), **body)
 
 
 def _link_inertia(arm: Arm, joint: int | None, p: Values) -> Arm:
@@ -97,15 +98,28 @@ PAYLOAD = Effect(
         ),
         Parameter("y", "m", (0.0, 0.3), False, "", signed=True, span=Span.MOMENT),
         Parameter("z", "m", (0.0, 0.3), False, "", signed=True, span=Span.MOMENT),
+        *(
+            Parameter(
+                f"i{c}",
+                "kg m2",
+                (0.0, 0.5),
+                False,
+                f"its own inertia about its centre, {c}; 0 for a mass point",
+                signed=True,
+                span=Span.INERTIA,
+            )
+            for c in ("xx", "xy", "xz", "yy", "yz", "zz")
+        ),
     ),
-    equation="a mass point m at (x, y, z) of the last link",
+    equation="a body of mass m at (x, y, z) of the last link, with an inertia of its own about that centre",
     shows="gravity by pose, plus inertia",
     confused_with={"link_inertia": "runs with and without a known mass"},
     per_joint=False,
     observed_by={Instrument.CURRENT: Observation()},
     excited_by=Excitation.LOAD,
-    # mass and first moment, which carry gravity; its own inertia follows from them where it is simulated
+    # mass and first moment, which carry gravity; the inertia of a mass point follows from them where it is simulated
     link_parameters=4,
+    body="link_inertia",
     change=_payload,
 )
 

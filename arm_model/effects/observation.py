@@ -95,11 +95,13 @@ class Span(StrEnum):
     """k (x - x0) = c0 x + c1 (x - 1): k = c0 + c1, x0 = c1 / k."""
     MOMENT = "moment"
     """m and m x are the coefficients c0 and c1: x = c1 / m."""
+    INERTIA = "inertia"
+    """The coefficient is an entry of the inertia about the frame's origin, the parameter the same about the centre."""
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Values of the parameter at which the law is evaluated for a column each; none for a moment."""
-        return {Span.PHASE: (0.0, 1.5707963267948966), Span.SHIFT: (0.0, 1.0), Span.MOMENT: ()}[self]
+        """Values of the parameter at which the law is evaluated for a column each; none for moments of mass."""
+        return {Span.PHASE: (0.0, 1.5707963267948966), Span.SHIFT: (0.0, 1.0)}.get(self, ())
 
     def solve(self, one: float, other: float) -> tuple[float, float]:
         """Size and value of the parameter that two coefficients stand for."""

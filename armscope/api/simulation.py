@@ -190,8 +190,7 @@ def _of_experiment(arm: Arm, source: File | Experiment, rate: float | None) -> _
     if len(asked.start) != len(arm):
         raise InputError(_name(source), f"is for {len(asked.start)} joints, the model has {len(arm)}")
     if asked.setup.payload is not None:
-        x, y, z = asked.setup.payload.com
-        load = EffectTerm(PAYLOAD.name, None, {"mass": asked.setup.payload.mass, "x": x, "y": y, "z": z})
+        load = EffectTerm(PAYLOAD.name, None, asked.setup.payload.parameters)
         arm = replace(arm, effects=(*arm.effects, load))
     demand = demand_of(asked)
     times = _times(demand.duration, asked.rate or RATE if rate is None else rate, arm)

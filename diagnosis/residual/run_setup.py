@@ -22,11 +22,10 @@ def setup_of(recording: Recording) -> Setup:
 
 
 def loaded(arm: Arm, payload: Payload | None) -> Arm:
-    """The arm with a known mass at its flange, under the servos that it has without."""
+    """The arm with a known body at its flange, under the servos that it has without."""
     if payload is None:
         return arm
-    x, y, z = payload.com
     assert PAYLOAD.change is not None
-    values = values_of(PAYLOAD, {"mass": payload.mass, "x": x, "y": y, "z": z})
+    values = values_of(PAYLOAD, payload.parameters)
     carrying: Arm = PAYLOAD.change(fixed_gains(arm), None, values)
     return carrying

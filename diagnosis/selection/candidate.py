@@ -15,12 +15,13 @@ from diagnosis.cause import EffectKey
 class Candidate:
     """One effect at one joint, with values for its nonlinear parameters that are not spanned by columns.
 
-    joint: from 1; None: of the whole arm.
+    joint: from 1; None: of the whole arm. body: with an inertia of its own (a payload), not a mass point.
     """
 
     effect: str
     joint: int | None
     shape: tuple[tuple[str, float], ...] = ()
+    body: bool = False
 
     @property
     def definition(self) -> Effect:
@@ -40,7 +41,15 @@ class Candidate:
     def largest(self, k: int) -> float:
         """Largest typical magnitude of coefficient k: the std of one that the data says nothing of."""
         linear = self.definition.linear
+        if self.definition.link_parameters:
+            return CATALOGUE[self.definition.body or self.effect].linear[k].typical[1]
         return linear[k].typical[1] if k < len(linear) else linear[0].typical[1] if linear else 1.0
+
+    @property
+    def link_parameters(self) -> int:
+        """Barycentric parameters of its link that are its columns; 0: they follow from its law."""
+        effect = self.definition
+        return CATALOGUE[effect.body].link_parameters if self.body else effect.link_parameters
 
     def searched(self) -> list[str]:
         """Names of the nonlinear parameters that are continuous and determined by the data."""

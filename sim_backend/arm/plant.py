@@ -85,7 +85,7 @@ def read_arm(path: Path, known: Path | None, hold: float) -> SimulatedArm:
 def with_payload(arm: Arm, payload: Payload) -> Arm:
     """The arm with a point mass bolted to its last link."""
     last = arm.joints[-1]
-    together = barycentric(last.mass, last.com, last.inertia) + barycentric(payload.mass, payload.com, (0.0,) * 6)
+    together = barycentric(last.mass, last.com, last.inertia) + barycentric(payload.mass, payload.com, payload.inertia)
     mass, com, (xx, yy, zz, xy, yz, xz) = about_com(together)
     loaded = replace(last, mass=mass, com=com, inertia=(xx, yy, zz, xy, yz, xz))
     return replace(arm, joints=(*arm.joints[:-1], loaded))

@@ -33,7 +33,7 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
     conditional = score(candidate, model.columns(candidate), others, held_out)
     joint = candidate.joint or _most_felt(others.held_out, all_fitted.held_out, held_out)
     before, after = (_rms_in_amperes(residual, held_out, joint) for residual in (others.held_out, all_fitted.held_out))
-    group = [candidate.key, *_indistinguishable(candidate, others, state)]
+    group = list(dict.fromkeys([candidate.key, *_indistinguishable(candidate, others, state)]))
     definition = candidate.definition
     aliases = [*definition.aliases]
     if all(run.powered for part in state.data for run in part.runs):

@@ -43,10 +43,10 @@ def columns(candidate: Candidate, run: Run) -> Array:
     effect, arm, joint = candidate.definition, run.arm, candidate.joint
     if not run.powered and effect.current is None:
         # the brakes hold: only effects of the instruments act
-        count = effect.link_parameters or len(candidate.units())
+        count = candidate.link_parameters or len(candidate.units())
         return np.zeros((*run.current.shape, 1 if effect.delay is not None else count))
-    if effect.link_parameters:
-        return _link_columns(run, arm, joint or len(arm))[..., : effect.link_parameters]
+    if candidate.link_parameters:
+        return _link_columns(run, arm, joint or len(arm))[..., : candidate.link_parameters]
     if effect.change is not None:
         return np.stack([_changed(run, arm, effect, joint, unit) for unit in candidate.units()], axis=-1)
     if effect.coupling:

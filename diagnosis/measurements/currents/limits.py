@@ -38,6 +38,7 @@ class CurrentLimits(Limits):
                              name for part of that
     significant_sizes        std that some linear parameter of a cause must be from zero ...
     few_sizes                ... if there are fewer: more are determined together, not one by one
+    body_deviations          std by which the mass of a body must be positive, and its second moments may be negative
     searched_again           refuted causes in whose place another is searched; what has no better name by then is
                              unexplained
     structure_gain           share of a joint's noise energy that unexplained structure must explain ...
@@ -70,6 +71,7 @@ class CurrentLimits(Limits):
     superfluous: float = 0.5
     significant_sizes: float = 2.0
     few_sizes: int = 5
+    body_deviations: float = 3.0
     searched_again: int = 2
     structure_gain: float = 0.15
     structure_share: float = 0.02

@@ -25,6 +25,7 @@ from diagnosis.measurements.currents.pairs import pair_of
 from diagnosis.measurements.currents.refinement import is_physical, refined
 from diagnosis.measurements.currents.ripple_orders import detectable_orders, order_of
 from diagnosis.measurements.currents.unexplained import joints_above_noise
+from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
 from diagnosis.selection.regression import Fitted, best_of_each, fit_together, score
@@ -94,6 +95,11 @@ class Currents(MeasurementModel[Candidate, State]):
         self._add_ripples(state.fitted.fit)
         best = best_of_each(self.library, state.fitted, self.data.fit, self._taken(state))
         scores = [score(c, self.library[c], state.fitted, state.data.held_out) for c in best]
+        scores += [
+            score(body, self._of_inertia(body), state.fitted, state.data.held_out)
+            for body in (body_of(c) for c in state.chosen if not c.body)
+            if body is not None
+        ]
         return sorted(scores, key=lambda score: -score.gain)
 
     def fdr(self, score: Score[Candidate]) -> float | None:
@@ -107,8 +113,12 @@ class Currents(MeasurementModel[Candidate, State]):
         return max(self.limits.tie * best.gain * more, self.limits.tie_floor * self.data.held_out.rows)
 
     def admissible(self, score: Score[Candidate], state: State) -> bool:
-        """Whether a candidate is physically admissible and matters."""
-        return is_physical(score.candidate, score.coefficients) and self.needed(score, state)
+        """Whether a candidate is physically admissible and matters.
+
+        Whether a body is one is decided when all causes are known (``bodies.named_by_body``).
+        """
+        physical = score.candidate.body or is_physical(score.candidate, score.coefficients)
+        return physical and self.needed(score, state)
 
     def needed(self, score: Score[Candidate], state: State) -> bool:
         """Whether the gain is large against the noise, above what may have leaked from the chosen ones."""
@@ -128,6 +138,8 @@ class Currents(MeasurementModel[Candidate, State]):
             if (one.gain >= best.gain - self.tolerance(one, best) and len(one.coefficients) == fewest)
             or (one.gain > limits.ambiguity * best.gain and p_value(score.blocks - one.blocks) > limits.ambiguity_p)
         ]
+        if score.candidate.body:
+            return self._with_body(score.candidate, rivals, state)
         sharp = refined(score.candidate, state.fitted, self.data.fit)
         return State(self, (*state.chosen, sharp), state.data, {**state.rivals, sharp.key: rivals})
 
@@ -155,6 +167,8 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def columns(self, candidate: Candidate) -> Pair:
         """Columns of a candidate, each computed once."""
+        if candidate.body:
+            return self.columns(link_of(candidate, self.arm))
         if candidate not in self.library:
             self.library[candidate] = self.data.map(lambda data: columns_of(candidate, data))
         return self.library[candidate]
@@ -163,6 +177,16 @@ class Currents(MeasurementModel[Candidate, State]):
         """Other candidates, the data corrected from the start."""
         state = State(self, tuple(chosen), self.data, rivals)
         return corrected(state) if chosen else state
+
+    def _of_inertia(self, body: Candidate) -> Pair:
+        """The columns that a body has in addition to those of a mass point: its inertia."""
+        first = body.definition.link_parameters
+        return self.columns(body).map(lambda own: Columns(own.x[:, first:], own.where))
+
+    def _with_body(self, body: Candidate, rivals: Sequence[Score[Candidate]], state: State) -> State:
+        """With a body in the place of the mass point."""
+        chosen = tuple(body if c.key == body.key else c for c in state.chosen)
+        return State(self, chosen, state.data, {**state.rivals, body.key: [*state.rivals[body.key], *rivals]})
 
     def _taken(self, state: State) -> set[EffectKey]:
         """The excluded, the chosen, and their aliases.

@@ -12,6 +12,7 @@ import numpy as np
 
 from arm_model.effects import CATALOGUE
 from diagnosis.measurements.currents.design_matrix import dataset_with
+from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents, State, corrected, terms
 from diagnosis.measurements.currents.possible import exists
 from diagnosis.measurements.currents.unexplained import (
@@ -20,10 +21,11 @@ from diagnosis.measurements.currents.unexplained import (
     unexplained_structure,
     with_columns,
 )
+from diagnosis.selection.bodies import bodies_of_link, is_body, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns
 from diagnosis.selection.regression import score
-from identification.selection import eliminate, select
+from identification.selection import Score, eliminate, select
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class Found:
 
 def search(model: Currents, progress: Callable[[str], None]) -> Found:
     """Candidates that explain the residual together, and the structure that they leave unexplained."""
-    state = simplified(gauss_newton_refined(select(model, progress)))
+    state = simplified(named_by_body(gauss_newton_refined(select(model, progress))))
     if len(fewer := eliminate(model, state).chosen) < len(state.chosen):
         state = model.refitted(fewer, state.rivals)
     progress("searching for unexplained structure")
@@ -45,6 +47,30 @@ def search(model: Currents, progress: Callable[[str], None]) -> Found:
         state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in dissolved)))
         found = _with_unexplained(state)
     return found
+
+
+def named_by_body(state: State) -> State:
+    """The state with a body in the place of the change of the link that carries it, or the reverse.
+
+    Whichever is chosen: their columns are the same (``diagnosis.selection.bodies``).
+    """
+    model = state.model
+    for c in state.chosen:
+        link = link_of(c, model.arm) if c.body else c
+        for body in bodies_of_link(link, model.arm):
+            chosen = [one for one in state.chosen if one not in (link, c) and one.key != body.key]
+            rivals = [one for key in (body.key, link.key) for one in state.rivals.get(key, ())]
+            as_body = _in_place(state, (*chosen, body), body, rivals)
+            possible = body.key not in model.excluded and is_body(
+                estimates_of(as_body)[-1], model.limits.body_deviations
+            )
+            if possible or c.body:
+                return as_body if possible else _in_place(state, (*chosen, link), link, rivals)
+    return state
+
+
+def _in_place(state: State, chosen: Sequence[Candidate], last: Candidate, rivals: Sequence[Score[Candidate]]) -> State:
+    return state.model.refitted(chosen, {**state.rivals, last.key: rivals})
 
 
 def without(found: Found, removed: Candidate) -> Found:
@@ -144,6 +170,8 @@ def _simpler(chosen: Sequence[Candidate]) -> Iterator[tuple[Candidate, tuple[Can
             if len(own) > 1:
                 yield Candidate(whole.name, joint), own
     for c in chosen:
+        if c.body:
+            yield replace(c, body=False), (c,)
         for part in (*c.definition.special_cases, *c.definition.near_cases):
             yield Candidate(part, c.joint), (c,)
 

@@ -1,0 +1,140 @@
+"""A body at the flange is a payload with its mass, centre and inertia; an inertia of the last link alone is none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from arm_model import Arm, Joint
+from arm_model.effects import described
+from arm_model.rigid_body.inertia import about_com, barycentric
+from arm_model.system import inverse_dynamics
+from diagnosis.cause import Estimate
+from diagnosis.measurements.currents.columns import candidates
+from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
+from diagnosis.measurements.currents.estimates import estimates_of
+from diagnosis.measurements.currents.model import Currents
+from diagnosis.measurements.currents.search import named_by_body, simplified
+from diagnosis.residual.run import Run, residual_run
+from experiment.file import Payload
+from identification.selection import Split, select
+
+PLACES = ((0.0, -0.39, np.pi / 2), (0.13, 0.0, np.pi / 2), (0.1, 0.0, -np.pi / 2), (0.1, 0.0, 0.0))
+MASSES = (2.8, 1.4, 1.3, 1.4)
+LAST = len(MASSES)
+NOISE = 0.02
+CENTRE = (0.03, 0.01, 0.08)
+SEARCHED = ("payload", "link_inertia", "rotor_inertia", "torque_constant", "joint_zero_offset", "viscous_friction")
+
+
+@pytest.fixture(scope="module")
+def arm() -> Arm:
+    """Forearm and wrist of a collaborative robot."""
+    joints = [
+        Joint(
+            d=d,
+            a=a,
+            alpha=alpha,
+            mass=mass,
+            com=(0.4 * -a, 0.0, 0.02),
+            inertia=(0.003 * mass, 0.01 * mass, 0.01 * mass, 0.0, 0.0, 0.0),
+            gear=101.0,
+            rotor_inertia=3e-5,
+            torque_constant=0.1,
+            coulomb=(0.05, 0.05),
+            viscous=(4e-4, 4e-4),
+        )
+        for (d, a, alpha), mass in zip(PLACES, MASSES)
+    ]
+    return Arm(name="forearm", joints=tuple(joints))
+
+
+def carrying(arm: Arm, added: np.ndarray) -> Arm:
+    """The arm with more barycentric parameters (10,) at its last link."""
+    last = arm.joints[-1]
+    mass, com, inertia = about_com(barycentric(last.mass, last.com, last.inertia) + added)
+    return replace(arm, joints=(*arm.joints[:-1], replace(last, mass=mass, com=com, inertia=inertia)))
+
+
+def box(mass: float, centre: Sequence[float], sides: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+    """(10,) barycentric parameters of a solid box, and its inertia (xx, yy, zz, 0, 0, 0) about its centre."""
+    squares = np.square(sides)
+    own = np.append(mass / 12 * (squares.sum() - squares), np.zeros(3))
+    return barycentric(mass, tuple(centre), tuple(own)), own
+
+
+def recorded(real: Arm, model: Arm, seed: int) -> Run:
+    """12 s of all joints along Fourier series, white noise in the currents."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 12.0, 1 / 200)
+    a, b = 0.4 * rng.normal(size=(2, 4, LAST)) / np.arange(1, 5)[:, None]
+    w = 0.2 * 2 * np.pi * np.arange(1, 5)
+    sine, cosine = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
+    q = np.array([-1.2, 1.0, 0.2, 0.5]) + sine @ a + cosine @ b
+    v, acceleration = cosine @ (w[:, None] * a) - sine @ (w[:, None] * b), -sine @ (w[:, None] ** 2 * a)
+    acceleration -= cosine @ (w[:, None] ** 2 * b)
+    i = inverse_dynamics(real, q, v, acceleration) / model.joint_array("drive_constant")
+    return residual_run("run", model, t, q, i + NOISE * rng.normal(size=i.shape), still=NOISE)
+
+
+def named(real: Arm, model: Arm) -> list[tuple[str, int | None, dict[str, Estimate]]]:
+    """Effects, joints and parameters that a search over SEARCHED finds."""
+    data = Split(dataset_of([recorded(real, model, 1)]), dataset_of([recorded(real, model, 2)]), False)
+    library = {c: data.map(partial(columns_of, c)) for c in candidates(model) if c.effect in SEARCHED}
+    state = simplified(named_by_body(select(Currents(model, data, library, []))))
+    return [(c.effect, c.joint, {p.name: p for p in v}) for c, v in zip(state.chosen, estimates_of(state))]
+
+
+@pytest.mark.parametrize("sides", [(0.15, 0.2, 0.12), (0.3, 0.06, 0.06)])
+def test_a_solid_body_is_a_payload(arm: Arm, sides: tuple[float, float, float]) -> None:
+    body, own = box(3.0, CENTRE, sides)
+    ((effect, joint, found),) = named(carrying(arm, body), arm)
+    assert (effect, joint) == ("payload", None)
+    true = {"mass": 3.0, **dict(zip("xyz", CENTRE)), **dict(zip(("ixx", "iyy", "izz", "ixy", "iyz", "ixz"), own))}
+    assert set(found) == set(true)
+    for name, p in found.items():
+        assert abs(p.value - true[name]) < 3 * p.std, name
+    assert found["mass"].std < 0.2
+    # the largest moment is more than noise
+    assert found["izz"].value > 2 * found["izz"].std
+
+
+def test_a_mass_point_needs_no_inertia(arm: Arm) -> None:
+    ((effect, joint, found),) = named(carrying(arm, box(1.0, CENTRE, (0.0, 0.0, 0.0))[0]), arm)
+    assert (effect, joint, set(found)) == ("payload", None, {"mass", "x", "y", "z"})
+    assert abs(found["mass"].value - 1.0) < 3 * found["mass"].std
+
+
+@pytest.mark.parametrize(
+    "added",
+    [
+        pytest.param([0.0, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0, 0.15, 0.0, 0.1], id="inertia alone"),
+        pytest.param([0.0, 0.1, 0.0, 0.2, 0.1, 0.0, 0.0, 0.1, 0.0, 0.1], id="centre"),
+    ],
+)
+def test_a_change_of_the_last_link_that_is_no_body_is_no_payload(arm: Arm, added: list[float]) -> None:
+    ((effect, joint, found),) = named(carrying(arm, np.array(added)), arm)
+    assert (effect, joint) == ("link_inertia", LAST)
+    for p, true in zip(found.values(), added):
+        assert abs(p.value - true) < 3 * p.std, p.name
+
+
+def test_a_rotor_is_not_the_inertia_of_a_payload(arm: Arm) -> None:
+    body, _ = box(1.0, CENTRE, (0.0, 0.0, 0.0))
+    loaded = carrying(arm, body)
+    drive = replace(loaded.joints[-1], rotor_inertia=6e-5)
+    found = named(replace(loaded, joints=(*loaded.joints[:-1], drive)), arm)
+    assert {(effect, joint) for effect, joint, _ in found} == {("payload", None), ("rotor_inertia", LAST)}
+
+
+def test_a_payload_in_a_model_is_the_body(arm: Arm) -> None:
+    body, own = box(3.0, CENTRE, (0.3, 0.1, 0.05))
+    setup = Payload(mass=3.0, com=CENTRE, inertia=tuple(own))
+    arm_with = described(arm.with_effect("payload", **setup.parameters)).joints[-1]
+    expected = carrying(arm, body).joints[-1]
+    assert arm_with.mass == pytest.approx(expected.mass) and arm_with.com == pytest.approx(expected.com)
+    assert arm_with.inertia == pytest.approx(expected.inertia)
