@@ -5,8 +5,8 @@ A leaf: it imports no measurement.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from arm_model import Arm, EffectTerm
@@ -51,6 +51,7 @@ class Cause:
     separate_by    experiment that discriminates the group
     felt_at        the joint (from 1) with the largest fall of the residual; None: tracked points only
     of_arm         False for a fact about the instruments that the model has no place for
+    of_joints      of a cause of the whole rig that acts joint by joint: its parameters at each joint (from 1)
     """
 
     effect: str
@@ -66,11 +67,20 @@ class Cause:
     separate_by: str | None = None
     signal: Signal = Signal.CURRENT
     of_arm: bool = True
+    of_joints: Mapping[int, list[Estimate]] = field(default_factory=dict)
 
     @property
     def key(self) -> EffectKey:
         """Effect and joint."""
         return self.effect, self.joint
+
+    @property
+    def terms(self) -> tuple[EffectTerm, ...]:
+        """The cause as effects of a model."""
+        return tuple(
+            EffectTerm(self.effect, joint, {p.name: float(p.value) for p in parameters})
+            for joint, parameters in (self.of_joints or {self.joint: self.parameters}).items()
+        )
 
     @property
     def by_tracker(self) -> bool:
@@ -134,9 +144,5 @@ def merge(causes: Sequence[Cause], tracked: Sequence[Cause]) -> list[Cause]:
 
 def extend(arm: Arm, causes: Sequence[Cause]) -> Arm:
     """The model with every cause as an additional effect."""
-    terms = [
-        EffectTerm(cause.effect, cause.joint, {p.name: float(p.value) for p in cause.parameters})
-        for cause in causes
-        if cause.of_arm
-    ]
+    terms = [term for cause in causes if cause.of_arm for term in cause.terms]
     return replace(fixed_gains(arm), effects=(*arm.effects, *terms))

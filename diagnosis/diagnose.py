@@ -311,7 +311,7 @@ def _shown_in_loop(
     joint = cause.felt_at
     if joint is None or cause.before != cause.after or len(having) != len(recordings):
         return cause
-    others = tuple(term for term in extended.effects if (term.name, term.joint) != (cause.effect, cause.joint))
+    others = tuple(term for term in extended.effects if term not in cause.terms)
     without = [compare(r, replace(extended, effects=others), run) for r, run in zip(recordings, runs)]
     before, after = (
         float(np.sqrt(np.mean([one.error_rms("current")[joint - 1] ** 2 for one in several if one])))

@@ -19,6 +19,7 @@ def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
         lines.append(
             f"   held-out error of {where} without -> with it: {gain(cause)}; confidence {cause.confidence:.0%}"
         )
+        lines += [f"   at joint {joint}: {', '.join(map(estimate, own))}" for joint, own in cause.of_joints.items()]
         if len(cause.group) > 1:
             others, by = ", ".join(map(in_words, cause.group[1:])), row["separate_by"]
             lines.append(f"   indistinguishable here from {others}" + (f"; discriminated by: {by}" if by else ""))

@@ -14,7 +14,7 @@ from arm_io import make_folder, write_text
 from arm_model import write_model
 from daq.recording import Recording
 from diagnosis.against_noise import ratios
-from diagnosis.cause import Cause, in_words
+from diagnosis.cause import Cause, Estimate, in_words
 from diagnosis.closed_loop import resonance
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.discriminating import Separation, separations
@@ -147,11 +147,17 @@ def _tracker_signal(result: Diagnosis) -> list[dict[str, Any]]:
     return [{"signal": "position", "joint": None, "unit": "m", "error_rms": errors, "noise_rms": result.tracked.noise}]
 
 
+def _values(parameters: Sequence[Estimate]) -> dict[str, dict[str, Any]]:
+    return {p.name: {"value": p.value, "std": p.std, "unit": p.unit} for p in parameters}
+
+
 def _cause(cause: Cause) -> dict[str, Any]:
+    of_joints = [{"joint": joint, "parameters": _values(own)} for joint, own in cause.of_joints.items()]
     return {
         "effect": cause.effect,
         "joint": cause.joint,
-        "parameters": {p.name: {"value": p.value, "std": p.std, "unit": p.unit} for p in cause.parameters},
+        "parameters": _values(cause.parameters),
+        **({"joints": of_joints} if of_joints else {}),
         "confidence": round(cause.confidence, 4),
         "gain": {"held_out_rms_before": cause.before, "held_out_rms_after": cause.after, "unit": cause.unit},
         "group": [{"effect": effect, "joint": joint} for effect, joint in cause.group],

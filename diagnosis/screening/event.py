@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from diagnosis.cause import Estimate
 
@@ -29,6 +30,7 @@ class Event:
     joint       from 1; None: of the whole arm
     recordings  those that show it, by index
     gain        what it explains there; None: it shows in closed loop only
+    of_joints   of an event of the whole arm that shows joint by joint: its parameters at each joint (from 1)
     """
 
     effect: str
@@ -37,3 +39,4 @@ class Event:
     evidence: str
     recordings: tuple[int, ...]
     gain: Gain | None = None
+    of_joints: Mapping[int, list[Estimate]] = field(default_factory=dict)

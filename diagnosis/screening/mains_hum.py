@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,8 @@ HUM_BAND = (45.0, 65.0)
 """Hz: band in which the floor around the line is estimated."""
 HIGH_PASS = 30.0
 """Hz: lower edge of the band in which the line is fitted, so that the motion does not enter it."""
+ONE_LINE = 1.0
+"""Hz: largest difference of the frequencies of one line between recordings and joints: the mains drifts."""
 HUM_OVER_FLOOR = 40.0
 """Power of a line over the median of its neighbours; white noise exceeds 40 once in e^28 bins."""
 
@@ -40,51 +42,87 @@ class _Line:
 
 
 def mains_hum(recordings: Sequence[Recording]) -> list[Event]:
-    """A spectral line at mains frequency in the current of a joint, above the floor in every recording."""
-    events = []
-    for j in range(recordings[0].joints):
-        lines = [_line(r.t, r.i[:, j]) for r in recordings]
-        frequencies = np.array([line.frequency for line in lines])
-        if min(line.over_floor for line in lines) < HUM_OVER_FLOOR or np.ptp(frequencies) > 1.0:
-            continue
-        amplitudes = np.array([line.amplitude for line in lines])
-        spread = float(amplitudes.std() + 0.02 * amplitudes.mean())
-        events.append(
-            Event(
-                effect=MAINS_HUM.name,
-                joint=j + 1,
-                parameters=[
-                    Estimate("amplitude", float(amplitudes.mean()), spread, "A"),
-                    Estimate("frequency", float(np.median(frequencies)), 0.05, "Hz"),
-                    Estimate("phase", lines[0].phase, 0.2, "rad"),
-                ],
-                evidence=f"the current of joint {j + 1} has a spectral line at {np.median(frequencies):.2f} Hz in all "
-                f"{len(recordings)} recordings",
-                recordings=tuple(range(len(recordings))),
-                gain=Gain(
-                    before=float(np.mean([line.before**2 for line in lines]) ** 0.5),
-                    after=float(np.mean([line.after**2 for line in lines]) ** 0.5),
-                    unit="A",
-                    joint=j + 1,
-                ),
-            )
-        )
-    return events
+    """Spectral lines at mains frequency in the currents of joints, above the floor in every recording.
+
+    One event of the whole rig where most currents show the line: what couples it in is common to them.
+    """
+    every = ([_line(r.t, r.i[:, j]) for r in recordings] for j in range(recordings[0].joints))
+    found = {
+        joint: lines
+        for joint, lines in enumerate(every, 1)
+        if min(line.over_floor for line in lines) >= HUM_OVER_FLOOR
+        and np.ptp([line.frequency for line in lines]) <= ONE_LINE
+    }
+    frequencies = [_frequency(lines) for lines in found.values()]
+    if len(found) > max(1, recordings[0].joints / 2) and np.ptp(frequencies) <= ONE_LINE:
+        return [_of_rig(found, recordings)]
+    return [_of_joint(joint, lines) for joint, lines in found.items()]
 
 
 def without_hum(recording: Recording, events: Sequence[Event]) -> Array:
     """(n, J) A: the currents with the lines subtracted, each with its own phase in this recording."""
     current = recording.i.copy()
     for event in events:
-        if event.effect != MAINS_HUM.name or event.joint is None:
+        if event.effect != MAINS_HUM.name:
             continue
         f = next(p.value for p in event.parameters if p.name == "frequency")
-        column = current[:, event.joint - 1]
         waves = _waves(f, recording.t)
-        current[:, event.joint - 1] = (
-            column - waves @ np.linalg.lstsq(waves, _above(column, recording.dt), rcond=None)[0]
-        )
+        passed = _above(waves, recording.dt)
+        for joint in event.of_joints or (event.joint,):
+            assert joint is not None, "hum is of joints"
+            above = _above(current[:, joint - 1], recording.dt)
+            current[:, joint - 1] -= waves @ np.linalg.lstsq(passed, above, rcond=None)[0]
     return current
+
+
+def _of_joint(joint: int, lines: Sequence[_Line]) -> Event:
+    return Event(
+        effect=MAINS_HUM.name,
+        joint=joint,
+        parameters=_parameters(lines),
+        evidence=f"the current of joint {joint} has a spectral line at {_frequency(lines):.2f} Hz in all "
+        f"{len(lines)} recordings",
+        recordings=tuple(range(len(lines))),
+        gain=_gain(joint, lines),
+    )
+
+
+def _of_rig(found: Mapping[int, Sequence[_Line]], recordings: Sequence[Recording]) -> Event:
+    """Its parameters are those of the joint with the largest line."""
+    largest = max(found, key=lambda joint: float(np.mean([line.amplitude for line in found[joint]])))
+    f = float(np.median([_frequency(lines) for lines in found.values()]))
+    which = "all currents have" if len(found) == recordings[0].joints else f"currents of {len(found)} joints have"
+    return Event(
+        effect=MAINS_HUM.name,
+        joint=None,
+        parameters=_parameters(found[largest], f),
+        evidence=f"{which} one spectral line at {f:.2f} Hz in all {len(recordings)} recordings, so that it enters "
+        f"where they are common (supply, ground or converter); the largest is that of joint {largest}",
+        recordings=tuple(range(len(recordings))),
+        gain=_gain(largest, found[largest]),
+        of_joints={joint: _parameters(lines, f) for joint, lines in found.items()},
+    )
+
+
+def _frequency(lines: Sequence[_Line]) -> float:
+    return float(np.median([line.frequency for line in lines]))
+
+
+def _parameters(lines: Sequence[_Line], frequency: float | None = None) -> list[Estimate]:
+    amplitudes = np.array([line.amplitude for line in lines])
+    return [
+        Estimate("amplitude", float(amplitudes.mean()), float(amplitudes.std() + 0.02 * amplitudes.mean()), "A"),
+        Estimate("frequency", _frequency(lines) if frequency is None else frequency, 0.05, "Hz"),
+        Estimate("phase", lines[0].phase, 0.2, "rad"),
+    ]
+
+
+def _gain(joint: int, lines: Sequence[_Line]) -> Gain:
+    before, after = (
+        float(np.sqrt(np.mean(np.square(values))))
+        for values in ([line.before for line in lines], [line.after for line in lines])
+    )
+    return Gain(before=before, after=after, unit="A", joint=joint)
 
 
 def _line(t: Array, current: Array) -> _Line:
@@ -100,7 +138,7 @@ def _line(t: Array, current: Array) -> _Line:
     top = int(np.argmax(np.where(near, power, 0.0)))
     f = float(frequency[band[top]])
     waves = _waves(f, t)
-    a, b = np.linalg.lstsq(waves * window[:, None], _above(current, dt) * window, rcond=None)[0]
+    a, b = np.linalg.lstsq(_above(waves, dt) * window[:, None], _above(current, dt) * window, rcond=None)[0]
     line = waves @ np.array([a, b])
     edges = [min(2 * edge * dt, most) for edge, most in zip(HUM_BAND, (0.98, 0.99))]
     near_mains = signal.butter(4, edges, "bandpass", output="sos")
@@ -121,7 +159,7 @@ def _waves(frequency: float, t: Array) -> Array:
     return np.column_stack([np.sin(angle), np.cos(angle)])
 
 
-def _above(current: Array, dt: float) -> Array:
-    """(m,) A: the current above HIGH_PASS."""
+def _above(values: Array, dt: float) -> Array:
+    """(m,) or (m, k): columns above HIGH_PASS."""
     sections = signal.butter(4, min(HIGH_PASS * 2 * dt, 0.9), "highpass", output="sos")
-    return np.asarray(signal.sosfiltfilt(sections, current), float)
+    return np.asarray(signal.sosfiltfilt(sections, values, axis=0), float)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model import Arm
+from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Instrument
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.measurements.currents.limits import LIMITS
@@ -95,15 +95,18 @@ def _rms_in_amperes(whitened: Array, side: Dataset, joint: int) -> float:
 
 
 def from_event(event: Event, arm: Arm, data: Split[Dataset]) -> Cause:
-    joint = event.joint or 1
+    joint = event.joint or (event.gain.joint if event.gain else 1)
     noise = float(np.mean([run.noise[joint - 1] for run in data.held_out.runs]))
     gain = event.gain or Gain(before=noise, after=noise, unit="A", joint=joint)
     felt = arm.joints[gain.joint - 1]
-    parameters = [replace(p, unit=unit_at(felt, p.unit, p.name)) for p in event.parameters]
+
+    def stated(values: list[Estimate], at: Joint) -> list[Estimate]:
+        return [replace(p, unit=unit_at(at, p.unit, p.name)) for p in values]
+
     return Cause(
         effect=event.effect,
         joint=event.joint,
-        parameters=parameters,
+        parameters=stated(event.parameters, felt),
         confidence=confidence_of(gain.p),
         before=gain.before,
         after=gain.after,
@@ -113,6 +116,7 @@ def from_event(event: Event, arm: Arm, data: Split[Dataset]) -> Cause:
         unit=unit_at(felt, gain.unit),
         signal=Signal.CURRENT if gain.unit == "A" else Signal.ANGLE,
         of_arm=all(observation.of_arm for observation in CATALOGUE[event.effect].observed_by.values()),
+        of_joints={j: stated(values, arm.joints[j - 1]) for j, values in event.of_joints.items()},
     )
 
 
