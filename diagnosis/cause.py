@@ -5,7 +5,7 @@ A leaf: it imports no measurement.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -77,10 +77,8 @@ class Cause:
     @property
     def terms(self) -> tuple[EffectTerm, ...]:
         """The cause as effects of a model."""
-        return tuple(
-            EffectTerm(self.effect, joint, {p.name: float(p.value) for p in parameters})
-            for joint, parameters in (self.of_joints or {self.joint: self.parameters}).items()
-        )
+        each: Iterable[tuple[int | None, list[Estimate]]] = self.of_joints.items() or [(self.joint, self.parameters)]
+        return tuple(EffectTerm(self.effect, joint, {p.name: float(p.value) for p in own}) for joint, own in each)
 
     @property
     def by_tracker(self) -> bool:
