@@ -136,7 +136,7 @@ def _line(t: Array, current: Array) -> _Line:
     power = np.abs(spectrum[band]) ** 2
     near = np.min(np.abs(frequency[band][:, None] - np.array(MAINS)), axis=1) < 1.0
     top = int(np.argmax(np.where(near, power, 0.0)))
-    f = float(frequency[band[top]])
+    f = float(frequency[band[top]]) + _to_peak(power, top) * float(frequency[1])
     waves = _waves(f, t)
     a, b = np.linalg.lstsq(_above(waves, dt) * window[:, None], _above(current, dt) * window, rcond=None)[0]
     line = waves @ np.array([a, b])
@@ -151,6 +151,14 @@ def _line(t: Array, current: Array) -> _Line:
         before=before,
         after=after,
     )
+
+
+def _to_peak(power: Array, top: int) -> float:
+    """Bins from ``top`` to the peak: of a parabola through the logarithms of the power beside it."""
+    if not 0 < top < len(power) - 1 or power[top - 1 : top + 2].min() <= 0.0:
+        return 0.0
+    below, at, above = np.log(power[top - 1 : top + 2])
+    return float((below - above) / (2 * (below - 2 * at + above))) if at >= max(below, above) else 0.0
 
 
 def _waves(frequency: float, t: Array) -> Array:

@@ -50,7 +50,7 @@ def test_hum_of_all_currents_is_one_event_of_the_rig(tmp_path: Path) -> None:
     for joint, parameters in event.of_joints.items():
         own = {p.name: p for p in parameters}
         assert abs(own["amplitude"].value - amplitudes[joint]) < 2 * own["amplitude"].std + 1e-3
-        assert abs(own["frequency"].value - 49.96) < 0.05
+        assert abs(own["frequency"].value - 49.96) < 0.005
     assert event.gain is not None
     assert event.gain.joint == JOINTS  # the largest
     # and it is taken out of all of them
@@ -60,7 +60,7 @@ def test_hum_of_all_currents_is_one_event_of_the_rig(tmp_path: Path) -> None:
         t = recording.t
         for column in clean.T:
             line = abs(np.sum((column - column.mean()) * np.hanning(len(t)) * np.exp(-2j * np.pi * 49.96 * t)))
-            assert line / np.sum(np.hanning(len(t))) < 0.3e-3
+            assert line / np.sum(np.hanning(len(t))) < 0.2e-3
 
 
 @pytest.mark.parametrize("joints", [(2,), (2, 5), (1, 2, 3)])
