@@ -15,7 +15,7 @@ Conventions (all SI, angles rad; prismatic joints m and N where revolute ones ha
 * ``gear`` is signed as in the published tables, but q and the motor current i are signed so that a positive current
   drives the joint in the positive direction: joint torque = abs(gear) torque_constant i.
 * rotor_inertia, viscous, coulomb and offset are at the MOTOR; at the joint they are gear^2, gear^2, abs(gear) and
-  abs(gear) times as large. For a drive without a gear (gear 1) both are the same.
+  abs(gear) times as large. For a drive without a gear (gear 1) both are the same. A friction_curve is at the joint.
 """
 
 from __future__ import annotations
@@ -81,6 +81,31 @@ class Capsule:
 
 
 @dataclass(frozen=True, config=STRICT)
+class FrictionCurve:
+    """Friction of free shape, in addition to a joint's viscous and Coulomb friction, at the JOINT.
+
+    speed (K,) rad/s (m/s), increasing, from 0 or more; positive, negative (K,) N m (N) against motion in that
+    direction at these speeds. Straight lines between them, constant below the first and beyond the last
+    (``arm_model.rigid_body.friction_curve``). A value may be negative: the total friction must oppose the motion.
+    """
+
+    speed: Annotated[tuple[NotNegative, ...], Field(min_length=2)]
+    positive: tuple[float, ...]
+    negative: tuple[float, ...]
+
+    @model_validator(mode="after")
+    def _one_value_per_speed(self) -> FrictionCurve:
+        if any(after <= before for before, after in zip(self.speed, self.speed[1:])):
+            raise ValueError("friction_curve.speed: must increase from each entry to the next")
+        for name in ("positive", "negative"):
+            if len(getattr(self, name)) != len(self.speed):
+                raise ValueError(
+                    f"friction_curve.{name}: has {len(getattr(self, name))} entries, speed has {len(self.speed)}"
+                )
+        return self
+
+
+@dataclass(frozen=True, config=STRICT)
 class Joint:
     """One joint, the link behind it and the drive that moves it.
 
@@ -115,6 +140,7 @@ class Joint:
     rotor_inertia: float = 0.0  # kg m2 at the motor
     viscous: Directions = (0.0, 0.0)  # (positive, negative) motion, or one number for both: N m s/rad at the motor
     coulomb: Directions = (0.0, 0.0)  # likewise, magnitudes, N m at the motor
+    friction_curve: FrictionCurve | None = None  # beside viscous and coulomb, at the joint
     offset: float = 0.0  # N m at the motor: constant part of the torque, opposing motion in the positive direction
     sign_velocity: Positive = 0.01  # rad/s (m/s) at the joint: sign v is taken as v / sqrt(v^2 + sign_velocity^2)
     torque_constant: Positive = 1.0  # N m/A; N/V where the controller's output is a voltage
@@ -146,6 +172,13 @@ class Joint:
     def ratio(self) -> float:
         """abs(gear): motor angle over joint angle."""
         return abs(self.gear)
+
+    @property
+    def rest_friction(self) -> tuple[float, float]:
+        """N m (N) at the joint: friction of the two directions at the lowest speed, Coulomb's and the curve's."""
+        curve = self.friction_curve
+        first = (0.0, 0.0) if curve is None else (curve.positive[0], curve.negative[0])
+        return self.ratio * self.coulomb[0] + first[0], self.ratio * self.coulomb[1] + first[1]
 
     @property
     def drive_constant(self) -> float:

@@ -6,6 +6,7 @@ joint{j}.rotor_inertia .offset                             at the JOINT side (kg
 joint{j}.viscous_positive .viscous_negative .viscous       at the JOINT side (N m s/rad); the last sets both, and reads
                                                            as the mean
 joint{j}.coulomb_positive .coulomb_negative .coulomb       likewise (N m)
+joint{j}.curve{k}_positive .curve{k}_negative .curve{k}    likewise: of its friction curve at the k-th speed, from 1
 link{j}.drag_coefficient .added_mass_coefficient .buoyancy  of its cylinder in water (1), where the model describes one
 joint{j}.drag                                              N m s2/rad2
 joint{j}.theta .d .a .alpha .beta .torque_constant .torque_limit .sign_velocity    as the model file has them
@@ -62,6 +63,9 @@ def parameter(arm: Arm, name: str) -> float:
             both = getattr(joint, friction)
             at_motor = sum(both) / 2 if direction is None else both[direction]
             return float(at_motor * joint.ratio ** _DIRECTED[friction])
+        if (point := curve_place(joint, friction)) is not None:
+            sides = [values[point] for values in curve_values(joint)]
+            return float(sum(sides) / 2 if direction is None else sides[direction])
         if rest in _DRIVE:
             return float(getattr(joint, rest) * joint.ratio ** _DRIVE[rest])
         if rest in _DIRECT and getattr(joint, rest) is not None:
@@ -112,6 +116,13 @@ def _with_joint(joint: Joint, name: str, rest: str, value: float) -> Joint:
         both = [at_motor, at_motor] if direction is None else list(getattr(joint, friction))
         both[direction or 0] = at_motor
         return unchecked(joint, **{friction: tuple(both)})
+    if (place := curve_place(joint, friction)) is not None:
+        assert joint.friction_curve is not None
+        sides = [list(values) for values in curve_values(joint)]
+        for side in (0, 1) if direction is None else (direction,):
+            sides[side][place] = value
+        curve = replace(joint.friction_curve, positive=tuple(sides[0]), negative=tuple(sides[1]))
+        return unchecked(joint, friction_curve=curve)
     if rest in _DRIVE:
         return unchecked(joint, **{rest: value / joint.ratio ** _DRIVE[rest]})
     if rest in _DIRECT:
@@ -125,6 +136,20 @@ def friction_and_direction(name: str) -> tuple[str, int | None]:
         if name.endswith(ending):
             return name.removesuffix(ending), direction
     return name, None
+
+
+def curve_place(joint: Joint, name: str) -> int | None:
+    """'curve3' -> 2 where the joint's friction curve has so many speeds; None for any other name."""
+    number = name.removeprefix("curve")
+    if joint.friction_curve is None or number == name or not number.isdigit():
+        return None
+    return int(number) - 1 if 1 <= int(number) <= len(joint.friction_curve.speed) else None
+
+
+def curve_values(joint: Joint) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Values of the joint's friction curve, positive and negative direction; none without a curve."""
+    curve = joint.friction_curve
+    return ((), ()) if curve is None else (curve.positive, curve.negative)
 
 
 T = TypeVar("T", Joint, Cylinder)

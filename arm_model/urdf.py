@@ -19,6 +19,7 @@ from arm_io import InputError, read_file, write_text
 from arm_io.types import Array
 from arm_model.capsules import moved, of_geometry
 from arm_model.description import Arm, Capsule, Joint, Pose
+from arm_model.rigid_body.friction_curve import nearest_line
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
 from arm_model.rigid_body.kinematics import placement, roll_pitch_yaw, rpy_of
 
@@ -239,13 +240,31 @@ def _origin_of(pose: Array) -> dict[str, str]:
     return {"xyz": _text(pose[:3, 3]), "rpy": _text(rpy_of(pose))}
 
 
+def not_in_urdf(arm: Arm) -> list[str]:
+    """One sentence per joint whose friction URDF cannot express, and one that names the effects it has no place for."""
+    found = []
+    for number, joint in enumerate(arm.joints, 1):
+        _, _, off = nearest_line(joint)
+        if joint.friction_curve is not None or off > 1e-9:
+            what = "has a friction curve" if joint.friction_curve is not None else "differs between the directions"
+            found.append(
+                f"friction of joint {number} {what}; URDF has one Coulomb and one viscous coefficient: the nearest "
+                f"line is written, off by up to {off:.2g} {'N m' if joint.revolute else 'N'}"
+            )
+    if arm.effects:
+        names = sorted({term.name for term in arm.effects})
+        found.append(f"URDF has no place for effects; left out: {', '.join(names)}")
+    return found
+
+
 def write_urdf(path: str | Path, arm: Arm) -> None:
     """Writes the arm as URDF: link frames sit on the joints' axes; joint-side friction.
 
     The tool as a fixed link "tool".
 
-    Rotor inertias, torque constants, effects and the controller have no place in URDF and are left out. InputError for
-    an arm with coupled joints, which URDF cannot describe.
+    Rotor inertias, torque constants, effects and the controller have no place in URDF and are left out; friction of
+    other shape than Coulomb and viscous, equal in both directions, becomes the nearest such (``not_in_urdf`` says so).
+    InputError for an arm with coupled joints, which URDF cannot describe.
     """
     if arm.coupling:
         raise InputError(path, "URDF has no place for [[coupling]]; write the arm as .toml")
@@ -280,8 +299,7 @@ def _write_joint(robot: xml.Element, joint: Joint, name: str, parent: str, child
     speed = (joint.motor_speed_limit or 0.0) / joint.ratio
     limit = {"lower": lower, "upper": upper, "effort": joint.torque_limit or 0.0, "velocity": speed}
     xml.SubElement(element, "limit", {key: repr(float(value)) for key, value in limit.items()})
-    friction = joint.ratio * sum(joint.coulomb) / 2
-    damping = joint.ratio**2 * sum(joint.viscous) / 2
+    friction, damping, _ = nearest_line(joint)
     dynamics = {"damping": repr(damping), "friction": repr(friction)}
     xml.SubElement(element, "dynamics", dynamics)
 

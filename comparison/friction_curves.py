@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model import Arm
+from arm_model.rigid_body import curve_at
 from identification.preprocessing.signals import Motion
 
 SHARES = (0.0, 0.12, 0.3, 0.6, 1.0)
@@ -128,9 +129,11 @@ def hats(motion: Motion, curve: Curve, knots: Array) -> Array:
 def model_friction(arm: Arm, curve: Curve, speeds: Array) -> Array:
     """(K,) what the model has at these speeds, N m (N): the value of a point that a recording does not show."""
     joint, side = arm.joints[curve.joint], 0 if curve.direction > 0 else 1
+    own = joint.friction_curve
     return np.asarray(
         joint.ratio**2 * joint.viscous[side] * speeds
         + joint.ratio * (joint.coulomb[side] + curve.direction * joint.offset)
+        + (0.0 if own is None else curve_at(own, speeds, 1 if curve.direction > 0 else -1))
     )
 
 

@@ -33,7 +33,7 @@ the other estimated; the files do not say which.
 """
 ROUNDING = 1e-9
 STRUCTURE = ("theta", "d", "a", "alpha", "beta", "xyz", "rpy", "axis", "gear", "torque_constant")
-NOMINAL = ("mass", "com", "inertia", "rotor_inertia", "viscous", "coulomb", "offset")
+NOMINAL = ("mass", "com", "inertia", "rotor_inertia", "viscous", "coulomb", "offset", "friction_curve")
 
 
 @dataclass(frozen=True)

@@ -112,8 +112,9 @@ class Structure:
 def is_friction(name: str) -> bool:
     """Whether a standard parameter is contained in a friction curve: joint2.viscous_positive, joint2.drag."""
     head, _, rest = name.partition(".")
-    kind = rest.partition("_")[0]
-    return head.startswith("joint") and not is_effect(name) and kind in ("viscous", "coulomb", "drag", "offset")
+    kind = rest.partition("_")[0].rstrip("0123456789")
+    friction = ("viscous", "coulomb", "curve", "drag", "offset")
+    return head.startswith("joint") and not is_effect(name) and kind in friction
 
 
 def structure_of(arm: Arm, base: BaseParameters, motions: Sequence[Motion], names: Sequence[str]) -> Structure:

@@ -165,7 +165,10 @@ def _resonance(named: Named, recordings: Recordings) -> Cause | None:
 
 def has_dynamics(arm: Arm) -> bool:
     """Whether the model expects any torque at all."""
-    return any(joint.mass or joint.rotor_inertia or any(joint.coulomb) or any(joint.viscous) for joint in arm.joints)
+    return any(
+        joint.mass or joint.rotor_inertia or any(joint.coulomb) or any(joint.viscous) or joint.friction_curve
+        for joint in arm.joints
+    )
 
 
 def _of_search(found: Found) -> list[Cause]:

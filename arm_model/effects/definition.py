@@ -113,7 +113,8 @@ class Signals:
     motor         angle of the motor itself: abs(gear) times the motor angle over gear ratio; rad
     sign          smooth sign of the speed, v / sqrt(v^2 + sign_velocity^2)
     load          torque that the gear transmits to the link, N m (N)
-    coulomb       the model's own Coulomb friction in the present direction, N m (N), not negative
+    coulomb       the model's own friction in the present direction without its viscous part: Coulomb's and that of
+                  its friction curve at this speed, N m (N)
     current       motor current, A
     torque        actuator torque abs(gear) k i, N m (N)
     t             time since the start of the recording, s

@@ -1,9 +1,10 @@
 """The set of friction laws that could exist: at every speed within the range, the total friction opposes the motion.
 
-Total friction of a joint is its own viscous and Coulomb friction plus every effect whose torque depends on the velocity
-alone (``Effect.friction``). Friction force times velocity must not be negative (Armstrong-Helouvry, Dupont, Canudas de
-Wit, Automatica 30(7), 1994: passivity); a single coefficient may be, such as a Stribeck term that takes away part of
-the Coulomb friction at low speed. A constant torque (``offset``) is no friction: it does no net work.
+Total friction of a joint is its own viscous and Coulomb friction and its friction curve plus every effect whose torque
+depends on the velocity alone (``Effect.friction``). Friction force times velocity must not be negative
+(Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994: passivity); a single coefficient may be, such as a
+Stribeck term that takes away part of the Coulomb friction at low speed. A constant torque (``offset``) is no friction:
+it does no net work.
 
 ``diagnose``, ``identify`` and ``read_model`` all use this set.
 """
@@ -19,6 +20,7 @@ from arm_io.types import Array
 from arm_model.description import Arm, EffectTerm, Joint
 from arm_model.effects.catalogue import CATALOGUE, values_of
 from arm_model.effects.definition import Effect, Signals
+from arm_model.rigid_body.friction_curve import curve_at
 
 POINTS = 25
 """Speeds looked at over each range."""
@@ -39,13 +41,14 @@ def speeds(arm: Arm, joint: int, top: float = 0.0) -> Array:
     Up to the drive's speed limit where the model states one, to ``top``, and over the speeds that its effects name.
     """
     drive = arm.joints[joint]
-    ends = [top, 0.0 if drive.motor_speed_limit is None else drive.motor_speed_limit / drive.ratio]
+    own = () if drive.friction_curve is None else drive.friction_curve.speed
+    ends = [top, *own[-1:], 0.0 if drive.motor_speed_limit is None else drive.motor_speed_limit / drive.ratio]
     for term in friction_terms(arm, joint):
         named = [p.name for p in CATALOGUE[term.name].nonlinear if p.unit == "rad/s"]
         ends += [REACH * term.parameters.get(name, 0.0) for name in named]
     # just above standstill, too: there nothing but the viscous friction is left of a joint without Coulomb friction
     end = max(ends) or 1.0
-    return np.unique(np.concatenate([[0.0, 1e-6 * end], *(np.linspace(0.0, up, POINTS) for up in ends if up > 0)]))
+    return np.unique(np.concatenate([[0.0, 1e-6 * end], own, *(np.linspace(0.0, up, POINTS) for up in ends if up > 0)]))
 
 
 def effect_friction(effect: Effect, given: dict[str, float], v: Array, direction: int) -> Array:
@@ -60,6 +63,8 @@ def total_friction(arm: Arm, joint: int, v: Array, direction: int) -> Array:
     """(k,) N m (N) against the motion, of all friction of a joint (from 0) at speeds v (k,) >= 0 in a direction."""
     drive, side = arm.joints[joint], 0 if direction > 0 else 1
     own = drive.ratio * drive.coulomb[side] + drive.ratio**2 * drive.viscous[side] * v
+    if drive.friction_curve is not None:
+        own = own + curve_at(drive.friction_curve, v, direction)
     terms = friction_terms(arm, joint)
     return np.asarray(
         own + sum(effect_friction(CATALOGUE[term.name], term.parameters, v, direction) for term in terms), float
@@ -92,9 +97,9 @@ def problem(arm: Arm) -> str | None:
         v, torque = least_friction(arm, j)
         units = ("rad/s", "N m") if arm.joints[j].revolute else ("m/s", "N")
         return (
-            f"joint[{j + 1}]: its friction (viscous, coulomb and effects together) drives it with {-torque:.3g} "
-            f"{units[1]} at {v:.3g} {units[0]}; it must oppose the motion at every speed (or give the reason why not "
-            "in 'unphysical')"
+            f"joint[{j + 1}]: its friction (viscous, coulomb, friction_curve and effects together) drives it with "
+            f"{-torque:.3g} {units[1]} at {v:.3g} {units[0]}; it must oppose the motion at every speed (or give the "
+            "reason why not in 'unphysical')"
         )
     return None
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
+    from arm_model.rigid_body.friction_curve import curve_at, curve_level
     from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
     from arm_model.rigid_body.kinematics import forward, jacobian, link_frames, placement
     from arm_model.rigid_body.numeric import drive_mass_matrix, mass_matrix, rigid_torque
@@ -13,6 +14,8 @@ else:
 
 __all__ = [
     "COEFFICIENTS",
+    "curve_at",
+    "curve_level",
     "drive_mass_matrix",
     "forward",
     "jacobian",

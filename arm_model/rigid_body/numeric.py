@@ -15,6 +15,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm, Joint, Pose
 from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
+from arm_model.rigid_body.friction_curve import curve_level
 from arm_model.rigid_body.inertia import barycentric, transform
 from arm_model.rigid_body.kinematics import link_frames
 
@@ -45,8 +46,9 @@ def drive_torque(joint: Joint, qd: Any, qdd: Any) -> Any:
     """Joint torque that the drive itself takes: reflected rotor inertia, viscous and Coulomb friction, offset.
 
     Coulomb friction: with s = v / sqrt(v^2 + sign_velocity^2), (F+ + F-)/2 s + (F+ - F-)/2 s^2: F+ forwards, -F-
-    backwards, nothing at rest. Viscous friction: (B+ + B-)/2 v + (B+ - B-)/2 |v|: B+ v forwards, B- v backwards. ``qd``
-    and ``qdd`` are scalars of any kind, of the motor over the gear ratio.
+    backwards, nothing at rest. Viscous friction: (B+ + B-)/2 v + (B+ - B-)/2 |v|: B+ v forwards, B- v backwards. A
+    friction curve adds to both (``arm_model.rigid_body.friction_curve``). ``qd`` and ``qdd`` are scalars of any kind,
+    of the motor over the gear ratio.
     """
     ratio = joint.ratio
     forwards, backwards = (ratio**2 * viscous for viscous in joint.viscous)
@@ -56,6 +58,8 @@ def drive_torque(joint: Joint, qd: Any, qdd: Any) -> Any:
     sign = scalar.smooth_sign(qd, joint.sign_velocity)
     positive, negative = joint.coulomb
     mean, difference = ratio * (positive + negative) / 2, ratio * (positive - negative) / 2
+    if joint.friction_curve is not None:
+        torque = torque + sign * curve_level(joint.friction_curve, qd, sign)
     return torque + mean * sign + difference * sign * sign + ratio * joint.offset
 
 

@@ -12,8 +12,9 @@ from typing import Literal
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model.description import Arm, FrictionCurve
 from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
+from arm_model.rigid_body.friction_curve import unit_torques
 from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
 from arm_model.rigid_body.inertia import PARAMETERS, transform_matrix
 from arm_model.rigid_body.numeric import in_blocks, link_parameters, samples, stacked, turns
@@ -24,14 +25,20 @@ Friction = Literal["asymmetric", "symmetric"]
 def parameter_names(arm: Arm, *, friction: Friction = "asymmetric") -> list[str]:
     """Names in the order of the regressor's columns.
 
-    Ten a link, then the drive's of each joint, then what water there is.
+    Ten a link, then the drive's of each joint, then what water and what friction curves there are.
     """
     directions = ("_positive", "_negative") if friction == "asymmetric" else ("",)
     rubbing = [f"{kind}{direction}" for kind in ("viscous", "coulomb") for direction in directions]
     drive = ("rotor_inertia", *rubbing, "offset")
     links = [f"link{j}.{name}" for j in range(1, len(arm) + 1) for name in PARAMETERS]
     drives = [f"joint{j}.{name}" for j in range(1, len(arm) + 1) for name in drive]
-    return links + drives + [name for name, _ in _described_water(arm)]
+    curves = [
+        f"joint{j}.curve{k}{direction}"
+        for j, joint in enumerate(arm.joints, 1)
+        for direction in directions
+        for k in range(1, 1 + len(joint.friction_curve.speed if joint.friction_curve else ()))
+    ]
+    return links + drives + [name for name, _ in _described_water(arm)] + curves
 
 
 def _described_water(arm: Arm) -> Iterator[tuple[str, float]]:
@@ -57,7 +64,15 @@ def parameter_vector(arm: Arm, *, friction: Friction = "asymmetric") -> Array:
         if friction == "symmetric":
             rubbing = rubbing.mean(axis=1, keepdims=True)
         values.append(np.array([n**2 * joint.rotor_inertia, *rubbing.ravel(), n * joint.offset]))
-    return np.concatenate([*values, [value for _, value in _described_water(arm)]])
+    water = [value for _, value in _described_water(arm)]
+    return np.concatenate([*values, water, *(_curve_values(joint.friction_curve, friction) for joint in arm.joints)])
+
+
+def _curve_values(curve: FrictionCurve | None, friction: Friction) -> Array:
+    if curve is None:
+        return np.empty(0)
+    both = np.array([curve.positive, curve.negative])
+    return both.ravel() if friction == "asymmetric" else both.mean(axis=0)
 
 
 def regressor(
@@ -67,7 +82,8 @@ def regressor(
 
     Of an arm with coupled joints q, qd, qdd are those that the controller reports.
 
-    With ``friction`` "symmetric" one column joint{j}.viscous and one joint{j}.coulomb stand for both directions.
+    With ``friction`` "symmetric" one column joint{j}.viscous, one joint{j}.coulomb and one joint{j}.curve{k} stand for
+    both directions.
     """
     q, qd, qdd = samples(arm, q, qd, qdd)
     links = [arm.link_angles(each) for each in (q, qd, qdd)]
@@ -75,6 +91,7 @@ def regressor(
         _felt_by_drives(arm, in_blocks(partial(_link_columns, arm), *links)),
         *(_drive_columns(arm, j, qd[:, j], qdd[:, j], friction) for j in range(len(arm))),
         _felt_by_drives(arm, _water_columns(arm, *links)),
+        *(curve_columns(arm, j, qd[:, j], friction) for j in range(len(arm))),
     ]
     return np.concatenate(blocks, axis=2), parameter_names(arm, friction=friction)
 
@@ -91,6 +108,18 @@ def _drive_columns(arm: Arm, j: int, qd: Array, qdd: Array, friction: Friction) 
     else:
         rubbing = [qd, sign]
     columns = np.stack([qdd, *rubbing, np.ones_like(qd)], axis=-1)
+    block = np.zeros((len(qd), len(arm), columns.shape[-1]))
+    block[:, j] = columns
+    return block
+
+
+def curve_columns(arm: Arm, j: int, qd: Array, friction: Friction) -> Array:
+    """(N, n, K or 2 K) torques of unit values of the friction curve of joint j (from 0) at its speeds qd (N,)."""
+    joint = arm.joints[j]
+    if joint.friction_curve is None:
+        return np.zeros((len(qd), len(arm), 0))
+    sides = unit_torques(joint.friction_curve.speed, qd, scalar.smooth_sign(qd, joint.sign_velocity))
+    columns = np.concatenate(sides, axis=1) if friction == "asymmetric" else sides[0] + sides[1]
     block = np.zeros((len(qd), len(arm), columns.shape[-1]))
     block[:, j] = columns
     return block

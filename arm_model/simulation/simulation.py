@@ -114,6 +114,7 @@ def _program(arm: Arm, inputs: Mapping[str, Array], lanes: int) -> Program:
             j.ratio,
             j.torque_limit is None,
             None if j.cylinder is None else (j.cylinder.start, j.cylinder.end),
+            None if j.friction_curve is None else len(j.friction_curve.speed),
         )
         for j in arm.joints
     ]

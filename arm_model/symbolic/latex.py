@@ -53,6 +53,9 @@ def symbol(name: str) -> str:
         return f"I_{{{entry[1:]},{link}}}" if entry.startswith("i") else f"{_MOMENTS[entry]}_{{{link}}}"
     if effect := re.fullmatch(r"effect(\d+)\.(\w+)", name):
         return rf"\mathrm{{{_words(effect[2])}}}_{{{int(effect[1]) + 1}}}"
+    if curve := re.fullmatch(r"curve(\d+)\.(speed|positive|negative)(\d+)", name):
+        letter = {"speed": "s", "positive": "b^+", "negative": "b^-"}[curve[2]]
+        return f"{letter}_{{{int(curve[1]) + 1},{int(curve[3]) + 1}}}"
     kind, number = re.fullmatch(r"(\w+?)(\d*)", name).groups()  # type: ignore[union-attr]
     if kind in _OF_JOINT and number:
         return _OF_JOINT[kind].format(int(number) + 1)

@@ -28,6 +28,8 @@ def shown(name: str) -> str:
         return f"body{int(body[1]) + 1}.{PARAMETERS[int(body[2])]}"
     if gravity := re.fullmatch(r"gravity(\d)", name):
         return f"gravity_{'xyz'[int(gravity[1])]}"
+    if curve := re.fullmatch(r"curve(\d+)\.(\w+?)(\d+)", name):
+        return f"curve{int(curve[1]) + 1}.{curve[2]}{int(curve[3]) + 1}"
     counted = re.fullmatch(r"([a-z_]+)(\d+)(\.\w+)?", name)
     return f"{counted[1]}{int(counted[2]) + 1}{counted[3] or ''}" if counted else name
 

@@ -8,7 +8,9 @@ Joints and effects are counted from 0 here. All drive quantities are at the join
     resistance{j} added{j} displaced{j}   the water's, of link j (``arm_model.rigid_body.hydrodynamics``); drag{j} of
                                           the whole link, N m s2/rad2
     rotor{j} offset{j} viscous_mean{j} viscous_difference{j} coulomb_mean{j} coulomb_difference{j} sign_velocity{j}
-                 of the directions: mean, and half of positive less negative
+                 of the directions: mean, and half of positive less negative (coulomb with the friction curve at rest)
+    curve{j}.speed{k} curve{j}.positive{k} curve{j}.negative{k}    rad/s (m/s), and by how much the slope of joint j's
+                 friction curve changes there (``arm_model.rigid_body.friction_curve``)
     zero{j}      rad (m): what a zero offset adds to q before the links see it
     drive{j}     N m/A                                               kp{j} ki{j} kd{j} limit{j}   the servo's, A
     effect{e}.{parameter}
@@ -16,6 +18,7 @@ Joints and effects are counted from 0 here. All drive quantities are at the join
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -26,6 +29,7 @@ from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, described, values_of
 from arm_model.parameters import with_parameters
 from arm_model.rigid_body import newton_euler
+from arm_model.rigid_body.friction_curve import bends
 from arm_model.rigid_body.hydrodynamics import unit_water
 from arm_model.rigid_body.inertia import transform
 from arm_model.rigid_body.regressor import parameter_names, parameter_vector
@@ -79,16 +83,35 @@ def _linear(arm: Arm, variations: Mapping[str, Array], lanes: int) -> dict[str, 
         for kind, forwards, backwards in (("viscous", *drive[:, j, 1:3].T), ("coulomb", *drive[:, j, 3:5].T)):
             found[f"{kind}_mean{j}"] = (forwards + backwards) / 2
             found[f"{kind}_difference{j}"] = (forwards - backwards) / 2
-    found |= _water(bent, dict(zip(names[16 * n :], p[:, 16 * n :].T)), lanes)
+    rest = dict(zip(names[16 * n :], p[:, 16 * n :].T))
+    found |= _water(bent, rest, lanes)
+    for j in range(n):
+        _add_curve(found, bent, j, rest)
     found |= {name: np.full(lanes, float(value)) for name, value in _constants(arm, bent).items()}
     return found
 
 
 def _directions(name: str) -> tuple[str, ...]:
     """The linear parameters that a name sets: friction without a direction sets both."""
-    if name.endswith((".viscous", ".coulomb")):
+    if name.endswith((".viscous", ".coulomb")) or re.fullmatch(r"joint\d+\.curve\d+", name):
         return f"{name}_positive", f"{name}_negative"
     return (name,)
+
+
+def _add_curve(found: dict[str, Array], arm: Arm, j: int, values: Mapping[str, Array]) -> None:
+    """Adds the friction curve of joint j with its ``values``, (lanes,) each by their names."""
+    curve = arm.joints[j].friction_curve
+    if curve is None:
+        return
+    sides = [
+        np.stack([values[f"joint{j + 1}.curve{k}_{way}"] for k in range(1, len(curve.speed) + 1)], axis=-1)
+        for way in ("positive", "negative")
+    ]
+    found[f"coulomb_mean{j}"] = found[f"coulomb_mean{j}"] + (sides[0][:, 0] + sides[1][:, 0]) / 2
+    found[f"coulomb_difference{j}"] = found[f"coulomb_difference{j}"] + (sides[0][:, 0] - sides[1][:, 0]) / 2
+    for way, side in zip(("positive", "negative"), sides):
+        found |= {f"curve{j}.{way}{k}": bend for k, bend in enumerate(bends(curve.speed, side).T)}
+    found |= {f"curve{j}.speed{k}": np.full(len(sides[0]), speed) for k, speed in enumerate(curve.speed)}
 
 
 def _water(arm: Arm, coefficients: Mapping[str, Array], lanes: int) -> dict[str, Array]:

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from arm_model.description import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Effect, Signals, Values
 from arm_model.effects.transmission import across_gap
 from arm_model.rigid_body import scalar
+from arm_model.rigid_body.friction_curve import beyond
 from arm_model.symbolic.tape import Expr, Tape, derivative
 
 Symbol = Callable[[str], Expr]
@@ -155,10 +157,23 @@ class Mechanics:
             motor=joints.theta[j] * self.arm.joints[j].ratio,
             sign=sign,
             load=joints.load[j],
-            coulomb=self.symbol(f"coulomb_mean{j}") + self.symbol(f"coulomb_difference{j}") * sign,
+            coulomb=self.symbol(f"coulomb_mean{j}")
+            + self.symbol(f"coulomb_difference{j}") * sign
+            + self._beyond_rest(j, speed),
             t=joints.time,
             state=0.0 if state is None else state,
         )
+
+    def _beyond_rest(self, j: int, speed: Expr) -> Any:
+        """What the friction curve of joint j has at a speed above its value at rest."""
+        curve = self.arm.joints[j].friction_curve
+        if curve is None:
+            return 0.0
+        parts = (
+            [self.symbol(f"curve{j}.{kind}{k}") for k in range(len(curve.speed))]
+            for kind in ("speed", "positive", "negative")
+        )
+        return beyond(speed, *parts)
 
     def link_torques(self, joints: Joints) -> list[Expr]:
         """(n,) torques of effects on the links, that the transmissions have to overcome."""
@@ -172,7 +187,7 @@ class Mechanics:
         return torques
 
     def drag(self, joints: Joints) -> Drag:
-        """Viscous and Coulomb friction and offset of the model, and the effects at the motor."""
+        """Viscous and Coulomb friction, friction curve and offset of the model, and the effects at the motor."""
         drag, tape = Drag(), joints.time.tape
         for j in range(len(self.arm)):
             seen = self.signals(j, joints)

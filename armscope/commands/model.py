@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from enum import StrEnum
@@ -85,9 +86,11 @@ def _read(path: Path, tip: str | None) -> Arm:
 
 def _write(path: Path, arm: Arm) -> None:
     if path.suffix == ".urdf":
-        from arm_model.urdf import write_urdf
+        from arm_model.urdf import not_in_urdf, write_urdf
 
         write_urdf(path, arm)
+        for sentence in not_in_urdf(arm):
+            print(f"note: {sentence}", file=sys.stderr)
     elif path.suffix == ".toml":
         write_model(path, arm)
     else:
@@ -111,6 +114,7 @@ def _summary(arm: Arm) -> dict[str, Any]:
             "gear": joint.gear,
             "viscous": [joint.ratio**2 * value for value in joint.viscous],
             "coulomb": [joint.ratio * value for value in joint.coulomb],
+            "friction_curve": None if joint.friction_curve is None else asdict(joint.friction_curve),
             "drag": joint.drag,
             "cylinder": None if joint.cylinder is None else asdict(joint.cylinder),
         }
@@ -148,6 +152,12 @@ def _text(summary: dict[str, Any]) -> str:
                 f"buoyancy {body['buoyancy']:g}"
             )
             lines.append(f"link {joint['joint']} in water: cylinder of {body['radius']:g} m, {coefficients}")
+        if curve := joint["friction_curve"]:
+            torques = [torque for way in ("positive", "negative") for torque in curve[way]]
+            lines.append(
+                f"joint {joint['joint']}: friction curve beside them, {min(torques):.3g} to {max(torques):.3g} at "
+                f"{len(curve['speed'])} speeds up to {curve['speed'][-1]:.3g} rad/s (m/s)"
+            )
         if joint["drag"]:
             lines.append(f"joint {joint['joint']}: drag {joint['drag']:g} N m s2/rad2")
     for term in summary["effects"]:

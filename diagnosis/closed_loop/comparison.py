@@ -98,7 +98,7 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
     error by a tenth.
     """
     usable = [r for r in recordings if has_demand(r)]
-    moving = [j for j, joint in enumerate(arm.joints) if max(joint.coulomb) > 0.0]
+    moving = [j for j, joint in enumerate(arm.joints) if max(joint.rest_friction) > 0.0]
     if arm.controller is None or not usable or not moving:
         return arm
     errors = np.zeros((len(SMOOTHING), len(arm)))

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from arm_io.types import Array
 from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Effect, Signals, Values, described, values_of
-from arm_model.rigid_body import mass_matrix, rigid_torque
+from arm_model.rigid_body import curve_level, mass_matrix, rigid_torque
 from arm_model.system import inverse_dynamics
 
 Term = tuple[Effect, int | None, Values]
@@ -50,10 +50,14 @@ def rate_of(t: Array) -> float:
     return 1.0 / float(np.median(np.diff(t)))
 
 
-def coulomb_at(joint: Joint, sign: Array) -> Array:
-    """(m,) N m (N): Coulomb friction of a joint in the direction of ``sign`` (m,), smooth between -1 and 1."""
+def coulomb_at(joint: Joint, v: Array, sign: Array) -> Array:
+    """(m,) N m (N): friction of a joint at speeds v (m,) without its viscous part: Coulomb's and its friction curve.
+
+    It is that of the direction of ``sign`` (m,), smooth between -1 and 1.
+    """
     up, down = (joint.ratio * c for c in joint.coulomb)
-    return (up + down) / 2 + (up - down) / 2 * sign
+    curve = 0.0 if joint.friction_curve is None else curve_level(joint.friction_curve, v, sign)
+    return np.asarray((up + down) / 2 + (up - down) / 2 * sign + curve)
 
 
 def motion_of(q: Array, band: float, rate: float) -> tuple[Array, Array, Array]:
@@ -124,7 +128,7 @@ def _with_states(
             j, drive = joint - 1, arm.joints[joint - 1]
             speed = motion[1][:, j]
             sign = speed / np.hypot(speed, drive.sign_velocity)
-            s = Signals(q=motion[0][:, j], v=speed, sign=sign, coulomb=coulomb_at(drive, sign))
+            s = Signals(q=motion[0][:, j], v=speed, sign=sign, coulomb=coulomb_at(drive, speed, sign))
             added[:, j] += effect.torque(values, replace(s, state=integrated(effect, values, s, 1.0 / rate)))
     stiff = motion_of(angle, COMPARE_BAND, rate)
     link = tuple(part.copy() for part in stiff)

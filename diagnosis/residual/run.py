@@ -161,7 +161,7 @@ def residual_run(
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
     links = mass_matrix(bent, low, rotors=False)
     # friction near standstill is indeterminate, as far as the filters smear it
-    coulomb = np.array([joint.ratio * max(joint.coulomb) for joint in arm.joints]) / constant
+    coulomb = np.array([max(joint.rest_friction) for joint in arm.joints]) / constant
     slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
     width = arm.joint_array("sign_velocity")
     uncertain = np.maximum(np.exp(-((slowest / CREEP) ** 2)), 1.0 - slowest / np.hypot(slowest, width))
@@ -272,7 +272,7 @@ def signals_of(run: Run, arm: Arm, joint: int) -> Signals:
         motor=drive.ratio * run.q[:, j],
         sign=sign,
         load=run.rigid[:, j],
-        coulomb=coulomb_at(drive, sign),
+        coulomb=coulomb_at(drive, v, sign),
         current=run.current[:, j],
         torque=run.current[:, j] * drive.drive_constant,
         t=run.t,

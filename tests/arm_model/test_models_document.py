@@ -6,7 +6,7 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-from arm_model.description import Capsule, Controller, Coupling, Cylinder, EffectTerm, Joint
+from arm_model.description import Capsule, Controller, Coupling, Cylinder, EffectTerm, FrictionCurve, Joint
 from arm_model.model_file import _ModelFile
 
 
@@ -16,6 +16,7 @@ def test_every_key_is_documented(root: Path) -> None:
     expected = {"Arm": set(_ModelFile.model_fields)}
     for heading, described in (
         ("`[[joint]]`", Joint),
+        ("`[joint.friction_curve]`", FrictionCurve),
         ("`[joint.cylinder]`", Cylinder),
         ("`[[joint.capsule]]`", Capsule),
         ("`[[coupling]]`", Coupling),

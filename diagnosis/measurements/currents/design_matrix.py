@@ -58,7 +58,7 @@ def free_columns(side: Dataset, arm: Arm) -> list[Columns]:
     columns = []
     for j, joint in enumerate(arm.joints, 1):
         width = joint.sign_velocity
-        force = joint.ratio * max(joint.coulomb) / joint.drive_constant
+        force = max(joint.rest_friction) / joint.drive_constant
         if force > 0.0:
             v = side.at_joint("v", j)
             x = force * v * width**2 / np.hypot(v, width) ** 3 / side.at_joint("deviation", j)

@@ -89,7 +89,7 @@ def rows_of(arm: Arm, recordings: Sequence[tuple[Array, Array, Array]], block_se
             v=v[:, 0],
             a=a[:, 0],
             sign=sign,
-            coulomb=coulomb_at(drive, sign),
+            coulomb=coulomb_at(drive, v[:, 0], sign),
             current=current,
             torque=current * constant,
             t=t - t[0],
@@ -128,7 +128,7 @@ def _noise(arm: Arm, q: Array, rate: float) -> float:
 def encoder_noise(rows: Rows) -> float:
     """What the encoder's steps leave in the residual, as a share of the current that friction takes."""
     drive = rows.arm.joints[0]
-    friction = drive.ratio * max(drive.coulomb) / drive.drive_constant
+    friction = max(drive.rest_friction) / drive.drive_constant
     return rows.noise / friction if friction > 0.0 else np.inf
 
 
@@ -150,7 +150,7 @@ def _tried(parameter: Parameter, rows: Rows) -> tuple[float, ...]:
             largest = max(float(np.max(np.abs(s.v))) for s, _ in rows.parts)
             return tuple(share * largest for share in parameter.shares)
         case Scale.YIELD:
-            friction = rows.arm.joints[0].ratio * max(rows.arm.joints[0].coulomb)
+            friction = max(rows.arm.joints[0].rest_friction)
             travel = float(np.ptp(rows.q))
             return tuple(friction / (share * travel) for share in parameter.shares) if friction > 0.0 else ()
 

@@ -1,0 +1,86 @@
+"""Friction of free shape: a curve through given values at given speeds of a joint, for each direction of motion.
+
+Between the speeds it is a straight line, below the first and beyond the last it is constant: a linear spline, linear in
+its values. As a sum that runs on numbers, arrays, tape expressions and symbols alike, with b_k by how much the slope
+changes at the speed s_k (0 before the first, 0 after the last):
+
+    c(v) = P_0 + sum_k b+_k max(v - s_k, 0)    for v > 0,    N_0 + sum_k b-_k max(-v - s_k, 0)    for v < 0
+
+It adds to Coulomb's friction of the same direction: the torque is c(v) times the smooth sign of v
+(``arm_model.rigid_body.numeric.drive_torque``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model.description import FrictionCurve, Joint
+from arm_model.rigid_body import scalar
+
+
+def bends(speed: Sequence[float], values: Array) -> Array:
+    """(..., K) N m s/rad (N s/m): change of the slope at each speed, of a curve through ``values`` (..., K)."""
+    slope = np.diff(values, axis=-1) / np.diff(speed)
+    nothing = np.zeros((*np.shape(values)[:-1], 1))
+    return np.diff(slope, axis=-1, prepend=nothing, append=nothing)
+
+
+def beyond(v: Any, speed: Sequence[Any], positive: Sequence[Any], negative: Sequence[Any]) -> Any:
+    """N m (N): what the curve at speed v, a scalar of any kind, has above its value at rest in the same direction.
+
+    positive, negative (K,): ``bends`` of the two directions.
+    """
+    total: Any = 0.0
+    for s, up, down in zip(speed, positive, negative):
+        total = total + up * scalar.maximum(v - s, 0.0) + down * scalar.maximum(-v - s, 0.0)
+    return total
+
+
+def curve_at(curve: FrictionCurve, v: Array, direction: int) -> Array:
+    """(k,) N m (N) at speeds v (k,) >= 0 in a direction (1 or -1)."""
+    return np.interp(v, curve.speed, curve.positive if direction > 0 else curve.negative)
+
+
+def curve_level(curve: FrictionCurve, v: Any, sign: Any) -> Any:
+    """N m (N) of the curve at speed v in its direction, whose smooth sign is ``sign``; scalars of any kind."""
+    up, down = (bends(curve.speed, np.array(values)).tolist() for values in (curve.positive, curve.negative))
+    first = (curve.positive[0] + curve.negative[0]) / 2, (curve.positive[0] - curve.negative[0]) / 2
+    return first[0] + first[1] * sign + beyond(v, curve.speed, up, down)
+
+
+def unit_torques(speed: Sequence[float], v: Array, sign: Array) -> tuple[Array, Array]:
+    """(N, K) twice: torque of a unit of each of a curve's values, of the positive and of the negative direction.
+
+    v, sign (N,): the speed and its smooth sign. Multiplied by the values and added they are ``curve_level`` times sign.
+    """
+    hats = np.stack([np.interp(np.abs(v), speed, unit) for unit in np.eye(len(speed))], axis=-1)
+    found = []
+    for way in (1.0, -1.0):
+        own = hats * (way * v > 0)[:, None]
+        # what is there at rest turns about with both signs, as Coulomb's friction does
+        own[:, 0] += (1.0 + way * sign) / 2 - (way * v > 0)
+        found.append(own * sign[:, None])
+    return found[0], found[1]
+
+
+LINE_POINTS = 100
+"""Speeds over the range of a curve at which the line nearest to it is determined."""
+
+
+def nearest_line(joint: Joint) -> tuple[float, float, float]:
+    """Coulomb N m (N) and viscous N m s/rad (N s/m) friction at the joint nearest to all of a joint's friction.
+
+    The third: by how much it is off at most, N m (N), over the speeds of its curve; both directions are taken together.
+    """
+    curve = joint.friction_curve
+    v = np.linspace(0.0, 1.0 if curve is None else curve.speed[-1], LINE_POINTS)
+    own = [joint.ratio * c + joint.ratio**2 * b * v for c, b in zip(joint.coulomb, joint.viscous)]
+    level, slope = joint.ratio * sum(joint.coulomb) / 2, joint.ratio**2 * sum(joint.viscous) / 2
+    if curve is not None:
+        own = [straight + curve_at(curve, v, way) for straight, way in zip(own, (1, -1))]
+        slope, level = np.polyfit(v, (own[0] + own[1]) / 2, 1)
+    return float(level), float(slope), float(max(np.abs(each - level - slope * v).max() for each in own))
