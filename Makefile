@@ -7,7 +7,7 @@ BIN    := $(VENV)/bin
 export OPENBLAS_NUM_THREADS ?= 1
 STAMP  := $(VENV)/.installed
 
-.PHONY: demo test test-slow blind soak lint types bench clean
+.PHONY: demo test test-slow blind foreign soak lint types bench clean
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "armscope needs Python 3.11 or later")'
@@ -26,6 +26,11 @@ test-slow: $(STAMP)
 
 blind: $(STAMP)
 	$(BIN)/python -m tests.blind
+
+# Arms that are not the Puma: effects hidden in MuJoCo's arms (1 to 2 minutes per case and core), then 500 random arms.
+foreign: $(STAMP)
+	$(BIN)/python -m tests.foreign.proving_ground
+	$(BIN)/python -m tests.foreign
 
 # 10 minutes; HOURS=12 or MINUTES=60 for more. Writes soak/soak.json and soak/soak.md.
 soak: $(STAMP)

@@ -1,1 +1,1 @@
-"""Arms that nobody here made: random ones, each through every command."""
+"""Arms that nobody here made: random ones through every command, and six in MuJoCo in which effects are hidden."""

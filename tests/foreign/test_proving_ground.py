@@ -1,0 +1,101 @@
+"""A handful of cases of the proving ground; ``make foreign`` runs the rest.
+
+And what they rest on: MuJoCo's arm is the arm of the URDF file, its friction is the law's, and the log says what was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from arm_model.rigid_body.numeric import rigid_torque
+from arm_model.urdf import read_urdf
+from tests.foreign.arms import ARMS, urdf
+from tests.foreign.cases import Case, cases, logger, recorded, worn_in
+from tests.foreign.log import Defects, logged
+from tests.foreign.motions import targets
+from tests.foreign.plant import STEP, compiled, healthy, run
+from tests.foreign.proving_ground import judged
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_torques_of_mujoco_are_those_of_the_urdf_file(name: str, tmp_path: Path) -> None:
+    arm = ARMS[name]
+    (tmp_path / "arm.urdf").write_text(urdf(arm, friction=True))
+    read = replace(read_urdf(tmp_path / "arm.urdf"), gravity=(0.0, 0.0, -9.80665))
+    model, _, _ = compiled(healthy(arm))
+    model.tendon_frictionloss[:], model.tendon_damping[:], model.tendon_armature[:] = 0.0, 0.0, 0.0
+    data = mujoco.MjData(model)
+    for q, v, a in np.random.default_rng(0).normal(size=(5, 3, len(arm.joints))):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
+        mujoco.mj_inverse(model, data)
+        expected = rigid_torque(read, *(values[None] for values in (q, v, a)))[0]
+        np.testing.assert_allclose(data.qfrc_inverse, expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["two_link", "gantry"])
+def test_friction_that_acts_is_that_of_the_law(name: str) -> None:
+    """Torque of the servo less what accelerates the arm; by differences of the angles at successive steps."""
+    arm = ARMS[name]
+    plant = worn_in(arm, np.random.default_rng(4))
+    plant = replace(plant, ripple=0.0 * plant.ripple)
+    moved = run(plant, targets(arm, "waves", 1, 4.0, 0.008), 25.0)
+    speed = np.diff(moved.angle, axis=0) / STEP
+    model, _, _ = compiled(plant)
+    model.tendon_frictionloss[:], model.tendon_damping[:] = 0.0, 0.0
+    data = mujoco.MjData(model)
+    for row in range(1000, 3000, 7):
+        # the speed before a step is what friction acts on
+        data.qpos[:], data.qvel[:] = moved.angle[row], speed[row - 1]
+        data.qacc[:] = (speed[row] - speed[row - 1]) / STEP
+        mujoco.mj_inverse(model, data)
+        v = speed[row - 1]
+        law = np.sign(v) * plant.friction.most(0.0, v, 0 * v) + plant.friction.viscous * v - plant.friction.smooth(v)
+        sliding = np.abs(v) > 0.05 * np.array([joint.speed for joint in arm.joints])
+        left = (moved.torque[row] - data.qfrc_inverse - law) / plant.limit
+        assert np.abs(left[sliding]).max(initial=0.0) < 2e-3
+
+
+def test_a_log_without_noise_is_what_was() -> None:
+    arm = ARMS["scara"]
+    where = replace(logger(np.random.default_rng(1)), noise=0.0, digits=1e-12, jitter=0.0, filter="none", rate=1000.0)
+    target = targets(arm, "moves", 2, 3.0, 0.004)
+    moved = run(healthy(arm), target, 20.0)
+    columns = logged(moved, target, where, Defects.none(4), 0, arm)
+    rows = np.rint(columns["t"] / STEP).astype(int)
+    np.testing.assert_allclose(columns["tau"], moved.torque[rows], atol=1e-6)
+    assert np.all(np.abs(columns["q"] - moved.angle[rows]) <= [joint.step for joint in arm.joints])
+    assert np.abs(columns["q"] - columns["qref"]).max() < 0.1
+
+
+def _case(protocol: str, kind: str, arm: str, effect: str | None, joint: int | None) -> Case:
+    """A case as drawn, on another arm."""
+    drawn = next(cases(protocol, kind, 7, 1))
+    plant = healthy(ARMS[arm]) if protocol == "first" else worn_in(ARMS[arm], np.random.default_rng(5))
+    where = replace(drawn.logger, rate=250.0, jitter=0.0)
+    return replace(drawn, arm=ARMS[arm], plant=plant, logger=where, effect=effect, joint=joint)
+
+
+def test_an_effect_is_as_strong_as_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.foreign.cases.MOTIONS", (("waves", 4.0),) * 3)
+    case = _case("first", "singles", "two_link", "coulomb_friction", 2)
+    days = recorded(case)
+    plain = recorded(replace(case, kind="nothing", effect=None, joint=None))
+    assert days.strength >= 3.0 and days.hidden is not None and not days.before
+    change = np.std([one["tau"] - other["tau"] for one, other in zip(days.after[:1], plain.after[:1])], axis=1)[0]
+    assert change[1] > 2.5 * case.logger.deviation(case.arm)[1] > change[0]
+
+
+@pytest.mark.parametrize(("arm", "effect"), [("two_link", "payload"), ("scara", None)])
+def test_what_is_hidden_is_named(arm: str, effect: str | None, tmp_path: Path) -> None:
+    one = judged(_case("first", "singles" if effect else "nothing", arm, effect, None), None, tmp_path)
+    assert one.good, one.line()
+
+
+def test_more_friction_on_the_second_day_is_told_by_compare(tmp_path: Path) -> None:
+    one = judged(_case("second", "singles", "two_link", "coulomb_friction", 1), None, tmp_path)
+    assert not one.crashes and one.compare, one.line()
