@@ -5,15 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from arm_io import InputError, check_file
+from arm_io import InputError
+from armscope.picture import save_picture
 
 if TYPE_CHECKING:
     from arm_clearance import Chain, Pairs, Space
     from arm_io.types import Array
     from daq.rig import Rig
     from experiment import Demand
-
-PICTURES = (".png", ".svg", ".pdf")
 
 
 def space_of(rig: Rig | None, file: Path | None = None, floor: float | None = None) -> Space | None:
@@ -57,19 +56,8 @@ def clearance_in_words(demand: Demand, chain: Chain, pairs: Pairs | None) -> lis
     return ([] if found is None else [in_words(found)]) + left_out(pairs)
 
 
-def check_picture(path: Path) -> None:
-    """InputError where a picture cannot be written there."""
-    if path.suffix.lower() not in PICTURES:
-        raise InputError(path, "the name of a picture must end in .png, .svg or .pdf")
-    check_file(path)
-
-
 def draw(path: Path, demand: Demand, chain: Chain, space: Space | None, limits: Array | None = None) -> None:
     """Writes the picture of a motion; ``limits`` (n, 2) rad (m) of position, None: the model's."""
     from arm_clearance import picture
 
-    figure = picture(demand, chain, space, limits)
-    try:
-        figure.savefig(path, dpi=110)
-    except OSError as error:
-        raise InputError(path, f"cannot be written: {error.strerror}") from None
+    save_picture(picture(demand, chain, space, limits), path)

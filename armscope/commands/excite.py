@@ -58,7 +58,8 @@ def command(
     from arm_clearance import pairs_of
     from arm_model import read_model
     from arm_model.collision import chain_of
-    from armscope.motion import check_picture, clearance_in_words, clearance_of, draw, space_of
+    from armscope.motion import clearance_in_words, clearance_of, draw, space_of
+    from armscope.picture import check_picture
     from daq.rig import read_rig
     from experiment import demand_of, write_experiment
     from identification.experiment_design import Series

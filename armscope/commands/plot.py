@@ -11,7 +11,8 @@ import typer
 
 from arm_io import InputError
 from armscope.commands.options import Json
-from armscope.motion import check_picture, draw, space_of
+from armscope.motion import draw, space_of
+from armscope.picture import check_picture, save_picture
 from daq.recording import open_long, plot
 
 
@@ -47,11 +48,7 @@ def command(
     for number in joint or []:
         if not 1 <= number <= joints:
             raise InputError("--joint", f"there is no joint {number}; it must be 1 to {joints}")
-    figure = plot(data, joints=joint or [])
-    try:
-        figure.savefig(out, dpi=110)
-    except OSError as error:
-        raise InputError(out, f"cannot be written: {error.strerror}") from None
+    save_picture(plot(data, joints=joint or []), out)
     print(json.dumps({"file": str(out)}) if as_json else out)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
@@ -25,12 +26,23 @@ class Account:
 
 
 _listeners: list[Callable[[Account], None]] = []
+_silent = ContextVar("silent", default=False)
 
 
 def opened(account: Account) -> None:
     """To be called with the account of every recording that is read."""
-    for listener in _listeners:
+    for listener in () if _silent.get() else _listeners:
         listener(account)
+
+
+@contextmanager
+def unreported() -> Iterator[None]:
+    """Within it, this thread reads recordings without a report: for a list of files with a column of losses."""
+    before = _silent.set(True)
+    try:
+        yield
+    finally:
+        _silent.reset(before)
 
 
 @contextmanager

@@ -45,6 +45,7 @@ READERS: dict[str, list[str]] = {
 }
 """Command -> its arguments."""
 OTHERS = {
+    "archive",
     "init",
     "doctor",
     "daemon",
@@ -59,8 +60,10 @@ OTHERS = {
     "sim-devices",
     "demo",
 }
-"""Commands that read no recording of a person's (``record`` and ``fetch`` tell of the one they make from its
-ledger)."""
+"""Commands that analyse no recording.
+
+``archive`` lists files, and losses are a column; ``record`` and ``fetch`` tell of the one they make from its ledger.
+"""
 SHOW_DAMAGED = {"info", "recover", "replay", "view"}
 """Commands that read a file of which more is damaged than rows; the others refuse it until it is recovered."""
 LIGHT = sorted(READERS.keys() - {"diagnose", "calibrate"})

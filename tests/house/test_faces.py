@@ -25,7 +25,7 @@ PUBLIC = {
     "arm_model.rigid_body": ("inertia", "regressor"),
     "drivers": ("can_bus", "linux_counter", "protocols"),
     "experiment": ("segments",),
-    "daq.recording": ("provenance", "recover", "summary"),
+    "daq.recording": ("losses", "provenance", "recover", "summary"),
     "daq.service.transfer": ("fetch",),
     "diagnosis.residual": ("run_setup",),
     "identification": ("result",),

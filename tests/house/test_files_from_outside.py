@@ -6,6 +6,7 @@ import ast
 from pathlib import Path
 
 PACKAGES = (
+    "arm_archive",
     "arm_model",
     "armscope",
     "comparison",

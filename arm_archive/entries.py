@@ -1,0 +1,99 @@
+"""What the index says about one file: a recording or a result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from datetime import UTC, datetime
+
+RECORDING = "recording"
+RESULTS = {
+    "identification.json": "identification",
+    "diagnosis.json": "diagnosis",
+    "kinematics.json": "kinematics",
+    "compare.json": "comparison",
+}
+"""Name of a result's file -> its kind."""
+KINDS = (RECORDING, *RESULTS.values())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One number of a result; ``std`` None: the result gives no standard deviation."""
+
+    name: str
+    value: float
+    std: float | None
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """One file of the archive; None: not known, or not applicable to its kind.
+
+    path         relative to the folder of the archive, with /
+    kind         one of ``KINDS``
+    state        whole; unfinished: cut off, readable; damaged: readable in parts; unreadable
+    note         what is wrong with the file, in one sentence
+    date         UTC, YYYY-MM-DDTHH:MM:SSZ: first row of a recording (of an imported or simulated one, when it was
+                 made); of a result that of its first recording
+    date_of      "recording", or "file": the result does not say, and the date is that of its file
+    arm, rig, experiment   names
+    source       measured, imported or simulated
+    joints, rows, lost     numbers; lost: triggers without a row
+    seconds, rate          s; Hz (median)
+    calibration, model     content hashes
+    verdict      of a result, in a few words
+    error        held-out error of a result: relative error (identification), rms per coordinate in m (kinematics)
+    made_from    names of the recordings that a result used
+    report       path of its HTML report, relative to the folder
+    """
+
+    path: str
+    kind: str
+    state: str = "whole"
+    note: str | None = None
+    date: str | None = None
+    date_of: str | None = None
+    arm: str | None = None
+    rig: str | None = None
+    experiment: str | None = None
+    source: str | None = None
+    joints: int | None = None
+    rows: int | None = None
+    lost: int | None = None
+    seconds: float | None = None
+    rate: float | None = None
+    calibration: str | None = None
+    model: str | None = None
+    verdict: str | None = None
+    error: float | None = None
+    made_from: str | None = None
+    report: str | None = None
+    parameters: tuple[Parameter, ...] = field(default=(), repr=False)
+
+
+COLUMNS = tuple(item.name for item in fields(Entry) if item.name != "parameters")
+"""Columns of a row of the archive, in their order."""
+NUMBERS = {
+    "joints": "INTEGER",
+    "rows": "INTEGER",
+    "lost": "INTEGER",
+    "seconds": "REAL",
+    "rate": "REAL",
+    "error": "REAL",
+}
+"""Columns that hold numbers, with their type in SQLite; the others hold text."""
+
+
+def utc_date(nanoseconds: int) -> str:
+    """'2026-11-22T09:30:00Z' of ns since 1970."""
+    return datetime.fromtimestamp(nanoseconds // 10**9, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def utc_date_of(text: object) -> str | None:
+    """The same of an ISO 8601 time; None where it is none. A time without a zone is taken as UTC."""
+    try:
+        moment = datetime.fromisoformat(str(text))
+        return moment.replace(tzinfo=moment.tzinfo or UTC).astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    except (ValueError, OverflowError):
+        return None

@@ -1,0 +1,173 @@
+"""The index: one SQLite file in the folder of the archive.
+
+It is made again whenever it is absent, damaged or of another version. Several processes may update it at once: each
+change is a short transaction, and equal whoever makes it. A process that is killed leaves the index as it was after the
+last transaction. Where the folder cannot be written, the index is in memory, starting from the file if there is one.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from arm_archive.entries import COLUMNS, NUMBERS, Entry
+from arm_archive.folder import RACY, Found
+from arm_io import InputError
+
+INDEX = "armscope-archive.sqlite"
+APPLICATION = 0x61726D73
+"""Of the file's header: "arms". A file with another number is not ours, and is never touched."""
+VERSION = 1
+"""Of the tables; an index with another one is made again."""
+PATIENCE = 30.0
+"""s that a transaction waits for those of other processes."""
+
+_SCHEMA = f"""
+CREATE TABLE entry (path TEXT PRIMARY KEY, stamp TEXT NOT NULL, racy INTEGER NOT NULL,
+    {", ".join(f"{name} {NUMBERS.get(name, 'TEXT')}" for name in COLUMNS if name != "path")}) WITHOUT ROWID;
+CREATE TABLE parameter (path TEXT NOT NULL, place INTEGER NOT NULL, name TEXT NOT NULL, value REAL NOT NULL, std REAL,
+    unit TEXT NOT NULL, PRIMARY KEY (path, place)) WITHOUT ROWID;
+CREATE INDEX parameter_by_name ON parameter (name);
+PRAGMA application_id = {APPLICATION};
+PRAGMA user_version = {VERSION};
+"""
+
+
+class Index:
+    """An open index. ``notes``: sentences about why it is not the file in the folder, or was made again."""
+
+    def __init__(self, connection: sqlite3.Connection, notes: Sequence[str] = ()) -> None:
+        self._connection = connection
+        self.notes = tuple(notes)
+
+    def stamps(self) -> dict[str, str]:
+        """Path -> stamp of what the index knows; "" where the file may have changed without a trace."""
+        rows = self._connection.execute("SELECT path, CASE racy WHEN 0 THEN stamp ELSE '' END FROM entry")
+        return dict(rows.fetchall())
+
+    def put(self, read: Iterable[tuple[Found, Entry, int]]) -> None:
+        """Adds or replaces entries, in one transaction. The number: ns since 1970 when the reading began."""
+        with self._transaction() as connection:
+            for found, entry, began in read:
+                _forget(connection, [found.path])
+                values = [getattr(entry, name) for name in COLUMNS]
+                marks = ", ".join("?" * (len(COLUMNS) + 2))
+                connection.execute(
+                    f"INSERT INTO entry (stamp, racy, {', '.join(COLUMNS)}) VALUES ({marks})",
+                    [found.stamp, int(found.changed > began - RACY), *values],
+                )
+                connection.executemany(
+                    "INSERT INTO parameter VALUES (?, ?, ?, ?, ?, ?)",
+                    [(entry.path, k, p.name, p.value, p.std, p.unit) for k, p in enumerate(entry.parameters)],
+                )
+
+    def forget(self, paths: Sequence[str]) -> None:
+        """Removes the entries of files that are gone."""
+        with self._transaction() as connection:
+            _forget(connection, paths)
+
+    def rows(self, query: str, values: Sequence[object] = ()) -> list[dict[str, Any]]:
+        """The rows of a query, each as a dictionary."""
+        cursor = self._connection.execute(query, list(values))
+        names = [item[0] for item in cursor.description]
+        return [dict(zip(names, row)) for row in cursor.fetchall()]
+
+    def close(self) -> None:
+        self._connection.close()
+
+    @contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        self._connection.execute("BEGIN IMMEDIATE")
+        try:
+            yield self._connection
+        except BaseException:
+            self._connection.execute("ROLLBACK")
+            raise
+        self._connection.execute("COMMIT")
+
+
+def _forget(connection: sqlite3.Connection, paths: Sequence[str]) -> None:
+    for table in ("entry", "parameter"):
+        connection.executemany(f"DELETE FROM {table} WHERE path = ?", [(path,) for path in paths])
+
+
+def index_in_memory(folder: Path, why: str) -> Index:
+    """An index that is not kept, starting from the one in the folder where that can be read."""
+    file = folder / INDEX
+    return Index(_in_memory(file), [f"{file}: cannot be written ({why}); what is read now is not kept"])
+
+
+def open_index(folder: Path) -> Index:
+    """The index of a folder; made again where it is damaged, in memory where the folder cannot be written.
+
+    InputError where the file of its name belongs to something else.
+    """
+    file = folder / INDEX
+    notes: list[str] = []
+    for attempt in (1, 2):
+        try:
+            return Index(_writable(file), notes)
+        except sqlite3.OperationalError as error:
+            return index_in_memory(folder, str(error))
+        except sqlite3.DatabaseError as error:
+            if attempt == 2:
+                raise InputError(file, f"cannot be made again: {error}; delete it") from None
+            notes.append(f"{file}: is damaged ({error}); it is made again")
+            for ending in ("", "-journal"):
+                with suppress(OSError):
+                    Path(f"{file}{ending}").unlink(missing_ok=True)
+    raise AssertionError  # the second attempt returns or raises
+
+
+def _writable(file: Path) -> sqlite3.Connection:
+    """sqlite3.OperationalError where it cannot be written, another DatabaseError where it is damaged."""
+    connection = sqlite3.connect(file, timeout=PATIENCE, isolation_level=None)
+    try:
+        connection.execute("PRAGMA synchronous = NORMAL")
+        connection.execute("BEGIN IMMEDIATE")
+        application, version, tables = _identity(connection)
+        if tables and application != APPLICATION:
+            raise InputError(file, "is a database of another program; must be absent, or the index of an archive")
+        if version != VERSION or not _sound(connection):
+            for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall():
+                connection.execute(f'DROP TABLE "{name}"')
+            for statement in _SCHEMA.split(";"):
+                connection.execute(statement)
+        connection.execute("COMMIT")
+        return connection
+    except BaseException:
+        connection.close()
+        raise
+
+
+def _identity(connection: sqlite3.Connection) -> tuple[int, int, int]:
+    """application_id, user_version and the number of tables."""
+    return tuple(
+        int(connection.execute(query).fetchone()[0])
+        for query in ("PRAGMA application_id", "PRAGMA user_version", "SELECT count(*) FROM sqlite_master")
+    )  # type: ignore[return-value]
+
+
+def _sound(connection: sqlite3.Connection) -> bool:
+    """True; sqlite3.DatabaseError where the file is damaged."""
+    found = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
+    if found != "ok":
+        raise sqlite3.DatabaseError(str(found))
+    return True
+
+
+def _in_memory(file: Path) -> sqlite3.Connection:
+    """A copy of what the file holds, as far as it is whole and ours; else an empty index."""
+    memory = sqlite3.connect(":memory:", isolation_level=None)
+    try:
+        with closing(sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True, timeout=PATIENCE)) as kept:
+            if _identity(kept)[:2] == (APPLICATION, VERSION) and _sound(kept):
+                kept.backup(memory)
+                return memory
+    except sqlite3.DatabaseError:
+        memory = sqlite3.connect(":memory:", isolation_level=None)
+    memory.executescript(_SCHEMA)
+    return memory

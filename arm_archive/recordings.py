@@ -1,0 +1,71 @@
+"""One recording as an entry of the archive."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Any
+
+from arm_archive.entries import RECORDING, Entry, utc_date, utc_date_of
+from arm_archive.folder import Found
+from arm_io import InputError, toml_of
+from daq.recording import LongRecording, open_long
+from daq.recording.losses import unreported
+
+CALENDAR = 10**17
+"""ns since 1970 (March 1973): earlier times of rows count from the beginning of a table, and are no dates."""
+
+
+def recording_entry(folder: Path, found: Found) -> Entry:
+    """Reads the whole recording once, with bounded memory; what is wrong with it becomes its ``state`` and ``note``."""
+    try:
+        with unreported():
+            recording = open_long(folder / found.path, damaged=True)
+        return _entry(found.path, recording)
+    except InputError as error:
+        return Entry(path=found.path, kind=RECORDING, state="unreadable", note=error.what)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        note = f"an attachment has another layout: {type(error).__name__}: {error}"
+        return Entry(path=found.path, kind=RECORDING, state="unreadable", note=note)
+
+
+def _entry(path: str, recording: LongRecording) -> Entry:
+    made, rig, experiment = recording.provenance, recording.rig, recording.experiment or {}
+    model = recording.attachments.get("model.toml")
+    return Entry(
+        path=path,
+        kind=RECORDING,
+        state="unfinished" if not recording.finished else "damaged" if recording.notes else "whole",
+        note="; ".join(recording.notes) or None,
+        date=_date(recording),
+        date_of="recording",
+        arm=_name(_model_table(recording)) or _name(rig),
+        rig=_name(rig),
+        experiment=_name(experiment),
+        source=str(made.get("kind", "measured" if recording.layout.raw else "table")),
+        joints=recording.joints,
+        rows=len(recording),
+        lost=recording.ledger.lost,
+        seconds=recording.duration,
+        rate=1 / recording.dt if math.isfinite(recording.dt) and recording.dt > 0 else None,
+        calibration=str((recording.calibration or {}).get("hash") or "") or None,
+        model=None if model is None else hashlib.sha256(model).hexdigest(),
+    )
+
+
+def _model_table(recording: LongRecording) -> dict[str, Any]:
+    text = recording.model
+    return {} if text is None else toml_of(text, f"{recording.path}: model.toml")
+
+
+def _name(table: dict[str, Any]) -> str | None:
+    name = table.get("name")
+    return name if isinstance(name, str) and name else None
+
+
+def _date(recording: LongRecording) -> str | None:
+    first = next(iter(recording.blocks()))
+    if len(first) and int(first.wall_ns[0]) > CALENDAR:
+        return utc_date(int(first.wall_ns[0]))
+    return utc_date_of(recording.provenance.get("made"))

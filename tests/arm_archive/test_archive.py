@@ -1,0 +1,349 @@
+"""The index says what the files say, whatever happens to files, index and processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from arm_archive import INDEX, Filters, open_archive
+from arm_io import InputError
+from daq.recording import open_long
+from daq.recording.summary import summary
+from tests.arm_archive.lab import diagnosis, identification, record
+
+FRICTION = {"joint1.coulomb": (5.0, 0.1), "joint2.coulomb": (7.0, 0.2)}
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Path:
+    """Recordings and results of three months."""
+    for month in range(3):
+        place = tmp_path / f"2026-{month + 1:02}"
+        record(place / "fit.mcap", day=31 * month, lost=10 * month)
+        record(place / "scara.mcap", day=31 * month + 1, rows=300, arm="My SCARA", experiment="held_out")
+        values = {name: (value + month, std) for name, (value, std) in FRICTION.items()}
+        identification(place / "identified", values, recorded=f"2026-{month + 1:02}-01T00:00:00+00:00")
+        diagnosis(place / "diagnosed", 1e-3 * month or None, recorded=f"2026-{month + 1:02}-01T12:00:00+02:00")
+    return tmp_path
+
+
+def rows_of(folder: Path, **filters: Any) -> list[dict[str, Any]]:
+    with open_archive(folder) as archive:
+        return archive.rows(Filters(**filters))
+
+
+def rebuilt(folder: Path) -> list[dict[str, Any]]:
+    (folder / INDEX).unlink(missing_ok=True)
+    return rows_of(folder)
+
+
+def test_a_recording_is_listed_as_info_sees_it(lab: Path) -> None:
+    row = next(row for row in rows_of(lab) if row["path"] == "2026-03/fit.mcap")
+    table = summary(open_long(lab / row["path"]))
+    assert (row["rows"], row["lost"], row["seconds"]) == (400, 20, table["duration"])
+    assert row["rate"] == pytest.approx(table["rate"]) and row["joints"] == 2
+    assert row["date"] == "2026-03-04T00:00:00Z" == table["start"][:19] + "Z"
+    assert (row["arm"], row["rig"], row["experiment"]) == ("Puma 560", "cell 4", "fit")
+    assert row["calibration"] == table["calibration"]["hash"] and row["source"] == "measured"
+    model = next(one for one in table["attachments"] if one["name"] == "model.toml")
+    assert row["model"] == model["sha256"] and row["state"] == "whole"
+
+
+def test_a_result_is_listed_with_its_parameters_and_report(lab: Path) -> None:
+    with open_archive(lab) as archive:
+        row = archive.find("2026-02/identified")
+        assert (row["kind"], row["verdict"], row["error"]) == ("identification", "wls", 0.0125)
+        assert row["report"] == "2026-02/identified/report.html" and row["made_from"] == "fit.mcap, held.mcap"
+        assert (row["date"], row["date_of"]) == ("2026-02-01T00:00:00Z", "recording")
+        found = archive.parameters(row["path"])
+        assert [(p["name"], p["value"], p["std"]) for p in found] == [
+            ("joint1.coulomb", 6.0, 0.1),
+            ("joint2.coulomb", 8.0, 0.2),
+        ]
+        worn = archive.find("2026-03/diagnosed")
+        assert worn["verdict"] == "explained: backlash of joint 2" and worn["date"] == "2026-03-01T10:00:00Z"
+        assert [one["path"] for one in archive.used_in(archive.find("2026-02/fit.mcap"))].count(row["path"]) == 1
+        values = [one["value"] for one in archive.history("joint1.coulomb")]
+        assert values == [5.0, 6.0, 7.0]
+        assert [one["value"] for one in archive.history("joint2.backlash.half_gap")] == [1e-3, 2e-3]
+        with pytest.raises(InputError, match=r"results here hold joint1.coulomb, joint2.coulomb"):
+            archive.history("Coulomb")
+
+
+def test_a_result_without_a_date_has_that_of_its_file(tmp_path: Path) -> None:
+    path = identification(tmp_path / "a", FRICTION)
+    for file in path.parent.iterdir():
+        os.utime(file, (1.75e9, 1.75e9))
+    (row,) = rows_of(tmp_path)
+    assert (row["date"], row["date_of"]) == ("2025-06-15T15:06:40Z", "file")
+
+
+@pytest.mark.parametrize(
+    ("filters", "count"),
+    [
+        ({}, 12),
+        ({"kind": "recording"}, 6),
+        ({"arm": "puma560"}, 6),
+        ({"arm": "scara"}, 3),
+        ({"arm": "puma-560", "kind": "recording", "lost": 10}, 2),
+        ({"kind": "recording", "lost": 0}, 4),
+        ({"since": "2026-02"}, 8),
+        ({"since": "2026-02", "until": "2026-02"}, 4),
+        ({"until": "2026-01-01"}, 3),
+        ({"until": "2026-01-01T00"}, 2),
+        ({"since": "2026-02-01T01:00:00+01:00", "until": "2026-02-01T00:00:00Z"}, 2),
+        ({"verdict": "backlash"}, 2),
+        ({"experiment": "heldout", "calibration": "C0FF"}, 3),
+        ({"calibration": "ff"}, 0),
+        ({"path": "2026_02/"}, 4),
+        ({"state": "damaged"}, 0),
+    ],
+)
+def test_filters(lab: Path, filters: dict[str, Any], count: int) -> None:
+    assert len(rows_of(lab, **filters)) == count
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"since": "2026-13"}, {"until": "yesterday"}, {"since": "26"}, {"lost": -1}, {"kind": "x"}, {"state": ""}]
+)
+def test_wrong_filters(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=f"--{next(iter(wrong))}: must be"):
+        Filters(**wrong)
+
+
+def test_only_changed_files_are_read(lab: Path) -> None:
+    for path in lab.rglob("*.*"):
+        os.utime(path, (1.7e9, 1.7e9))
+    with open_archive(lab) as archive:
+        assert (archive.update.read, archive.update.unchanged) == (12, 0)
+    (lab / "2026-01/fit.mcap").rename(lab / "moved.mcap")
+    (lab / "2026-01/scara.mcap").unlink()
+    (lab / "2026-02/identified/model.toml").write_text('name = "Another"\n')
+    with open_archive(lab) as archive:
+        assert (archive.update.read, archive.update.gone, archive.update.unchanged) == (2, 2, 9)
+        assert archive.find("moved")["rows"] == 400 and archive.find("2026-02/identified")["arm"] == "Another"
+        assert len(archive) == 11
+
+
+def test_a_file_rewritten_within_the_clock_of_files_is_read_again(tmp_path: Path) -> None:
+    """The same size and the same time as what was indexed: a file system that counts in seconds."""
+    path = identification(tmp_path / "a", FRICTION)
+    now = int(time.time())
+    for value in (5.0, 6.0):
+        identification(tmp_path / "a", {"joint1.coulomb": (value, 0.1)})
+        for file in path.parent.iterdir():
+            os.utime(file, (now, now))
+        with open_archive(tmp_path) as archive:
+            assert archive.history("joint1.coulomb")[0]["value"] == value
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_updated_index_equals_a_new_one(lab: Path, seed: int) -> None:
+    """Files moved, deleted, damaged, cut off, added, between updates, in any order."""
+    draw = random.Random(seed)
+    for step in range(6):
+        files = sorted(path for path in lab.rglob("*") if path.suffix in (".mcap", ".json", ".active"))
+        path = draw.choice(files)
+        match draw.choice(["move", "delete", "cut", "flip", "add", "garbage", "unfinished"]):
+            case "move":
+                path.rename(path.with_name(f"x{step}{path.name}"))
+            case "delete":
+                path.unlink()
+            case "cut":
+                os.truncate(path, draw.randrange(1, path.stat().st_size))
+            case "flip":
+                data = bytearray(path.read_bytes())
+                data[draw.randrange(len(data))] ^= 0x10
+                path.write_bytes(data)
+            case "add":
+                record(lab / f"new{step}/run.mcap", day=step, lost=step)
+            case "garbage":
+                path.write_bytes(draw.randbytes(500))
+            case "unfinished" if path.suffix == ".mcap":
+                path.rename(f"{path}.active")
+        updated = rows_of(lab)
+        assert updated == rebuilt(lab)
+        assert all(row["note"] for row in updated if row["state"] != "whole")
+
+
+def test_damaged_files_are_listed_with_what_is_wrong(tmp_path: Path) -> None:
+    record(tmp_path / "cut.mcap.active")
+    os.truncate(tmp_path / "cut.mcap.active", 3000)
+    (tmp_path / "empty.mcap").touch()
+    (tmp_path / "bag.mcap").write_bytes(b"\x89MCAP0\r\n" + bytes(200))
+    (tmp_path / "diagnosis.json").write_text('{"schema": "armscope.diagnosis/1", "verdict": 3}')
+    states = {row["path"]: (row["state"], row["note"]) for row in rows_of(tmp_path)}
+    assert states["empty.mcap"] == ("unreadable", "is empty; it must be a recording")
+    assert states["cut.mcap.active"][0] in ("unfinished", "unreadable")
+    assert "is not a recording of armscope" in states["bag.mcap"][1]
+    assert "has another layout than a result" in states["diagnosis.json"][1]
+
+
+values = st.recursive(
+    st.none() | st.booleans() | st.integers(-9, 9) | st.floats() | st.text(max_size=4),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+    max_leaves=5,
+)
+KEYS = (
+    "verdict",
+    "causes",
+    "parameters",
+    "base_parameters",
+    "relative_error",
+    "fit",
+    "recorded",
+    "position_rms",
+    "method",
+)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(name=st.sampled_from(["identification", "diagnosis", "kinematics"]), key=st.sampled_from(KEYS), value=values)
+def test_any_table_becomes_a_row(tmp_path: Path, name: str, key: str, value: object) -> None:
+    tables = {
+        "identification": json.loads(identification(tmp_path / "a", FRICTION).read_text()),
+        "diagnosis": json.loads(diagnosis(tmp_path / "b", 1e-3).read_text()),
+        "kinematics": {
+            "schema": "armscope.kinematics/1",
+            "parameters": [{"joint": 1, "theta": 0.1, "std": {"theta": 1e-4}}],
+            "position_rms": {"fit": {"before": 1e-3, "after": 1e-4}},
+        },
+    }
+    shutil.rmtree(tmp_path)
+    tmp_path.mkdir()
+    (tmp_path / f"{name}.json").write_text(json.dumps({**tables[name], key: value}))
+    with open_archive(tmp_path) as archive:
+        (row,) = archive.rows()
+        assert row["state"] == "whole" or row["note"]
+        json.dumps([row, archive.parameters()], allow_nan=False)
+
+
+def test_a_damaged_index_is_made_again(lab: Path) -> None:
+    good = rows_of(lab)
+    data = (lab / INDEX).read_bytes()
+    draw = random.Random(0)
+    wounds = [draw.randbytes(5000), data[: len(data) // 2], b"", data[:100] + draw.randbytes(len(data) - 100)]
+    for wound in wounds:
+        (lab / INDEX).write_bytes(wound)
+        with open_archive(lab) as archive:
+            assert archive.rows() == good
+            assert wound == b"" or "is damaged" in archive.notes[0]
+        with open_archive(lab) as archive:
+            assert not archive.notes and archive.rows() == good
+
+
+def test_an_index_of_another_version_is_made_again(lab: Path) -> None:
+    good = rows_of(lab)
+    with sqlite3.connect(lab / INDEX) as connection:
+        connection.execute("DROP TABLE parameter")
+        connection.execute("PRAGMA user_version = 99")
+    connection.close()
+    assert rows_of(lab) == good
+
+
+def test_a_database_of_somebody_else_is_left_alone(lab: Path) -> None:
+    with sqlite3.connect(lab / INDEX) as connection:
+        connection.execute("CREATE TABLE entry (mine TEXT)")
+    connection.close()
+    before = (lab / INDEX).read_bytes()
+    with pytest.raises(InputError, match="a database of another program"):
+        open_archive(lab)
+    assert (lab / INDEX).read_bytes() == before
+
+
+INDEXER = """
+import sys, time
+import arm_archive.archive as archive
+archive.COMMIT = 0.0
+folder, start = sys.argv[1], float(sys.argv[2])
+time.sleep(max(0.0, start - time.time()))
+with archive.open_archive(folder, progress=lambda done, of, path: print(done, flush=True)) as opened:
+    print("rows", len(opened), opened.notes, flush=True)
+"""
+
+
+def indexer(folder: Path, root: Path, start: float = 0.0, **options: Any) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", INDEXER, str(folder), str(start)]
+    return subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
+
+
+def test_processes_that_index_at_once_agree(lab: Path, root: Path) -> None:
+    at = time.time() + 1.0
+    running = [indexer(lab, root, at) for _ in range(2)]
+    for one in running:
+        output, errors = one.communicate(timeout=60)
+        assert one.returncode == 0 and errors == "" and output.endswith("rows 12 ()\n")
+    together = rows_of(lab)
+    with open_archive(lab) as archive:
+        assert len(archive.parameters()) == 3
+    assert together == rebuilt(lab)
+
+
+def test_an_indexer_that_is_killed_leaves_what_it_had_read(lab: Path, root: Path) -> None:
+    for number in range(60):
+        shutil.copy(lab / "2026-01/fit.mcap", lab / f"copy{number}.mcap")
+    for path in lab.rglob("*.*"):
+        os.utime(path, (1.7e9, 1.7e9))
+    killed = indexer(lab, root)
+    assert killed.stdout is not None
+    for _ in range(15):
+        killed.stdout.readline()
+    killed.send_signal(signal.SIGKILL)
+    killed.communicate(timeout=30)
+    with open_archive(lab) as archive:
+        assert 0 < archive.update.read < 72 and archive.update.unchanged >= 10 and not archive.notes
+        kept = archive.rows()
+    assert kept == rebuilt(lab)
+
+
+READ_ONLY = """
+import os, sys
+from arm_archive import open_archive
+with open_archive(sys.argv[2]):  # loads every module while all files can be read
+    pass
+if os.geteuid() == 0:
+    os.seteuid(65534)
+with open_archive(sys.argv[1]) as opened:
+    print(len(opened), opened.update.read, *opened.notes, sep="|")
+"""
+
+
+@pytest.mark.parametrize(("index", "read"), [("whole", 0), ("old", 1), ("none", 12)])
+def test_a_folder_that_cannot_be_written(lab: Path, root: Path, index: str, read: int) -> None:
+    for path in lab.rglob("*.*"):
+        os.utime(path, (1.7e9, 1.7e9))
+    if index != "none":
+        rows_of(lab)
+    if index == "old":
+        os.utime(lab / "2026-01/fit.mcap", (1.6e9, 1.6e9))
+    with tempfile.TemporaryDirectory() as place:
+        shutil.copytree(lab, Path(place, "lab"))
+        folders = [Path(place), *(path for path in Path(place).rglob("*") if path.is_dir())]
+        for folder in folders:
+            folder.chmod(0o555)
+        command = [sys.executable, "-c", READ_ONLY, f"{place}/lab", str(lab)]
+        shown = subprocess.run(command, cwd=root, capture_output=True, text=True)
+        for folder in folders:
+            folder.chmod(0o755)
+    assert shown.returncode == 0, shown.stderr
+    assert shown.stdout.startswith(f"12|{read}")
+    assert ("what is read now is not kept" in shown.stdout) == (index != "whole")
+
+
+def test_no_folder_at_all(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="must be a folder of recordings"):
+        open_archive(tmp_path / "none")
