@@ -7,14 +7,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-from arm_archive.entries import RECORDING, Entry, utc_date, utc_date_of
+from arm_archive.entries import RECORDING, Entry
 from arm_archive.folder import Found
 from arm_io import InputError, toml_of
 from daq.recording import LongRecording, open_long
 from daq.recording.losses import unreported
-
-CALENDAR = 10**17
-"""ns since 1970 (March 1973): earlier times of rows count from the beginning of a table, and are no dates."""
 
 
 def recording_entry(folder: Path, found: Found) -> Entry:
@@ -38,7 +35,7 @@ def _entry(path: str, recording: LongRecording) -> Entry:
         kind=RECORDING,
         state="unfinished" if not recording.finished else "damaged" if recording.notes else "whole",
         note="; ".join(recording.notes) or None,
-        date=_date(recording),
+        date=recording.date,
         date_of="recording",
         arm=_name(_model_table(recording)) or _name(rig),
         rig=_name(rig),
@@ -62,10 +59,3 @@ def _model_table(recording: LongRecording) -> dict[str, Any]:
 def _name(table: dict[str, Any]) -> str | None:
     name = table.get("name")
     return name if isinstance(name, str) and name else None
-
-
-def _date(recording: LongRecording) -> str | None:
-    first = next(iter(recording.blocks()))
-    if len(first) and int(first.wall_ns[0]) > CALENDAR:
-        return utc_date(int(first.wall_ns[0]))
-    return utc_date_of(recording.provenance.get("made"))

@@ -9,9 +9,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from arm_archive.entries import Entry, Parameter, utc_date, utc_date_of
+from arm_archive.entries import Entry, Parameter
 from arm_archive.folder import Found
 from arm_io import InputError, check_plain, read_file, read_text, toml_of
+from arm_io.dates import utc_date, utc_date_of
 
 Table = dict[str, Any]
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from arm_archive import Archive, open_archive
     from arm_io import DeviceFault, InputError
     from arm_model import Arm
     from arm_model.effects import CATALOGUE
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     effects = CATALOGUE
 
 _HOMES = {
+    "Archive": "arm_archive:Archive",
     "Arm": "arm_model:Arm",
     "Calibration": "armscope.api.calibration:Calibration",
     "Comparison": "comparison:Comparison",
@@ -46,6 +48,7 @@ _HOMES = {
     "diagnose": "armscope.api.diagnosis:diagnose",
     "effects": "arm_model.effects:CATALOGUE",
     "identify": "armscope.api.identification:identify",
+    "open_archive": "arm_archive:open_archive",
     "open": "armscope.api.reading:open_recording",
     "predict": "armscope.api.identification:predict",
     "read_experiment": "armscope.api.reading:read_experiment",
@@ -57,6 +60,7 @@ _HOMES = {
 """Name -> module and name there."""
 
 __all__ = [
+    "Archive",
     "Arm",
     "Calibration",
     "Comparison",
@@ -75,6 +79,7 @@ __all__ = [
     "effects",
     "identify",
     "open",
+    "open_archive",
     "predict",
     "read_experiment",
     "read_model",

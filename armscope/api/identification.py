@@ -47,6 +47,8 @@ def identify(
     from identification import identify_by, own_friction
 
     result = identify_by(method, fitted, arm, held_out=held, friction=friction or own_friction(arm), progress=progress)
+    dates = [recording.date for recording in fitted if recording.date]
+    result = replace(result, extra={**result.extra, "recorded": min(dates, default=None)})
     progress("comparing with the noise of the instruments")
     return _against_noise(result, held or fitted, fitted if held else [])
 

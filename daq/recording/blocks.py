@@ -36,6 +36,11 @@ class LongRecording(RecordingHead):
     def __len__(self) -> int:
         return self.rows
 
+    @property
+    def date(self) -> str | None:
+        """As ``Recording.date``."""
+        return next(self.blocks()).date
+
     def blocks(self) -> Iterator[Recording]:
         """All rows in their order, a chunk at a time; ``t`` counts from the first row of all.
 

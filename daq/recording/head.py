@@ -8,11 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_io import toml_of
+from arm_io.dates import utc_date, utc_date_of
 from arm_io.types import Array
 from daq.acquisition.ledger import LedgerSummary
 from daq.recording.messages.row_format import Layout
+
+CALENDAR = 10**17
+"""ns since 1970 (March 1973): earlier times of rows count from the beginning of a table, and are no dates."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,6 +79,12 @@ class RecordingHead:
         """How the run ended, its notes and clocks, of a measured recording."""
         data = self.attachments.get("run.json")
         return None if data is None else json.loads(data)
+
+    def date_at(self, wall_ns: NDArray[np.int64]) -> str | None:
+        """'2026-11-22T09:30:00Z' of the first of some rows; when the recording was made, where rows have no date."""
+        if len(wall_ns) and wall_ns[0] > CALENDAR:
+            return utc_date(int(wall_ns[0]))
+        return utc_date_of(self.provenance.get("made"))
 
     def _toml(self, name: str) -> dict[str, Any] | None:
         data = self.attachments.get(name)

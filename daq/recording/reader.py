@@ -100,6 +100,11 @@ class Recording(RecordingHead):
         """s, from the first row to the last; 0 without rows."""
         return float(self.t[-1]) if len(self.t) else 0.0
 
+    @property
+    def date(self) -> str | None:
+        """Of the first row, '2026-11-22T09:30:00Z'; of an imported or simulated recording when it was made."""
+        return self.date_at(self.wall_ns)
+
     def flagged(self, signal: Literal["q", "i", "points"]) -> dict[str, NDArray[np.bool_]]:
         """Rows that the instruments flagged.
 

@@ -51,6 +51,7 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
         "verdict": result.verdict,
         "fit": list(dict.fromkeys(str(r.path) for r in fit)),  # each once, however many stretches of it were examined
         "held_out": list(dict.fromkeys(str(r.path) for r in held_out)),
+        "recorded": min((r.date for r in fit if r.date), default=None),
         "signals": _signals(result),
         "causes": [_cause(cause) for cause in result.causes],
         "not_visible": [
