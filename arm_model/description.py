@@ -316,6 +316,18 @@ class Arm:
         """(..., n) rad (m) angles of the links for angles (or rates) that the controller reports, (..., n)."""
         return reported @ self.coupling_matrix.T if self.coupling else reported
 
+    def reported_angles(self, links: Array) -> Array:
+        """(..., n) rad (m) angles that the controller reports where the links have angles (..., n).
+
+        An angle that is missing (NaN) is missing in those that depend on it.
+        """
+        if not self.coupling:
+            return links
+        back = np.linalg.inv(self.coupling_matrix)
+        # 0 times NaN is NaN: only what a joint depends on enters
+        columns = [links[..., row != 0.0] @ row[row != 0.0] for row in np.where(np.abs(back) > 1e-12, back, 0.0)]
+        return np.stack(columns, axis=-1)
+
     def with_effect(self, name: str, joint: int | None = None, **parameters: float) -> Arm:
         """The arm with one more effect of the catalogue; ``joint`` from 1, None for an effect of the whole arm."""
         return replace(self, effects=(*self.effects, EffectTerm(name, joint, parameters)))

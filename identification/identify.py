@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from arm_io import InputError
 from arm_io.types import Progress
 from arm_model import Arm
 from daq.recording import Recording
@@ -32,10 +31,6 @@ def identify_by(
     progress: Progress = lambda _: None,
 ) -> Identification:
     """Identifies ``arm`` from recordings by one of the methods; InputError where they cannot be used for it."""
-    if arm.coupling and method in ("motor-link", "sequence"):
-        raise InputError(
-            "--method", f"{method} takes joints one at a time, the arm has coupled joints ([[coupling]]); use wls"
-        )
     match method:
         case "ols" | "wls" | "irls":
             return identify(fit, arm, held_out=held_out, method=method, friction=friction, progress=progress)

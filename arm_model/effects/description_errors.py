@@ -78,8 +78,12 @@ def _torque_constant(arm: Arm, joint: int | None, p: Values) -> Arm:
 
 
 def _zero_offset(arm: Arm, joint: int | None, p: Values) -> Arm:
+    # of an arm with coupled joints it displaces every link that the encoder's joint moves
     assert joint is not None
-    return _with_joint(arm, joint, **rezeroed(arm.joints[joint - 1], -float(p.offset)))
+    moved = arm.coupling_matrix[:, joint - 1] * -float(p.offset)
+    for link in np.flatnonzero(moved).tolist():
+        arm = _with_joint(arm, link + 1, **rezeroed(arm.joints[link], float(moved[link])))
+    return arm
 
 
 PAYLOAD = Effect(

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from arm_model.rigid_body.friction_curve import curve_at, curve_level
     from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
     from arm_model.rigid_body.kinematics import forward, jacobian, link_frames, placement
-    from arm_model.rigid_body.numeric import drive_mass_matrix, mass_matrix, rigid_torque
+    from arm_model.rigid_body.numeric import drive_mass_matrix, drive_rigid_torque, mass_matrix, rigid_torque
 else:
     __getattr__ = lazy(__name__)
 
@@ -17,6 +17,7 @@ __all__ = [
     "curve_at",
     "curve_level",
     "drive_mass_matrix",
+    "drive_rigid_torque",
     "forward",
     "jacobian",
     "link_frames",

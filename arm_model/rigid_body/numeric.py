@@ -133,6 +133,15 @@ def _mass_matrix(arm: Arm, rotors: bool, q: Array) -> Array:
     return matrix
 
 
+def drive_rigid_torque(arm: Arm, q: Array, qd: Array, qdd: Array) -> Array:
+    """(N, n) torque of the rigid links at the drives, over angles that the controller reports, q, qd, qdd (N, n).
+
+    C^T tau(C q, C q', C q''), C the arm's coupling matrix; without couplings this is ``rigid_torque``.
+    """
+    torque = rigid_torque(arm, *(arm.link_angles(one) for one in samples(arm, q, qd, qdd)))
+    return torque @ arm.coupling_matrix if arm.coupling else torque
+
+
 def drive_mass_matrix(arm: Arm, q: Array, *, rotors: bool = True) -> Array:
     """(N, n, n) mass matrix over the angles that the controller reports, q (N, n): C^T M C, and rotors if asked for.
 

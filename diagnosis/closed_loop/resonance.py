@@ -20,7 +20,7 @@ from scipy import signal
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import CATALOGUE, Effect, Instrument, observed_by
-from arm_model.rigid_body import mass_matrix
+from arm_model.rigid_body import drive_mass_matrix
 from arm_model.sensing import recorded
 from arm_model.simulation import simulate_batch
 from daq.recording import Recording
@@ -147,7 +147,7 @@ def _searched(
     if near is not None and near.effect == effect:
         grid |= {p.name: [*grid[p.name], p.value] for p in near.parameters}
     j = joint - 1
-    link = float(np.mean([mass_matrix(arm, r.q[:1], rotors=False)[0, j, j] for r in recordings]))
+    link = float(np.mean([drive_mass_matrix(arm, r.q[:1], rotors=False)[0, j, j] for r in recordings]))
     stiffest = link * (2 * np.pi * LIMITS.fastest) ** 2
     grid = {name: [v for v in values if "stiffness" not in name or v < stiffest] for name, values in grid.items()}
     if not all(grid.values()):

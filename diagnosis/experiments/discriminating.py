@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm_model.effects import CATALOGUE
-from arm_model.rigid_body import rigid_torque
+from arm_model.rigid_body import drive_rigid_torque
 from diagnosis.cause import Cause, EffectKey, Signal, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.experiments.motions import Kind, Stage, Trial, room, trials
@@ -166,8 +166,8 @@ def stage_of(result: Diagnosis, joints: Sequence[int], rig: Limits | None, visit
     inside = q[np.all((q >= limits.position[:, 0]) & (q <= limits.position[:, 1]), axis=1)]
     poses = [start]
     if len(inside):
-        load = rigid_torque(result.arm, inside, 0 * inside, 0 * inside)[:, joints[0] - 1]
-        here = rigid_torque(result.arm, start[None], 0 * start[None], 0 * start[None])[0, joints[0] - 1]
+        load = drive_rigid_torque(result.arm, inside, 0 * inside, 0 * inside)[:, joints[0] - 1]
+        here = drive_rigid_torque(result.arm, start[None], 0 * start[None], 0 * start[None])[0, joints[0] - 1]
         poses.append(inside[int(np.argmax(np.abs(load - here)))])
     return Stage(result.arm, start, np.array(poses), limits)
 

@@ -20,7 +20,7 @@ from scipy import ndimage
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from arm_model.effects import Signals, described
-from arm_model.rigid_body import mass_matrix, rigid_torque
+from arm_model.rigid_body import drive_mass_matrix, drive_rigid_torque
 from arm_model.rigid_body.regressor import regressor
 from arm_model.system import inverse_dynamics
 from diagnosis.residual.beats import beat_variance, steps_of
@@ -50,7 +50,8 @@ class Run:
 
     raw: t (k,) s and q (k, n) rad as recorded, events taken out; t (m,) s from the start of the recording; q, v, a (m,
     n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
-    rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone;
+    rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone; both at the drives, where joints are
+    coupled;
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
     noise (n,) A: std of the residual from the instruments alone; instruments (m, n) A: the same row by row, larger
     where steps of an encoder beat with the rows (``beats``); deviation (m, n) A: std that the residual has with nothing
@@ -98,7 +99,7 @@ class Run:
     @cached_property
     def by_acceleration(self) -> Array:
         """(m, n, n) A s2/rad: derivative of the expected current of joint j by the acceleration of link k."""
-        links = mass_matrix(described(self.arm), self.q, rotors=False)
+        links = drive_mass_matrix(described(self.arm), self.q, rotors=False)
         return links / self.arm.joint_array("drive_constant")[:, None]
 
     @cached_property
@@ -122,7 +123,7 @@ class Run:
         slopes = np.empty((len(self.t), len(joints), len(joints)))
         for k, joint in enumerate(joints):
             moved = ((self.q + side * angle * joint, self.v + side * speed * joint) for side in (1.0, -1.0))
-            up, down = (rigid_torque(bent, q, v, self.a) for q, v in moved)
+            up, down = (drive_rigid_torque(bent, q, v, self.a) for q, v in moved)
             slopes[..., k] = (up - down) / (2 * (angle + speed))
         return slopes / self.arm.joint_array("drive_constant")[:, None]
 
@@ -159,7 +160,7 @@ def residual_run(
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would
     # look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
-    links = mass_matrix(bent, low, rotors=False)
+    links = drive_mass_matrix(bent, low, rotors=False)
     # friction near standstill is indeterminate, as far as the filters smear it
     coulomb = np.array([max(joint.rest_friction) for joint in arm.joints]) / constant
     slowest = ndimage.minimum_filter1d(np.abs(v), int(0.06 * rate), axis=0)[keep]
@@ -180,9 +181,9 @@ def residual_run(
         current=current,
         current_rate=thin(np.gradient(i, 1.0 / rate, axis=0)),
         expected=expected,
-        rigid=rigid_torque(bent, low, slow_v, slow_a),
+        rigid=drive_rigid_torque(bent, low, slow_v, slow_a),
         brisk_v=brisk[1],
-        brisk_rigid=rigid_torque(bent, *brisk),
+        brisk_rigid=drive_rigid_torque(bent, *brisk),
         inertia=links.diagonal(axis1=1, axis2=2),
         deviation=np.hypot(instruments, friction_std),
         noise=noise,
@@ -228,7 +229,7 @@ def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | floa
     through = passed(frequency)
     share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
     wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
-    inertia = mass_matrix(arm, q[:: max(1, len(q) // 50)]).diagonal(axis1=1, axis2=2).mean(axis=0)
+    inertia = drive_mass_matrix(arm, q[:: max(1, len(q) // 50)]).diagonal(axis1=1, axis2=2).mean(axis=0)
     from_angle = inertia / arm.joint_array("drive_constant") * angle_noise(q) * np.sqrt(wobble)
     from_current = np.maximum(white * np.sqrt(share), still)
     return np.hypot(from_current, from_angle) + 1e-9
@@ -239,7 +240,7 @@ def _row_by_row(noise: Array, q: Array, v: Array, arm: Arm, rate: float) -> Arra
 
     An acceleration that is wrong at one joint is wrong in the currents of all that its inertia couples.
     """
-    inertia = mass_matrix(arm, q[:: max(1, len(q) // 50)]) / arm.joint_array("drive_constant")[:, None]
+    inertia = drive_mass_matrix(arm, q[:: max(1, len(q) // 50)]) / arm.joint_array("drive_constant")[:, None]
     beats = beat_variance(v, steps_of(q), rate, lambda f: (2 * np.pi * f) ** 2 * passed(f))
     return np.sqrt(np.maximum(noise**2, beats @ np.mean(inertia**2, axis=0).T))
 
@@ -259,14 +260,17 @@ def residual_under(run: Run, effects: Sequence[EffectTerm]) -> Array:
     return run.current - low_pass(reading(arm, t, q, powered=run.powered), COMPARE_BAND, rate)[kept(rate)]
 
 
-def signals_of(run: Run, arm: Arm, joint: int) -> Signals:
-    """Arguments (m,) of the laws of effects at one joint (1-based) of a run."""
+def signals_of(run: Run, arm: Arm, joint: int, *, link_side: bool = False) -> Signals:
+    """Arguments (m,) of the laws of effects at one joint (1-based) of a run.
+
+    ``link_side``: the speed is that of the link; it differs from that of the motor where joints are coupled.
+    """
     j = joint - 1
     drive = arm.joints[j]
-    v = run.brisk_v[:, j]
+    v = (arm.link_angles(run.brisk_v) if link_side else run.brisk_v)[:, j]
     sign = v / np.sqrt(v**2 + drive.sign_velocity**2)
     return Signals(
-        q=run.q[:, j],
+        q=arm.link_angles(run.q)[:, j],
         v=v,
         a=run.a[:, j],
         motor=drive.ratio * run.q[:, j],

@@ -20,7 +20,6 @@ from diagnosis.screening.encoder_jumps import jumps, without_jumps
 from diagnosis.screening.event import Event, Gain
 from diagnosis.screening.lost_triggers import dropped_triggers, event_of, realigned_rows
 from diagnosis.screening.mains_hum import mains_hum, without_hum
-from diagnosis.screening.plausibility import check_uncoupled
 
 Samples = tuple[Array, Array, Array]
 
@@ -61,8 +60,7 @@ class Screened:
 def screened(
     arm: Arm, recordings: Sequence[Recording], progress: Callable[[str], None] = lambda sentence: None
 ) -> Screened:
-    """Removes the events of recordings. InputError where one does not belong to the arm, or its joints are coupled."""
-    check_uncoupled(arm)
+    """Removes the events of recordings. InputError where one does not belong to the arm."""
     recordings = list(recordings)
     check(arm, recordings)
     progress("searching for events in raw rows")

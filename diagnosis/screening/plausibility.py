@@ -23,17 +23,6 @@ ABOVE_NOISE = 10.0
 """Std of a current over its noise, above which it is compared."""
 
 
-def check_uncoupled(arm: Arm) -> None:
-    """InputError for an arm with coupled joints: residuals take reported angles for those of the links."""
-    if arm.coupling:
-        pairs = ", ".join(f"joint {entry.joint} by joint {entry.by}" for entry in arm.coupling)
-        raise InputError(
-            arm.name,
-            f"its joints are coupled ([[coupling]]: {pairs}), which diagnosis does not cover; use 'identify', or "
-            "'simulate --like' to compare",
-        )
-
-
 def check_motion(arm: Arm, recordings: Sequence[Recording], words: str) -> None:
     """InputError where no joint moves in any of the recordings (named by ``words``), or angles are not in radians."""
     for r in recordings:

@@ -10,7 +10,7 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array, Progress
 from arm_model import Arm, with_parameters
-from arm_model.rigid_body import rigid_torque
+from arm_model.rigid_body import drive_rigid_torque
 from daq.recording import Recording
 from identification.methods.motor_link import PASSING, MotorLink, Way, fitted, joined, motor_link_rows
 from identification.preprocessing import checks
@@ -55,6 +55,7 @@ def identify_joints(
         runs = [run for run in fitted_runs if own_run([run[1]], j) is not None]
         if runs:
             progress(f"joint {j + 1}")
+            own.warnings += _of_coupled(arm, j)
             _identify_joint(arm, j, runs, held_runs, own)
         else:
             own.warnings.append(f"joint {j + 1} does not move in any run; nothing is said about it")
@@ -131,7 +132,7 @@ def _feels_gravity(arm: Arm, j: int) -> bool:
     if not arm.joints[j].revolute:
         return False
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (20, len(arm)))
-    torque = rigid_torque(arm, q, 0 * q, 0 * q)[:, j]
+    torque = drive_rigid_torque(arm, q, 0 * q, 0 * q)[:, j]
     return bool(np.max(np.abs(torque)) > 1e-9)
 
 
@@ -144,6 +145,15 @@ def _warn_of_others(recording: Recording, motion: Motion, j: int, warnings: list
             "for inertia and friction"
             f" of joint {j + 1}: these are not that joint's values"
         )
+
+
+def _of_coupled(arm: Arm, j: int) -> list[str]:
+    """Says that a joint moves several links; the pair knows one."""
+    links = [str(k + 1) for k in np.flatnonzero(arm.coupling_matrix[:, j])]
+    if len(links) < 2:
+        return []
+    moved = f"joint {j + 1} moves links {', '.join(links)} ([[coupling]])"
+    return [f"{moved}: its inertia and gravity are those of all of them; use wls for the parameters of each"]
 
 
 def _named(found: MotorLink, j: int, arm: Arm) -> list[Value]:

@@ -11,14 +11,13 @@ import pytest
 from arm_io import InputError
 from arm_model import Arm, Coupling, read_model, write_model
 from arm_model.description import EffectTerm
-from arm_model.rigid_body import drive_mass_matrix, mass_matrix, rigid_torque
+from arm_model.effects import described
+from arm_model.rigid_body import drive_mass_matrix, link_frames, mass_matrix, rigid_torque
 from arm_model.rigid_body.numeric import drive_torque
 from arm_model.rigid_body.regressor import parameter_vector, regressor
 from arm_model.simulation import simulate
 from arm_model.system import inverse_dynamics
 from arm_model.urdf import write_urdf
-from diagnosis.screening import screened
-from identification.identify import identify_by
 
 ENTRIES = (Coupling(3, 2, -1.0), Coupling(4, 3, 0.5), Coupling(6, 6, -1.0))
 
@@ -109,13 +108,13 @@ def test_what_cannot_hold_couplings_refuses_them(arm: Arm, tmp_path: Path) -> No
     assert not (tmp_path / "arm.urdf").exists()
 
 
-def test_diagnosis_and_joint_by_joint_identification_refuse_coupled_arms(arm: Arm) -> None:
-    """They take reported angles for those of the links; saying so beats a wrong cause."""
-    with pytest.raises(InputError, match="joint 3 by joint 2"):
-        screened(arm, [])
-    for method in ("motor-link", "sequence"):
-        with pytest.raises(InputError, match="joints one at a time"):
-            identify_by(method, [], arm)
+@pytest.mark.parametrize("joint", [1, 2, 6])
+def test_a_moved_zero_displaces_every_link_that_the_motor_moves(arm: Arm, joint: int) -> None:
+    reported = states(3)[0]
+    moved = described(arm.with_effect("joint_zero_offset", joint, offset=0.3))
+    true = reported - 0.3 * (np.arange(1, 7) == joint)
+    expected = link_frames(arm, arm.link_angles(true))
+    np.testing.assert_allclose(link_frames(moved, moved.link_angles(reported)), expected, atol=1e-12)
 
 
 def test_an_arm_without_couplings_does_not_get_the_equations_of_one_with_them(arm: Arm) -> None:

@@ -32,9 +32,11 @@ from diagnosis.residual.run import ROWS_PER_SECOND, Run, passed, signals_of
 from diagnosis.selection.candidate import Candidate
 
 
-def at_own_joint(candidate: Candidate) -> bool:
+def at_own_joint(candidate: Candidate, arm: Arm) -> bool:
     """Whether only the current of the candidate's own joint changes."""
     effect = candidate.definition
+    if effect.link_side and arm.coupling:
+        return False
     return effect.torque is not None or effect.current is not None or effect.own_joint
 
 
@@ -54,7 +56,7 @@ def columns(candidate: Candidate, run: Run) -> Array:
     if effect.delay is not None:
         return -run.current_rate[..., None]
     assert joint is not None
-    s = signals_of(run, arm, joint)
+    s = signals_of(run, arm, joint, link_side=effect.link_side)
     return np.stack([_law(run, arm, effect, joint, unit, s) for unit in candidate.units()], axis=-1)
 
 
@@ -64,7 +66,11 @@ def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) 
     if effect.torque is not None:
         if effect.rate is not None:
             s = replace(s, state=_states(effect, p, s, run))
-        change[:, j] = effect.torque(p, s) / arm.joints[j].drive_constant
+        torque = np.asarray(effect.torque(p, s))
+        if effect.link_side and arm.coupling:
+            # every drive that moves the link feels its share
+            return np.outer(torque, arm.coupling_matrix[j]) / arm.joint_array("drive_constant")
+        change[:, j] = torque / arm.joints[j].drive_constant
     elif effect.current is not None:
         change[:, j] = effect.current(p, s)
     elif effect.deflection is not None:
@@ -157,17 +163,21 @@ def _link_columns(run: Run, arm: Arm, joint: int) -> Array:
 
 
 def _coupled(run: Run, arm: Arm, unit: Values) -> Array:
-    """link = (1 + C) motor: links displaced by C q, torques returned by C^T."""
+    """link = (K + C) motor: links displaced by C q, torques returned by C^T; K the couplings of the model."""
     change = np.zeros_like(run.current)
-    constant = arm.joint_array("drive_constant")
+    constant, back = arm.joint_array("drive_constant"), np.linalg.inv(arm.coupling_matrix)
+    at_links = run.rigid @ back
     for name, value in unit.items():
         if value == 0.0:
             continue
         i, j = int(name[1]) - 1, int(name[2]) - 1
         if i >= len(arm) or j >= len(arm):
             continue
-        change += _moved(run, i, value * run.q[:, j], value * run.v[:, j], value * run.a[:, j])
-        change[:, j] += value * run.rigid[:, i] / constant[j]
+        # a turn of link i alone is this turn of the motors
+        for k in np.flatnonzero(back[:, i]):
+            by = value * back[k, i]
+            change += _moved(run, int(k), by * run.q[:, j], by * run.v[:, j], by * run.a[:, j])
+        change[:, j] += value * at_links[:, i] / constant[j]
     return change
 
 

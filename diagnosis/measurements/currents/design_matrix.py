@@ -42,7 +42,7 @@ def columns_of(candidate: Candidate, side: Dataset) -> Columns:
     """The candidate's columns over all recordings of a set, over the std of each row."""
     parts = [columns(candidate, run) / run.deviation[..., None] for run in side.together]
     x = np.concatenate(parts) if len(parts) > 1 else parts[0]  # (rows, n, k)
-    if at_own_joint(candidate):
+    if at_own_joint(candidate, side.runs[0].arm):
         assert candidate.joint is not None
         return Columns(np.ascontiguousarray(x[:, candidate.joint - 1]), side.of(candidate.joint))
     flat = x.transpose(1, 0, 2).reshape(-1, x.shape[2])

@@ -8,7 +8,7 @@ import numpy as np
 
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, Excitation, Instrument
-from arm_model.rigid_body import rigid_torque
+from arm_model.rigid_body import drive_rigid_torque
 from diagnosis.cause import EffectKey, Undetectable
 from diagnosis.screening.plausibility import STANDSTILL
 from diagnosis.selection.candidate import Candidate
@@ -97,7 +97,7 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
         return f"the load of joint {joint} was at most {np.abs(load).max():.2g} {unit_at(drive, 'N m')}"
     if need is Excitation.GRAVITY:
         poses = np.concatenate([run.q[::10] for run in side.runs])
-        gravity = rigid_torque(arm, poses, 0.0 * poses, 0.0 * poses)[:, j]
+        gravity = drive_rigid_torque(arm, poses, 0.0 * poses, 0.0 * poses)[:, j]
         change = f"changed by at most {np.ptp(gravity):.2g} {unit_at(drive, 'N m')}"
         return f"the gravity torque of joint {joint} {change if np.abs(gravity).max() > 1e-6 else 'is zero'}"
     if need is Excitation.CURRENT:

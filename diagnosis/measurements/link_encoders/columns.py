@@ -18,7 +18,7 @@ from scipy import ndimage
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import Effect, Instrument, Parameter, Signals, observed_by, solved, units
-from arm_model.rigid_body import rigid_torque
+from arm_model.rigid_body import drive_rigid_torque
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import low_pass
@@ -78,13 +78,22 @@ class Rows:
         return np.concatenate(numbers)
 
 
-def joints_with_both(recordings: Sequence[Recording]) -> Index:
-    """Joints (1-based) that move and whose link encoder has a value in every row of every recording."""
-    if any(r.ql is None for r in recordings):
+def joints_with_both(recordings: Sequence[Recording], arm: Arm) -> Index:
+    """Joints (1-based) that move and whose link encoder has a value in every row of every recording.
+
+    Of coupled joints: the encoders of all links that the motor's angle follows from.
+    """
+    read = [behind(r, arm) for r in recordings]
+    if any(one is None for one in read):
         return np.empty(0, np.intp)
-    there = np.all([np.isfinite(r.ql).all(axis=0) for r in recordings if r.ql is not None], axis=0)
+    there = np.all([np.isfinite(one).all(axis=0) for one in read if one is not None], axis=0)
     moved = np.any([np.ptp(r.q, axis=0) > 0 for r in recordings], axis=0)
     return np.flatnonzero(there & moved) + 1
+
+
+def behind(recording: Recording, arm: Arm) -> Array | None:
+    """(m, n) rad (m): angles of the motors over their gears, as the link encoders have them; None without any."""
+    return None if recording.ql is None else arm.reported_angles(recording.ql)
 
 
 def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
@@ -95,19 +104,20 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
     known_load = bool(np.any(arm.joint_array("mass") > 0))
     stride = max(1, sum(map(len, recordings)) // MOST_ROWS)
     for r in recordings:
-        assert r.ql is not None
+        read = behind(r, arm)
+        assert read is not None
         rate = 1.0 / r.dt
         smooth = low_pass(r.q, VELOCITY_BAND, rate)
         slow = low_pass(r.q, LOAD_BAND, rate)
         v = np.gradient(smooth, r.dt, axis=0)
         slow_v = np.gradient(slow, r.dt, axis=0)
         if known_load:
-            load = rigid_torque(arm, slow, slow_v, np.gradient(slow_v, r.dt, axis=0))
+            load = drive_rigid_torque(arm, slow, slow_v, np.gradient(slow_v, r.dt, axis=0))
         else:
             load = low_pass(r.i, LOAD_BAND, rate) * arm.joint_array("drive_constant")
-        difference = (r.q - r.ql)[:, k]
+        difference = (r.q - read)[:, k]
         scatter = MAD_TO_STD * np.median(np.abs(np.diff(difference, 2, axis=0)), axis=0) / np.sqrt(6)
-        steps = np.array([[encoder_step(angles[:, j]) for angles in (r.q, r.ql)] for j in k])
+        steps = np.array([[encoder_step(angles[:, j]) for angles in (r.q, read)] for j in k])
         noises.append(np.sqrt(scatter**2 + np.sum(steps**2, axis=1) / 12))
         keep = slice(int(ENDS * rate), -int(ENDS * rate), stride)
         t = r.t[keep]

@@ -201,7 +201,7 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
 
 def link_encoders(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> LinkEncoders | None:
     """The model of some recordings; None where no joint has a link encoder in all of them."""
-    joints = joints_with_both([*fit, *held_out])
+    joints = joints_with_both([*fit, *held_out], arm)
     if len(joints) == 0:
         return None
     two_fold = bool({r.path for r in fit} & {r.path for r in held_out})

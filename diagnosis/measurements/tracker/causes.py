@@ -71,7 +71,7 @@ def tracked_causes(
     angles: (rows, n) rad of every recording (fit, then held out) where they were cleaned of jumps; default: as
     recorded.
     """
-    cleaned = [r.q for r in (*fit, *held_out)] if angles is None else list(angles)
+    cleaned = [arm.link_angles(q) for q in ([r.q for r in (*fit, *held_out)] if angles is None else angles)]
     pairs = [
         [(r, q) for r, q in zip(part, chosen) if points_of(r) is not None]
         for part, chosen in ((fit, cleaned[: len(fit)]), (held_out, cleaned[len(fit) :]))
@@ -148,7 +148,7 @@ def _points(recording: Recording) -> Array:
 def _zeros(chain: Chain, side: Side, steps: Array) -> float:
     """m rms per coordinate: uncertainty of the points by encoder steps (n,) rad and encoder zeros."""
     rows = slice(None, None, max(1, len(side) // 500))
-    joint = position_jacobian(chain, side.q[rows])[1][:, :, chain.joint_steps()]
+    joint = position_jacobian(chain, side.q[rows])[1][:, :, chain.joint_steps()] @ side.coupling
     return float(np.sqrt(np.mean(np.sum((joint * steps) ** 2, axis=2)) / 6.0))
 
 
@@ -174,7 +174,12 @@ def _sparse(state: State, model: TrackedPoints) -> State:
             ):
                 break
             candidate, state = fewer, without
-    chosen = [replace(c, effect=JOINT_ZERO_OFFSET.name) if c.names == ("d_theta",) else c for c in state.chosen]
+    # of a joint that moves several links, an error of theta is of the link alone
+    alone = model.points.fit.moves_alone
+    chosen = [
+        replace(c, effect=JOINT_ZERO_OFFSET.name) if c.names == ("d_theta",) and alone[(c.joint or 1) - 1] else c
+        for c in state.chosen
+    ]
     stays = [
         c
         for c, was in zip(chosen, state.chosen)

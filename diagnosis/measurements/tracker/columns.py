@@ -56,6 +56,8 @@ class TrackedCandidate(Candidate):
     @property
     def parameter(self) -> Parameter:
         """The parameter whose coefficient, or reciprocal, the points show."""
+        if self.definition is JOINT_ZERO_OFFSET:
+            return LINK_GEOMETRY["d_theta"]
         return next(p for p in self.definition.parameters if p.tracker_prior is not None)
 
     @property
@@ -83,7 +85,9 @@ def candidates(arm: Arm) -> Iterator[TrackedCandidate]:
     laws = [effect for effect in observed_by(Instrument.TRACKER) if effect.change is None and effect.stray is None]
     yield from (TrackedCandidate(effect.name, None) for effect in laws if effect.late is not None)
     for j, joint in enumerate(arm.joints, 1):
-        yield TrackedCandidate(JOINT_ZERO_OFFSET.name, j, names=("d_theta",) if joint.revolute else ("d_d",))
+        alone = np.array_equal(arm.coupling_matrix[:, j - 1], np.eye(len(arm))[j - 1])
+        names = () if not alone else ("d_theta",) if joint.revolute else ("d_d",)
+        yield TrackedCandidate(JOINT_ZERO_OFFSET.name, j, names=names)
     for j, joint in enumerate(arm.joints, 1):
         if joint.revolute:
             for effect in sorted(laws, key=lambda effect: len(effect.parameters)):
@@ -113,6 +117,8 @@ def turns(candidate: TrackedCandidate, side: Side) -> Array:
     if candidate.names:
         return np.zeros((len(side), n, 0))
     effect = candidate.definition
+    if effect is JOINT_ZERO_OFFSET:  # of a joint that moves several links; the sign is that of d_theta
+        return np.tile(side.coupling[:, j : j + 1], (len(side), 1, 1))
     # an inverse parameter at 1: its coefficient is the reciprocal
     values = {p.name: 1.0 if p.inverse else 0.0 for p in effect.parameters} | dict(candidate.shape)
     unit_values = units(effect, values)
@@ -126,9 +132,9 @@ def turns(candidate: TrackedCandidate, side: Side) -> Array:
         columns = [-effect.angle(unit, signals) for unit in unit_values]
     elif effect.deflection is not None:
         columns = [-effect.deflection(unit, signals) for unit in unit_values]
-    bent = np.zeros((len(side), n, len(columns)))
-    bent[:, j] = np.column_stack(columns)
-    return bent
+    # a link that gives way turns alone; what happens between motor and link turns all links that the motor moves
+    moved = np.eye(n)[j] if effect.bend is not None else side.coupling[:, j]
+    return np.asarray(np.column_stack(columns)[:, None, :] * moved[:, None])
 
 
 @dataclass(frozen=True)
@@ -232,7 +238,7 @@ def _with_zeros(points: Points, side: Side, steps: Array) -> Points:
     n, runs = side.q.shape[1], np.unique(side.of)
     columns = np.zeros((len(side), n, len(runs) * n))
     for k, run in enumerate(runs):
-        columns[side.of == run, :, k * n : (k + 1) * n] = np.eye(n)
+        columns[side.of == run, :, k * n : (k + 1) * n] = side.coupling
     bent = points.deflections
     return Points(points.q, points.xyz, columns if bent is None else np.concatenate((bent, columns), axis=2))
 
@@ -260,6 +266,6 @@ def _parameters(arm: Arm, chosen: Sequence[TrackedCandidate], target: Sequence[f
 
 def is_physical(candidate: TrackedCandidate, coefficients: Array) -> bool:
     """Whether a compliance or a gap is positive, and no gap wider than gears have."""
-    if candidate.names or candidate.shape:
+    if candidate.names or candidate.shape or candidate.definition is JOINT_ZERO_OFFSET:
         return True
     return candidate.definition.admits(candidate.parameter.name, float(coefficients[0])) and coefficients[0] != 0.0

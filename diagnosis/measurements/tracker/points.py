@@ -35,9 +35,10 @@ RATES = 0.1
 class Side:
     """Tracked points of some recordings (fit or held out), N of them.
 
-    q (N, n) rad (m): angles as read, with what the model's own effects make of them where the tracker looks; xyz (N, 3)
-    m; v (N, n) per second; load, holding (N, n) N m: the torque to the links in motion and at rest; motor (N, n) rad:
-    of the motors themselves; t (N,) s in its recording; block (N,) of a second each; of (N,) index of its recording
+    q (N, n) rad (m): angles of the links as read, with what the model's own effects make of them where the tracker
+    looks; xyz (N, 3) m; v (N, n) per second; load (N, n) N m: what the transmissions carry in motion; holding (N, n) N
+    m: the torque to the links at rest; motor (N, n) rad: of the motors themselves; t (N,) s in its recording; block
+    (N,) of a second each; of (N,) index of its recording; coupling (n, n): turn of each link by that of each motor
     """
 
     q: Array
@@ -49,9 +50,15 @@ class Side:
     t: Array
     block: NDArray[np.intp]
     of: NDArray[np.intp]
+    coupling: Array
 
     def __len__(self) -> int:
         return len(self.q)
+
+    @property
+    def moves_alone(self) -> Mask:
+        """(n,) whether a motor moves its own link only, one to one."""
+        return np.asarray((self.coupling == np.eye(len(self.coupling))).all(axis=0))
 
 
 @dataclass(frozen=True)
@@ -89,7 +96,8 @@ def side_of(
 ) -> tuple[Side, list[Outliers], float]:
     """The points of recordings (all with a tracker), their outliers, and the noise of a coordinate, m.
 
-    angles: (rows, n) rad per recording; nominal: where the model has the target, (rows, 3) m per recording.
+    angles: (rows, n) rad of the links per recording; nominal: where the model has the target, (rows, 3) m per
+    recording.
     """
     parts: list[Side] = []
     outliers, noises = [], []
@@ -102,7 +110,10 @@ def side_of(
         noises.append(rows.noise)
         parts.append(_part(loaded(arm, setup_of(recording).payload), rows, index, most, parts))
     names = ("q", "xyz", "v", "load", "holding", "motor", "t", "block", "of")
-    side = Side(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+    side = Side(
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names},
+        coupling=arm.coupling_matrix,
+    )
     return side, outliers, float(np.median(noises))
 
 
@@ -117,12 +128,13 @@ def _part(arm: Arm, rows: _Rows, index: int, most: int, before: Sequence[Side]) 
         q=late + bends(arm, late),
         xyz=rows.xyz[usable],
         v=v,
-        load=rigid_torque(bare, q, v, a),
+        load=rigid_torque(bare, q, v, a) @ arm.coupling_matrix,
         holding=rigid_torque(bare, q, 0 * q, 0 * q),
-        motor=q * np.array([joint.ratio for joint in arm.joints]),
+        motor=arm.reported_angles(q) * np.array([joint.ratio for joint in arm.joints]),
         t=rows.t[usable],
         block=first + (rows.t[usable] // BLOCK_SECONDS).astype(np.intp),
         of=np.full(len(usable), index),
+        coupling=arm.coupling_matrix,
     )
 
 
