@@ -21,7 +21,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.control.computed_torque import ComputedTorque, Reference
-from arm_model.control.decoupling import DisturbanceDecoupling
+from arm_model.control.momentum_observer import MomentumObserver
 from arm_model.control.time_scaling import TimeScaling
 from arm_model.control.torque_control import Run, TorqueController, controlled
 from arm_model.description import Arm, Joint
@@ -86,18 +86,18 @@ def under_control(arm: Arm, limits: tuple[float, float]) -> dict[str, Run]:
     dry = ComputedTorque(around(limited, drag=False, added_mass=False), FREQUENCY)
     controllers: dict[str, TorqueController] = {
         "computed torque, dry model": dry,
-        "with disturbance decoupling": DisturbanceDecoupling(dry, bandwidth=BANDWIDTH, period=STEP),
+        "with momentum observer": MomentumObserver(dry, bandwidth=BANDWIDTH, period=STEP),
         "computed torque, wet model": ComputedTorque(limited, FREQUENCY),
     }
     runs = {
         name: controlled(limited, controller, demand, duration=DURATION, period=STEP)
         for name, controller in controllers.items()
     }
-    decoupled = DisturbanceDecoupling(dry, bandwidth=BANDWIDTH, period=STEP)
+    decoupled = MomentumObserver(dry, bandwidth=BANDWIDTH, period=STEP)
     slowed = TimeScaling(decoupled, demand, np.array(limits), period=STEP)
     run = controlled(limited, slowed, demand, duration=DURATION, period=STEP)
     # it is judged by the demand at the pace that the limits left it
-    runs["decoupling and time scaling"] = replace(run, demand=np.array(slowed.reference))
+    runs["momentum observer and time scaling"] = replace(run, demand=np.array(slowed.reference))
     return runs
 
 

@@ -1,4 +1,5 @@
-"""Controllers that know the arm's equations: computed torque, and decoupling from disturbances that it does not know.
+"""Torque controllers: computed torque, momentum observer, the thesis's disturbance decoupling, time scaling.
 
-The independent-joint servos of industrial arms are part of the arm (``arm_model.servo``).
+The independent-joint servos of industrial arms are part of the arm (``arm_model.servo``). docs/underwater.md compares
+the controllers.
 """

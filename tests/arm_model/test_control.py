@@ -10,7 +10,7 @@ import pytest
 
 from arm_io import InputError
 from arm_model.control.computed_torque import ComputedTorque, Reference
-from arm_model.control.decoupling import DisturbanceDecoupling
+from arm_model.control.momentum_observer import MomentumObserver
 from arm_model.control.time_scaling import TimeScaling
 from arm_model.control.torque_control import controlled
 from arm_model.description import Arm
@@ -50,7 +50,7 @@ def test_unknown_torque_is_observed_at_the_bandwidth_and_cancelled(arm: Arm) -> 
     assert np.abs(left.q - left.demand)[-1].min() > 0.01
 
     seen: list[np.ndarray] = []
-    decoupled = DisturbanceDecoupling(ComputedTorque(arm, 6.0), bandwidth=bandwidth, period=period)
+    decoupled = MomentumObserver(ComputedTorque(arm, 6.0), bandwidth=bandwidth, period=period)
 
     class Watched:
         def torque(self, q: np.ndarray, qd: np.ndarray, wanted: Reference) -> np.ndarray:
@@ -70,7 +70,7 @@ def test_unknown_torque_is_observed_at_the_bandwidth_and_cancelled(arm: Arm) -> 
 def test_limits_hold_and_do_not_wind_the_observer_up(arm: Arm) -> None:
     """Held away from its aim by drives too weak for it, the arm leaves as soon as the disturbance goes."""
     weak = limited(arm, 1.0, 1.0)
-    controller = DisturbanceDecoupling(ComputedTorque(weak, 6.0), bandwidth=20.0, period=0.02)
+    controller = MomentumObserver(ComputedTorque(weak, 6.0), bandwidth=20.0, period=0.02)
     run = controlled(with_unknown(weak, 3.0, 3.0), controller, hold, duration=1.0, period=0.02)
     assert np.abs(run.torque).max() <= 1.0
     assert (run.torque[-10:] == 1.0).all()
@@ -87,7 +87,7 @@ def test_the_water_is_observed_through_the_low_pass_saturated_or_not(
     that came of it.
     """
     weak, bandwidth, period = limited(arm, *limits), 15.0, 0.003
-    decoupled, seen = DisturbanceDecoupling(ComputedTorque(dry(weak), 4.0), bandwidth=bandwidth, period=period), []
+    decoupled, seen = MomentumObserver(ComputedTorque(dry(weak), 4.0), bandwidth=bandwidth, period=period), []
 
     class Watched:
         def torque(self, q: np.ndarray, qd: np.ndarray, wanted: Reference) -> np.ndarray:
@@ -145,7 +145,7 @@ def test_time_scaling_keeps_to_the_path_within_the_limits(arm: Arm, limits: tupl
 
 def test_bad_period_and_unstable_sampling(arm: Arm) -> None:
     with pytest.raises(InputError, match="between 0 and 1"):
-        DisturbanceDecoupling(ComputedTorque(arm, 5.0), bandwidth=50.0, period=0.02)
+        MomentumObserver(ComputedTorque(arm, 5.0), bandwidth=50.0, period=0.02)
     with pytest.raises(InputError, match="whole number of steps"):
         controlled(arm, ComputedTorque(arm, 5.0), hold, duration=1.0, period=0.0125)
     with pytest.raises(InputError, match="must be positive"):
@@ -173,5 +173,5 @@ def test_example_draws_and_reports(root: Path, tmp_path: Path) -> None:
     ends = printed["free_end_deg"]
     assert abs(ends["drag and added mass"][1]) < abs(ends["in air"][1])
     rms = printed["controlled"]["rms_deg"]
-    assert max(printed["limited"]["rms_deg"]["decoupling and time scaling"]) < 0.5
-    assert max(rms["with disturbance decoupling"]) < 0.2 * max(rms["computed torque, dry model"])
+    assert max(printed["limited"]["rms_deg"]["momentum observer and time scaling"]) < 0.5
+    assert max(rms["with momentum observer"]) < 0.2 * max(rms["computed torque, dry model"])
