@@ -34,6 +34,7 @@ from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Screened, screened
+from diagnosis.screening.even_rows import even, even_samples
 from diagnosis.screening.event import Event
 from diagnosis.screening.plausibility import check_motion, mixed_up
 from diagnosis.selection.design import Dataset
@@ -127,6 +128,7 @@ def diagnose(
     recordings: Recordings = Split(fit, held_out, bool({r.path for r in fit} & {r.path for r in held_out}))
     cleaned = screen(arm, recordings, progress)
     measured = measure(arm, recordings, cleaned, progress)
+    recordings, cleaned = evenly(recordings, cleaned)
     named = named_causes(arm, measured.known, recordings, cleaned, progress)
     causes, stated = extend_by(arm, measured, named, recordings)
     extended = dissipative(stated, top_speeds(named))
@@ -163,6 +165,13 @@ def screen(arm: Arm, recordings: Recordings, progress: Progress) -> Screened:
     check_motion(arm, recordings.fit, "fitted")
     check_motion(arm, recordings.held_out, "held-out")
     return cleaned
+
+
+def evenly(recordings: Recordings, cleaned: Screened) -> tuple[Recordings, Screened]:
+    """Both with equally spaced rows, as filters and differences take them."""
+    fit, held_out = even(recordings.fit), even(recordings.held_out)
+    samples = [even_samples(one) for one in cleaned.samples]
+    return Split(fit, held_out, recordings.two_fold), replace(cleaned, recordings=(*fit, *held_out), samples=samples)
 
 
 def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progress) -> Measured:

@@ -29,7 +29,7 @@ PUBLIC = {
     "daq.service.transfer": ("fetch",),
     "diagnosis.residual": ("run_setup",),
     "identification": ("result",),
-    "identification.preprocessing": ("signals",),
+    "identification.preprocessing": ("grid", "signals"),
     "identification.regression": (
         "base_parameters",
         "effect_columns",

@@ -1,0 +1,69 @@
+"""Recordings whose rows have stamps of their own, put onto a uniform grid.
+
+The filters and differences of a residual take rows as equally spaced. Where stamps jitter by a tenth of a period, that
+would be an error of every acceleration, which a compliance of the drive explains well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from arm_io.types import Array
+from daq.recording import Recording
+from identification.preprocessing.grid import on_grid
+
+EVEN = 0.02
+"""Of a period: stamps this close to equal spacing are taken for it."""
+TORN = 2.5
+"""Periods between two rows that are no mere jitter: rows are missing, and a grid would invent them."""
+SPLINED = ("q", "i", "ql")
+"""Signals that are interpolated by splines; other signals by straight lines, integers by the nearest row."""
+Samples = tuple[Array, Array, Array]
+
+
+def grid_of(t: Array) -> Array | None:
+    """As many instants as the stamps t (n,) s, equally spaced; None where these are, or where rows are missing."""
+    if len(t) < 3:
+        return None
+    grid, steps = np.linspace(t[0], t[-1], len(t)), np.diff(t)
+    if steps.max() > TORN * np.median(steps) or np.abs(t - grid).max() < EVEN * (grid[1] - grid[0]):
+        return None
+    return grid
+
+
+def even_samples(samples: Samples) -> Samples:
+    """t (n,) s, q and i (n, J) with equally spaced rows; the same object where they are, or cannot be."""
+    t, q, i = samples
+    grid = grid_of(t)
+    if grid is None:
+        return samples
+    dt = float(grid[1] - grid[0])
+    return grid, on_grid(t, q, grid, dt)[0], on_grid(t, i, grid, dt)[0]
+
+
+def even(recordings: Sequence[Recording]) -> list[Recording]:
+    """The recordings with equally spaced rows; the same objects where they are, or cannot be."""
+    return [one if (grid := grid_of(one.t)) is None else _even(one, grid) for one in recordings]
+
+
+def _even(recording: Recording, grid: Array) -> Recording:
+    t = recording.t
+    rows: dict[str, Any] = {"t": grid}
+    later = np.searchsorted(t, grid).clip(1, len(t) - 1)
+    nearest = np.where(grid - t[later - 1] < t[later] - grid, later - 1, later)
+    for field in fields(recording):
+        values = getattr(recording, field.name)
+        if field.name == "t" or not isinstance(values, np.ndarray) or len(values) != len(t):
+            continue
+        if field.name in SPLINED:
+            rows[field.name] = on_grid(t, values, grid, grid[1] - grid[0])[0]
+        elif np.issubdtype(values.dtype, np.floating):
+            columns = values.reshape(len(t), -1).T
+            rows[field.name] = np.stack([np.interp(grid, t, one) for one in columns], axis=1).reshape(values.shape)
+        else:
+            rows[field.name] = values[nearest]
+    return replace(recording, **rows)
