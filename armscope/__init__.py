@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from arm_io import DeviceFault, InputError
     from arm_model import Arm
     from arm_model.effects import CATALOGUE
-    from armscope.api.calibration import Calibration, calibrate
+    from armscope.api.calibration import Calibration, Tracker, calibrate
     from armscope.api.comparison import compare
     from armscope.api.diagnosis import Diagnosis, diagnose
     from armscope.api.identification import identify, predict
@@ -43,6 +43,7 @@ _HOMES = {
     "Recorded": "armscope.api.recording:Recorded",
     "Recording": "daq.recording:Recording",
     "Simulation": "armscope.api.simulation:Simulation",
+    "Tracker": "armscope.api.calibration:Tracker",
     "calibrate": "armscope.api.calibration:calibrate",
     "compare": "armscope.api.comparison:compare",
     "diagnose": "armscope.api.diagnosis:diagnose",
@@ -72,6 +73,7 @@ __all__ = [
     "Recorded",
     "Recording",
     "Simulation",
+    "Tracker",
     "__version__",
     "calibrate",
     "compare",

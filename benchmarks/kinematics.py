@@ -26,14 +26,14 @@ from arm_model.rigid_body.kinematics import forward, link_frames
 from arm_model.rigid_body.numeric import rigid_torque
 from benchmarks.report import report
 from experiment import demand_of
+from identification.kinematics.circle_points.axes import circle_point_model
+from identification.kinematics.circle_points.sweeps import circles_of
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.recordings import gravity_of
 from identification.kinematics.data.runs import Run
-from identification.kinematics.estimation.axes import circle_point_model
 from identification.kinematics.estimation.calibration import Settings, calibrate
 from identification.kinematics.estimation.extensions import deflections
 from identification.kinematics.estimation.map_estimation import fit
-from identification.kinematics.estimation.sweeps import circles_of
 from identification.kinematics.models.chain import Chain, position
 from identification.kinematics.models.parameters import Trust, chain_of, parameters_of
 from identification.kinematics.use.iso_cube import cube_targets, posture_of

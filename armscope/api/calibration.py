@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
@@ -114,46 +114,65 @@ class Calibration:
         return [cube for cube in cubes if cube is not None]
 
 
+@dataclass(frozen=True)
+class Tracker:
+    """What is known of the tracker and its targets.
+
+    files          the tracker's own file (t, x, y, z) of every recording, in the same order; (): the points are in the
+                   recordings
+    target         m in the frame of the last link: the place of all targets, or of each by the name of the reflector
+                   or of the file (None: not known); else as the rig file or the table says, or estimated
+    target_std     m, standard deviation of the places that are known
+    unknown_frame  estimate where the tracker stands
+    """
+
+    files: Sequence[File] = ()
+    target: Point | Mapping[str, Point | None] | None = None
+    target_std: float = 1e-4
+    unknown_frame: bool = False
+
+    @property
+    def given(self) -> dict[str, Point | None]:
+        """Places by name; "" is the name of all."""
+        if self.target is None:
+            return {}
+        return dict(self.target) if isinstance(self.target, Mapping) else {"": self.target}
+
+
 def calibrate(
     recordings: Source | Sequence[Source],
     model: File | Arm,
     *,
     held_out: Source | Sequence[Source] = (),
-    tracker: Sequence[File] = (),
-    target: Point | None = None,
-    target_std: float = 1e-4,
-    unknown_frame: bool = False,
+    tracker: Tracker = Tracker(),
     geometry_only: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
     """The kinematic parameters of an arm from an external tracker, and its position error before and after.
 
-    recordings     with tracked points, or with ``tracker``: the tracker's own file (t, x, y, z) of each, in the same
-                   order; or tables of poses (.csv: q1, q2, .. rad and x, y, z m, one row per pose)
+    recordings     with tracked points, or tables of poses (.csv: q1, q2, .. rad and x, y, z m, one row per pose;
+                   several reflectors and orientations: docs/calibration.md)
     model          the nominal arm; joints placed as in URDF are given Denavit-Hartenberg parameters
-    target         (3,) m in the frame of the last link; None: as the rig file says
-    target_std     m, standard deviation of the target's place
-    unknown_frame  estimate where the tracker stands
+    tracker        what is known of the tracker and its targets
     geometry_only  do not try couplings, sag, encoder errors and delays
     Raises InputError where points or poses do not suffice, or recordings do not belong together.
     """
-    from identification.kinematics.data import common_ground, gravity_of
+    from identification.kinematics.data import common_targets, gravity_of
     from identification.kinematics.estimation import Settings, calibrate
-    from identification.kinematics.models import UNKNOWN_TARGET, Trust
 
-    if not 0 < target_std < 10:
-        raise InputError("target_std", f"must be a length in m above 0, is {target_std:g}")
+    if not 0 < tracker.target_std < 10:
+        raise InputError("target_std", f"must be a length in m above 0, is {tracker.target_std:g}")
     arm, last_link = nominal_arm(model)
-    fitted, judged = _tracked(recordings, tracker, len(arm)), _tracked(held_out, (), len(arm))
-    known, place = common_ground([*fitted, *judged], target)
+    fitted, judged = _tracked(recordings, tracker.files, len(arm)), _tracked(held_out, (), len(arm))
+    common = common_targets([*fitted, *judged], tracker.given, tracker.target_std, fitted=len(fitted))
+    runs = [run for one in common.runs[: len(fitted)] for run in one]
     estimate = calibrate(
         arm,
-        [one.run for one in fitted],
-        [one.run for one in judged],
-        (0.0, 0.0, 0.0) if place is None else in_last_link(last_link, place),
+        runs,
+        [run for one in common.runs[len(fitted) :] for run in one],
+        [replace(one, place=in_last_link(last_link, one.place)) if one.given else one for one in common.targets],
         Settings(
-            frame_known=known and not unknown_frame,
-            trust=Trust(target=UNKNOWN_TARGET if place is None else target_std),
+            frame_known=common.frame_known and not tracker.unknown_frame,
             gravity=gravity_of(arm),
             extend=not geometry_only,
         ),
@@ -162,22 +181,22 @@ def calibrate(
     return Calibration(arm, (*fitted, *judged), estimate)
 
 
-def _tracked(sources: Source | Sequence[Source], tracker: Sequence[File], joints: int) -> list[Tracked]:
+def _tracked(sources: Source | Sequence[Source], files: Sequence[File], joints: int) -> list[Tracked]:
     """Recordings and tables of poses (.csv), each with its tracker's own file if there are any."""
     from daq.recording import Recording
     from identification.kinematics.data import read_poses, tracked
 
     listed = [sources] if isinstance(sources, Recording | str | PathLike) else list(sources)
-    if tracker and len(tracker) != len(listed):
-        raise InputError("tracker", f"{len(tracker)} files for {len(listed)} recordings; there must be one for each")
+    if files and len(files) != len(listed):
+        raise InputError("tracker", f"{len(files)} files for {len(listed)} recordings; there must be one for each")
     found = []
     for k, source in enumerate(listed):
         if not isinstance(source, Recording) and Path(source).suffix.lower() == ".csv":
-            if tracker:
+            if files:
                 raise InputError(Path(source), "is a table of poses, which holds its points; omit --tracker")
             found.append(read_poses(Path(source), joints))
         else:
-            found.append(tracked(open_recording(source), Path(tracker[k]) if tracker else None))
+            found.append(tracked(open_recording(source), Path(files[k]) if files else None))
     return found
 
 

@@ -40,13 +40,17 @@ HeldOut = Annotated[
     list[Path] | None,
     typer.Option("--held-out", metavar="RUN.mcap", help="held-out recording or table of poses; may be repeated"),
 ]
-Tracker = Annotated[
+TrackerFiles = Annotated[
     list[Path] | None,
     typer.Option(metavar="FILE.csv", help="the tracker's own file (t, x, y, z) of each RUN.mcap, in the same order"),
 ]
 Target = Annotated[
-    str | None,
-    typer.Option(metavar="X,Y,Z", help="position of the target in the frame of the last link, m; default: the rig's"),
+    list[str] | None,
+    typer.Option(
+        metavar="[NAME=]X,Y,Z",
+        help="position of the target in the frame of the last link, m; NAME: of this reflector or file alone (may be "
+        "repeated; NAME=unknown: estimate it). Default: the rig's or the table's",
+    ),
 ]
 TargetStd = Annotated[float, typer.Option(metavar="M", help="std of the target position, m")]
 UnknownFrame = Annotated[bool, typer.Option("--unknown-frame", help="estimate the pose of the tracker")]
@@ -71,7 +75,7 @@ def command(
     out: Out,
     run: Runs = None,
     held_out: HeldOut = None,
-    tracker: Tracker = None,
+    tracker: TrackerFiles = None,
     target: Target = None,
     target_std: TargetStd = 1e-4,
     unknown_frame: UnknownFrame = False,
@@ -83,11 +87,11 @@ def command(
 ) -> None:
     from rich.console import Console
 
-    from armscope.api.calibration import calibrate, in_last_link, nominal_arm
+    from armscope.api.calibration import Tracker, calibrate, in_last_link, nominal_arm
 
     check_folder(out)
     arm, last_link = nominal_arm(model)
-    point = _checked(run, target, target_std, planned=poses is not None or cube)
+    places = _checked(run, target, target_std, planned=poses is not None or cube)
     with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
         calibration = None
         if run:
@@ -95,16 +99,13 @@ def command(
                 run,
                 model,
                 held_out=held_out or [],
-                tracker=tracker or [],
-                target=point,
-                target_std=target_std,
-                unknown_frame=unknown_frame,
+                tracker=Tracker(tracker or [], places, target_std, unknown_frame),
                 geometry_only=geometry_only,
                 progress=status.update,
             )
             _refuse_failures(run, calibration)
             status.update("report")
-        place = None if poses is None else in_last_link(last_link, point or _target_of(calibration))
+        place = None if poses is None else in_last_link(last_link, places.get("") or _target_of(calibration))
         make_folder(out)
         written = {} if calibration is None else calibration.write(out)
         if poses is not None and place is not None:
@@ -117,15 +118,23 @@ def command(
         _say(out, calibration, written, poses is not None, cube)
 
 
-def _checked(run: list[Path] | None, target: str | None, target_std: float, *, planned: bool) -> Point | None:
-    """The target, where it is given; InputError where the options do not suffice."""
+def _checked(
+    run: list[Path] | None, target: list[str] | None, target_std: float, *, planned: bool
+) -> dict[str, Point | None]:
+    """The places of targets that are given, by name ("": of all); InputError where the options do not suffice."""
     if not run and not planned:
         raise InputError(
             "RUN.mcap", "is missing; must be recordings with tracker points, unless --poses N or --cube is given"
         )
     if not 0 < target_std < 10:
         raise InputError("--target-std", f"must be a length in m above 0 (is {target_std:g})")
-    return None if target is None else point_of(target, "--target")
+    places: dict[str, Point | None] = {}
+    for text in target or []:
+        name, _, place = text.rpartition("=")
+        if name in places:
+            raise InputError("--target", f"is given twice{name and ' for ' + name}; must be given once for each")
+        places[name] = None if place == "unknown" else point_of(place, "--target")
+    return places
 
 
 def _refuse_failures(run: list[Path], calibration: Calibration) -> None:

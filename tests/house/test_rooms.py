@@ -26,6 +26,7 @@ ROOMS = {
         "report",
         "kinematics.models",
         "kinematics.data",
+        "kinematics.circle_points",
         "kinematics.estimation",
         "kinematics.use",
         "kinematics.report",

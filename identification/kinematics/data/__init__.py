@@ -7,17 +7,19 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from identification.kinematics.data.points import Points
     from identification.kinematics.data.pose_table import HOLDS, read_poses
-    from identification.kinematics.data.recordings import Tracked, common_ground, gravity_of, tracked
+    from identification.kinematics.data.recordings import Place, Tracked, gravity_of, tracked
     from identification.kinematics.data.runs import aligned, correlation_time
+    from identification.kinematics.data.targets import common_targets
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
     "HOLDS",
+    "Place",
     "Points",
     "Tracked",
     "aligned",
-    "common_ground",
+    "common_targets",
     "correlation_time",
     "gravity_of",
     "read_poses",

@@ -1,11 +1,10 @@
 """Recordings as runs for calibration.
 
-Tracked points of the same triggers, in which frame, and where the target sits.
+Tracked points of the same triggers, in which frame, and where the targets sit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,22 +21,49 @@ from identification.kinematics.data.tracker_file import Merge, merge, read_track
 from identification.kinematics.models.chain import Gravity
 from identification.preprocessing.quality import NO_VALUE, as_trusted
 
+Place = tuple[float, float, float]
+"""m: where a target sits in the frame of the last link."""
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A target as a recording or table has it.
+
+    name      as the table calls it; "" where nothing does
+    place     m in the frame of the last link, as the rig file or the table says, or None
+    oriented  whether its orientation was tracked
+    """
+
+    name: str
+    place: Place | None
+    oriented: bool = False
+
 
 @dataclass(frozen=True)
 class Tracked:
-    """A recording ready for calibration.
+    """A recording or table of poses, ready for calibration.
 
+    runs         one per target (``Run.target`` counts through ``targets``), and one more per 6-D target
     frame_known  whether the points are in the base frame; else in the tracker's own
-    target       (3,) m in the frame of the last link, as the rig file has it, or None
     experiment   its name, or ""
     merged       how a separate tracker file was put to its rows, or None
     """
 
-    run: Run
+    runs: tuple[Run, ...]
     frame_known: bool
-    target: tuple[float, float, float] | None
+    targets: tuple[Sighting, ...]
     experiment: str
     merged: Merge | None = None
+
+    @property
+    def run(self) -> Run:
+        """Positions of the first target."""
+        return self.runs[0]
+
+    @property
+    def target(self) -> Place | None:
+        """Place of the first target, where it is known."""
+        return self.targets[0].place
 
 
 def read_tracked(path: Path, tracker: Path | None = None) -> Tracked:
@@ -72,7 +98,7 @@ def tracked(recording: Recording, tracker: Path | None = None) -> Tracked:
         xyz,
         counts_of(recording),
     )
-    return Tracked(run, known, target, experiment, merged)  # type: ignore[arg-type]
+    return Tracked((run,), known, (Sighting("", target),), experiment, merged)  # type: ignore[arg-type]
 
 
 def _points(recording: Recording) -> tuple[Array, bool]:
@@ -85,25 +111,6 @@ def _points(recording: Recording) -> tuple[Array, bool]:
         recording.path,
         "has no tracker points; must have columns x, y, z, or be given the tracker's own file with --tracker FILE.csv",
     )
-
-
-def common_ground(
-    tracked: Sequence[Tracked], target: tuple[float, float, float] | None
-) -> tuple[bool, tuple[float, float, float] | None]:
-    """(frame known, target) of recordings that belong together. InputError where they differ."""
-    first = tracked[0]
-    for other in tracked[1:]:
-        if other.frame_known != first.frame_known:
-            raise InputError(
-                other.run.name,
-                f"has its points in another frame than {first.run.name}; all recordings must be of one kind of rig",
-            )
-        if target is None and other.target != first.target:
-            raise InputError(
-                other.run.name,
-                f"has the target at {other.target}, {first.run.name} at {first.target}; calibrate one at a time",
-            )
-    return first.frame_known, target if target is not None else first.target
 
 
 def gravity_of(arm: Arm) -> Gravity | None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from arm_io.types import Array
 from identification.kinematics.data.runs import Run, shifted
-from identification.kinematics.models.chain import Chain, position_jacobian
+from identification.kinematics.models.chain import Chain, position, position_jacobian
 
 _WINDOWS = 80
 _LEAST_STEP = 0.6  # rows
@@ -57,7 +57,7 @@ def delays(run: Run, chain: Chain, noise: float) -> Delays:
     ``run.q`` are the joint angles of the chain, with everything else that turns the joints (sag ...) included.
     """
     good = run.usable.copy()
-    at, derivative = position_jacobian(chain, np.nan_to_num(run.q))
+    at, derivative = position_jacobian(chain, np.nan_to_num(run.q), np.full(len(run.q), run.target))
     velocity = np.einsum("nij,nj->ni", derivative[:, :, chain.joint_steps()], run.velocity()) * run.period  # m a row
     residual = run.xyz - at
     length = np.linalg.norm(np.nan_to_num(residual), axis=1)
@@ -126,7 +126,7 @@ def _if_better(run: Run, chain: Chain, shift: Shift) -> Shift | None:
     """
     moving = np.abs(run.velocity()).max(axis=1) > 0.0
     moving[: shift.first] = False
-    at = position_jacobian(chain, np.nan_to_num(run.q))[0]
+    at = position_jacobian(chain, np.nan_to_num(run.q), np.full(len(run.q), run.target))[0]
     as_is = np.linalg.norm(run.xyz - at, axis=1)[moving]
     moved = np.linalg.norm(shifted(run, shift.first, shift.rows).xyz - at, axis=1)[moving]
     both = np.isfinite(as_is) & np.isfinite(moved)
@@ -138,7 +138,8 @@ def _if_better(run: Run, chain: Chain, shift: Shift) -> Shift | None:
 def _refine(run: Run, chain: Chain, low: int, high: int, rows: int) -> int:
     """The row between two windows from which on points shifted back by ``rows`` fit better than as they are."""
     low, high = max(low, 0), min(high + max(1, len(run.t) // _WINDOWS), len(run.t))
-    at = position_jacobian(chain, np.nan_to_num(run.q[low:high]))[0]
+    q = np.nan_to_num(run.q[low:high])
+    at = position(chain, q, np.full(len(q), run.target))
     source = np.arange(low, high) + rows
     inside = (source >= 0) & (source < len(run.t))
     as_is = np.nan_to_num(np.linalg.norm(run.xyz[low:high] - at, axis=1))

@@ -15,13 +15,18 @@ from identification.kinematics.models.chain import Index, Mask
 
 @dataclass(frozen=True)
 class Run:
-    """One recording: name, t (N,) s, q (N, joints) rad or m, xyz (N, 3) m; NaN where missing.
+    """One target in one recording: name, t (N,) s, q (N, joints) rad or m, xyz (N, 3) m; NaN where missing.
 
     Row k of all is one trigger.
 
-    count  (joints,) rad of one count where an encoder's zero is this run's own, else 0; None: not known
-           (``encoder_steps``)
-    still  every row is a pose at rest; t only numbers them
+    count     (joints,) rad of one count where an encoder's zero is this run's own, else 0; None: not known
+              (``encoder_steps``)
+    still     every row is a pose at rest; t only numbers them
+    target    number of the target, from 0
+    lever     m: 0 where xyz are positions; else they are rotation vectors (rad) of the target's frame, and an error of
+              1 rad counts as one of ``lever`` metres
+    recorded  the recording or table; runs of one have the same rows. "": ``name``
+    file_row  (N,) the first row of the file that each pose is, from 0; None: row k is row k
     """
 
     name: str
@@ -30,6 +35,15 @@ class Run:
     xyz: Array
     count: Array | None = None
     still: bool = False
+    target: int = 0
+    lever: float = 0.0
+    recorded: str = ""
+    file_row: Index | None = None
+
+    @property
+    def source(self) -> str:
+        """The recording or table that the rows are those of."""
+        return self.recorded or self.name
 
     @property
     def usable(self) -> Mask:
@@ -74,11 +88,23 @@ def thinned(runs: Sequence[Run], most: int) -> list[Index]:
     return [r[::stride] for r in rows]
 
 
+def poses_of(runs: Sequence[Run]) -> int:
+    """Number of poses: rows of recordings in which a target was seen, however many targets."""
+    seen: dict[str, Mask] = {}
+    for run in runs:
+        seen[run.source] = run.usable | seen.get(run.source, False)
+    return sum(int(rows.sum()) for rows in seen.values())
+
+
 def points_of(runs: Sequence[Run], rows: Sequence[Index]) -> Points:
     """The chosen rows of all runs, one after the other."""
     q = np.concatenate([run.q[r] for run, r in zip(runs, rows, strict=True)])
     xyz = np.concatenate([run.xyz[r] for run, r in zip(runs, rows, strict=True)])
-    return Points(q, xyz)
+    if not any(run.target or run.lever for run in runs):
+        return Points(q, xyz)
+    target = np.concatenate([np.full(len(r), run.target) for run, r in zip(runs, rows, strict=True)])
+    lever = np.concatenate([np.full(len(r), run.lever) for run, r in zip(runs, rows, strict=True)])
+    return Points(q, xyz, None, target, lever)
 
 
 def velocity_of(runs: Sequence[Run], rows: Sequence[Index]) -> Array:

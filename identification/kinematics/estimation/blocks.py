@@ -30,15 +30,21 @@ def split(runs: Sequence[Run]) -> tuple[list[Run], list[Run]]:
 
 
 def blocks(runs: Sequence[Run], rows: Sequence[Index]) -> Index:
-    """Block number of every point: a second each, or a fiftieth of a run where rows are few (poses, one row each)."""
-    numbers: list[Index] = []
+    """Block number of every point: a second each, or a fiftieth of a run where rows are few (poses, one row each).
+
+    All targets of one pose are in one block.
+    """
+    numbers = [np.zeros(0, int)] * len(runs)
     offset = 0
-    for run, which in zip(runs, rows, strict=True):
-        t = run.t[which]
-        block = np.floor(t - t[0]).astype(int) if len(which) else np.zeros(0, int)
+    for source in dict.fromkeys(run.source for run in runs):
+        mine = [k for k, run in enumerate(runs) if run.source == source]
+        seen = np.unique(np.concatenate([rows[k] for k in mine]))
+        t = runs[mine[0]].t[seen]
+        block = np.floor(t - t[0]).astype(int) if len(seen) else np.zeros(0, int)
         count = len(np.unique(block))
-        if count < 8 or count > len(which) / 3:
-            block = np.arange(len(which)) * min(BLOCKS, len(which)) // max(len(which), 1)
-        numbers.append(block + offset)
+        if count < 8 or count > len(seen) / 3:
+            block = np.arange(len(seen)) * min(BLOCKS, len(seen)) // max(len(seen), 1)
+        for k in mine:
+            numbers[k] = block[np.searchsorted(seen, rows[k])] + offset
         offset += (int(block.max()) + 1) if len(block) else 0
     return np.concatenate(numbers)

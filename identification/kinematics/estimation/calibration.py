@@ -19,15 +19,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from arm_io import InputError
 from arm_io.types import Array, Progress
 from arm_model import Arm, Coupling
+from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.row_shifts import Shift
-from identification.kinematics.data.runs import Run, correlation_time
+from identification.kinematics.data.runs import Run, correlation_time, poses_of
 from identification.kinematics.estimation.blocks import split
-from identification.kinematics.estimation.circle_point import Circle
 from identification.kinematics.estimation.cross_validation import Trial
 from identification.kinematics.estimation.extensions import Extension, deflections
 from identification.kinematics.estimation.judgement import best_frame_and_target, judged, weaknesses
@@ -35,11 +36,11 @@ from identification.kinematics.estimation.map_estimation import Fit, residuals
 from identification.kinematics.estimation.observability import (
     RESTING,
     Observability,
-    at_rest,
     identifiable,
     indices,
     scaled_jacobian,
 )
+from identification.kinematics.estimation.observed import residual_of
 from identification.kinematics.estimation.position_error import LeftOut, PositionError, position_error
 from identification.kinematics.estimation.run_zeros import expected
 from identification.kinematics.estimation.start import with_nominal_target
@@ -51,11 +52,11 @@ from identification.kinematics.estimation.work import (
     estimate_run_zeros,
     extend_and_realign,
     first_fit,
-    free_target,
+    free_targets,
     linked,
 )
-from identification.kinematics.models.chain import Chain, Gravity, position
-from identification.kinematics.models.parameters import Parameters
+from identification.kinematics.models.chain import Chain, Gravity, forward
+from identification.kinematics.models.parameters import Parameters, Target
 
 LEAST = 10
 """Poses: fewer determine nothing, and judge nothing."""
@@ -80,6 +81,9 @@ class Calibration:
     std              standard deviation by parameter name, correlation of neighbouring points taken into account
     zero_error       m rms a coordinate: what the unknown zeros of the held-out runs' own encoders add to their error
     runs, held_out   with the angles of the links
+    targets          what was tracked, those that were given wrongly as free; ``aims``: (3, 3) by target with
+                     orientations, by which measured ones were turned (R X')
+    orientation      rms rad, {"fit": {"before", "after"}, "held_out": ...}; {} without orientations
     """
 
     parameters: Parameters
@@ -108,6 +112,9 @@ class Calibration:
     runs: tuple[Run, ...]
     held_out: tuple[Run, ...]
     judged_by: JudgedBy
+    targets: tuple[Target, ...]
+    aims: dict[int, Array]
+    orientation: dict[str, dict[str, float]]
     warnings: tuple[str, ...] = field(default=())
 
     @property
@@ -120,7 +127,7 @@ def calibrate(
     arm: Arm,
     runs: Sequence[Run],
     held_out: Sequence[Run],
-    target: Sequence[float],
+    targets: Sequence[Target],
     settings: Settings,
     *,
     progress: Progress | None = None,
@@ -130,13 +137,13 @@ def calibrate(
     Judged on ``held_out``; where there is none, on every fifth block of rows, or by cross-validation where points are
     few (also where fewer than ``LEAST`` poses were held out: they are then pooled with the others).
 
-    target (3,) m: nominal place of the tracked target in the frame of the last link. InputError: not enough usable
-    points, or joints that disagree with the model.
+    targets: what was tracked; ``Run.target`` counts through them. InputError: not enough usable points, or joints that
+    disagree with the model.
     """
-    work = _prepared(arm, runs, held_out, target, settings, progress or (lambda _: None))
+    work = _prepared(arm, runs, held_out, targets, settings, progress or (lambda _: None))
     first_fit(work)
     couple(work, settings.frame_known)
-    free_target(work)
+    free_targets(work)
     extend_and_realign(work)
     estimate_run_zeros(work)
     return _result(work)
@@ -146,7 +153,7 @@ def _prepared(
     arm: Arm,
     runs: Sequence[Run],
     held_out: Sequence[Run],
-    target: Sequence[float],
+    targets: Sequence[Target],
     settings: Settings,
     tell: Progress,
 ) -> Work:
@@ -154,20 +161,20 @@ def _prepared(
     _check(arm, runs, least=LEAST)
     _check(arm, held_out, least=1)
     warnings = []
-    few = 0 < sum(int(run.usable.sum()) for run in held_out) < LEAST
+    few = 0 < poses_of(held_out) < LEAST
     if few:
         runs, held_out = [*runs, *held_out], []
         warnings.append(f"fewer than {LEAST} poses were held out: they were pooled with the others")
     matrix = arm.coupling_matrix
     fitted, rest = [linked(run, matrix) for run in runs], [linked(run, matrix) for run in held_out]
     judged_by: JudgedBy = "held_out"
-    if not rest and (few or sum(int(run.usable.sum()) for run in fitted) < FEW):
+    if not rest and (few or poses_of(fitted) < FEW):
         judged_by, rest = "cross-validation", list(fitted)
         warnings.append("no held-out poses: each is predicted without the tenth of all poses that it belongs to")
     elif not rest:
         judged_by, (fitted, rest) = "split", split(fitted)
         warnings.append("no held-out recording: every fifth block of rows was held out instead, which flatters")
-    return Work(arm, settings, target, fitted, rest, judged_by, tell, matrix, warnings=warnings)
+    return Work(arm, settings, list(targets), fitted, rest, judged_by, tell, matrix, warnings=warnings)
 
 
 def _result(work: Work) -> Calibration:
@@ -177,8 +184,8 @@ def _result(work: Work) -> Calibration:
     deviation = np.sqrt(np.diag(estimate.covariance)) * np.sqrt(correlated)
     names = parameters.chain.names
     here = replace(parameters, chain=parameters.chain.at(estimate.values))
-    rank = identifiable(here, at_rest(points.q))
-    columns = scaled_jacobian(here, points.q[:: max(1, len(points) // 2000)])
+    rank = identifiable(here, points.deflected(None))
+    columns = scaled_jacobian(here, points.where(slice(None, None, max(1, len(points) // 2000))))
     nominal = best_frame_and_target(work)
     judgement = judged(work, nominal)
     return Calibration(
@@ -208,6 +215,9 @@ def _result(work: Work) -> Calibration:
         runs=tuple(work.runs),
         held_out=tuple(work.held_out),
         judged_by=work.judged_by,
+        targets=tuple(work.targets),
+        aims=work.aims,
+        orientation=judgement.orientation,
         warnings=(*work.warnings, *weaknesses(work, rank)),
     )
 
@@ -225,20 +235,41 @@ def _circle_point(work: Work) -> PositionError | None:
     if work.from_circles is None:
         return None
     chain = work.parameters.chain.at(with_nominal_target(work.parameters, work.from_circles))
-    return position_error(work.points.xyz - position(chain, work.points.q))
+    target = work.points.target
+    first = ~work.points.oriented & (True if target is None else target == 0)
+    return position_error(residual_of(chain, work.points.where(first).deflected(None)))
+
+
+def distances(calibration: Calibration, run: Run, gravity: Gravity | None, *, before: bool = False) -> Array:
+    """(N,) m (of orientations rad): measured from predicted, over a run of ``calibration``.
+
+    By the calibrated or (``before``) the nominal arm; NaN where either is missing.
+    """
+    at, rows = np.full(len(run.t), np.nan), run.usable
+    found = predicted(calibration, run, gravity, before=before)[rows]
+    measured = run.xyz[rows]
+    if run.lever:
+        at[rows] = (Rotation.from_rotvec(measured) * Rotation.from_rotvec(found).inv()).magnitude()
+    else:
+        at[rows] = np.linalg.norm(measured - found, axis=1)
+    return at
 
 
 def predicted(calibration: Calibration, run: Run, gravity: Gravity | None, *, before: bool = False) -> Array:
-    """Positions (N, 3) m of the target over a run of ``calibration``, by the calibrated or (``before``) nominal arm.
+    """(N, 3) m (rotation vectors of orientations) of the run's target, by the calibrated or (``before``) nominal arm.
 
-    NaN where q is missing.
+    Over a run of ``calibration``. NaN where q is missing.
     """
     q = np.nan_to_num(run.q)
     if before:
-        at = position(calibration.nominal, q @ (calibration.nominal_coupling @ np.linalg.inv(calibration.coupling)).T)
+        chain = calibration.nominal
+        q = q @ (calibration.nominal_coupling @ np.linalg.inv(calibration.coupling)).T
     else:
+        chain = calibration.chain
         bend = deflections(calibration.extensions, q, velocity=run.velocity(), gravity=gravity)
-        at = position(calibration.chain, Points(q, run.xyz, bend).bent(calibration.fit.extension))
+        q = Points(q, run.xyz, bend).bent(calibration.fit.extension)
+    pose = forward(chain, q, np.full(len(q), run.target))
+    at = Rotation.from_matrix(pose[:, :3, :3]).as_rotvec() if run.lever else pose[:, :3, 3].copy()
     at[~np.isfinite(run.q).all(axis=1)] = np.nan
     return at
 
@@ -247,12 +278,19 @@ def _check(arm: Arm, runs: Sequence[Run], least: int) -> None:
     for run in runs:
         if run.q.shape[1] != len(arm):
             raise InputError(run.name, f"has {run.q.shape[1]} joints, the model has {len(arm)}")
-        usable = int(run.usable.sum())
-        if usable < least:
-            raise InputError(
-                run.name,
-                f"{usable} rows have all joint angles and a tracked point; at least {least} "
-                f"{'is' if least == 1 else 'are'} needed",
-            )
-        if least > 1 and not np.any(np.ptp(run.q[run.usable], axis=0) >= RESTING):
-            raise InputError(run.name, "no joint moves; a calibration needs the target tracked while the joints move")
+    if not runs:
+        return
+    where = ", ".join(dict.fromkeys(run.source for run in runs))
+    poses = poses_of([run for run in runs if not run.lever])
+    if poses < least:
+        raise InputError(
+            where,
+            f"{poses} rows have all joint angles and a tracked point; at least {least} "
+            f"{'is' if least == 1 else 'are'} needed",
+        )
+    for run in runs:
+        if not run.usable.any():
+            raise InputError(run.name, "no row has all joint angles and a point of it; leave out what was never seen")
+    q = np.concatenate([run.q[run.usable] for run in runs])
+    if least > 1 and not np.any(np.ptp(q, axis=0) >= RESTING):
+        raise InputError(where, "no joint moves; a calibration needs the target tracked while the joints move")

@@ -19,7 +19,7 @@ from arm_model import Arm
 from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
 from identification.kinematics.estimation.start import place_tracker
-from identification.kinematics.models.parameters import UNKNOWN_TARGET, Trust, parameters_of
+from identification.kinematics.models.parameters import UNKNOWN_TARGET, Target, Trust, parameters_of
 
 NEEDED = 0.3
 """Error with couplings over that without, below which the couplings are believed."""
@@ -67,18 +67,18 @@ class _Tried:
 class _Search:
     arm: Arm
     points: Points
-    target: Sequence[float]
+    targets: Sequence[Target]
     frame_known: bool
     trust: Trust = field(default_factory=Trust)
 
     def fitted(self, matrix: Array, entries: tuple[Entry, ...], free: Sequence[Entry], iterations: int = 60) -> _Tried:
         """The best arm for the matrix, its ``free`` entries estimated with it."""
-        q = self.points.q @ matrix.T
-        points = Points(q, self.points.xyz, entry_columns(self.points.q, free))
-        parameters = parameters_of(self.arm, self.target, frame_known=self.frame_known, trust=self.trust)
+        columns = entry_columns(self.points.q, free)
+        points = replace(self.points, q=self.points.q @ matrix.T, deflections=columns)
+        parameters = parameters_of(self.arm, self.targets, frame_known=self.frame_known, trust=self.trust)
         start = parameters.chain.values
         if not self.frame_known:
-            start = place_tracker(self.arm, Points(q, self.points.xyz), self.target, False, [])[1]
+            start = place_tracker(self.arm, points.deflected(None), self.targets, False, [])[1]
         scale = np.full(len(free), _SCALE)
         found = fit(parameters, points, start=start, extension_scale=scale, reject=False, iterations=iterations)
         return _Tried(
@@ -89,14 +89,16 @@ class _Search:
 
 
 def find_couplings(
-    arm: Arm, points: Points, target: Sequence[float], *, frame_known: bool, trust: Trust, moving: Sequence[int]
+    arm: Arm, points: Points, targets: Sequence[Target], *, frame_known: bool, trust: Trust, moving: Sequence[int]
 ) -> Coupled | None:
     """The couplings that the points show, q being the link angles of the model as it is; None: none.
 
     frame_known: the tracker's frame is as stated, whatever the angles; moving: joints (from 1) that move.
     """
-    thin = points.where(slice(None, None, max(1, len(points) // _POINTS)))
-    search = _Search(arm, thin, target, frame_known, replace(trust, target=UNKNOWN_TARGET))
+    positions = points.where(~points.oriented)
+    thin = positions.where(slice(None, None, max(1, len(positions) // _POINTS)))
+    free = [replace(one, std=UNKNOWN_TARGET) for one in targets]
+    search = _Search(arm, thin, free, frame_known, trust)
     nothing = search.fitted(np.eye(len(arm)), (), ())
     best = nothing
     for _ in range(_ENTRIES):

@@ -11,7 +11,8 @@ from arm_io.types import Array
 from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.extensions import Extension, prior_scales
 from identification.kinematics.estimation.map_estimation import Fit, fit
-from identification.kinematics.models.chain import Index, position_jacobian
+from identification.kinematics.estimation.observed import linear_in
+from identification.kinematics.models.chain import Index
 from identification.kinematics.models.parameters import Parameters
 from identification.selection.limits import Limits
 from identification.selection.stepwise import MeasurementModel, Score, select
@@ -152,7 +153,7 @@ class LeftOutPoints(MeasurementModel[Extension, Chosen]):
         bend = self.deflect(state) if state else None
         now = fit(
             self.parameters,
-            Points(part.q, part.xyz, bend),
+            part.deflected(bend),
             start=self.nominal,
             extension_scale=prior_scales(state),
         )
@@ -182,9 +183,8 @@ class _Linear:
 
 
 def _linear(parameters: Parameters, points: Points, bend: Array | None, estimate: Fit) -> _Linear:
-    bent = Points(points.q, points.xyz, bend).bent(estimate.extension)
     chain = parameters.chain.at(estimate.values)
-    at, every = position_jacobian(chain, bent)
+    residual, every = linear_in(chain, points.deflected(bend), estimate.extension)
     joint = every[:, :, chain.joint_steps()]
     free, scale = parameters.free, parameters.scale[parameters.free]
     columns = every[:, :, free] * scale
@@ -194,7 +194,7 @@ def _linear(parameters: Parameters, points: Points, bend: Array | None, estimate
         spread = np.maximum(10.0 * deviation, np.abs(estimate.extension))  # free to move: it is already found
         columns = np.concatenate((columns, (joint @ bend) * spread), axis=2)
         where = np.concatenate((where, np.zeros(len(spread))))
-    return _Linear(points.xyz - at, columns, where, joint, estimate.noise)
+    return _Linear(residual, columns, where, joint, estimate.noise)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ an error of the survey is not counted as an improvement of the arm.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,10 +17,18 @@ from identification.kinematics.data.runs import Run, points_of, thinned, velocit
 from identification.kinematics.estimation.blocks import blocks
 from identification.kinematics.estimation.extensions import deflections, prior_scales
 from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit, residuals
+from identification.kinematics.estimation.observability import expected_rank
+from identification.kinematics.estimation.observed import linear_in, residual_of
 from identification.kinematics.estimation.position_error import LeftOut, PositionError, far, position_error
 from identification.kinematics.estimation.work import IMPOSSIBLE_NOISE, OUTLIERS, Work, pattern
-from identification.kinematics.models.chain import Chain, Index, Mask, position, position_jacobian
-from identification.kinematics.models.parameters import UNKNOWN_FRAME, UNKNOWN_TARGET, Parameters
+from identification.kinematics.models.chain import Chain, Index, Mask
+from identification.kinematics.models.parameters import (
+    UNKNOWN_FRAME,
+    UNKNOWN_TARGET,
+    Parameters,
+    is_target,
+    target_groups,
+)
 
 MOST_JUDGED = 100_000
 """Points of one part on which errors are computed; more are evenly thinned."""
@@ -38,38 +46,50 @@ _PRIOR = 25.0
 
 @dataclass(frozen=True)
 class Judgement:
-    """Errors {"fit": ..., "held_out": ...} before and after, the points left out, and reasons why it is no success."""
+    """Errors {"fit": ..., "held_out": ...} before and after, the points left out, and reasons why it is no success.
+
+    orientation: rms rad of orientations, {"fit": {"before", "after"}, ...}; {} without.
+    """
 
     before: dict[str, PositionError]
     after: dict[str, PositionError]
+    orientation: dict[str, dict[str, float]]
     left_out: tuple[LeftOut, ...]
     failures: tuple[str, ...]
 
 
 def judged(work: Work, nominal: Chain) -> Judgement:
     """The errors of a finished calibration, and what refutes it. nominal: see ``best_frame_and_target``."""
-    before, after, left_out = {}, {}, []
+    before, after, left_out, orientation = {}, {}, [], {}
     for part, runs in (("fit", work.runs), ("held_out", work.held_out)):
         rows = thinned(runs, MOST_JUDGED)
         points = points_of(runs, rows)
         residual = _residual(work, runs, rows, part)
         outlier = _outlier(work, part, residual, points)
-        before[part] = position_error(points.xyz - position(nominal, as_nominal(work, points.q)), outlier)
-        after[part] = position_error(residual, outlier)
+        as_was = residual_of(nominal, replace(points, q=as_nominal(work, points.q)))
+        placed = ~points.oriented
+        before[part] = position_error(as_was[placed], outlier[placed])
+        after[part] = position_error(residual[placed], outlier[placed])
+        if points.lever is not None and not placed.all():
+            both = (("before", as_was), ("after", residual))
+            lever = points.lever[~placed, None]
+            orientation[part] = {when: float(np.sqrt(np.mean((off[~placed] / lever) ** 2))) for when, off in both}
         left_out += _by_run(part, runs, rows, residual, outlier)
-    return Judgement(before, after, tuple(left_out), tuple(_failures(work, before, after, left_out)))
+    return Judgement(before, after, orientation, tuple(left_out), tuple(_failures(work, before, after, left_out)))
 
 
 def best_frame_and_target(work: Work) -> Chain:
     """The nominal arm where frame and target fit the points best that the calibration fits."""
     inlier = work.estimate.inlier
-    q = as_nominal(work, points_of(work.runs, work.rows).q)[inlier]
-    points = Points(q, work.points.xyz[inlier])
+    points = points_of(work.runs, work.rows)
+    points = replace(points, q=as_nominal(work, points.q)).where(inlier)
     names = work.parameters.chain.names
     scale = np.zeros(len(names))
     for k, name in enumerate(names):
-        if name.startswith(("base.", "target.")):
-            scale[k] = UNKNOWN_FRAME if name.startswith("base.") else UNKNOWN_TARGET
+        if name.startswith("base.") or (is_target(name) and name.endswith(("yaw", "pitch", "roll"))):
+            scale[k] = UNKNOWN_FRAME
+        elif is_target(name):
+            scale[k] = UNKNOWN_TARGET
     free = np.flatnonzero(scale)
     chain = work.parameters.chain
     start = work.first if not work.settings.frame_known else chain
@@ -89,19 +109,21 @@ def weaknesses(work: Work, rank: int) -> list[str]:
     found = []
     moving = work.moving
     prismatic = sum(not work.arm.joints[j - 1].revolute for j in moving)
-    if rank < len(moving) * 4 + 3 - 2 * prismatic:
-        found.append(
-            f"{rank} of {4 * len(moving) + 3} parameters are identifiable from these poses; record more varied poses"
-        )
-    steps, values = work.parameters.chain.steps, work.estimate.values
-    at = [k for k, step in enumerate(steps) if step.name.startswith("target.")]
-    scale = work.parameters.scale[at]
-    off = (values - work.parameters.chain.values)[at]
-    if work.settings.trust.target < UNKNOWN_TARGET and float(np.sum((off / scale) ** 2)) > _PRIOR:
-        found.append(
-            f"the target is {1e3 * np.linalg.norm(off):.2f} mm off the place given with a standard deviation of "
-            f"{1e3 * scale[0]:g} mm (chi-square {np.sum((off / scale) ** 2):.0f} of 3): --target-std is too small"
-        )
+    oriented = sum(one.oriented for one in work.targets)
+    most = expected_rank(len(moving) - prismatic, prismatic, len(work.targets), oriented)
+    if rank < most:
+        found.append(f"{rank} of {most} parameters are identifiable from these poses; record more varied poses")
+    chain = work.parameters.chain
+    for group, one in zip(target_groups(len(work.targets)), work.targets):
+        at = [chain.names.index(f"{group}.{axis}") for axis in "xyz"]
+        off = (work.estimate.values - chain.values)[at]
+        chi_square = float(np.sum((off / one.std) ** 2))
+        if one.given and chi_square > _PRIOR:
+            name = one.name and f" {one.name}"
+            found.append(
+                f"the target{name} is {1e3 * np.linalg.norm(off):.2f} mm off the place given with a standard deviation "
+                f"of {1e3 * one.std:g} mm (chi-square {chi_square:.0f} of 3): --target-std is too small"
+            )
     return found
 
 
@@ -109,7 +131,7 @@ def _residual(work: Work, runs: Sequence[Run], rows: Sequence[Index], part: str)
     """(N, 3) m: measured less predicted; of held-out poses of cross-validation, each predicted without its fold."""
     points = points_of(runs, rows)
     bend = deflections(work.extensions, points.q, velocity=velocity_of(runs, rows), gravity=work.settings.gravity)
-    points = Points(points.q, points.xyz, bend if work.extensions else None)
+    points = points.deflected(bend if work.extensions else None)
     if part == "fit" or work.judged_by != "cross-validation":
         return residuals(work.parameters, work.estimate.values, work.estimate.extension, points)
     number = blocks(runs, rows)
@@ -151,7 +173,7 @@ def _outlier(work: Work, part: str, residual: Array, points: Points) -> Mask:
 def _promised(work: Work, points: Points) -> Array:
     """(N, 3, 3) m2: covariance of predicted points, by that of the estimate."""
     free = work.parameters.free
-    columns = position_jacobian(work.parameters.chain.at(work.estimate.values), points.q)[1][:, :, free]
+    columns = linear_in(work.parameters.chain.at(work.estimate.values), points)[1][:, :, free]
     return columns @ work.estimate.covariance[: len(free), : len(free)] @ np.swapaxes(columns, 1, 2)
 
 
@@ -160,8 +182,9 @@ def _by_run(part: str, runs: Sequence[Run], rows: Sequence[Index], residual: Arr
     for run, which in zip(runs, rows, strict=True):
         here = np.flatnonzero(outlier[first : first + len(which)])
         if len(here):
-            distance = np.linalg.norm(residual[first + here], axis=1)
-            found.append(LeftOut(part, run.name, which[here] + 1, distance))
+            distance = np.linalg.norm(residual[first + here], axis=1) / (run.lever or 1.0)
+            row = which[here] if run.file_row is None else run.file_row[which[here]]
+            found.append(LeftOut(part, run.name, row + 1, distance))
         first += len(which)
     return found
 

@@ -1,8 +1,7 @@
 """Robust maximum a posteriori estimation of a chain's values from tracked points, with the exact Jacobian.
 
 Minimised is  sum_i rho(|p_i - f(q_i, x)| / s) + sum_k ((x_k - x0_k) / scale_k)^2  by Levenberg-Marquardt: the first sum
-              over
-points, with noise s estimated along the way, the second the priors, which decide only what the points cannot.
+over points, with noise s estimated along the way, the second the priors, which decide only what the points cannot.
 
 Every point counts if all of them agree with ordinary least squares. Otherwise points count with Geman and McClure's
 weight (Stat. 1985) while the estimate is still moving, so that beam breaks and wrong points pull little; at the end
@@ -22,7 +21,8 @@ import numpy as np
 
 from arm_io.types import Array
 from identification.kinematics.data.points import Points
-from identification.kinematics.models.chain import Mask, position, position_jacobian
+from identification.kinematics.estimation.observed import linear_in, residual_of
+from identification.kinematics.models.chain import Mask
 from identification.kinematics.models.parameters import Parameters
 
 REJECT = 5.0
@@ -66,8 +66,8 @@ class Fit:
 
 
 def residuals(parameters: Parameters, values: Array, extension: Array, points: Points) -> Array:
-    """Measured minus predicted position (N, 3) m."""
-    return points.xyz - position(parameters.chain.at(values), points.bent(extension))
+    """Measured minus predicted (N, 3) m: ``observed.residual_of``."""
+    return residual_of(parameters.chain.at(values), points, extension)
 
 
 def fit(
@@ -177,11 +177,11 @@ class _Problem:
     def linear(self, x: Array) -> tuple[Array, Array]:
         """Residuals (N, 3) and the Jacobian of the prediction (N, 3, unknowns), per prior deviation."""
         chain = self.parameters.chain.at(self.values(x))
-        at, every = position_jacobian(chain, self.points.bent(x[self.n_free :]))
+        residual, every = linear_in(chain, self.points, x[self.n_free :])
         jacobian = every[:, :, self.parameters.free]
         if self.points.deflections is not None and len(x) > self.n_free:
             jacobian = np.concatenate((jacobian, every[:, :, self.joint_steps] @ self.points.deflections), axis=2)
-        return self.points.xyz - at, jacobian * self.scale
+        return residual, jacobian * self.scale
 
     def cost(self, x: Array, weight: Array, noise: float, length: Array) -> float:
         return float(np.sum(weight * length**2) / noise**2 + np.sum(((x - self.prior) / self.scale) ** 2))

@@ -11,13 +11,14 @@ of each parameter, for m poses (Sun and Hollerbach, "Observability index selecti
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_io.types import Array
-from identification.kinematics.models.chain import position_jacobian
+from identification.kinematics.data.points import Points
+from identification.kinematics.estimation.observed import linear_in
 from identification.kinematics.models.parameters import Parameters
 
 RANK_TOLERANCE = 1e-8
@@ -49,16 +50,25 @@ def at_rest(q: Array) -> Array:
     return q
 
 
-def identifiable(parameters: Parameters, q: ArrayLike, *, most: int = 2000) -> int:
-    """How many independent combinations of ALL parameters (base, joints, target) points at q (N, joints) can show.
+def identifiable(parameters: Parameters, poses: ArrayLike | Points, *, most: int = 2000) -> int:
+    """How many independent combinations of ALL parameters (base, joints, targets) ``poses`` can show.
 
-    27 for a 6R arm and 15 for a 3R arm in general poses (4 a revolute joint, and 3 for the point).
+    poses: angles q (N, joints) of the first target, or what was measured of all targets. 27 for a 6R arm and 15 for a
+    3R arm in general poses (``expected_rank``).
     """
-    q = at_rest(np.atleast_2d(np.asarray(q, float)))
-    q = q[:: max(1, len(q) // most)]
-    _, jacobian = position_jacobian(parameters.chain, q)
+    points = _points(poses)
+    points = replace(points, q=at_rest(points.q)).where(slice(None, None, max(1, len(points) // most)))
+    jacobian = linear_in(parameters.chain, points)[1]
     columns = jacobian[:, :, parameters.every].reshape(-1, len(parameters.every))
     return int(np.sum(singular_values(columns) > RANK_TOLERANCE * float(np.linalg.norm(columns))))
+
+
+def expected_rank(revolute: int, prismatic: int, targets: int, oriented: int) -> int:
+    """``identifiable`` of general poses: 4 a revolute joint, 2 a prismatic one, 3 a target and 3 more if oriented.
+
+    Source: Everett and Hsu, IEEE T-RA 1988, for a full pose; a point has three less.
+    """
+    return 4 * revolute + 2 * prismatic + 3 * targets + 3 * oriented
 
 
 def singular_values(columns: Array) -> Array:
@@ -83,7 +93,17 @@ def indices(columns: Array, rank: int, poses: int) -> Observability:
     )
 
 
-def scaled_jacobian(parameters: Parameters, q: ArrayLike) -> Array:
-    """(N, 3, free): derivatives of the point per prior deviation of each free value, m."""
-    _, jacobian = position_jacobian(parameters.chain, q)
+def scaled_jacobian(parameters: Parameters, poses: ArrayLike | Points) -> Array:
+    """(N, 3, free): derivatives of the point per prior deviation of each free value, m.
+
+    poses as in ``identifiable``.
+    """
+    jacobian = linear_in(parameters.chain, _points(poses))[1]
     return jacobian[:, :, parameters.free] * parameters.scale[parameters.free]
+
+
+def _points(poses: ArrayLike | Points) -> Points:
+    if isinstance(poses, Points):
+        return poses
+    q = np.atleast_2d(np.asarray(poses, float))
+    return Points(q, np.zeros((len(q), 3)))

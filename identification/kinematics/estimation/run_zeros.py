@@ -36,7 +36,7 @@ def with_own_zeros(
     columns, counts = zero_columns(runs, rows)
     points = points_of(runs, rows)
     bend = deflections(chosen, points.q, velocity=velocity_of(runs, rows), gravity=gravity)
-    both = Points(points.q, points.xyz, np.concatenate((bend, columns), axis=2))
+    both = points.deflected(np.concatenate((bend, columns), axis=2))
     scale = np.concatenate((prior_scales(chosen), counts))
     own, found = bend.shape[2], len(estimate.extension)
     start = np.concatenate((estimate.extension, np.zeros(len(counts))))
@@ -44,7 +44,7 @@ def with_own_zeros(
     zeros = fitted.extension[own:]
     kept = len(parameters.free) + found
     marginal = replace(fitted, extension=fitted.extension[:found], covariance=fitted.covariance[:kept, :kept])
-    moved = Points(points.q + columns @ zeros, points.xyz, bend if chosen else None)
+    moved = replace(points, q=points.q + columns @ zeros, deflections=bend if chosen else None)
     return moved, marginal, zeros
 
 
@@ -85,7 +85,7 @@ def expected(chain: Chain, runs: Sequence[Run]) -> float:
         rows = np.flatnonzero(run.usable)
         rows = rows[:: max(1, len(rows) // 2000)]
         if run.count is not None and len(rows):
-            joint = position_jacobian(chain, run.q[rows])[1][:, :, chain.joint_steps()]
+            joint = position_jacobian(chain, run.q[rows], np.full(len(rows), run.target))[1][:, :, chain.joint_steps()]
             squares += len(rows) * float(np.mean(np.sum((joint * run.count) ** 2, axis=2))) / 6.0
         points += len(rows)
     return float(np.sqrt(squares / points)) if points else 0.0

@@ -11,23 +11,24 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
+from identification.kinematics.circle_points.axes import circle_point_model
+from identification.kinematics.circle_points.circle_point import Circle
+from identification.kinematics.circle_points.sweeps import circles_of
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import Run, aligned
-from identification.kinematics.estimation.axes import circle_point_model
-from identification.kinematics.estimation.circle_point import Circle
 from identification.kinematics.estimation.map_estimation import residuals
-from identification.kinematics.estimation.sweeps import circles_of
-from identification.kinematics.models.chain import Chain, position, xyz_ypr
-from identification.kinematics.models.parameters import Parameters, Trust, base_pose, parameters_of
+from identification.kinematics.models.chain import Chain, position, target_steps, xyz_ypr
+from identification.kinematics.models.parameters import Parameters, Target, Trust, base_pose, is_target, parameters_of
 
 
 def place_tracker(
-    arm: Arm, points: Points, target: Sequence[float], frame_known: bool, warnings: list[str]
+    arm: Arm, points: Points, targets: Sequence[Target], frame_known: bool, warnings: list[str]
 ) -> tuple[bool, Array]:
     """Whether the frame of the tracker can be taken as known, and the values of the chain to begin from."""
-    parameters = parameters_of(arm, target, frame_known=frame_known, trust=Trust())
+    points = points.where(~points.oriented)
+    parameters = parameters_of(arm, targets, frame_known=frame_known, trust=Trust())
     chain = parameters.chain
-    at = position(chain, points.q)
+    at = position(chain, points.q, points.target)
     pose = aligned(at, points.xyz)
     as_given = float(np.median(np.linalg.norm(points.xyz - at, axis=1)))
     laid_over = float(np.median(np.linalg.norm(points.xyz - at @ pose[:3, :3].T - pose[:3, 3], axis=1)))
@@ -50,7 +51,7 @@ def best_circles(runs: Sequence[Run]) -> tuple[list[Circle], list[str]]:
     """The best circle of every joint that was swept alone, last joint first, and why other sweeps gave none."""
     best: dict[int, Circle] = {}
     refused: list[str] = []
-    for run in runs:
+    for run in (run for run in runs if run.target == 0 and not run.lever):
         found, reasons = circles_of(run.q, run.xyz)
         refused += [f"{run.name}: {reason}" for reason in reasons]
         for circle in found:
@@ -63,23 +64,29 @@ def values_from_circles(arm: Arm, circles: Sequence[Circle], nominal: Chain) -> 
     """Values of the chain by circle-point analysis; None without circles or for an unsupported convention."""
     if not circles or any(j.convention != "standard" for j in arm.joints):
         return None
-    return circle_point_model(circles, nominal)
+    values = circle_point_model(circles, one_target(nominal))
+    return np.concatenate((values, nominal.values[len(values) :]))
 
 
 def with_nominal_target(parameters: Parameters, values: Array) -> Array:
     """The values with the target at its nominal place, which circle-point analysis alone assumes."""
     values, nominal = values.copy(), parameters.chain.values
     for k, name in enumerate(parameters.chain.names):
-        if name.startswith("target."):
+        if is_target(name):
             values[k] = nominal[k]
     return values
+
+
+def one_target(chain: Chain) -> Chain:
+    """The chain to the position of the first target, which is then called ``target``."""
+    first = [k for k, s in enumerate(chain.steps) if is_target(s.name)][:3]
+    ends = target_steps("target", [chain.steps[k].value for k in first])
+    return Chain((*chain.steps[: first[0]], *ends))
 
 
 def best_start(parameters: Parameters, points: Points, nominal: Array, circles: Array | None) -> Array:
     """The nominal values or those from circles, whichever has the smaller median distance to the points."""
     starts = [nominal] if circles is None else [nominal, with_nominal_target(parameters, circles)]
-    off = [
-        float(np.median(np.linalg.norm(residuals(parameters, s, np.zeros(0), Points(points.q, points.xyz)), axis=1)))
-        for s in starts
-    ]
+    plain = points.where(~points.oriented).deflected(None)
+    off = [float(np.median(np.linalg.norm(residuals(parameters, s, np.zeros(0), plain), axis=1))) for s in starts]
     return starts[int(np.argmin(off))]

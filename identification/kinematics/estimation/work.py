@@ -11,21 +11,29 @@ import numpy as np
 
 from arm_io.types import Array, Progress
 from arm_model import Arm
+from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.row_shifts import Shift, find_constant, find_step
 from identification.kinematics.data.runs import Run, points_of, shifted, thinned, velocity_of
 from identification.kinematics.estimation.blocks import blocks
-from identification.kinematics.estimation.circle_point import Circle
 from identification.kinematics.estimation.coupled_joints import Entry, entry_columns, find_couplings, refined
 from identification.kinematics.estimation.cross_validation import Trial, choose
 from identification.kinematics.estimation.extensions import Extension, candidates, deflections, prior_scales
 from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
 from identification.kinematics.estimation.observability import RESTING
+from identification.kinematics.estimation.orientation import aimed, lever_of, realigned
 from identification.kinematics.estimation.outlier_pattern import shared
 from identification.kinematics.estimation.run_zeros import with_own_zeros, with_zeros
 from identification.kinematics.estimation.start import best_circles, best_start, place_tracker, values_from_circles
 from identification.kinematics.models.chain import Chain, Gravity, Index, Mask
-from identification.kinematics.models.parameters import UNKNOWN_TARGET, Parameters, Trust, parameters_of
+from identification.kinematics.models.parameters import (
+    UNKNOWN_TARGET,
+    Parameters,
+    Target,
+    Trust,
+    parameters_of,
+    target_of,
+)
 
 MOST = 10000
 """Points used for fitting; more are evenly thinned: neighbours at 1 kHz say the same thing."""
@@ -64,11 +72,12 @@ class Work:
     runs, held_out  with link angles q; link angles = ``coupling`` (n, n) times reported ones
     judged_by       "split": ``held_out`` are blocks of the same runs; "cross-validation": they are the same runs
     first           where the estimation began, in the estimated tracker frame if that was unknown
+    aims            (3, 3) by target: the frame that its measured orientations are of now, in which they were given
     """
 
     arm: Arm
     settings: Settings
-    target: Sequence[float]
+    targets: Sequence[Target]
     runs: list[Run]
     held_out: list[Run]
     judged_by: JudgedBy
@@ -87,6 +96,7 @@ class Work:
     trials: list[Trial] = field(default_factory=list)
     shifts: list[Shift] = field(default_factory=list)
     moved_frame: str = ""
+    aims: dict[int, Array] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
     @property
@@ -100,18 +110,21 @@ def first_fit(work: Work) -> None:
     work.rows = thinned(work.runs, MOST)
     work.points = points_of(work.runs, work.rows)
     found: list[str] = []
-    known, start = place_tracker(work.arm, work.points, work.target, work.settings.frame_known, found)
+    known, start = place_tracker(work.arm, work.points, work.targets, work.settings.frame_known, found)
     work.moved_frame = "".join(found)
     work.warnings += found
     work.settings = replace(work.settings, frame_known=known)
-    work.parameters = parameters_of(work.arm, work.target, frame_known=known, trust=work.settings.trust)
+    work.parameters = parameters_of(work.arm, work.targets, frame_known=known, trust=work.settings.trust)
     work.first = work.parameters.chain.at(start)
+    aim(work)
     work.tell("circles of single-joint sweeps")
     work.circles, work.refused = best_circles(work.runs)
     work.from_circles = values_from_circles(work.arm, work.circles, work.first)
     work.tell("least squares on all points")
     best = best_start(work.parameters, work.points, start, work.from_circles)
     work.estimate = fit(work.parameters, work.points, start=best)
+    if weigh(work):
+        work.estimate = fit(work.parameters, work.points, start=work.estimate.values)
 
 
 def couple(work: Work, stated_frame: bool) -> None:
@@ -123,7 +136,7 @@ def couple(work: Work, stated_frame: bool) -> None:
     if not work.settings.extend or not (contested or _doubtful(work)):
         return
     work.tell("couplings and ratios of joints")
-    search = (work.arm, work.points, work.target)
+    search = (work.arm, work.points, work.targets)
     found = find_couplings(*search, frame_known=stated_frame, trust=work.settings.trust, moving=work.moving)
     if found is None and contested and _doubtful(work):
         found = find_couplings(*search, frame_known=False, trust=work.settings.trust, moving=work.moving)
@@ -135,7 +148,7 @@ def couple(work: Work, stated_frame: bool) -> None:
     _link(work, found.matrix)
     first_fit(work)
     if found.free:
-        points = Points(work.points.q, work.points.xyz, entry_columns(reported, found.free))
+        points = work.points.deflected(entry_columns(reported, found.free))
         scale = np.full(len(found.free), 0.05)
         better = fit(work.parameters, points, start=work.estimate.values, extension_scale=scale)
         matrix, std = refined(found.matrix, found.free, better)
@@ -144,38 +157,41 @@ def couple(work: Work, stated_frame: bool) -> None:
         first_fit(work)
 
 
-def free_target(work: Work) -> None:
-    """A target given with too small an uncertainty is estimated instead, and said.
+def free_targets(work: Work) -> None:
+    """Targets given with too small an uncertainty are estimated instead, and said.
 
-    The posterior of the fit with the target free is compared with that of the target as given, each with what the last
-    link had to take: 2 log of their ratio is chi-square of 3 where the target was given rightly.
+    The posterior of the fit with these targets free is compared with that of the targets as given, each with what the
+    last link had to take: 2 log of their ratio is chi-square of 3 a target where they were given rightly.
     """
-    trust = work.settings.trust
-    if trust.target >= UNKNOWN_TARGET:
+    if not any(one.given for one in work.targets):
         return
-    wide = replace(trust, target=UNKNOWN_TARGET)
-    parameters = parameters_of(work.arm, work.target, frame_known=work.settings.frame_known, trust=wide)
-    points = Points(work.points.q, work.points.xyz)
+    wide = [replace(one, std=UNKNOWN_TARGET) for one in work.targets]
+    settings = work.settings
+    parameters = parameters_of(work.arm, wide, frame_known=settings.frame_known, trust=settings.trust)
+    points = work.points.deflected(None)
     found = fit(parameters, points, start=work.estimate.values)
     both = found.inlier & work.estimate.inlier
     gain = _misfit(work.parameters, work.estimate, points, both, found.noise) - _misfit(
         parameters, found, points, both, found.noise
     )
     more = int(found.inlier.sum()) - int(work.estimate.inlier.sum())
-    if gain < _TARGET and more <= OUTLIERS * len(points):
+    if gain < _TARGET * sum(one.given for one in work.targets) and more <= OUTLIERS * len(points):
         return
-    where = [value for step, value in zip(parameters.chain.steps, found.values) if step.name.startswith("target.")]
-    off = float(np.linalg.norm(np.array(where) - np.array(work.target)))
-    if off < 5.0 * trust.target:
-        return
-    work.warnings.append(
-        f"the target was given as ({', '.join(f'{v:.4f}' for v in work.target)}) m with a standard deviation of "
-        f"{1e3 * trust.target:g} mm, but the points place it {1e3 * off:.1f} mm away (chi-square {gain:.0f} with 3 "
-        "degrees of freedom); it was estimated instead. Give --target in the frame of the last link, or a larger "
-        "--target-std"
-    )
-    work.settings = replace(work.settings, trust=wide)
-    work.parameters, work.estimate = parameters, found
+    chain = parameters.chain.at(found.values)
+    off = [target_of(chain, k)[:3, 3] - one.place for k, one in enumerate(work.targets)]
+    wrong = [k for k, one in enumerate(work.targets) if one.given and np.linalg.norm(off[k]) >= 5.0 * one.std]
+    for k in wrong:
+        one = work.targets[k]
+        work.warnings.append(
+            f"the target{one.name and ' ' + one.name} was given as ({', '.join(f'{v:.4f}' for v in one.place)}) m with "
+            f"a standard deviation of {1e3 * one.std:g} mm, but the points place it "
+            f"{1e3 * np.linalg.norm(off[k]):.1f} mm away (chi-square {gain:.0f} with 3 degrees of freedom per target); "
+            "it was estimated instead. Give --target in the frame of the last link, or a larger --target-std"
+        )
+    if wrong:
+        work.targets = [wide[k] if k in wrong else one for k, one in enumerate(work.targets)]
+        work.parameters = parameters_of(work.arm, work.targets, frame_known=settings.frame_known, trust=settings.trust)
+        work.estimate = fit(work.parameters, points, start=found.values)
 
 
 def extend_and_realign(work: Work) -> None:
@@ -204,6 +220,30 @@ def estimate_run_zeros(work: Work) -> None:
     )
     work.runs = with_zeros(work.runs, zeros)
     work.held_out = with_zeros(work.held_out, zeros) if work.judged_by != "held_out" else work.held_out
+
+
+def aim(work: Work) -> None:
+    """Orientations become those of a frame that is nearly parallel to the last link's."""
+    found = aimed(work.first, work.points)
+    for number, turn in found.items():
+        work.aims[number] = turn @ work.aims.get(number, np.eye(3))
+    if found:
+        work.runs = [realigned(run, found) for run in work.runs]
+        work.held_out = [realigned(run, found) for run in work.held_out]
+        work.points = points_of(work.runs, work.rows)
+
+
+def weigh(work: Work) -> bool:
+    """Orientations weigh by the ratio of both noises, as the residuals show it. Whether there are any."""
+    lever = lever_of(
+        work.points, residuals(work.parameters, work.estimate.values, work.estimate.extension, work.points)
+    )
+    if lever is None:
+        return False
+    for runs in (work.runs, work.held_out):
+        runs[:] = [replace(run, lever=lever) if run.lever else run for run in runs]
+    work.points = replace(work.points, lever=np.where(work.points.oriented, lever, 0.0))
+    return True
 
 
 def representatives(work: Work, outlier: Mask) -> Index:
@@ -262,7 +302,7 @@ def _extend(work: Work) -> None:
     numbers = blocks(work.runs, work.rows)
     work.extensions, work.trials = choose(work.parameters, points, numbers, tried, deflect, work.estimate, work.tell)
     if work.extensions:
-        points = Points(points.q, points.xyz, deflect(work.extensions))
+        points = points.deflected(deflect(work.extensions))
         scale = prior_scales(work.extensions)
         work.estimate = fit(work.parameters, points, start=work.estimate.values, extension_scale=scale)
     work.points = points
@@ -284,6 +324,8 @@ def _realign(work: Work) -> bool:
 
     def aligned_rows(run: Run) -> tuple[Run, list[Shift]]:
         mine: list[Shift] = []
+        if run.still or run.lever:
+            return run, mine
         for search in (find_step, find_step, find_step, find_constant):
             shift = search(bent(run), chain, work.estimate.noise)
             if shift is not None:

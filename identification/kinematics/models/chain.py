@@ -33,13 +33,15 @@ Gravity = Callable[[Array], Array]
 class Step:
     """One elementary transform of ``value`` (rad, m), plus the joint coordinate where ``joint`` (0-based) is given.
 
-    ``name`` is the parameter's name, like ``joint2.alpha``.
+    ``name`` is the parameter's name, like ``joint2.alpha``. ``target`` (0-based): the step belongs to that target
+    alone; None: to all.
     """
 
     motion: Motion
     value: float
     name: str
     joint: int | None = None
+    target: int | None = None
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,8 @@ class Chain:
     def at(self, values: ArrayLike) -> Chain:
         """The same chain with other values (steps,)."""
         numbers = np.asarray(values, float)
-        return Chain(tuple(Step(s.motion, float(v), s.name, s.joint) for s, v in zip(self.steps, numbers, strict=True)))
+        pairs = zip(self.steps, numbers, strict=True)
+        return Chain(tuple(Step(s.motion, float(v), s.name, s.joint, s.target) for s, v in pairs))
 
     def joint_steps(self) -> list[int]:
         """Index of the step that carries each joint coordinate."""
@@ -74,12 +77,15 @@ class Chain:
         return [where[j] for j in range(self.joints)]
 
 
-def forward(chain: Chain, q: ArrayLike) -> Array:
-    """Poses (N, 4, 4) of the end frame in the world for joint coordinates q (N, joints) rad or m."""
+def forward(chain: Chain, q: ArrayLike, target: Index | None = None) -> Array:
+    """Poses (N, 4, 4) of the end frame in the world for joint coordinates q (N, joints) rad or m.
+
+    target (N,): number of the target that each row is about; None: the first one everywhere.
+    """
     q = _rows(chain, q)
     axes, origin = _start()
     for step in chain.steps:
-        axes, origin = _advance(axes, origin, step, q)
+        axes, origin = _advance(axes, origin, step, q, target)
     pose = np.zeros((len(q), 4, 4))
     for column in range(3):
         pose[:, :3, column] = axes[column]
@@ -88,31 +94,52 @@ def forward(chain: Chain, q: ArrayLike) -> Array:
     return pose
 
 
-def position(chain: Chain, q: ArrayLike) -> Array:
-    """Positions (N, 3) m of the end point in the world for q (N, joints)."""
+def position(chain: Chain, q: ArrayLike, target: Index | None = None) -> Array:
+    """Positions (N, 3) m of the target in the world for q (N, joints); target (N,) as in ``forward``."""
     q = _rows(chain, q)
     axes, origin = _start()
     for step in chain.steps:
-        axes, origin = _advance(axes, origin, step, q)
+        axes, origin = _advance(axes, origin, step, q, target)
     return np.broadcast_to(origin, (len(q), 3)).copy()
 
 
-def position_jacobian(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
+def position_jacobian(chain: Chain, q: ArrayLike, target: Index | None = None) -> tuple[Array, Array]:
     """Positions (N, 3) and their derivatives (N, 3, steps) with respect to every value of the chain.
 
-    The column of a joint's step is also the derivative with respect to that joint coordinate.
+    The column of a joint's step is also the derivative with respect to that joint coordinate. target (N,) as in
+    ``forward``: a row does not depend on the values of other targets.
     """
     q = _rows(chain, q)
     axes, origin = _start()
     acting = []
     for step in chain.steps:
         acting.append((axes["xyz".index(step.motion[1])], origin))
-        axes, origin = _advance(axes, origin, step, q)
+        axes, origin = _advance(axes, origin, step, q, target)
     end = np.broadcast_to(origin, (len(q), 3))
     derivative = np.empty((len(q), 3, len(chain.steps)))
     for k, (step, (axis, at)) in enumerate(zip(chain.steps, acting, strict=True)):
         derivative[:, :, k] = axis if step.motion[0] == "t" else _cross(axis, end - at)
+        if step.target is not None:
+            derivative[:, :, k] *= _share(step, target)
     return end.copy(), derivative
+
+
+def pose_jacobian(chain: Chain, q: ArrayLike, target: Index | None = None) -> tuple[Array, Array]:
+    """Rotations (N, 3, 3) of the end frame, and their derivatives (N, 3, steps) as rotation vectors in the world.
+
+    A small change dx of the values turns the end frame by derivative dx (rad): R becomes exp([derivative dx]) R.
+    """
+    q = _rows(chain, q)
+    axes, origin = _start()
+    derivative = np.zeros((len(q), 3, len(chain.steps)))
+    for k, step in enumerate(chain.steps):
+        if step.motion[0] == "r":
+            derivative[:, :, k] = axes["xyz".index(step.motion[1])] * _share(step, target)
+        axes, origin = _advance(axes, origin, step, q, target)
+    rotation = np.empty((len(q), 3, 3))
+    for column in range(3):
+        rotation[:, :, column] = axes[column]
+    return rotation, derivative
 
 
 def joint_axes(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
@@ -128,6 +155,7 @@ def joint_axes(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
 
 
 Axes = tuple[Array, Array, Array]
+_ALONG: tuple[Motion, ...] = ("tx", "ty", "tz")
 
 
 def _start() -> tuple[Axes, Array]:
@@ -135,13 +163,22 @@ def _start() -> tuple[Axes, Array]:
     return (x, y, z), np.zeros((1, 3))
 
 
-def _advance(axes: Axes, origin: Array, step: Step, q: Array) -> tuple[Axes, Array]:
+def _share(step: Step, target: Index | None) -> float | Array:
+    """1 for rows (N, 1) that a step acts on, 0 for those of other targets."""
+    if step.target is None:
+        return 1.0
+    return float(step.target == 0) if target is None else (target == step.target)[:, None].astype(float)
+
+
+def _advance(axes: Axes, origin: Array, step: Step, q: Array, target: Index | None = None) -> tuple[Axes, Array]:
     """The frame after one step, seen from the world: columns of its rotation and its origin."""
     value: float | Array = step.value
     if step.joint is not None:
         value = step.value + q[:, step.joint, None]
     elif value == 0.0:
         return axes, origin
+    if step.target is not None:
+        value = value * _share(step, target)
     along = "xyz".index(step.motion[1])
     if step.motion[0] == "t":
         return axes, origin + value * axes[along]
@@ -180,10 +217,15 @@ def placement(prefix: str, pose: ArrayLike) -> list[Step]:
     ]
 
 
-def target_steps(prefix: str, point: Sequence[float] | Array) -> list[Step]:
-    """A point fixed in the last frame, as three translations PREFIX.x .y .z, m."""
-    x, y, z = (float(v) for v in point)
-    return [Step("tx", x, f"{prefix}.x"), Step("ty", y, f"{prefix}.y"), Step("tz", z, f"{prefix}.z")]
+def target_steps(prefix: str, point: Sequence[float] | Array, number: int | None = None) -> list[Step]:
+    """A point fixed in the last frame, as three translations PREFIX.x .y .z, m; ``number``: of several targets."""
+    return [Step(motion, float(v), f"{prefix}.{motion[1]}", None, number) for motion, v in zip(_ALONG, point)]
+
+
+def turn_steps(prefix: str, number: int) -> list[Step]:
+    """The orientation of a target's frame in the last frame, as PREFIX.yaw .pitch .roll, rad: Rot(z) Rot(y) Rot(x)."""
+    turns: tuple[tuple[Motion, str], ...] = (("rz", "yaw"), ("ry", "pitch"), ("rx", "roll"))
+    return [Step(motion, 0.0, f"{prefix}.{name}", None, number) for motion, name in turns]
 
 
 def xyz_ypr(pose: ArrayLike) -> tuple[float, float, float, float, float, float]:

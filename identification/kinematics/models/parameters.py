@@ -21,7 +21,16 @@ from numpy.typing import ArrayLike
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm, Pose
-from identification.kinematics.models.chain import Chain, Index, Motion, Step, forward, placement, target_steps
+from identification.kinematics.models.chain import (
+    Chain,
+    Index,
+    Motion,
+    Step,
+    forward,
+    placement,
+    target_steps,
+    turn_steps,
+)
 from identification.kinematics.models.conversion import PARALLEL
 
 UNKNOWN_FRAME = 10.0
@@ -34,7 +43,7 @@ UNKNOWN_TARGET = 0.3
 class Trust:
     """Prior standard deviations: how far from the nominal an arm of this kind may be.
 
-    angle rad (joint zeros and twists), length m (of links), base_angle rad and base_length m (the mounting), target m.
+    angle rad (joint zeros and twists), length m (of links), base_angle rad and base_length m (the mounting).
     The defaults cover the errors of the thesis's Puma (2.75 degrees, 3 mm) twice over; with data they only decide what
     data cannot.
     """
@@ -43,7 +52,27 @@ class Trust:
     length: float = 0.01
     base_angle: float = 0.05
     base_length: float = 0.02
-    target: float = 1e-4
+
+
+@dataclass(frozen=True)
+class Target:
+    """A tracked target (reflector) on the last link.
+
+    place     (3,) m in the frame of the last link, nominally
+    std       m, prior standard deviation of each coordinate; ``UNKNOWN_TARGET``: nobody measured it
+    oriented  whether its orientation was tracked too; that of its frame on the link is then estimated
+    name      "" where there is one
+    """
+
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    std: float = 1e-4
+    oriented: bool = False
+    name: str = ""
+
+    @property
+    def given(self) -> bool:
+        """Whether its place was."""
+        return self.std < UNKNOWN_TARGET
 
 
 @dataclass(frozen=True)
@@ -63,14 +92,15 @@ class Parameters:
 
 
 def parameters_of(
-    arm: Arm, target: Sequence[float], *, frame_known: bool, trust: Trust, where: str = "model"
+    arm: Arm, targets: Sequence[Target], *, frame_known: bool, trust: Trust, where: str = "model"
 ) -> Parameters:
-    """What is to be estimated of an arm whose ``target`` (3,) m, in the frame of the last link, is tracked.
+    """What is to be estimated of an arm whose ``targets`` are tracked.
 
     InputError if the arm is described otherwise than by D-H parameters.
     """
-    chain = chain_of(arm, target, where)
+    chain = chain_of(arm, targets, where)
     parallel = parallel_next(arm)
+    stds = {name: target.std for name, target in zip(target_groups(len(targets)), targets)}
     free, every, scale = [], [], np.zeros(len(chain.steps))
     for k, step in enumerate(chain.steps):
         group, _, name = step.name.partition(".")
@@ -83,8 +113,8 @@ def parameters_of(
                 scale[k] = UNKNOWN_FRAME
             elif name not in ("yaw", "z"):
                 scale[k] = trust.base_angle if turning else trust.base_length
-        elif group == "target":
-            scale[k] = trust.target
+        elif group in stds:
+            scale[k] = UNKNOWN_FRAME if turning else stds[group]
         else:
             j = int(group.removeprefix("joint")) - 1
             along_axis = name in ("theta", "d")
@@ -96,8 +126,8 @@ def parameters_of(
     return Parameters(chain, np.array(free, int), np.array(every, int), scale)
 
 
-def chain_of(arm: Arm, target: Sequence[float], where: str = "model") -> Chain:
-    """The chain of an arm from its mounting to the tracked point."""
+def chain_of(arm: Arm, target: Sequence[float] | Sequence[Target], where: str = "model") -> Chain:
+    """The chain of an arm from its mounting to the tracked point (3,) m of the last link, or to several targets."""
     steps = placement("mount", np.array(arm.base)) + placement("base", np.eye(4))
     for j, joint in enumerate(arm.joints):
         if joint.convention == "placed":
@@ -108,7 +138,28 @@ def chain_of(arm: Arm, target: Sequence[float], where: str = "model") -> Chain:
             )
         row = (joint.theta, joint.d, joint.a, joint.alpha, joint.beta)
         steps += link_steps(j, row, not joint.revolute, joint.convention == "modified")
-    return Chain((*steps, *target_steps("target", target)))
+    return Chain((*steps, *_ends(target)))
+
+
+def _ends(target: Sequence[float] | Sequence[Target]) -> list[Step]:
+    targets = [one for one in target if isinstance(one, Target)]
+    if not targets:
+        return target_steps("target", [float(v) for v in target if not isinstance(v, Target)])
+    steps = []
+    for number, (group, one) in enumerate(zip(target_groups(len(targets)), targets)):
+        steps += target_steps(group, one.place, number)
+        steps += turn_steps(group, number) if one.oriented else []
+    return steps
+
+
+def target_groups(count: int) -> list[str]:
+    """Names of the targets in the chain: "target" where there is one, else "target1", "target2", .. ."""
+    return ["target"] if count == 1 else [f"target{k + 1}" for k in range(count)]
+
+
+def is_target(name: str) -> bool:
+    """Whether a value of this name belongs to a target."""
+    return name.startswith("target")
 
 
 def link_steps(joint: int, row: Sequence[float], prismatic: bool, modified: bool) -> list[Step]:
@@ -166,9 +217,10 @@ def tracker_pose(arm: Arm, chain: Chain) -> Array:
     return np.array(arm.base) @ np.linalg.inv(base_pose(chain))
 
 
-def target_of(chain: Chain) -> Array:
-    """(3,) m: the target in the frame of the last link."""
-    return np.array([s.value for s in chain.steps if s.name.startswith("target.")])
+def target_of(chain: Chain, number: int = 0) -> Array:
+    """(4, 4): pose of a target in the frame of the last link; the rotation of a point is that of the link."""
+    steps = tuple(s for s in chain.steps if is_target(s.name))
+    return forward(Chain(steps), np.zeros((1, 0)), np.array([number]))[0]
 
 
 def as_pose(matrix: ArrayLike) -> Pose:

@@ -11,8 +11,8 @@ import numpy as np
 import arm_report
 from arm_report import image, verdict, warning
 from arm_report.palette import AFTER, BEFORE, GRID, MEASURED
-from identification.kinematics.estimation.calibration import Calibration, predicted
-from identification.kinematics.estimation.circle_point import Circle
+from identification.kinematics.circle_points.circle_point import Circle
+from identification.kinematics.estimation.calibration import Calibration, distances
 from identification.kinematics.models.chain import Gravity
 from identification.kinematics.use.iso_cube import CubeReport
 
@@ -222,13 +222,14 @@ def error_figure(calibration: Calibration, gravity: Gravity | None) -> Figure:
         axes = figure.add_subplot(len(runs), 1, k + 1)
         stride = max(1, len(run.t) // 4000)
         for before, colour, label in ((True, BEFORE, "nominal"), (False, AFTER, "calibrated")):
-            off = np.linalg.norm(run.xyz - predicted(calibration, run, gravity, before=before), axis=1)[::stride]
+            off = distances(calibration, run, gravity, before=before)[::stride]
             axes.semilogy(run.t[::stride], 1e3 * np.maximum(off, 1e-7), ".", ms=2, color=colour, label=label)
-        axes.axhline(1e3 * 1.6 * calibration.fit.noise, color=MEASURED, lw=1, ls="--", label="noise (mean distance)")
+        noise = calibration.fit.noise / (run.lever or 1.0)
+        axes.axhline(1e3 * 1.6 * noise, color=MEASURED, lw=1, ls="--", label="noise (mean distance)")
         axes.grid(color=GRID)
         axes.set_title(f"{run.name} ({words})", loc="left", fontsize=10)
         axes.set_xlabel("row" if run.still else "t [s]")
-        axes.set_ylabel("distance [mm]")
+        axes.set_ylabel("angle [mrad]" if run.lever else "distance [mm]")
         axes.legend(loc="upper right", fontsize=8, ncol=3)
     return figure
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from arm_io import write_text
 from arm_model import Arm, EffectTerm
+from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.estimation.calibration import Calibration
-from identification.kinematics.estimation.circle_point import Circle
 from identification.kinematics.estimation.cross_validation import LIMITS
 from identification.kinematics.estimation.position_error import LeftOut, PositionError
-from identification.kinematics.models.parameters import calibrated_arm, target_of, tracker_pose
+from identification.kinematics.models.parameters import calibrated_arm, target_groups, target_of, tracker_pose
 
 NAMES = ("theta", "alpha", "a", "d", "beta")
 
@@ -23,14 +23,14 @@ NAMES = ("theta", "alpha", "a", "d", "beta")
 def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
     """The result as JSON has it; m and rad, joints from 1, poses as four rows of four.
 
-    base is the pose of link frame 0 in the base frame; tool the pose of the tracked target in the frame of the last
-    link (a point has no orientation: the rotation is that of the link). position_rms is per coordinate,
+    base is the pose of link frame 0 in the base frame; tool the pose of the first target in the frame of the last link
+    (a point has no orientation: the rotation is that of the link), targets those of all, their std m and rad.
+    orientation_rms is that of 6-D targets, rad, over all of them. position_rms is per coordinate,
     sqrt(mean(r^2)), over ALL points, "before" after the best fit of frame and target; position_rms_inliers is without
     those in left_out (rows from 1).
     """
     calibrated = calibrated_arm(arm, calibration.chain, frame_known=calibration.frame_known)
-    tool = np.eye(4)
-    tool[:3, 3] = target_of(calibration.chain)
+    targets = _targets(calibration)
     parameters = []
     for j, joint in enumerate(calibrated.joints, 1):
         row: dict[str, Any] = {"joint": j} | {name: getattr(joint, name) for name in NAMES}
@@ -41,7 +41,8 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         "schema": "armscope.kinematics/1",
         "parameters": parameters,
         "base": np.array(calibrated.base).tolist(),
-        "tool": tool.tolist(),
+        "tool": targets[0]["pose"],
+        "targets": targets,
         **_position(calibration),
         "identifiable": calibration.identifiable,
         "observability": vars(calibration.observability),
@@ -50,7 +51,7 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         "effective_parameters": calibration.fit.effective,
         "correlated_points": calibration.correlated,
         "base_std": {n.partition(".")[2]: s for n, s in calibration.std.items() if n.startswith("base.")},
-        "tool_std": {n.partition(".")[2]: s for n, s in calibration.std.items() if n.startswith("target.")},
+        "tool_std": targets[0]["std"],
         "tracker_frame": {
             "known": calibration.frame_known,
             "base_from_tracker": None if calibration.frame_known else tracker_pose(arm, calibration.chain).tolist(),
@@ -72,12 +73,23 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         "circle_point": None if calibration.circle_point is None else {"fit": _error(calibration.circle_point)},
         "refused_sweeps": list(calibration.refused),
         "shifts": [vars(s) for s in calibration.shifts],
-        "fit": [run.name for run in calibration.runs],
+        "fit": list(dict.fromkeys(run.source for run in calibration.runs)),
         "held_out": judged_on if judged_on != "held_out" else [run.name for run in calibration.held_out],
         "verdict": "not calibrated" if calibration.failures else "calibrated",
         "failures": list(calibration.failures),
         "warnings": list(calibration.warnings),
     }
+
+
+def _targets(calibration: Calibration) -> list[dict[str, Any]]:
+    """Name, pose in the frame of the last link and std of every target."""
+    out = []
+    for number, (group, one) in enumerate(zip(target_groups(len(calibration.targets)), calibration.targets)):
+        pose = target_of(calibration.chain, number)
+        pose[:3, :3] = pose[:3, :3] @ calibration.aims.get(number, np.eye(3))
+        std = {n.partition(".")[2]: s for n, s in calibration.std.items() if n.startswith(f"{group}.")}
+        out.append({"name": one.name, "pose": pose.tolist(), "std": std, "given": one.given, "oriented": one.oriented})
+    return out
 
 
 def _position(calibration: Calibration) -> dict[str, Any]:
@@ -91,6 +103,7 @@ def _position(calibration: Calibration) -> dict[str, Any]:
         },
         "left_out": [_left_out(one) for one in calibration.left_out],
         "position_error": {part: {"before": _error(before[part]), "after": _error(after[part])} for part in parts},
+        "orientation_rms": calibration.orientation,
         "improvement": {part: _improvement(before[part], after[part]) for part in parts},
     }
 

@@ -19,7 +19,7 @@ from arm_model.rigid_body import link_frames
 from experiment import Experiment
 from experiment.segments import Hold, Move, Segment
 from identification.kinematics.estimation.observability import Observability, identifiable, indices, scaled_jacobian
-from identification.kinematics.models.parameters import Trust, parameters_of
+from identification.kinematics.models.parameters import Target, Trust, parameters_of
 from identification.kinematics.use.correction import limits_of
 
 ENOUGH = np.sqrt(1.1**2 - 1.0)
@@ -63,7 +63,7 @@ def select_poses(
     """
     if count < 2:
         raise InputError("--poses", f"{count} poses determine nothing; use at least 2, better 30")
-    parameters = parameters_of(arm, target, frame_known=True, trust=Trust())
+    parameters = parameters_of(arm, [Target(target)], frame_known=True, trust=Trust())
     generator = np.random.default_rng(seed)
     pool = allowed_poses(arm, target, candidates, generator, floor)
     if len(pool) < count:

@@ -15,6 +15,7 @@ from arm_model.rigid_body.numeric import rigid_torque
 from identification.kinematics.data.recordings import gravity_of
 from identification.kinematics.data.runs import Run, correlation_time
 from identification.kinematics.estimation.calibration import Settings, calibrate
+from identification.kinematics.models.parameters import Target
 from identification.kinematics.report.write import table_of
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -47,7 +48,7 @@ def test_geometry_alone_is_left_alone(arms) -> None:
         nominal,
         [measured(nominal, true, "a", 1)],
         [measured(nominal, true, "b", 2)],
-        TARGET,
+        [Target(TARGET)],
         Settings(frame_known=True, gravity=gravity_of(nominal)),
     )
     assert result.identifiable == 27
@@ -71,7 +72,7 @@ def test_sag_and_delay_are_found_by_name(arms) -> None:
         nominal,
         [measured(nominal, true, "a", 3, **kw)],
         [measured(nominal, true, "b", 4, **kw)],
-        TARGET,
+        [Target(TARGET)],
         Settings(frame_known=True, gravity=gravity_of(nominal)),
     )
     assert {str(e) for e in result.extensions} == {"link_sag of joint 2", "tracker_latency"}
@@ -108,7 +109,11 @@ def test_errors_between_encoder_and_joint_are_found_by_name(arms, name, joint, b
         return run_of(name_, t, q, seen(true, link), generator)
 
     result = calibrate(
-        nominal, [bent("a", 40)], [bent("b", 41)], TARGET, Settings(frame_known=True, gravity=gravity_of(nominal))
+        nominal,
+        [bent("a", 40)],
+        [bent("b", 41)],
+        [Target(TARGET)],
+        Settings(frame_known=True, gravity=gravity_of(nominal)),
     )
     assert [(e.name, e.joint, e.by) for e in result.extensions] == [(name, joint, by)]
     np.testing.assert_array_less(np.abs(result.fit.extension - wanted), 5 * result.extension_std + 1e-6)
@@ -121,7 +126,7 @@ def test_points_of_another_trigger_are_put_back(arms, first: int) -> None:
     run, judge = measured(nominal, true, "a", 5), measured(nominal, true, "b", 6)
     late = run.xyz.copy()
     late[first + 1 :] = run.xyz[first:-1]
-    result = calibrate(nominal, [replace(run, xyz=late)], [judge], TARGET, Settings(frame_known=True))
+    result = calibrate(nominal, [replace(run, xyz=late)], [judge], [Target(TARGET)], Settings(frame_known=True))
     assert [(s.run, s.rows) for s in result.shifts] == [("a", 1)]
     assert abs(result.shifts[0].first - first) <= 2
     assert result.extensions == ()
@@ -135,7 +140,7 @@ def test_an_unknown_tracker_frame_is_estimated(arms, frame_known: bool) -> None:
     turn, shift = Rotation.from_euler("zyx", [2.0, 0.1, -0.3]).as_matrix(), np.array([1.5, -2.0, 0.4])
     runs = [measured(nominal, true, name, seed) for name, seed in (("a", 7), ("b", 8))]
     runs = [replace(run, xyz=(run.xyz - shift) @ turn) for run in runs]  # p_base = turn p_tracker + shift
-    result = calibrate(nominal, runs[:1], runs[1:], TARGET, Settings(frame_known=frame_known))
+    result = calibrate(nominal, runs[:1], runs[1:], [Target(TARGET)], Settings(frame_known=frame_known))
     assert not result.frame_known
     assert bool(result.warnings) == frame_known
     pose = np.array(table_of(nominal, result)["tracker_frame"]["base_from_tracker"])
@@ -149,7 +154,7 @@ def test_three_sweeps_give_fifteen_parameters_and_their_circles(arms) -> None:
     generator = np.random.default_rng(9)
     q = sweeps((1, 2, 3), np.array([0.0, 0.2, 0.5, 0.0, 1.2, 0.0]), 2.0, rows=500)
     run = run_of("sweeps", np.arange(len(q)) * 0.004, q, seen(true, q), generator)
-    result = calibrate(nominal, [run], [], TARGET, Settings(frame_known=True))
+    result = calibrate(nominal, [run], [], [Target(TARGET)], Settings(frame_known=True))
     assert result.identifiable == 15
     assert [c.joint for c in result.circles] == [3, 2, 1]
     assert result.judged_by == "split"
@@ -170,8 +175,10 @@ def test_unusable_runs_are_refused(arms) -> None:
     nominal, true = arms
     run = measured(nominal, true, "a", 1)
     with pytest.raises(InputError, match="at least 10 are needed"):
-        calibrate(nominal, [replace(run, xyz=np.full_like(run.xyz, np.nan))], [], TARGET, Settings(frame_known=True))
+        calibrate(
+            nominal, [replace(run, xyz=np.full_like(run.xyz, np.nan))], [], [Target(TARGET)], Settings(frame_known=True)
+        )
     with pytest.raises(InputError, match="has 3 joints, the model has 6"):
-        calibrate(nominal, [replace(run, q=run.q[:, :3])], [], TARGET, Settings(frame_known=True))
+        calibrate(nominal, [replace(run, q=run.q[:, :3])], [], [Target(TARGET)], Settings(frame_known=True))
     with pytest.raises(InputError, match="no joint moves"):
-        calibrate(nominal, [replace(run, q=np.zeros_like(run.q))], [], TARGET, Settings(frame_known=True))
+        calibrate(nominal, [replace(run, q=np.zeros_like(run.q))], [], [Target(TARGET)], Settings(frame_known=True))

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.kinematics.estimation.axes import circle_point_model
-from identification.kinematics.estimation.circle_point import DegenerateSweep, fit_circle
-from identification.kinematics.estimation.sweeps import circles_of, find_sweeps
+from identification.kinematics.circle_points.axes import circle_point_model
+from identification.kinematics.circle_points.circle_point import DegenerateSweep, fit_circle
+from identification.kinematics.circle_points.sweeps import circles_of, find_sweeps
 from identification.kinematics.models.chain import position
-from identification.kinematics.models.parameters import Trust, chain_of, parameters_of
+from identification.kinematics.models.parameters import Target, Trust, chain_of, parameters_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 from arms import NOISE, TARGET, puma, random_poses, seen, sweeps, with_errors
@@ -107,4 +107,4 @@ def test_circles_alone_give_the_arm_when_target_and_joints_are_ideal(root: Path)
     unseen = random_poses(nominal, 100, np.random.default_rng(4))
     found = position(chain.at(circle_point_model(circles, chain)), unseen)
     np.testing.assert_allclose(found, seen(true, unseen), atol=1e-7)
-    assert len(parameters_of(nominal, TARGET, frame_known=True, trust=Trust()).every) == 39
+    assert len(parameters_of(nominal, [Target(TARGET)], frame_known=True, trust=Trust()).every) == 39

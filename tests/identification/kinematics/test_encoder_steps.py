@@ -13,6 +13,7 @@ import pytest
 from identification.kinematics.data.encoder_counts import between_counts, counts_of
 from identification.kinematics.data.recordings import gravity_of
 from identification.kinematics.estimation.calibration import Settings, calibrate
+from identification.kinematics.models.parameters import Target
 from identification.kinematics.report.write import table_of
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -62,7 +63,9 @@ def test_counters_set_at_every_start_do_not_bend_the_arm(root: Path) -> None:
         runs.append(replace(run_of(f"run{k}", t, q - zero, seen(true, q), generator), count=step))
     blind = [replace(run, count=None) for run in runs]
     found = {
-        name: calibrate(nominal, used[:3], used[3:], TARGET, Settings(frame_known=True, gravity=gravity_of(nominal)))
+        name: calibrate(
+            nominal, used[:3], used[3:], [Target(TARGET)], Settings(frame_known=True, gravity=gravity_of(nominal))
+        )
         for name, used in (("own", runs), ("blind", blind))
     }
     assert found["own"].after["fit"].rms < 1.03 * NOISE < 1.1 * NOISE < found["blind"].after["fit"].rms

@@ -17,7 +17,7 @@ from daq.recording.tables.table import write_table
 from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.map_estimation import fit
 from identification.kinematics.estimation.outlier_pattern import shared
-from identification.kinematics.models.parameters import Trust, parameters_of
+from identification.kinematics.models.parameters import Target, Trust, parameters_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 from foreign_arm import DESCRIPTION, NOISE, TARGET, ForeignArm, parallelogram, sweeps
@@ -152,7 +152,7 @@ def test_before_is_after_the_best_fit_of_frame_and_target(tmp_path: Path) -> Non
 def test_good_poses_are_not_left_out_however_few(tmp_path: Path) -> None:
     """Twenty poses for 27 parameters: none is dropped; two wrong ones are, and they alone."""
     nominal = read_model(described(tmp_path))
-    parameters = parameters_of(nominal, TARGET, frame_known=True, trust=Trust())
+    parameters = parameters_of(nominal, [Target(TARGET)], frame_known=True, trust=Trust())
     for seed in range(4):
         arm, generator = ForeignArm(seed=seed), np.random.default_rng(100 + seed)
         q = arm.reported(20, generator)

@@ -14,14 +14,21 @@ from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.map_estimation import fit
 from identification.kinematics.estimation.observability import identifiable
 from identification.kinematics.models.chain import position
-from identification.kinematics.models.parameters import Trust, base_pose, calibrated_arm, chain_of, parameters_of
+from identification.kinematics.models.parameters import (
+    Target,
+    Trust,
+    base_pose,
+    calibrated_arm,
+    chain_of,
+    parameters_of,
+)
 
 sys.path.insert(0, str(Path(__file__).parent))
 from arms import NOISE, TARGET, puma, random_poses, seen, with_errors
 
 
 def estimate(arm, q, xyz):
-    parameters = parameters_of(arm, TARGET, frame_known=True, trust=Trust())
+    parameters = parameters_of(arm, [Target(TARGET)], frame_known=True, trust=Trust())
     return parameters, fit(parameters, Points(q, xyz))
 
 
@@ -108,7 +115,7 @@ def test_identifiable_parameters_are_counted(root: Path, moving: int, expected: 
     arm, generator = puma(root), np.random.default_rng(5)
     q = random_poses(arm, 200, generator)
     q[:, moving:] = 0.3 + 1e-5 * generator.normal(size=(200, 6 - moving))  # resting encoders flicker
-    parameters = parameters_of(arm, TARGET, frame_known=True, trust=Trust())
+    parameters = parameters_of(arm, [Target(TARGET)], frame_known=True, trust=Trust())
     assert identifiable(parameters, q) == expected
 
 
@@ -116,7 +123,7 @@ def test_a_short_arm_has_fifteen(root: Path) -> None:
     arm = puma(root)
     arm = replace(arm, joints=arm.joints[:3], controller=None)
     q = random_poses(arm, 50, np.random.default_rng(6))
-    assert identifiable(parameters_of(arm, TARGET, frame_known=True, trust=Trust()), q) == 15
+    assert identifiable(parameters_of(arm, [Target(TARGET)], frame_known=True, trust=Trust()), q) == 15
 
 
 def test_what_is_known_decides_between_base_and_joint_one(root: Path) -> None:
@@ -126,7 +133,7 @@ def test_what_is_known_decides_between_base_and_joint_one(root: Path) -> None:
     true = replace(nominal, joints=(first, *nominal.joints[1:]))
     q = random_poses(nominal, 60, generator)
     for known in (True, False):
-        parameters = parameters_of(nominal, TARGET, frame_known=known, trust=Trust())
+        parameters = parameters_of(nominal, [Target(TARGET)], frame_known=known, trust=Trust())
         chain = parameters.chain.at(fit(parameters, Points(q, seen(true, q))).values)
         theta = {s.name: s.value for s in chain.steps}["joint1.theta"]
         turned = base_pose(chain)
@@ -138,4 +145,4 @@ def test_placed_arms_are_refused(root: Path) -> None:
     arm = puma(root)
     arm = replace(arm, joints=tuple(replace(j, convention="placed", theta=0, d=0, a=0, alpha=0) for j in arm.joints))
     with pytest.raises(InputError, match=r"joint\[1\].*D-H"):
-        parameters_of(arm, TARGET, frame_known=True, trust=Trust())
+        parameters_of(arm, [Target(TARGET)], frame_known=True, trust=Trust())

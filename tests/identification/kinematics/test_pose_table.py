@@ -88,7 +88,7 @@ def test_an_empty_cell_is_a_missing_value_and_extra_columns_are_ignored(tmp_path
     [
         ("q1,q2,x,y,z\n0,0,0,0,0\n", "column q3 is missing; a table of poses of this arm must hold q1, q2"),
         (f"{HEAD},q7\n" + "0," * 9 + "0\n", "column q7: the model has 6 joints"),
-        ("q1,q2,q3,q4,q5,q6,x1,y1,z1,x2,y2,z2\n", "several reflectors"),
+        ("q1,q2,q3,q4,q5,q6,x1,y1,z1,x2,y2\n", "column z2 is missing"),
         (f"{HEAD}\n" + "90,0,0,0,0,0,1,1,1\n", "not in degrees"),
         (f"{HEAD}\n" + "0,0,0,0,0,0,1200,0,1\n", "not in mm"),
         (f"{HEAD}\n" + "0,0,zero,0,0,0,1,0,1\n", "line 2: q3: 'zero' is no number"),

@@ -15,7 +15,7 @@ from identification.kinematics.data.points import Points
 from identification.kinematics.estimation.map_estimation import fit
 from identification.kinematics.estimation.observability import indices, scaled_jacobian, singular_values
 from identification.kinematics.models.chain import position
-from identification.kinematics.models.parameters import Trust, parameters_of
+from identification.kinematics.models.parameters import Target, Trust, parameters_of
 from identification.kinematics.use.poses import experiment_of, select_poses
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -29,7 +29,7 @@ def plan(root: Path):
 
 def test_selected_poses_beat_random_ones(root: Path, plan) -> None:
     arm = puma(root)
-    parameters = parameters_of(arm, TARGET, frame_known=True, trust=Trust())
+    parameters = parameters_of(arm, [Target(TARGET)], frame_known=True, trust=Trust())
 
     def information(q: np.ndarray) -> float:
         columns = scaled_jacobian(parameters, q).reshape(-1, len(parameters.free)) / NOISE
@@ -45,7 +45,7 @@ def test_promised_error_is_the_error(root: Path, plan) -> None:
     """Simulated calibrations from the selected poses miss by what was promised (rms over trials and workspace)."""
     nominal, squares = puma(root), []
     generator = np.random.default_rng(2)
-    parameters = parameters_of(nominal, TARGET, frame_known=True, trust=Trust())
+    parameters = parameters_of(nominal, [Target(TARGET)], frame_known=True, trust=Trust())
     for _ in range(12):
         true = with_errors(nominal, generator)
         found = fit(parameters, Points(plan.q, seen(true, plan.q) + generator.normal(size=plan.q[:, :3].shape) * NOISE))

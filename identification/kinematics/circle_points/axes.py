@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm_io.types import Array
-from identification.kinematics.estimation.circle_point import Circle
+from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.models.chain import Chain, forward, xyz_ypr
 from identification.kinematics.models.conversion import Table, to_hayati
 from identification.kinematics.models.parameters import base_pose

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm_io.types import Array
-from identification.kinematics.estimation.circle_point import LEAST_ARC, Circle, DegenerateSweep, fit_circle
+from identification.kinematics.circle_points.circle_point import LEAST_ARC, Circle, DegenerateSweep, fit_circle
 
 _STILL = 4e-4
 """rad: over a window, an arm of which no joint moves more than this stands."""

@@ -1,0 +1,59 @@
+"""Orientations of 6-D targets: the frame that they are of, and how much they count beside positions.
+
+How a target's frame is turned on the link is not known. Measured orientations are first put in a frame that is nearly
+parallel to the link's, so that its three angles are small; these are then estimated like everything else. An error of 1
+rad counts as one of ``lever`` metres: the noise of positions over that of orientations, both from the residuals.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from arm_io.types import Array
+from identification.kinematics.data.points import Points
+from identification.kinematics.data.runs import Run
+from identification.kinematics.estimation.map_estimation import MEDIAN_OF_NORM
+from identification.kinematics.models.chain import Chain, forward
+
+_LEAST, _MOST = 1e-3, 1e2
+
+
+def aimed(chain: Chain, points: Points) -> dict[int, Array]:
+    """(3, 3) by target with orientations: X for which predicted orientations times X fit the measured ones best.
+
+    In the chordal sense (Hartley et al., "Rotation averaging", IJCV 2013): the orthogonal factor of the mean.
+    """
+    found = {}
+    oriented = points.oriented
+    target = np.zeros(len(points), int) if points.target is None else points.target
+    for number in np.unique(target[oriented]):
+        mine = points.where(oriented & (target == number))
+        predicted = forward(chain, mine.q, mine.target)[:, :3, :3]
+        each = np.swapaxes(predicted, 1, 2) @ Rotation.from_rotvec(mine.xyz).as_matrix()
+        u, _, v = np.linalg.svd(each.mean(axis=0))
+        found[int(number)] = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
+    return found
+
+
+def realigned(run: Run, turns: dict[int, Array]) -> Run:
+    """The run with its orientations R (if it has any) replaced by R X', for X (3, 3) of its target."""
+    if not run.lever or run.target not in turns:
+        return run
+    xyz, rows = run.xyz.copy(), run.usable
+    turn = Rotation.from_matrix(turns[run.target])
+    xyz[rows] = (Rotation.from_rotvec(run.xyz[rows]) * turn.inv()).as_rotvec()
+    return replace(run, xyz=xyz)
+
+
+def lever_of(points: Points, residual: Array) -> float | None:
+    """m: noise of positions over that of orientations (robust), from residuals (N, 3) m; None: no orientations."""
+    oriented = points.oriented
+    if not oriented.any() or points.lever is None:
+        return None
+    length = np.linalg.norm(residual, axis=1)
+    position = max(float(np.median(length[~oriented])) / MEDIAN_OF_NORM, 1e-7)
+    angle = max(float(np.median(length[oriented] / points.lever[oriented])) / MEDIAN_OF_NORM, 1e-8)
+    return float(np.clip(position / angle, _LEAST, _MOST))
