@@ -51,6 +51,7 @@ class Cause:
     separate_by    experiment that discriminates the group
     felt_at        the joint (from 1) with the largest fall of the residual; None: tracked points only
     of_arm         False for a fact about the instruments that the model has no place for
+    of_recordings  parameters in each recording, by its file name, where no one value serves them all
     of_joints      of a cause of the whole rig that acts joint by joint: its parameters at each joint (from 1)
     """
 
@@ -68,6 +69,7 @@ class Cause:
     signal: Signal = Signal.CURRENT
     of_arm: bool = True
     of_joints: Mapping[int, list[Estimate]] = field(default_factory=dict)
+    of_recordings: Mapping[str, list[Estimate]] = field(default_factory=dict)
 
     @property
     def key(self) -> EffectKey:

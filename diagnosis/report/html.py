@@ -21,7 +21,7 @@ from diagnosis.report.plots.link_encoders import link_overview
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
 from diagnosis.report.plots.single_axis import wave_figure
 from diagnosis.report.tables import errors, left, rough, summary, unseen
-from diagnosis.report.wording import estimate, sentence, title, uncertain, value
+from diagnosis.report.wording import sentence, title, uncertain, value, values_of
 from diagnosis.units import readable
 
 
@@ -174,9 +174,8 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
         f"{unit} with it{less}. "
         f"Confidence {cause.confidence:.0%}{sure}.</p>",
     ]
-    if cause.of_joints:
-        each = [(str(joint), "; ".join(map(estimate, own))) for joint, own in cause.of_joints.items()]
-        parts.append(arm_report.table(each, ("joint", "parameters"), (0,)))
+    if cause.of_joints or cause.of_recordings:
+        parts.append(f"<p>{'<br>'.join(map(escape, values_of(cause)))}</p>")
     if len(cause.group) > 1:
         others = ", ".join(map(in_words, cause.group[1:]))
         parts.append(

@@ -13,7 +13,7 @@ from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure_share import FROM
-from diagnosis.report.wording import estimate, gain, place, title
+from diagnosis.report.wording import gain, place, title, values_of
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.units import readable
 
@@ -26,7 +26,7 @@ def summary(result: Diagnosis) -> str:
     for number, cause in enumerate(result.causes, 1):
         alike = f" or {', '.join(map(in_words, cause.group[1:]))}" if len(cause.group) > 1 else ""
         link = f"<a href=#cause{number}>{escape(title(cause))}</a>{escape(alike)}"
-        values = "<br>".join(escape(estimate(p)) for p in cause.parameters)
+        values = "<br>".join(map(escape, values_of(cause)))
         rows.append((link, values, escape(gain(cause)).replace("-&gt;", "&rarr;"), f"{cause.confidence:.0%}"))
     head = ("cause", "parameters", "held-out error without &rarr; with it", "confidence")
     note = "<p class=note>Confidence: probability that this cause, or another of its group, is present.</p>"

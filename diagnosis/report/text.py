@@ -6,7 +6,7 @@ from typing import Any
 
 from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
-from diagnosis.report.wording import estimate, gain, sentence, title
+from diagnosis.report.wording import gain, sentence, title, values_of
 
 
 def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
@@ -15,11 +15,10 @@ def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
     lines += _over_noise(table)
     for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
         where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
-        lines += ["", f"{number}. {title(cause)}", *(f"   {estimate(p)}" for p in cause.parameters)]
+        lines += ["", f"{number}. {title(cause)}", *(f"   {line}" for line in values_of(cause))]
         lines.append(
             f"   held-out error of {where} without -> with it: {gain(cause)}; confidence {cause.confidence:.0%}"
         )
-        lines += [f"   at joint {joint}: {', '.join(map(estimate, own))}" for joint, own in cause.of_joints.items()]
         if len(cause.group) > 1:
             others, by = ", ".join(map(in_words, cause.group[1:])), row["separate_by"]
             lines.append(f"   indistinguishable here from {others}" + (f"; discriminated by: {by}" if by else ""))

@@ -63,6 +63,15 @@ def estimate(one: Estimate) -> str:
     return f"{one.name.replace('_', ' ')} {value(one)}{f' ± {2 * one.std:.2g}' if uncertain(one) else ''}{unit}"
 
 
+def values_of(cause: Cause) -> list[str]:
+    """One line per parameter, per joint of a cause of the rig, or per recording where they contradict each other."""
+    several = {f"at joint {joint}": own for joint, own in cause.of_joints.items()}
+    several |= {f"in {name}": own for name, own in cause.of_recordings.items()}
+    if not several:
+        return [estimate(p) for p in cause.parameters]
+    return [f"{where}: {', '.join(map(estimate, own))}" for where, own in several.items()]
+
+
 def uncertain(one: Estimate) -> bool:
     """Whether a value has a std; a whole number that was chosen has none."""
     return bool(np.isfinite(one.std) and one.std > 0.0)

@@ -154,11 +154,13 @@ def _values(parameters: Sequence[Estimate]) -> dict[str, dict[str, Any]]:
 
 def _cause(cause: Cause) -> dict[str, Any]:
     of_joints = [{"joint": joint, "parameters": _values(own)} for joint, own in cause.of_joints.items()]
+    of_recordings = [{"file": name, "parameters": _values(own)} for name, own in cause.of_recordings.items()]
     return {
         "effect": cause.effect,
         "joint": cause.joint,
         "parameters": _values(cause.parameters),
         **({"joints": of_joints} if of_joints else {}),
+        **({"recordings": of_recordings} if of_recordings else {}),
         "confidence": round(cause.confidence, 4),
         "gain": {"held_out_rms_before": cause.before, "held_out_rms_after": cause.after, "unit": cause.unit},
         "group": [{"effect": effect, "joint": joint} for effect, joint in cause.group],

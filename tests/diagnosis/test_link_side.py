@@ -162,6 +162,38 @@ def test_several_at_once_come_apart(root: Path, arm: Arm) -> None:
     assert not found.causes[-1].of_arm  # it was the link encoder's zero
 
 
+def _joined(root: Path, *runs: tuple[tuple[Hidden, ...], float]) -> list[Recording]:
+    """One run of each: the first of what ``_recorded`` makes of (hidden, zero of joint 3), then the second, ..."""
+    return [_recorded(root, hidden, zero=zero)[number] for number, (hidden, zero) in enumerate(runs)]
+
+
+def test_a_zero_that_each_start_sets_anew_is_told_per_recording(root: Path, arm: Arm) -> None:
+    """+1.41 mrad in one run and -1.02 in the other are no offset that is alike everywhere."""
+    found = _found(arm, _joined(root, ((), -1.41e-3), ((), 1.02e-3)))
+    (zero,) = found.causes
+    assert (zero.effect, zero.joint) == ("joint_zero_offset", 3)
+    own = {name: parameters[0] for name, parameters in zero.of_recordings.items()}
+    assert own["run_0.mcap"].value == pytest.approx(1.41e-3, abs=2e-4)
+    assert own["run_1.mcap"].value == pytest.approx(-1.02e-3, abs=2e-4)
+    assert all(one.std < 1e-4 for one in own.values())
+    assert "at all positions" not in zero.evidence
+    assert "in run_0.mcap" in zero.evidence
+
+
+def test_a_zero_that_is_alike_has_one_value_and_a_gain_that_held_out_rows_show(root: Path, arm: Arm) -> None:
+    (zero,) = _found(arm, _recorded(root, (), zero=-4e-3)).causes
+    assert not zero.of_recordings
+    assert zero.before == pytest.approx(4e-3, rel=0.05)
+    assert zero.after < 0.1 * zero.before
+
+
+def test_a_spring_of_which_two_recordings_contradict_each_other_is_none(root: Path, arm: Arm) -> None:
+    soft, stiff = (Hidden("joint_compliance", 2, {"stiffness": k}) for k in (8e3, 3e4))
+    found = _found(arm, _joined(root, ((soft,), 0.0), ((stiff,), 0.0)))
+    assert ("joint_compliance", 2) not in {(cause.effect, cause.joint) for cause in found.causes}
+    assert [one.joint for one in found.unexplained] == [2]
+
+
 def test_one_run_split_by_time_is_judged_both_ways(root: Path, arm: Arm) -> None:
     first, second = split(_recorded(root, (), late=2.5e-3)[0])
     found = link_side(arm, [first], [second])

@@ -6,8 +6,8 @@ The measurement model is ``model.LinkEncoders``.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -18,6 +18,7 @@ from arm_model.effects import CATALOGUE, Instrument
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, Cause, EffectKey, Estimate, Signal, Structure, confidence_of
+from diagnosis.measurements.link_encoders.by_recording import CHANCE, alone, chance_of, contradicted
 from diagnosis.measurements.link_encoders.columns import LinkCandidate, Rows, late, orders, standing_orders, turns
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders, link_encoders
 from diagnosis.selection.estimates import estimates
@@ -49,7 +50,7 @@ def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording])
     model = link_encoders(arm, fit, held_out)
     if model is None:
         return None
-    chosen = tuple(_settled(candidate, model) for candidate in select(model))
+    model, chosen = _selected(model)
     causes = [_cause(candidate, chosen, model, arm) for candidate in chosen] + _offsets(chosen, model, arm)
     return LinkSide(
         causes=causes,
@@ -59,6 +60,16 @@ def link_side(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording])
         residual=model.residual(chosen, *model.rows),
         remarks=tuple(_remarks(chosen, model, arm)),
     )
+
+
+def _selected(model: LinkEncoders) -> tuple[LinkEncoders, Chosen]:
+    """Causes that no two recordings contradict; one that they contradict is excluded, and searched around again."""
+    while True:
+        chosen = tuple(_settled(candidate, model) for candidate in select(model))
+        refused = contradicted(chosen, model)
+        if refused is None:
+            return model, chosen
+        model = replace(model, excluded=model.excluded | {refused.key})
 
 
 def _settled(candidate: LinkCandidate, model: LinkEncoders) -> LinkCandidate:
@@ -84,10 +95,16 @@ def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: A
         if candidate.definition.delay is not None
         else _sentence(candidate, before, after, conditional.share, unit)
     )
+    parameters = _parameters(candidate, chosen, model, arm)
+    evidence += "".join(
+        f"; these recordings do not determine its {p.name}: it is at most {2 * p.std:.2g} {p.unit}"
+        for p in parameters
+        if p.std >= abs(p.value) and not candidate.definition[p.name].whole
+    )
     return Cause(
         effect=candidate.effect,
         joint=candidate.joint,
-        parameters=_parameters(candidate, chosen, model, arm),
+        parameters=parameters,
         confidence=confidence_of(conditional.p),
         before=before,
         after=after,
@@ -214,37 +231,60 @@ def _sentence(candidate: LinkCandidate, before: float, after: float, share: floa
 
 
 def _offsets(chosen: Chosen, model: LinkEncoders, arm: Arm) -> list[Cause]:
-    """Constants between two encoders that are large and significant."""
-    causes = []
+    """Constants between two encoders that are large and significant; each recording's own, where they differ."""
+    recordings, causes = alone(chosen, model), []
     values, covariance = _fitted(chosen, model)
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
-        offset, std = float(values[k]), float(np.sqrt(covariance[k, k]))
-        if abs(offset) < max(LIMITS.offset, LIMITS.offset_stds * std):
-            continue
         unit = unit_at(arm.joints[joint - 1], "rad")
-        residual = model.residual(chosen, model.rows.fit, model.rows.held_out)[:, k]
-        rms = float(np.sqrt(np.mean(residual**2)))
+        each = {one.name: _offset(one.values, one.covariance, k, unit) for one in recordings}
+        together = _offset(values, covariance, k, unit)
+        differ = chance_of(recordings, slice(k, k + 1)) < CHANCE / len(model.rows.fit.joints)
+        largest = max(each.values(), key=lambda one: abs(one.value)) if differ else together
+        if abs(largest.value) < max(LIMITS.offset, LIMITS.offset_stds * largest.std):
+            continue
+        residual = model.residual(chosen, *model.rows)[:, k]
+        held_out = np.array([each[name].value for name in dict.fromkeys(model.rows.held_out.names)])
+        left = np.zeros(1) if differ else held_out - together.value
+        before, after = (float(np.sqrt(np.mean(c**2) + np.mean(residual**2))) for c in (held_out, left))
         causes.append(
             Cause(
                 effect=JOINT_ZERO_OFFSET.name,
                 joint=joint,
-                parameters=[Estimate("offset", offset, std, unit)],
+                parameters=[largest],
                 confidence=MAX_CONFIDENCE,
-                before=float(np.hypot(offset, rms)),
-                after=rms,
+                before=before,
+                after=after,
                 group=((JOINT_ZERO_OFFSET.name, joint),),
-                evidence=(
-                    f"the motor encoder of joint {joint} reads {abs(1e3 * offset):.3g} m{unit} "
-                    f"{'more' if offset > 0 else 'less'} than the link encoder at all positions; a level or a tracker "
-                    "shows which of the two is wrong, so the model is not changed"
-                ),
+                evidence=_zero_sentence(joint, each if differ else {"": together}),
                 felt_at=joint,
                 unit=unit,
                 signal=Signal.LINK_ANGLE,
                 of_arm=False,
+                of_recordings={name: [one] for name, one in each.items()} if differ else {},
             )
         )
     return causes
+
+
+def _offset(values: Array, covariance: Array, k: int, unit: str) -> Estimate:
+    return Estimate("offset", float(values[k]), float(np.sqrt(covariance[k, k])), unit)
+
+
+def _zero_sentence(joint: int, each: Mapping[str, Estimate]) -> str:
+    """What the motor encoder reads more than the link encoder: in every recording, or in all of them ("")."""
+    readings = [
+        f"{abs(1e3 * one.value):.3g} m{one.unit} {'more' if one.value > 0 else 'less'}{f' in {name}' if name else ''}"
+        for name, one in each.items()
+    ]
+    if len(readings) > 1:
+        return (
+            f"the motor encoder of joint {joint} reads {', '.join(readings)} than the link encoder: the zero of one of "
+            "them is set anew at a start, and no one value serves; held-out recordings are judged about their own"
+        )
+    return (
+        f"the motor encoder of joint {joint} reads {readings[0]} than the link encoder at all positions; a level or a "
+        "tracker shows which of the two is wrong, so the model is not changed"
+    )
 
 
 def _remarks(chosen: Chosen, model: LinkEncoders, arm: Arm) -> Iterator[str]:
@@ -287,6 +327,10 @@ def _structure(chosen: Chosen, model: LinkEncoders) -> list[Structure]:
         name = max(shares, key=lambda variable: shares[variable])
         if shares[name] > LIMITS.predicted:
             structures.append(Structure(Signal.LINK_ANGLE, joint, name, shares[name]))
+        else:
+            times = float(np.sqrt(np.mean(residuals[1][:, k] ** 2))) / model.rows.fit.noise[k]
+            nothing = f"no single variable ({times:.0f} times the noise)"
+            structures.append(Structure(Signal.LINK_ANGLE, joint, nothing, 0.0))
     return structures
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,11 +45,16 @@ HIGHEST_ORDER = 60
 """Highest order, cycles per motor turn, that is searched."""
 
 
+BY_ROW = ("difference", "q", "v", "load", "t")
+"""Fields of ``Rows`` with an entry per row."""
+
+
 @dataclass(frozen=True)
 class Rows:
     """Rows of some recordings one after the other, at the joints (k,) that have both encoders (1-based).
 
-    difference, q, v, load (m, k) rad, rad/s, N m (m, m/s, N); t (m,) s; starts: first row of each recording;
+    difference, q, v, load (m, k) rad, rad/s, N m (m, m/s, N); t (m,) s; starts, names: first row and file name of each
+    recording;
     noise (k,): std of the difference from row to row and by the steps of the encoders; ratio (k,): abs(gear);
     largest (k,) N m (N): largest load, the same for all rows that are compared.
     """
@@ -61,6 +67,7 @@ class Rows:
     known_load: bool
     t: Array
     starts: tuple[int, ...]
+    names: tuple[str, ...]
     noise: Array
     ratio: Array
     largest: Array
@@ -68,6 +75,17 @@ class Rows:
     @property
     def rows(self) -> int:
         return len(self.t)
+
+    def of(self, name: str) -> Rows:
+        """The rows of one recording, all stretches of it."""
+        spans = list(itertools.pairwise([*self.starts, self.rows]))
+        own = [slice(*span) for span, its in zip(spans, self.names) if its == name]
+        lengths = [part.stop - part.start for part in own]
+        starts = tuple(np.cumsum([0, *lengths[:-1]]).tolist())
+        by_row: dict[str, Any] = {
+            field: np.concatenate([getattr(self, field)[part] for part in own]) for field in BY_ROW
+        }
+        return replace(self, **by_row, starts=starts, names=(name,) * len(own))
 
     def blocks(self, seconds: float) -> Index:
         """(m,) number of the block of ``seconds`` that each row is in, from 0; none reaches over two recordings."""
@@ -133,6 +151,7 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
         known_load,
         t,
         tuple(starts.tolist()),
+        tuple(r.path.name for r in recordings),
         np.mean(noises, axis=0) + 1e-12,
         np.array([arm.joints[j].ratio for j in k]),
         np.maximum(np.max(np.abs(load), axis=0), 1e-12),

@@ -6,7 +6,7 @@ blocks. A constant per joint is always free (no two encoders have the same zero)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -64,14 +64,18 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
     """The difference of motor and link encoders of k joints.
 
     rows   of the fit set and of the held-out set
+    recordings  rows of every recording alone
     whole  rows from which parameters are estimated: those of the fit set; all, of two parts of the same recordings
     scale  (k,) rad: std of the difference of each joint, so that joints have equal weight
+    excluded  effects that may not be chosen
     """
 
     rows: Split[Rows]
+    recordings: tuple[Rows, ...]
     whole: Rows
     scale: Array
     limits: LinkLimits = LIMITS
+    excluded: Set[EffectKey] = frozenset()
     cache: dict[tuple[int, LinkCandidate, int], Array] = field(default_factory=dict, repr=False)
 
     def admissible(self, score: Score[LinkCandidate], state: Chosen) -> bool:
@@ -120,7 +124,7 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
         A wave may be chosen several times, with different orders.
         """
         fit, everything = self.rows.fit, list(candidates(self.rows.fit))
-        taken: set[EffectKey] = {c.key for c in chosen if c.variant[0] != "order"}
+        taken: set[EffectKey] = {c.key for c in chosen if c.variant[0] != "order"} | set(self.excluded)
         best: dict[EffectKey, tuple[float, LinkCandidate]] = {}
         for k, joint in enumerate(int(j) for j in fit.joints):
             x = np.column_stack([np.ones(fit.rows), *(self.columns(c, fit, k) for c in chosen)])
@@ -208,7 +212,8 @@ def link_encoders(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recordi
     every = rows_of([*fit, *held_out], arm, joints)
     rows = Split(fit, held_out, two_fold).map(lambda part: replace(rows_of(part, arm, joints), largest=every.largest))
     scale = np.maximum(np.std(every.difference, axis=0), rows.fit.noise)
-    return LinkEncoders(rows, every if two_fold else rows.fit, scale)
+    each = tuple(every.of(name) for name in dict.fromkeys(every.names))
+    return LinkEncoders(rows, each, every if two_fold else rows.fit, scale)
 
 
 def _off(basis: Array, values: Array) -> Array:
