@@ -60,6 +60,15 @@ def read_file(path: str | Path, *, most: int = MOST_TEXT) -> bytes:
     return b"".join(parts)
 
 
+def read_head(path: str | Path, size: int) -> bytes:
+    """The first ``size`` bytes of a regular file, or all of a shorter one. InputError as ``open_regular``."""
+    with os.fdopen(open_regular(path), "rb") as file:
+        try:
+            return file.read(size) or b""  # None: nothing to read yet, of what is no file on a disk
+        except OSError as error:
+            raise InputError(path, f"cannot be read: {error.strerror}") from None
+
+
 def read_text(path: str | Path, *, most: int = MOST_TEXT) -> str:
     """The text of a regular file in UTF-8, word for word. InputError as ``read_file``, and where it is not UTF-8."""
     data = read_file(path, most=most)

@@ -3,41 +3,77 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from arm_io import read_text
+from arm_io import InputError, read_text, write_text
 from armscope.commands.options import Json, RecordingOut
-from daq.recording import Attachments, Table, TimeUnit, read_csv_blocks, write_blocks
+from daq.recording import Attachments, Table, TimeUnit, write_blocks
 from daq.recording.provenance import file_identity, provenance
+from daq.recording.tables import Mapping, guessed, open_source, read_blocks, read_mapping
 from daq.rig import read_rig
+
+if TYPE_CHECKING:
+    from daq.rig import Rig
 
 
 def command(
-    table: Annotated[Path, typer.Argument(help="CSV: t, q1.., i1.., and qref, ql, v, temp by joint, x, y, z")],
+    table: Annotated[
+        Path,
+        typer.Argument(
+            help="CSV, Parquet or .mat with t, q1.., i1.. (and qref, ql, v, temp per joint, x, y, z), or under other "
+            "names; or a ROS 2 bag with JointState (its folder, .mcap or .db3)"
+        ),
+    ],
     out: RecordingOut,
     rig: Annotated[Path | None, typer.Option(help="rig file with the joints; default: joints from the columns")] = None,
     keep_extra: Annotated[bool, typer.Option("--keep-extra", help="keep columns with unknown names")] = False,
     time_unit: Annotated[
         TimeUnit | None, typer.Option("--time-unit", help="unit of the column t; required if it does not look like s")
     ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option("--map", metavar="MAPPING.toml", help="names, units and separators of the columns")
+    ] = None,
+    guess: Annotated[bool, typer.Option("--guess", help="accept the mapping that the names suggest")] = False,
+    save_map: Annotated[
+        Path | None, typer.Option("--save-map", metavar="MAPPING.toml", help="also write the mapping, to edit")
+    ] = None,
+    topic: Annotated[str | None, typer.Option(help="of a ROS 2 bag: the topic of the joints")] = None,
     as_json: Json = False,
 ) -> None:
     checked = None if rig is None else read_rig(rig, drivers=False)
+    names = [] if checked is None else [joint.name or f"joint{number}" for number, joint in enumerate(checked.joint, 1)]
+    chosen = read_mapping(mapping) if mapping is not None else _guessed(table, guess)
+    source = open_source(table, mapping=chosen, topic=topic, joints=names)
+    chosen = chosen or source.mapping
+    if save_map is not None:
+        write_text(save_map, _text(table, chosen))
+    if chosen is not None and mapping is None:
+        print(f"note: {table}: {chosen.in_words()}", file=sys.stderr)
     joints = None if checked is None else checked.joints
-    blocks = _Blocks(read_csv_blocks(table, joints=joints, keep_extra=keep_extra, unit=time_unit))
+    per_current = _torque_per_current(checked) if chosen is not None and chosen.torques else None
+    blocks = _Blocks(
+        read_blocks(source, joints=joints, keep_extra=keep_extra, unit=time_unit, mapping=chosen), per_current
+    )
     first = next(blocks)
     model = None if checked is None else checked.model_path
+    details: dict[str, Any] = {} if first.epoch is None else {"epoch": str(first.epoch)}
+    if chosen is not None:
+        details |= {
+            "mapping": chosen.model_dump(exclude_none=True, exclude_defaults=True),
+            "current_unit": _unit(chosen, per_current),
+        }
     attachments = Attachments(
         rig=None if rig is None else read_text(rig),
         model=None if model is None else read_text(model),
-        provenance=provenance("imported", source=file_identity(table), **_epoch(first)),
+        provenance=provenance("imported", source=_identity(table), **details),
     )
-    names = [] if checked is None else [joint.name or f"joint{number}" for number, joint in enumerate(checked.joint, 1)]
-    write_blocks(out, first, blocks, attachments, joints=names)
+    write_blocks(out, first, blocks, attachments, joints=names or getattr(source, "joints", ()))
     rows, seconds = blocks.rows, blocks.last - float(first.t[0])
     if as_json:
         print(json.dumps({"file": str(out), "rows": rows, "joints": first.joints, "duration": seconds, "lost": 0}))
@@ -46,11 +82,64 @@ def command(
         print(f"{out}: {rows} rows of {first.joints} joint{'s' * (first.joints > 1)}, {seconds:.2f} s{gaps}")
 
 
-class _Blocks(Iterator[Table]):
-    """The blocks of a table, counted as they go by: rows, those with missing samples, and the last time, s."""
+def _guessed(table: Path, accepted: bool) -> Mapping | None:
+    """The mapping that a table suggests, once a person has accepted it; None where it needs none.
 
-    def __init__(self, blocks: Iterator[Table]) -> None:
-        self._blocks = blocks
+    InputError where it was not.
+    """
+    found = guessed(table)
+    if found is None or accepted:
+        return found
+    words = found.in_words()
+    if sys.stdin.isatty() and sys.stderr.isatty():
+        print(f"{table} seems to mean: {words}", file=sys.stderr)
+        if typer.confirm("Is this right?", err=True):
+            return found
+        raise InputError(
+            table, "not imported; --guess --save-map MAPPING.toml writes this mapping to be edited for --map"
+        )
+    raise InputError(
+        table,
+        f"has other columns than t, q1, i1, ..; it seems to mean {words}: --guess accepts this, --map takes a file",
+    )
+
+
+def _text(table: Path, mapping: Mapping | None) -> str:
+    if mapping is None:
+        raise InputError("--save-map", f"{table} has the names and units of armscope; there is no mapping to write")
+    return f"# Columns of {table.name}; docs/recordings.md explains the entries.\n\n{mapping.text()}"
+
+
+def _identity(table: Path) -> dict[str, Any]:
+    """Of a file, or of the files of a bag's folder."""
+    if not table.is_dir():
+        return file_identity(table)
+    return {"name": table.name, "files": [file_identity(path) for path in sorted(table.iterdir()) if path.is_file()]}
+
+
+def _unit(mapping: Mapping, per_current: list[float] | None) -> str:
+    """Of ``i`` in the recording."""
+    unit = mapping.units.get("i", "drive")
+    return "A" if unit == "mA" or (mapping.torques and per_current) else unit
+
+
+def _torque_per_current(rig: Rig | None) -> list[float] | None:
+    """N m/A (N/A) of each joint by the rig's model; None where it has none, and torques stay torques."""
+    from arm_model import read_model
+
+    if rig is None or rig.model_path is None:
+        return None
+    return [joint.drive_constant for joint in read_model(rig.model_path).joints]
+
+
+class _Blocks(Iterator[Table]):
+    """The blocks of a table, counted as they go by: rows, those with missing samples, and the last time, s.
+
+    per_current  N m/A (N/A) of each joint by which ``i``, torques, is divided; None: ``i`` stays as it is
+    """
+
+    def __init__(self, blocks: Iterator[Table], per_current: list[float] | None) -> None:
+        self._blocks, self._per_current = blocks, per_current
         self.rows = self.missing = 0
         self.last = 0.0
 
@@ -59,9 +148,6 @@ class _Blocks(Iterator[Table]):
         self.rows += len(block)
         self.missing += block.rows_with_missing_samples
         self.last = float(block.t[-1])
+        if self._per_current is not None:
+            block = replace(block, signals=block.signals | {"i": block.signals["i"] / self._per_current})
         return block
-
-
-def _epoch(data: Table) -> dict[str, str]:
-    """When the first row was, s since 1970, as ``export`` gives it back."""
-    return {} if data.epoch is None else {"epoch": str(data.epoch)}

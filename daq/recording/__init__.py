@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from daq.recording.plots import plot
     from daq.recording.reader import Recording, open_recording
     from daq.recording.several import open_recordings
-    from daq.recording.tables.csv_reader import Table, read_csv, read_csv_blocks
+    from daq.recording.tables.columns import Table
+    from daq.recording.tables.csv_reader import read_csv
     from daq.recording.tables.csv_time import TimeUnit
     from daq.recording.tables.csv_writer import write_csv
     from daq.recording.tables.table import write_blocks, write_table
@@ -30,7 +31,6 @@ __all__ = [
     "open_recordings",
     "plot",
     "read_csv",
-    "read_csv_blocks",
     "warnings_on",
     "write_blocks",
     "write_csv",

@@ -157,7 +157,7 @@ def read_contents(path: Path, keeper: Callable[[Layout], K]) -> tuple[Contents, 
     if contents.form is None:
         magic = contents.data[: len(MAGIC)] == MAGIC
         kind = "is not a recording of armscope, or damaged beyond repair" if magic else "is not an MCAP file"
-        raise InputError(path, f"{kind}; 'armscope import' takes tables")
+        raise InputError(path, f"{kind}; 'armscope import' takes tables and ROS 2 bags")
     if kept is None:
         kept = keeper(contents.layout)
         kept.append(contents.nothing())

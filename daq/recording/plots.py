@@ -71,7 +71,8 @@ def _draw_joint(
                 axis.plot(*drawn[signal, joint], linewidth=width, **style)
     unit, current = _unit(first, joint), current_unit(first)
     row[0].set_ylabel(f"{first.layout.joints[joint - 1]}\nposition [{unit}]")
-    row[1].set_ylabel("current [A]" if current == "A" else "current [drive's unit]")
+    labels = {"A": "current [A]", "N m": "torque [N m]"}
+    row[1].set_ylabel(labels.get(current, "current [drive's unit]"))
     if len(row) > 2:
         row[2].set_ylabel(f"position - demand [{unit}]")
     for axis in row:

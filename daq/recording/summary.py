@@ -79,8 +79,9 @@ def verification_table(path: Path) -> dict[str, Any]:
 
 
 def current_unit(recording: RecordingHead) -> str:
-    """Of ``i``: A, but an imported table may have it in the drive's own command unit, and does not say."""
-    return "drive" if recording.provenance.get("kind") == "imported" else "A"
+    """Of ``i``: A, N m (torques at the joint), or "drive": an imported table may be in the drive's own unit."""
+    unit: str = recording.provenance.get("current_unit", "")
+    return unit or ("drive" if recording.provenance.get("kind") == "imported" else "A")
 
 
 class _Statistics:

@@ -18,7 +18,7 @@ import pytest
 from tests.house.test_arrows import MAY_IMPORT
 
 PUBLIC = {
-    "arm_io": ("dates", "files", "handles", "plain_data", "table", "toml", "types"),
+    "arm_io": ("dates", "files", "handles", "optional", "plain_data", "table", "toml", "types"),
     "arm_report": ("palette",),
     "arm_model": ("collision", "geometry", "sensing", "servo", "tracking", "urdf"),
     "arm_model.effects": ("definition", "description_errors", "sensing", "tracking", "wrist"),

@@ -20,6 +20,8 @@ def mapped(path: Path) -> memoryview:
     try:
         handle = open_regular(path)
     except InputError as error:
+        if os.path.isfile(os.path.join(path, "metadata.yaml")):
+            raise InputError(path, "is a ROS 2 bag; 'armscope import' makes a recording of it") from None
         active = f"{path}{ACTIVE}"
         hint = f"; {active} is there: it was not finished, and can be read as it is" if os.path.isfile(active) else ""
         raise InputError(path, error.what + hint) from None

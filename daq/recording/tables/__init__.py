@@ -1,1 +1,14 @@
-"""Recordings without devices behind them: tables as CSV, in and out."""
+"""Recordings without devices behind them: tables, in and out, and the mapping of foreign ones."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from daq.recording.tables.columns import Table, read_blocks
+    from daq.recording.tables.mapping import Mapping, read_mapping
+    from daq.recording.tables.sources import guessed, open_source
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = ["Mapping", "Table", "guessed", "open_source", "read_blocks", "read_mapping"]

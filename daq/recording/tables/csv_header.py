@@ -23,54 +23,66 @@ JOINT_COLUMN = re.compile(rf"({'|'.join(JOINT_TOPICS)})([1-9][0-9]*)")
 _KNOWN = "t, q1.., i1.., qref1.., ql1.., v1.., temp1.., x, y, z"
 
 
-def read_header(path: str | Path, file: TextIO) -> list[str]:
+def read_header(path: str | Path, file: TextIO, separator: str = ",") -> list[str]:
     """The names in the first line of an open table.
 
-    InputError where that is too long, or separated otherwise than by commas.
+    InputError where that is too long, or separated otherwise than by ``separator``.
     """
     line = file.readline(LONGEST_HEADER + 1)
     if len(line) > LONGEST_HEADER:
         raise InputError(path, f"line 1: is longer than {LONGEST_HEADER} characters; it must name the columns")
-    names = [name.strip() for name in next(csv.reader([line]), [])]
-    if len(names) == 1 and (found := re.search(r"[;\t|]", names[0])):
-        raise InputError(path, f"columns are separated by {found[0]!r}; use commas, and decimal points")
+    names = [name.strip() for name in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+    if separator == "," and len(names) == 1 and (found := re.search(r"[;\t|]", names[0])):
+        raise InputError(
+            path, f"columns are separated by {found[0]!r}; use commas, and decimal points, or --map MAPPING.toml"
+        )
+    if len(names) > 1 and not names[-1]:
+        names.pop()
     return names
 
 
-def joints_of(path: str | Path, names: Sequence[str], joints: int | None, keep_extra: bool) -> int:
+def joints_of(
+    path: str | Path, names: Sequence[str], joints: int | None, keep_extra: bool, where: str = "line 1: "
+) -> int:
     """The number of joints, if the columns are as they should be; InputError otherwise.
 
     joints  that the rig has; None: as many as there are columns q1, q2, ...
+    where   of the names in messages
     """
     for name, times in Counter(names).items():
         if times > 1:
-            raise InputError(path, f"line 1: column {name!r} is there twice")
+            raise InputError(path, f"{where}column {name!r} is there twice")
     by_joint = [match for name in names if (match := JOINT_COLUMN.fullmatch(name))]
     for match in by_joint:
         if len(match[2]) > len(str(MOST_JOINTS)) or int(match[2]) > MOST_JOINTS:
             raise InputError(
-                path, f"line 1: column {match[0][:40]}: joints are numbered from 1 to at most {MOST_JOINTS}"
+                path, f"{where}column {match[0][:40]}: joints are numbered from 1 to at most {MOST_JOINTS}"
             )
     count = joints or max((int(match[2]) for match in by_joint if match[1] == "q"), default=1)
     needed = ["t", *(f"{signal}{joint}" for joint in range(1, count + 1) for signal in "qi")]
     known = {*needed, *"xyz", *(f"{signal}{joint}" for signal in JOINT_TOPICS for joint in range(1, count + 1))}
     unknown = [name for name in names if name not in known]
-    _check_missing(path, names, needed, unknown, joints)
+    _check_missing(path, names, needed, unknown, joints, where)
     for match in by_joint:
         if match[0] in unknown:
             owner = "the rig" if joints else "the table (columns q1, q2, ...)"
-            raise InputError(path, f"line 1: column {match[0]}, but {owner} has {count} joint{'s' * (count > 1)}")
+            raise InputError(path, f"{where}column {match[0]}, but {owner} has {count} joint{'s' * (count > 1)}")
     if unknown and not keep_extra:
         raise InputError(
-            path, f"line 1: column {unknown[0]!r} is unknown; known are {_KNOWN}; --keep-extra keeps others"
+            path, f"{where}column {unknown[0]!r} is unknown; known are {_KNOWN}; --keep-extra keeps others"
         )
     if 0 < sum(axis in names for axis in "xyz") < 3:
-        raise InputError(path, "line 1: the tracker's columns x, y, z must be all there, or none")
+        raise InputError(path, f"{where}the tracker's columns x, y, z must be all there, or none")
     return count
 
 
 def _check_missing(
-    path: str | Path, names: Sequence[str], needed: Sequence[str], unknown: Sequence[str], joints: int | None
+    path: str | Path,
+    names: Sequence[str],
+    needed: Sequence[str],
+    unknown: Sequence[str],
+    joints: int | None,
+    where: str,
 ) -> None:
     missing = [name for name in needed if name not in set(names)]
     if not missing:
@@ -78,11 +90,11 @@ def _check_missing(
     if missing[0] == "t" and {"q1", *"xyz"} <= set(names):
         raise InputError(
             path,
-            "line 1: column t is missing: a table of poses (q1, q2, .. and x, y, z, one row per pose) needs no import; "
+            f"{where}column t is missing: a table of poses (q1, q2, .. and x, y, z, one row per pose) needs no import; "
             "give it to 'armscope calibrate'",
         )
     close = difflib.get_close_matches(missing[0], unknown[:1000], 1, 0.5)
     hint = f"; is it {close[0]!r}?" if close else ""
     more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
     rig = f"; the rig has {joints} joint{'s' * (joints > 1)}" if joints else ""
-    raise InputError(path, f"line 1: column {missing[0]} is missing{more}{hint or rig}")
+    raise InputError(path, f"{where}column {missing[0]} is missing{more}{hint or rig}")

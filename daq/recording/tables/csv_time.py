@@ -42,11 +42,13 @@ class TimeColumn:
 
     unit    of the column; None: s, and InputError where it looks like another
     last    text of the file's last cell of it, "" where it is unknown
+    word    what a row is called in messages
     epoch   once there are rows: s since 1970 of the first, exactly; None where the times are not of the epoch
     start_ns  wall time of t = 0 in ns, where that is known and a ROS stamp can hold all of the rows
     """
 
-    def __init__(self, path: str | Path, unit: TimeUnit | None, last: str = "") -> None:
+    def __init__(self, path: str | Path, unit: TimeUnit | None, last: str = "", word: str = "line") -> None:
+        self._word = word
         self._path, self._unit, self._last = path, unit, last
         self._digits = _DIGITS[unit or TimeUnit.S]
         self._first = Decimal(0)
@@ -63,7 +65,9 @@ class TimeColumn:
         """
         if np.isnan(t).any():
             line = lines[int(np.argmax(np.isnan(t)))]
-            raise InputError(self._path, f"line {line}, column t: is missing; every line must have its time")
+            raise InputError(
+                self._path, f"{self._word} {line}, column t: is missing; every {self._word} must have its time"
+            )
         if self._before is None:
             self._begin_with(cells[0], t)
         if self._digits or self.epoch is not None:
@@ -94,7 +98,7 @@ class TimeColumn:
             row = int(back[0])
             text = cells[row - 1] if row else text
             raise InputError(
-                self._path, f"line {lines[row]}: t goes from {text} to {cells[row]}; it must increase strictly"
+                self._path, f"{self._word} {lines[row]}: t goes from {text} to {cells[row]}; it must increase strictly"
             )
         if self._before is None:
             self._begin = float(t[0])

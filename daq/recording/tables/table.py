@@ -15,7 +15,7 @@ from daq.recording.contents import Columns
 from daq.recording.mcap_file.writer import McapFile, Progress
 from daq.recording.messages.row_format import JOINT_TOPICS, Layout, RowFormat, format_of
 from daq.recording.parts import Attachments, Derivatives, finish_file, open_file, write_chunk
-from daq.recording.tables.csv_reader import Table
+from daq.recording.tables.columns import Table
 
 CHUNK_BYTES = 1 << 20
 

@@ -1,0 +1,156 @@
+"""A guess at the mapping of a foreign table, from the names of its columns; a person decides whether it is right."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.files import read_head
+from arm_io.types import Array
+from daq.recording.tables.csv_header import LONGEST_HEADER
+from daq.recording.tables.mapping import Mapping
+
+KNOWN: dict[str, dict[str, dict[str, str]]] = {
+    "Universal Robots RTDE": {
+        "columns": {
+            "t": "timestamp",
+            "q": "actual_q_{0}",
+            "i": "actual_current_{0}",
+            "qref": "target_q_{0}",
+            "temp": "joint_temperatures_{0}",
+        },
+        "units": {"i": "A"},
+    },
+    "libfranka": {
+        "columns": {"t": "time", "q": "state.q[{0}]", "i": "state.tau_J[{0}]", "qref": "state.q_d[{0}]"},
+        "units": {"t": "ms", "i": "N m"},
+    },
+    "libfranka before 0.10": {
+        "columns": {"t": "duration", "q": "q[{0}]", "i": "tau_J[{0}]", "qref": "q_d[{0}]"},
+        "units": {"t": "ms", "i": "N m"},
+    },
+    "PlotJuggler, of a JointState": {
+        "columns": {"t": "__time", "q": "/joint_states/position[{0}]", "i": "/joint_states/effort[{0}]"},
+        "units": {"i": "N m"},
+    },
+}
+"""Program -> the mapping of what it writes; t, q and i must be there, the others may be."""
+_TIME = re.compile(r"(time|timestamp|t|sec|seconds|stamp|clock)([ _]*[\[(]?(s|sec|ms|us|ns)[\])]?)?", re.IGNORECASE)
+POSITION = "q|pos|position|angle|joint"
+_WORDS = {
+    "qref": rf"({POSITION})?[ _.]*(ref|reference|demand|demanded|target|setpoint|desired|des|cmd|command)[ _.]*"
+    rf"({POSITION})?",
+    "ql": r"(link|load|output)[ _.]*(side)?[ _.]*(q|pos|position|angle|encoder)",
+    "i": r"(i|cur|curr|current|motor[ _.]*current|actual[ _.]*current|tau|torque|effort|actual[ _.]*torque)",
+    "v": r"(v|volt|voltage|motor[ _.]*voltage)",
+    "temp": r"(temp|temperature|motor[ _.]*temperature)",
+    "q": r"(q|pos|position|angle|theta|joint|axis|actual[ _.]*(q|pos|position)|joint[ _.]*(pos|position|angle))",
+}
+_UNIT = r"(?P<unit>[ _]*[\[(]?(rad|deg|degrees|°|mA|A|Nm|N m|N\*m|V|C|degC)[\])]?)?"
+_SPELLED = {"degrees": "deg", "°": "deg", "Nm": "N m", "N*m": "N m", "C": "degC"}
+_COMMA = re.compile(r"\s*-?\d+,\d+(e-?\d+)?\s*")
+SAMPLE = 1 << 16
+"""Bytes of a text that a guess is made from."""
+
+
+def guess(names: Sequence[str], columns: dict[str, Array] | None = None) -> Mapping | None:
+    """The mapping that the names of a table suggest; None where they say too little.
+
+    columns  numbers of some rows: positions beyond two turns are taken for degrees
+    """
+    for table in KNOWN.values():
+        mapping = _known(names, table)
+        if mapping is not None:
+            return mapping
+    return _from_words(names, columns or {})
+
+
+def guess_csv(path: str | Path) -> Mapping | None:
+    """The mapping that a text suggests, with its separator and decimal sign; None where it says too little."""
+    text = read_head(path, SAMPLE).decode("utf-8-sig", errors="replace")
+    lines = [line.strip() for line in text.split("\n")]
+    if not lines or len(lines[0]) > LONGEST_HEADER:
+        raise InputError(path, "line 1: must name the columns")
+    lines = lines if len(text) < SAMPLE else lines[:-1]
+    for separator in ";\t|, ":
+        found = _guess_separated(lines, separator)
+        if found is not None:
+            return found
+    return None
+
+
+def _guess_separated(lines: Sequence[str], separator: str) -> Mapping | None:
+    """The mapping that the lines of a text suggest if this separates their cells."""
+    names = [name.strip().strip('"') for name in lines[0].split(separator)]
+    rows = [line.split(separator) for line in lines[1:] if line]
+    commas = separator != "," and any(_COMMA.fullmatch(cell) for row in rows for cell in row)
+    decimal = "," if commas else "."
+    numbers = {
+        name: np.array([_number(row[place].replace(decimal, ".")) for row in rows if place < len(row)])
+        for place, name in enumerate(names)
+    }
+    found = guess(names, numbers)
+    return found and found.model_copy(update={"separator": separator, "decimal": decimal})
+
+
+def _known(names: Sequence[str], table: dict[str, dict[str, str]]) -> Mapping | None:
+    there = set(names)
+    columns = {signal: column for signal, column in table["columns"].items() if column.replace("{0}", "0") in there}
+    if not {"t", "q", "i"} <= set(columns):
+        return None
+    return Mapping.model_validate({"columns": columns, "units": table.get("units", {})})
+
+
+def _from_words(names: Sequence[str], numbers: dict[str, Array]) -> Mapping | None:
+    """The columns whose names are words for a signal, numbered in their order."""
+    time = [(name, found) for name in names if (found := _TIME.fullmatch(name.strip()))]
+    columns: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    taken: set[str] = set()
+    if time:
+        columns["t"], (*_, unit) = time[0][0], time[0][1].groups()
+        units |= {"t": unit.lower().replace("sec", "s")} if unit else {}
+    for signal, word in _WORDS.items():
+        series = _of_joints([name for name in names if name not in taken], word)
+        if series is not None:
+            columns[signal], unit = series
+            taken |= set(columns[signal])
+            units |= {signal: unit} if unit else {}
+    if not {"t", "q", "i"} <= set(columns):
+        return None
+    for signal in {"q", "qref", "ql"} & set(columns) - set(units):
+        values = [numbers[name] for name in columns[signal] if name in numbers]
+        if any(np.nanmax(np.abs(one), initial=0.0) > 4 * np.pi for one in values):
+            units[signal] = "deg"
+    if re.search("tau|torque|effort", " ".join(columns["i"]), re.IGNORECASE):
+        units.setdefault("i", "N m")
+    return Mapping.model_validate({"columns": columns, "units": units})
+
+
+def _of_joints(names: Sequence[str], word: str) -> tuple[list[str], str] | None:
+    """The columns whose names are a word with a number, in the order of their numbers, and their unit."""
+    behind, before = rf"{word}[ _.\[#]*(?P<number>\d+)\]?", rf"(joint|axis|j|a)[ _.]*(?P<number>\d+)[ _.]*{word}"
+    found: dict[int, str] = {}
+    unit = ""
+    for name in names:
+        matches = (re.fullmatch(pattern + _UNIT, name.strip(), re.IGNORECASE) for pattern in (behind, before))
+        match = next((one for one in matches if one), None)
+        if match:
+            found.setdefault(int(match["number"]), name)
+            text = (match["unit"] or "").strip(" _[]()")
+            unit = _SPELLED.get(text, text) if text else unit
+    first = min(found, default=2)
+    numbers = range(first, first + len(found))
+    return ([found[number] for number in numbers], unit) if first < 2 and set(numbers) == set(found) else None
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")

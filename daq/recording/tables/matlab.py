@@ -1,0 +1,131 @@
+"""MATLAB's .mat files in (v5 to v7 whole, v7.3 in parts) and out (v5)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.files import open_regular, read_head
+from arm_io.optional import optional
+from arm_io.types import Array
+from daq.recording.tables.columns import Chunk, Exact
+from daq.recording.tables.mapping import Mapping
+
+ROWS = 1 << 14
+LARGEST = 1 << 31
+"""Bytes of a variable of a v5 file, by its own format."""
+
+
+class MatlabSource:
+    """A .mat file as a source of columns (``daq.recording.tables.columns.Source``).
+
+    A vector of n numbers is a column of its name; a matrix q (n, J) or (J, n) is q1 to qJ. Fields of a structure are
+    named STRUCTURE.FIELD; if the file has one structure and nothing else, they have their own names. n is the length of
+    the longest vector. InputError where it cannot be read, or has no vector.
+    """
+
+    word, where = "row", ""
+    mapping: Mapping | None = None
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._hdf5 = b"MATLAB 7.3" in read_head(path, 128)
+        variables = self._variables()
+        self._rows = max((max(one.shape) for one in variables.values() if one.ndim <= 2 and one.size), default=0)
+        self._places: dict[str, tuple[str, int | None, bool]] = {}
+        for name, one in variables.items():
+            shape = tuple(size for size in one.shape if size != 1) or (1,)
+            if shape == (self._rows,):
+                self._places[name] = name, None, False
+            elif len(shape) == 2 and self._rows in shape and len(set(shape)) == 2:
+                flat = shape[1] == self._rows
+                for column in range(shape[0] if flat else shape[1]):
+                    self._places[f"{name}{column + 1}"] = name, column, flat
+        self.names: list[str] = list(self._places)
+        if self._rows < 2 or not self.names:
+            raise InputError(path, "has no vector of numbers; it must have one row of numbers per sample")
+
+    def chunks(self, needed: Sequence[str], time: str) -> Iterator[Chunk]:
+        """All rows in their order."""
+        variables = self._variables()
+        for start in range(0, self._rows, ROWS):
+            part = slice(start, min(start + ROWS, self._rows))
+            try:
+                arrays = {name: self._column(variables, name, part) for name in needed}
+            except OSError as error:
+                raise self._broken(error) from None
+            numbers = {name: values.astype(float) for name, values in arrays.items()}
+            yield Chunk(range(part.start + 1, part.stop + 1), numbers, Exact(arrays[time]))
+
+    def last_time(self, time: str) -> str:
+        """Of the last row."""
+        return Exact(self._column(self._variables(), time, slice(self._rows - 1, self._rows)))[0]
+
+    def _column(self, variables: dict[str, Any], name: str, part: slice) -> Any:
+        variable, column, flat = self._places[name]
+        values = variables[variable]
+        if column is None:
+            whole = [part if size == self._rows else 0 for size in values.shape]
+            return np.asarray(values[tuple(whole)])
+        return np.asarray(values[column, part] if flat else values[part, column])
+
+    def _variables(self) -> dict[str, Any]:
+        """Name -> an array of numbers, or a data set of an HDF5 file that reads like one."""
+        os.close(open_regular(self.path))
+        try:
+            found = _of_hdf5(self.path) if self._hdf5 else _of_v5(self.path)
+        except InputError:
+            raise
+        except Exception as error:  # both libraries raise anything over a damaged file
+            raise self._broken(error) from None
+        tops = {name.partition(".")[0] for name in found}
+        if len(tops) == 1 and all("." in name for name in found):
+            found = {name.partition(".")[2]: value for name, value in found.items()}
+        return found
+
+    def _broken(self, error: Exception) -> InputError:
+        return InputError(self.path, f"cannot be read as a .mat file: {error or type(error).__name__}")
+
+
+def _of_v5(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat
+
+    found: dict[str, Any] = {}
+    for name, value in loadmat(path, struct_as_record=True).items():
+        if value is None or name.startswith("__"):
+            continue
+        if value.dtype.names and value.size == 1:
+            found |= {f"{name}.{field}": value[field].flat[0] for field in value.dtype.names}
+        else:
+            found[name] = value
+    return {name: value for name, value in found.items() if getattr(value, "dtype", np.dtype("O")).kind in "fiu"}
+
+
+def _of_hdf5(path: Path) -> dict[str, Any]:
+    h5py = optional("h5py", "matlab", path)
+    found: dict[str, Any] = {}
+
+    def take(name: str, one: Any) -> None:
+        if isinstance(one, h5py.Dataset) and one.dtype.kind in "fiu" and not name.startswith("#"):
+            found[name.replace("/", ".")] = one
+
+    h5py.File(path, "r").visititems(take)
+    return found
+
+
+def write_matlab(path: Path, columns: dict[str, Array], units: dict[str, str]) -> None:
+    """Writes columns (n,) as a v5 file with one matrix per signal: t (n, 1), q (n, J), ...; and units, a structure.
+
+    InputError where a matrix is too large for the format.
+    """
+    from scipy.io import savemat
+
+    for name, values in columns.items():
+        if values.nbytes >= LARGEST:
+            raise InputError(path, f"{name} has {values.nbytes >> 20} MB, and .mat holds 2 GB; export .parquet")
+    savemat(path, columns | {"units": units}, appendmat=False, do_compression=True, oned_as="column")

@@ -1,0 +1,98 @@
+"""Parquet in and out, row group by row group (``pip install 'armscope[parquet]'``)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.files import open_regular
+from arm_io.optional import optional
+from arm_io.types import Array
+from daq.recording.tables.columns import Chunk, Exact
+from daq.recording.tables.mapping import Mapping
+
+ROWS = 1 << 14
+
+
+class ParquetSource:
+    """A Parquet file as a source of columns (``daq.recording.tables.columns.Source``).
+
+    Numbers of any width; instants (timestamp) become ns since 1970. InputError where it cannot be read.
+    """
+
+    word, where = "row", ""
+    mapping: Mapping | None = None
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        os.close(open_regular(path))
+        self._arrow = optional("pyarrow", "parquet", path)
+        self._parquet = optional("pyarrow.parquet", "parquet", path)
+        self._types = {field.name: field.type for field in self._file().schema_arrow}
+        self.names: list[str] = list(self._types)
+
+    def chunks(self, needed: Sequence[str], time: str) -> Iterator[Chunk]:
+        """All rows in their order."""
+        row = 0
+        try:
+            for batch in self._file().iter_batches(ROWS, columns=list(dict.fromkeys(needed))):
+                arrays = {name: self._numbers(name, batch.column(name)) for name in needed}
+                numbers = {name: values.astype(float) for name, values in arrays.items()}
+                yield Chunk(range(row + 1, row + 1 + len(batch)), numbers, Exact(arrays[time]))
+                row += len(batch)
+        except (self._arrow.ArrowException, OSError) as error:
+            raise self._broken(error) from None
+
+    def last_time(self, time: str) -> str:
+        """Of the last row group."""
+        file = self._file()
+        try:
+            if not file.num_row_groups:
+                return ""
+            last = file.read_row_group(file.num_row_groups - 1, columns=[time]).column(time)
+            return Exact(self._numbers(time, last[-1:].combine_chunks()))[0] if len(last) else ""
+        except (self._arrow.ArrowException, OSError) as error:
+            raise self._broken(error) from None
+
+    def _numbers(self, name: str, column: Any) -> Any:
+        """(n,) int64 of instants and whole numbers without gaps, else float64 with NaN for nulls."""
+        types, kind = self._arrow.types, self._types[name]
+        if types.is_timestamp(kind):
+            column = column.cast(self._arrow.timestamp("ns", kind.tz)).cast(self._arrow.int64())
+        elif not (types.is_integer(kind) or types.is_floating(kind)):
+            raise InputError(self.path, f"column {name!r} is of type {kind}; it must hold numbers")
+        if column.null_count or types.is_floating(column.type):
+            column = column.cast(self._arrow.float64(), safe=False)
+        return np.asarray(column.to_numpy(zero_copy_only=False))
+
+    def _file(self) -> Any:
+        try:
+            return self._parquet.ParquetFile(self.path)
+        except (self._arrow.ArrowException, OSError, ValueError) as error:
+            raise self._broken(error) from None
+
+    def _broken(self, error: Exception) -> InputError:
+        return InputError(self.path, f"cannot be read as Parquet: {error}")
+
+
+def write_parquet(path: Path, blocks: Iterator[dict[str, Array]], units: dict[str, str]) -> None:
+    """Writes columns (n,) float64, block by block; the unit of each stands in its field's metadata. NaN stays NaN."""
+    arrow, parquet = optional("pyarrow", "parquet", path), optional("pyarrow.parquet", "parquet", path)
+    writer = None
+    try:
+        for block in blocks:
+            if writer is None:
+                fields = [
+                    arrow.field(name, arrow.float64(), metadata={"unit": units[name]} if units.get(name) else None)
+                    for name in block
+                ]
+                writer = parquet.ParquetWriter(path, arrow.schema(fields), compression="zstd")
+            writer.write_table(arrow.table(list(block.values()), schema=writer.schema))
+    finally:
+        if writer is not None:
+            writer.close()

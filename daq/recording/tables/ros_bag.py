@@ -1,0 +1,189 @@
+"""ROS 2 bags as tables: sensor_msgs/JointState (effort is torque) in MCAP or sqlite3, some messages at a time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.files import open_regular
+from arm_io.optional import optional
+from daq.recording.tables.columns import Chunk, Exact
+from daq.recording.tables.mapping import Mapping
+
+JOINT_STATE, POINT = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PointStamped"
+ARRAYS = ("position", "velocity", "effort")
+ROWS = 4096
+WAITING = 256
+"""Rows that wait for messages of the same stamp on other topics."""
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path may be a ROS 2 bag: a folder with its metadata, or a file of one."""
+    return path.suffix in (".db3", ".mcap") or os.path.isfile(path / "metadata.yaml")
+
+
+class BagSource:
+    """A bag as a source of columns (``daq.recording.tables.columns.Source``), named TOPIC.position.JOINT and the like.
+
+    A row is a message of ``topic``; messages of other topics with the same stamp stand in the same row. Messages
+    without the joints of the first are of another device, and are left out, as is one that repeats a stamp.
+
+    topic   None: /joint_states, or the only JointState
+    joints  names in the order of the rig's joints, taken where the bag has them all
+    InputError where there is no such bag, or no JointState with positions and efforts in it.
+    """
+
+    word, where = "row", ""
+
+    def __init__(self, path: Path, *, topic: str | None = None, joints: Sequence[str] = ()) -> None:
+        self.path = path
+        if not os.path.isdir(path):
+            os.close(open_regular(path))
+        self._highlevel = optional("rosbags.highlevel", "ros", path)
+        self._store = optional("rosbags.typesys", "ros", path)
+        with self._reader() as reader:
+            try:
+                first = self._first_messages(reader)
+            except Exception as error:
+                raise self._broken(error) from None
+        states = {name: message for name, message in first.items() if hasattr(message, "effort")}
+        self.topic = self._choose(states, topic)
+        state = states[self.topic]
+        self.joints = list(joints) if joints and set(joints) <= set(state.name) else list(state.name)
+        self._stamped = bool(_stamp(state))
+        self.names = [column for name, message in first.items() for column in _columns(name, message)]
+        self.mapping = self._mapping()
+
+    def chunks(self, needed: Sequence[str], time: str) -> Iterator[Chunk]:
+        """All rows in the order of the bag; ``time`` is in ns."""
+        waiting: dict[int, dict[str, float]] = {}
+        row = 0
+        with self._reader() as reader:
+            try:
+                for stamp, topic, message in self._messages(reader, needed):
+                    columns = waiting.setdefault(stamp, {})
+                    columns.update(_columns(topic, message))
+                    if topic == self.topic and set(self.joints) <= set(message.name):
+                        columns["t"] = stamp
+                    if len(waiting) >= ROWS + WAITING:
+                        yield (chunk := self._chunk(waiting, ROWS, needed, time, row))
+                        row += len(chunk.places)
+            except InputError:
+                raise
+            except Exception as error:
+                raise self._broken(error) from None
+        if waiting:
+            yield self._chunk(waiting, len(waiting), needed, time, row)
+
+    def last_time(self, time: str) -> str:
+        """The last instant of the bag, ns."""
+        with self._reader() as reader:
+            return str(reader.end_time)
+
+    def _chunk(
+        self, waiting: dict[int, dict[str, float]], count: int, needed: Sequence[str], time: str, row: int
+    ) -> Chunk:
+        taken = [waiting.pop(stamp) for stamp in sorted(waiting)[:count]]
+        taken = [one for one in taken if "t" in one]
+        columns = {name: np.array([one.get(name, np.nan) for one in taken], float) for name in needed if name != time}
+        stamps = np.array([int(one["t"]) for one in taken], np.int64)
+        return Chunk(range(row + 1, row + 1 + len(taken)), columns | {time: stamps.astype(float)}, Exact(stamps))
+
+    def _messages(self, reader: Any, needed: Sequence[str]) -> Iterator[tuple[int, str, Any]]:
+        """Stamp ns, topic and message of the topics with columns that are needed."""
+        topics = {self.topic, *(name.partition(".")[0] for name in needed)}
+        connections = [c for c in reader.connections if c.topic in topics and c.msgtype in (JOINT_STATE, POINT)]
+        for connection, recorded, raw in reader.messages(connections):
+            message = reader.deserialize(raw, connection.msgtype)
+            yield _stamp(message) if self._stamped else recorded, connection.topic, message
+
+    def _first_messages(self, reader: Any) -> dict[str, Any]:
+        first: dict[str, Any] = {}
+        for connection in sorted(reader.connections, key=lambda one: str(one.topic)):
+            if connection.msgtype in (JOINT_STATE, POINT) and connection.topic not in first:
+                found = next(iter(reader.messages([connection])), None)
+                if found is not None:
+                    first[connection.topic] = reader.deserialize(found[2], connection.msgtype)
+        return first
+
+    def _choose(self, states: dict[str, Any], topic: str | None) -> str:
+        if topic is not None and topic not in states:
+            raise InputError(self.path, f"has no messages of {JOINT_STATE} on {topic}; it has {_listed(states)}")
+        if topic is None and not states:
+            raise InputError(self.path, f"has no messages of {JOINT_STATE}; record the topic of the joints, too")
+        if topic is None and "/joint_states" not in states and len(states) > 1:
+            raise InputError(self.path, f"has several topics with joints, {_listed(states)}; name one: --topic TOPIC")
+        return topic or ("/joint_states" if "/joint_states" in states else next(iter(states)))
+
+    def _mapping(self) -> Mapping:
+        """Positions and efforts of the topic; currents and demands as a recording of armscope has them, if there."""
+        place = self.topic.rpartition("/")[0]
+        there = set(self.names)
+
+        def of(topic: str, array: str) -> list[str] | None:
+            names = [f"{topic}.{array}.{joint}" for joint in self.joints]
+            return names if set(names) <= there else None
+
+        position, effort = of(self.topic, "position"), of(self.topic, "effort")
+        currents = of(f"{place}/motor_currents", "effort")
+        if position is None or (currents or effort) is None:
+            lacking = "positions" if position is None else "efforts"
+            raise InputError(
+                self.path, f"{self.topic} has no {lacking}; armscope needs position and effort of each joint"
+            )
+        columns: dict[str, Any] = {"t": "stamp", "q": position, "i": currents or effort}
+        columns["qref"] = of(f"{place}/joint_demands", "position")
+        if f"{place}/tracker/point.x" in there:
+            columns |= {axis: f"{place}/tracker/point.{axis}" for axis in "xyz"}
+        self.names.insert(0, "stamp")
+        return Mapping.model_validate({"columns": columns, "units": {"t": "ns", "i": "A" if currents else "N m"}})
+
+    def _reader(self) -> Any:
+        store = self._store.get_typestore(self._store.Stores.LATEST)
+        try:
+            reader = self._highlevel.AnyReader([self.path], default_typestore=store)
+            reader.open()
+        except Exception as error:
+            raise self._broken(error) from None
+        return _Opened(reader)
+
+    def _broken(self, error: Exception) -> InputError:
+        return InputError(self.path, f"cannot be read as a ROS 2 bag: {error or type(error).__name__}")
+
+
+class _Opened:
+    """An open reader for a ``with``; what it was opened with is closed at the end."""
+
+    def __init__(self, reader: Any) -> None:
+        self._reader = reader
+
+    def __enter__(self) -> Any:
+        return self._reader
+
+    def __exit__(self, *_: object) -> None:
+        self._reader.close()
+
+
+def _columns(topic: str, message: Any) -> dict[str, float]:
+    """Name of a column -> number in this message."""
+    if hasattr(message, "point"):
+        return {f"{topic}.{axis}": getattr(message.point, axis) for axis in "xyz"}
+    return {
+        f"{topic}.{array}.{joint}": value
+        for array in ARRAYS
+        for joint, value in zip(message.name, getattr(message, array).tolist())
+    }
+
+
+def _stamp(message: Any) -> int:
+    """ns since 1970, 0 where the message has no stamp."""
+    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
+
+
+def _listed(states: dict[str, Any]) -> str:
+    return ", ".join(states) or "none"

@@ -1,0 +1,66 @@
+"""The source of columns that a path means: by its ending, or as a text; and which mapping it is read with."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from itertools import islice
+from pathlib import Path
+
+from arm_io import InputError
+from daq.recording.tables.columns import Source
+from daq.recording.tables.csv_reader import CsvSource
+from daq.recording.tables.guess import guess, guess_csv
+from daq.recording.tables.mapping import Mapping
+from daq.recording.tables.matlab import MatlabSource
+from daq.recording.tables.parquet import ParquetSource
+from daq.recording.tables.ros_bag import BagSource, is_bag
+
+
+def open_source(
+    path: Path, *, mapping: Mapping | None = None, topic: str | None = None, joints: Sequence[str] = ()
+) -> Source:
+    """The columns of a file: ROS 2 bag (folder, .mcap, .db3), Parquet, .mat, else CSV with the mapping's separator.
+
+    topic, joints  of a bag, as ``BagSource`` has them
+    InputError where it cannot be read.
+    """
+    if is_bag(path):
+        return BagSource(path, topic=topic, joints=joints)
+    if topic is not None:
+        raise InputError("--topic", f"is for a ROS 2 bag; {path} is none (a folder with metadata.yaml, .mcap, .db3)")
+    if os.path.isdir(path):
+        raise InputError(path, "is a folder without metadata.yaml, so no ROS 2 bag; the name of a file is needed")
+    match path.suffix.lower():
+        case ".parquet" | ".pq":
+            return ParquetSource(path)
+        case ".mat":
+            return MatlabSource(path)
+    return CsvSource(path) if mapping is None else CsvSource(path, mapping.separator, mapping.decimal)
+
+
+def ours(names: Sequence[str]) -> bool:
+    """Whether a table has the columns of armscope under their own names, as far as they are required."""
+    return {"t", "q1", "i1"} <= set(names)
+
+
+def guessed(path: Path) -> Mapping | None:
+    """The mapping that a file suggests; None where it has our names, says itself what is what, or says too little.
+
+    InputError where it cannot be read.
+    """
+    if is_bag(path) or os.path.isdir(path):
+        return None
+    if path.suffix.lower() in (".parquet", ".pq", ".mat"):
+        source = open_source(path)
+        if ours(source.names):
+            return None
+        try:
+            first = next(islice(source.chunks(source.names, source.names[0]), 1), None)
+        except InputError:  # a column without numbers, which no mapping names
+            first = None
+        return guess(source.names, None if first is None else first.columns)
+    found = guess_csv(path)
+    if found is not None and found.separator == "," and found.decimal == ".":
+        return None if ours(CsvSource(path).names) else found
+    return found
