@@ -33,7 +33,7 @@ the other estimated; the files do not say which.
 """
 ROUNDING = 1e-9
 STRUCTURE = ("theta", "d", "a", "alpha", "beta", "xyz", "rpy", "axis", "gear", "torque_constant")
-NOMINAL = ("mass", "com", "inertia", "rotor_inertia", "viscous", "coulomb", "offset", "friction_curve")
+NOMINAL = ("mass", "com", "inertia", "rotor_inertia", "viscous", "coulomb", "offset")
 
 
 @dataclass(frozen=True)
@@ -139,6 +139,8 @@ def structural_difference(one: Arm, other: Arm, *, nominal: bool = False) -> str
         for name in (*STRUCTURE, *(NOMINAL if nominal else ())):
             if not np.allclose(getattr(mine, name), getattr(its, name), rtol=1e-9, atol=ROUNDING):
                 return f"{name} of joint {number} is {getattr(mine, name)} and {getattr(its, name)}"
+        if nominal and mine.friction_curve != its.friction_curve:
+            return f"friction_curve of joint {number} differs"
     return ""
 
 
