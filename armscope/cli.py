@@ -32,6 +32,7 @@ COMMANDS: dict[str, str] = {
     "stop": "end the run of a daemon and keep the rows recorded so far; disarm an armed daemon",
     "disarm": "return an armed daemon to idle",
     "fetch": "copy a recording from a daemon on another machine, or list its recordings",
+    "page": "serve the control room of a rig to a browser: see it live, run experiments, open results",
     "replay": "publish a recording over Zenoh in real time or faster",
     "view": "serve a live view to Foxglove and PlotJuggler, of a running daemon or of a recording",
     "info": "summarise a recording: rows, losses, gaps, calibration, provenance",

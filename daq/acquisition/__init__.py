@@ -5,10 +5,12 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
+    from daq.acquisition.clock_fit import fit_clock
     from daq.acquisition.ledger import SENTENCES
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
     "SENTENCES",
+    "fit_clock",
 ]

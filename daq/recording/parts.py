@@ -5,7 +5,7 @@ Head and attachments, chunks of rows, ledger.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,7 +15,7 @@ from mcap.records import Metadata, Schema
 from numpy.typing import NDArray
 
 from arm_io import DeviceFault
-from daq.acquisition.ledger import SENTENCES, LedgerSummary
+from daq.acquisition.ledger import SENTENCES, LedgerSummary, Loss
 from daq.recording.mcap_file import writer as mcap_writer
 from daq.recording.mcap_file.writer import McapFile
 from daq.recording.messages import ros2_messages
@@ -98,20 +98,24 @@ def finish_file(file: McapFile, ledger: LedgerSummary) -> None:
     file.finish()
 
 
-def ledger_table(ledger: LedgerSummary) -> dict:
-    """The ledger as JSON has it."""
-    losses = [
+def loss_tables(losses: Sequence[Loss]) -> list[dict]:
+    """Losses as JSON has them."""
+    return [
         {"first": loss.first, "rows": loss.rows, "reason": str(loss.reason), "detail": loss.detail}
         | {"sentence": SENTENCES[loss.reason]}
-        for loss in ledger.losses
+        for loss in losses
     ]
+
+
+def ledger_table(ledger: LedgerSummary) -> dict:
+    """The ledger as JSON has it."""
     return {
         "triggers": ledger.triggers,
         "latched": ledger.latched,
         "recorded": ledger.recorded,
         "lost": ledger.lost,
         "balanced": ledger.balanced,
-        "losses": losses,
+        "losses": loss_tables(ledger.losses),
     }
 
 

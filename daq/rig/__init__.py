@@ -7,6 +7,7 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from daq.rig.bench import Bench
     from daq.rig.calibration import COUNTS_PER_LINE
+    from daq.rig.channels import channel_names
     from daq.rig.preflight import chain_of, check_motion, check_plan
     from daq.rig.rig_file import LONGEST_RIG_NAME, DeviceTable, Rig, context_of, read_rig
 else:
@@ -19,6 +20,7 @@ __all__ = [
     "DeviceTable",
     "Rig",
     "chain_of",
+    "channel_names",
     "check_motion",
     "check_plan",
     "context_of",

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from daq.rig.rig_file import Rig
+from daq.rig.rig_file import Rig, context_of, make_devices
 from drivers.protocols import AnalogInput, Device, Latched, Polled, PositionTracker, QuadratureCounter
 
 Place = tuple[str, int]
@@ -57,3 +57,13 @@ def columns_of(rig: Rig, devices: Mapping[str, Device]) -> Columns:
         inputs=tuple((d.name, c) for d in inputs for c in range(len(d.range_volts))),
         tracker=tracker,
     )
+
+
+def channel_names(rig: Rig) -> list[str]:
+    """``device.channel`` of each column of ``Rows.quality``; the tracker's is its name. Touches no device.
+
+    InputError where a driver is not installed.
+    """
+    columns = columns_of(rig, make_devices(rig, context_of(rig)))
+    counters, inputs = columns.names()
+    return counters + inputs + ([] if columns.tracker is None else [columns.tracker])

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from daq.service.foxglove import LiveView
     from daq.service.publisher import Publisher
     from daq.service.replay import blocks_of, paced
-    from daq.service.rig_lock import RigLock
+    from daq.service.rig_lock import RigLock, holder_of
     from daq.service.rig_server import RemoteServer, RigServer, server_of
     from daq.service.row_block import Columns
     from daq.service.service import Service
@@ -30,6 +30,7 @@ __all__ = [
     "Subscriber",
     "blocks_of",
     "call",
+    "holder_of",
     "keys_of",
     "open_session",
     "paced",

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 COMMANDS = (
     "status",
     "identity",
+    "check",
     "arm",
     "start",
     "stop",

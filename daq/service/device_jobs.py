@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass
@@ -11,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from arm_clearance import Chain
-from arm_io import InputError
+from arm_io import DeviceFault, InputError
 from daq.rig.bench import Bench
 from daq.rig.rig_file import Rig
 from daq.service.commands.arguments import ArmArguments
 from daq.service.publisher import Publisher
 from daq.service.run import Run, request_of
 from daq.service.transfer.folder import RecordingsFolder, check_name
+from drivers.protocols import Device
 
 Table = dict[str, Any]
 
@@ -52,6 +54,28 @@ class DeviceJobs:
         """The same, after opening the devices where that is needed."""
         self._open()
         return self.known_identities()
+
+    def check(self) -> Table:
+        """Of each device its identity, null where it does not answer, and what is wrong with it.
+
+        Where the rig cannot be opened as a whole, each device is opened alone, so that a missing one hides no other.
+        """
+        with contextlib.suppress(DeviceFault):
+            self._open()
+        opened = bool(self.bench.identities)
+        return {"devices": {name: self._examined(device, opened) for name, device in self.bench.devices.items()}}
+
+    def _examined(self, device: Device, opened: bool) -> Table:
+        found: Table = {"identity": None, "problems": []}
+        try:
+            found["identity"] = asdict(self.bench.identities[device.name] if opened else device.open())
+            found["problems"] += device.check()
+        except DeviceFault as fault:
+            found |= {"identity": None, "problems": [fault.what]}
+        finally:
+            if not opened:
+                device.close()
+        return found
 
     def zero(self, position: list[float]) -> Table:
         """Sets the counters so that the joints, which stand, read ``position`` (J,) rad (m)."""

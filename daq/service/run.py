@@ -15,7 +15,7 @@ import numpy as np
 from arm_io import DeviceFault, InputError, read_text, toml_of
 from daq.acquisition.acquisition import Acquisition
 from daq.acquisition.states import End, State
-from daq.recording.parts import Attachments, ledger_table
+from daq.recording.parts import Attachments, ledger_table, loss_tables
 from daq.recording.provenance import provenance
 from daq.recording.recorder import Recorder, rows_layout
 from daq.rig.bench import Bench
@@ -25,6 +25,8 @@ from drivers import SystemClock
 from experiment import Experiment, demand_of, experiment_of
 
 Table = dict[str, Any]
+SHOWN_LOSSES = 8
+"""Of a run that goes on; its file has them all."""
 
 
 @dataclass(frozen=True)
@@ -114,14 +116,18 @@ class Run:
         return self._acquisition.state
 
     def progress(self) -> Table:
-        """How far it is: rows made, recorded and lost so far, share of the expected rows (0..1, or None)."""
-        recorder = self._recorder
+        """How far it is: rows made, recorded and lost so far, share of the expected rows (0..1, or None).
+
+        ``losses``: the newest ``SHOWN_LOSSES`` of the sampler, as the ledger has them.
+        """
+        recorder, account = self._recorder, self._acquisition.ledger.summary()
         return {
             "experiment": self.request.experiment.name,
             "file": str(self.request.out),
             "rows": self._acquisition.rows_made,
             "recorded": recorder.recorded if recorder else 0,
-            "lost": self._acquisition.ledger.summary().lost + (recorder.lost if recorder else 0),
+            "lost": account.lost + (recorder.lost if recorder else 0),
+            "losses": loss_tables(account.losses[-SHOWN_LOSSES:]),
             "progress": self._acquisition.progress,
         }
 

@@ -22,13 +22,7 @@ from daq.rig.bench import Bench
 from daq.rig.preflight import ChainReader, chain_of
 from daq.rig.rig_file import Rig, read_rig
 from daq.service.commands.answers import Outcome, PendingAnswers
-from daq.service.commands.arguments import (
-    ArmArguments,
-    NoArguments,
-    StopArguments,
-    ZeroArguments,
-    checked,
-)
+from daq.service.commands.arguments import ArmArguments, NoArguments, StopArguments, ZeroArguments, checked
 from daq.service.commands.queue import CommandQueue
 from daq.service.commands.server import Command
 from daq.service.device_jobs import Armed, DeviceJobs
@@ -269,6 +263,11 @@ class Service:
         if len(position) != self.rig.joints:
             raise InputError("daemon", f"zero: position: must be {self.rig.joints} numbers, is {len(position)}")
         return self._answers.of(self._devices.submit(partial(self._jobs.zero, position)))
+
+    def _check(self, arguments: Table) -> Outcome:
+        checked("check", arguments, NoArguments)
+        self._refuse_unless_idle("check", "not during a run")
+        return self._answers.of(self._devices.submit(self._jobs.check))
 
     def _reset(self, arguments: Table) -> Table:
         checked("reset", arguments, NoArguments)

@@ -49,6 +49,7 @@ OTHERS = {
     "init",
     "doctor",
     "daemon",
+    "page",
     "record",
     "status",
     "stop",

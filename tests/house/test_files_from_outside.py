@@ -8,6 +8,7 @@ from pathlib import Path
 PACKAGES = (
     "arm_archive",
     "arm_model",
+    "arm_page",
     "armscope",
     "comparison",
     "daq",

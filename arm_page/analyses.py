@@ -1,0 +1,171 @@
+"""Identification, diagnosis and calibration of recordings, each in a process of its own at low priority."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import secrets
+import threading
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from arm_io import DeviceFault, InputError, make_folder
+
+Table = dict[str, Any]
+Progress = Callable[[str], None]
+MOST_KEPT = 50
+NICE = 15
+
+
+@dataclass(frozen=True, kw_only=True)
+class Analysis:
+    """Something that can be done with recordings.
+
+    run  a function of a module: (recordings, held-out ones, model, folder for the results, progress) -> one sentence of
+         what was found. It writes report.html into the folder
+    """
+
+    name: str
+    title: str
+    help: str
+    needs_points: bool
+    run: Callable[[Sequence[Path], Sequence[Path], Path, Path, Progress], str]
+
+
+@dataclass
+class Job:
+    """One analysis of some recordings. state: waiting, working, done, failed or stopped."""
+
+    id: str
+    analysis: Analysis
+    recordings: list[Path]
+    held_out: list[Path]
+    out: Path
+    state: str = "waiting"
+    says: str = "waiting"
+    begun: float = field(default_factory=time.monotonic)
+    seconds: float = 0.0
+
+    def as_table(self) -> Table:
+        """Plain data for the page; ``report``: its place, once there is one."""
+        working = self.state in ("waiting", "working")
+        return {
+            "id": self.id,
+            "title": self.analysis.title,
+            "recordings": [path.name for path in self.recordings],
+            "held_out": [path.name for path in self.held_out],
+            "state": self.state,
+            "says": self.says,
+            "seconds": time.monotonic() - self.begun if working else self.seconds,
+            "folder": str(self.out),
+            "report": f"/reports/{self.id}" if self.state == "done" and self.report.is_file() else None,
+        }
+
+    @property
+    def report(self) -> Path:
+        return self.out / "report.html"
+
+
+class Analyses:
+    """The jobs of a page, one at a time, in their order."""
+
+    def __init__(self, known: Sequence[Analysis], model: Path | None, folder: Path) -> None:
+        self.known = {analysis.name: analysis for analysis in known}
+        self._model, self._folder = model, folder
+        self._jobs: dict[str, Job] = {}
+        self._lock = threading.Lock()
+        self._process: Any = None
+
+    def list(self) -> list[Table]:
+        """The newest first."""
+        with self._lock:
+            return [job.as_table() for job in reversed(self._jobs.values())]
+
+    def begin(self, name: str, recordings: Sequence[Path], held_out: Sequence[Path]) -> Table:
+        """A new job. InputError: no such analysis, no model, or one is under way."""
+        if name not in self.known:
+            raise InputError(name, f"is no analysis; there are {', '.join(self.known)}")
+        if self._model is None:
+            raise InputError("rig", "names no model; an analysis compares recordings with one")
+        with self._lock:
+            if any(job.state in ("waiting", "working") for job in self._jobs.values()):
+                raise InputError(name, "another analysis is under way; stop it, or wait for its end")
+            # The id is the only way to the report, which is opened without a token in its address.
+            job = Job(secrets.token_urlsafe(18), self.known[name], list(recordings), list(held_out), Path())
+            job.out = self._folder / f"{recordings[0].stem}_{name}_{time.strftime('%H%M%S')}"
+            self._jobs[job.id] = job
+            for old in list(self._jobs)[:-MOST_KEPT]:
+                del self._jobs[old]
+        threading.Thread(target=self._work, args=(job,), name=name, daemon=True).start()
+        return job.as_table()
+
+    def stop(self, job_id: str) -> None:
+        """Ends a job that is under way."""
+        with self._lock:
+            job = self._jobs.get(job_id)
+            if job is not None and job.state in ("waiting", "working"):
+                job.state, job.says = "stopped", "stopped by command"
+                if self._process is not None:
+                    self._process.terminate()
+
+    def close(self) -> None:
+        """Ends all that is under way."""
+        for job in list(self._jobs.values()):
+            self.stop(job.id)
+
+    def report(self, job_id: str) -> Path:
+        """The report of a job. InputError: there is none."""
+        job = self._jobs.get(job_id)
+        if job is None or not job.report.is_file():
+            raise InputError("report", "there is none of that name")
+        return job.report
+
+    def _work(self, job: Job) -> None:
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe(duplex=False)
+        arguments = (job.analysis.run, job.recordings, job.held_out, self._model, job.out, theirs)
+        process = context.Process(target=_in_child, args=arguments, daemon=True)
+        with self._lock:
+            if job.state != "waiting":
+                return
+            job.state, self._process = "working", process
+            process.start()
+        theirs.close()
+        kind, text = "failed", "ended without a result"
+        try:
+            while True:
+                kind, text = ours.recv()
+                if kind == "working":
+                    job.says = text
+        except (EOFError, OSError):
+            process.join()
+        with self._lock:
+            self._process = None
+            job.seconds = time.monotonic() - job.begun
+            if job.state == "working":
+                job.state, job.says = ("failed", "ended without a result") if kind == "working" else (kind, text)
+
+
+def _in_child(
+    run: Callable[[Sequence[Path], Sequence[Path], Path, Path, Progress], str],
+    recordings: Sequence[Path],
+    held_out: Sequence[Path],
+    model: Path,
+    out: Path,
+    results: Connection,
+) -> None:
+    """Runs an analysis and sends ("working", step)..., then ("done", sentence) or ("failed", why)."""
+    os.nice(NICE)
+    try:
+        make_folder(out)
+        results.send(("done", run(recordings, held_out, model, out, lambda step: results.send(("working", step)))))
+    except (InputError, DeviceFault) as error:
+        results.send(("failed", str(error)))
+    except Exception as error:
+        traceback.print_exc()
+        results.send(("failed", f"a bug: {type(error).__name__}: {error}"))

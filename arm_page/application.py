@@ -1,0 +1,265 @@
+"""What the page's server answers: its files, its data, commands and the stream. Everything comes from this server."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from arm_io import DeviceFault, InputError
+from arm_page.access import Access, Role
+from arm_page.analyses import Analyses
+from arm_page.experiments import Experiments
+from arm_page.link import RigLink
+from arm_page.live import Viewers
+from arm_page.recordings import Recordings
+from arm_page.steering import Steering
+
+Table = dict[str, Any]
+STATIC = Path(__file__).parent / "static"
+MOST_BODY = 1 << 16
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+    "frame-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+REPORT_POLICY = (
+    "sandbox allow-scripts allow-popups; default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
+    "script-src 'unsafe-inline'; frame-ancestors 'self'"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parts:
+    """What the page shows and moves."""
+
+    scene: Table
+    link: RigLink
+    access: Access
+    experiments: Experiments
+    recordings: Recordings
+    analyses: Analyses
+    steering: Steering
+
+
+class Server:
+    """The requests of all browsers; ``application`` is what an ASGI server runs."""
+
+    def __init__(self, parts: Parts, hosts: frozenset[str], *, secure: bool) -> None:
+        self._parts = parts
+        # stop never waits behind a preview or an arming robot
+        self._stopping = ThreadPoolExecutor(2, thread_name_prefix="stop")
+        self._working = ThreadPoolExecutor(8, thread_name_prefix="work")
+        self.viewers = Viewers(parts.link, parts.access, self.state)
+        routes = [
+            Route("/", lambda request: FileResponse(STATIC / "index.html")),
+            Route("/api/login", self._login, methods=["POST"]),
+            Route("/api/rig", self._rig),
+            Route("/api/experiments", self._experiments),
+            Route("/api/preview/{name}", self._preview),
+            Route("/api/command/{verb}", self._command, methods=["POST"]),
+            Route("/api/devices", self._devices),
+            Route("/api/recordings", self._recordings),
+            Route("/api/recordings/{name}", self._recording),
+            Route("/api/analyses", self._begin, methods=["POST"]),
+            Route("/api/analyses/{job}/stop", self._stop_analysis, methods=["POST"]),
+            Route("/reports/{job}", self._report),
+            WebSocketRoute("/api/live", self.viewers.serve),
+            Mount("/static", StaticFiles(directory=STATIC)),
+        ]
+        self.application: ASGIApp = _Guarded(Starlette(routes=routes, lifespan=self._life), hosts, secure=secure)
+
+    @contextlib.asynccontextmanager
+    async def _life(self, application: Starlette) -> AsyncIterator[None]:
+        yield
+        self._stopping.shutdown(wait=False)
+        self._working.shutdown(wait=False, cancel_futures=True)
+
+    def state(self) -> Table:
+        """What changes: the daemon's state, how the rows come, the analyses."""
+        link = self._parts.link
+        return {
+            "daemon": link.status,
+            "why": link.why if link.status is None else None,
+            "telemetry": link.telemetry(),
+            "analyses": self._parts.analyses.list(),
+        }
+
+    # Requests
+
+    async def _login(self, request: Request) -> Response:
+        table = await _body(request)
+        address = request.client.host if request.client else ""
+        token = self._parts.access.log_in(str(table.get("user", "")), str(table.get("password", "")), address)
+        if token is None:
+            return _refusal(InputError("login", "user or password is wrong; after a mistake wait a second"), 401)
+        return JSONResponse({"token": token})
+
+    async def _rig(self, request: Request) -> Response:
+        role = self._parts.access.role(_token(request))
+        if role is None:
+            return _refusal(InputError("login", "is required"), 401)
+        known = self._parts.analyses.known.values()
+        analyses = [{"name": a.name, "title": a.title, "help": a.help, "needs_points": a.needs_points} for a in known]
+        log_in = self._parts.access.passwords is not None
+        return JSONResponse(self._parts.scene | {"role": role, "login": log_in, "analyses": analyses})
+
+    async def _experiments(self, request: Request) -> Response:
+        return await self._answer(request, Role.WATCH, self._parts.experiments.list)
+
+    async def _preview(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        return await self._answer(request, Role.WATCH, lambda: self._parts.steering.preview(name))
+
+    async def _command(self, request: Request) -> Response:
+        verb = request.path_params["verb"]
+        try:
+            arguments = await _body(request)
+        except InputError as error:
+            return _refusal(error)
+        pool = self._stopping if verb == "stop" else self._working
+        return await self._answer(request, Role.STEER, lambda: self._parts.steering.command(verb, arguments), pool=pool)
+
+    async def _devices(self, request: Request) -> Response:
+        return await self._answer(request, Role.WATCH, lambda: self._parts.link.ask("identity"))
+
+    async def _recordings(self, request: Request) -> Response:
+        def listed() -> list[Table]:
+            self._parts.recordings.follow((self._parts.link.status or {}).get("recordings"))
+            return self._parts.recordings.list()
+
+        return await self._answer(request, Role.WATCH, listed)
+
+    async def _recording(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        return await self._answer(request, Role.WATCH, lambda: self._parts.recordings.details(name))
+
+    async def _begin(self, request: Request) -> Response:
+        def begun() -> Table:
+            known = self._parts.recordings
+            fit, held = ([known.path(name) for name in _names(table, key)] for key in ("recordings", "held_out"))
+            if not fit:
+                raise InputError("recordings", "is empty; must name one at least")
+            return self._parts.analyses.begin(str(table.get("name")), fit, held)
+
+        try:
+            table = await _body(request)
+        except InputError as error:
+            return _refusal(error)
+        return await self._answer(request, Role.STEER, begun)
+
+    async def _stop_analysis(self, request: Request) -> Response:
+        job = request.path_params["job"]
+        return await self._answer(request, Role.STEER, lambda: self._parts.analyses.stop(job))
+
+    async def _report(self, request: Request) -> Response:
+        """Opened in a frame, which sends no token: the unguessable name of the job is the permission."""
+        try:
+            path = self._parts.analyses.report(request.path_params["job"])
+        except InputError as error:
+            return _refusal(error, 404)
+        return FileResponse(path, headers={"content-security-policy": REPORT_POLICY})
+
+    async def _answer(
+        self, request: Request, least: Role, work: Callable[[], Any], *, pool: ThreadPoolExecutor | None = None
+    ) -> Response:
+        """What ``work`` returns, done on a thread, if who asks may have it; one typed error otherwise."""
+        role = self._parts.access.role(_token(request))
+        if role is None:
+            return _refusal(InputError("login", "is required"), 401)
+        if least is Role.STEER and role is not Role.STEER:
+            return _refusal(InputError("page", "you may watch, not steer; open the address with the key"), 403)
+        try:
+            result = await asyncio.get_running_loop().run_in_executor(pool or self._working, work)
+        except (InputError, DeviceFault) as error:
+            return _refusal(error)
+        return JSONResponse(result)
+
+
+class _Guarded:
+    """Refuses requests under a foreign name or from a foreign page, and says what the browser may load."""
+
+    def __init__(self, inner: ASGIApp, hosts: frozenset[str], *, secure: bool) -> None:
+        self._inner, self._hosts = inner, hosts
+        schemes = ("https",) if secure else ("http",)
+        self._origins = {f"{scheme}://{host}" for scheme in schemes for host in hosts}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self._inner(scope, receive, send)
+            return
+        headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
+        origin = headers.get(b"origin")
+        foreign = headers.get(b"host", "").lower() not in self._hosts or (
+            origin is not None and origin not in self._origins and origin != "null"
+        )
+        if foreign or (origin == "null" and scope["type"] == "websocket"):
+            await self._refuse(scope, receive, send)
+            return
+
+        async def sent(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                names = {name for name, _ in message["headers"]}
+                extra = {
+                    b"content-security-policy": POLICY.encode(),
+                    b"x-content-type-options": b"nosniff",
+                    b"referrer-policy": b"no-referrer",
+                    b"cache-control": b"no-store",
+                }
+                message["headers"] = [*message["headers"], *((k, v) for k, v in extra.items() if k not in names)]
+            await send(message)
+
+        await self._inner(scope, receive, sent)
+
+    async def _refuse(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 4403})
+            return
+        refusal = _refusal(InputError("page", "was asked for under a name that is not its own"), 403)
+        await refusal(scope, receive, send)
+
+
+def _token(request: Request) -> str:
+    kind, _, token = request.headers.get("authorization", "").partition(" ")
+    return token if kind.lower() == "bearer" else ""
+
+
+async def _body(request: Request) -> Table:
+    """The JSON object of a request. InputError: it is something else, or too long."""
+    data = b""
+    async for part in request.stream():
+        data += part
+        if len(data) > MOST_BODY:
+            raise InputError("request", f"is longer than {MOST_BODY} bytes")
+    try:
+        table = json.loads(data or b"{}")
+    except (ValueError, RecursionError):
+        table = None
+    if not isinstance(table, dict):
+        raise InputError("request", "must be a JSON object")
+    return table
+
+
+def _names(table: Table, key: str) -> list[str]:
+    names = table.get(key, [])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names) or len(names) > 20:
+        raise InputError(key, "must be a list of at most 20 names")
+    return names
+
+
+def _refusal(error: InputError | DeviceFault, status: int = 409) -> Response:
+    where = error.where if isinstance(error, InputError) else error.device
+    kind = "input" if isinstance(error, InputError) else "device"
+    return JSONResponse({"error": kind, "where": str(where), "what": error.what}, status_code=status)

@@ -1,0 +1,77 @@
+"""What is drawn before any row comes: the arm's links, what stands around it, and the limits of its joints."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from arm_clearance import Chain
+from arm_io import InputError
+from arm_model.collision import read_chain
+from daq.rig import Rig
+
+Table = dict[str, Any]
+
+
+def chain_of_rig(rig: Rig) -> Chain | None:
+    """The links of the rig's arm; None where the rig file names no model. InputError where the two do not fit."""
+    if rig.model_path is None:
+        return None
+    chain = read_chain(rig.model_path)
+    if len(chain) != rig.joints:
+        raise InputError(rig.name, f"the rig has {rig.joints} joints, its model {len(chain)}")
+    return chain
+
+
+def scene_of(rig: Rig, chain: Chain | None) -> Table:
+    """Rig and arm as plain data: rad, m, A; matrices row by row, in the base frame of the model."""
+    limits = rig.limits
+    joints = [
+        {
+            "number": number,
+            "name": joint.name or f"joint {number}",
+            "unit": "rad" if joint.type == "revolute" else "m",
+            "position": None if limits.position is None else list(limits.position[number - 1]),
+            "speed": None if limits.speed is None else limits.speed[number - 1],
+            "current": None if limits.current is None else limits.current[number - 1],
+        }
+        for number, joint in enumerate(rig.joint, 1)
+    ]
+    tracker = rig.tracker
+    return {
+        "rig": rig.name,
+        "description": rig.description,
+        "endpoint": rig.zenoh.endpoint,
+        "rate": None if rig.trigger is None else rig.trigger.rate,
+        "trigger": None if rig.trigger is None else rig.trigger.source,
+        "joints": joints,
+        "devices": [{"name": device.name, "driver": device.driver} for device in rig.device],
+        "tracker": None if tracker is None else {"target": list(tracker.target), "placed": _placed(rig)},
+        "space": None if rig.space is None else rig.space.model_dump(),
+        "arm": None if chain is None else _arm(chain),
+    }
+
+
+def _placed(rig: Rig) -> bool:
+    """Whether points of the tracker can be given in the base frame."""
+    return rig.tracker is not None and (rig.tracker.device is None or rig.tracker.base_from_tracker is not None)
+
+
+def _arm(chain: Chain) -> Table:
+    return {
+        "base": chain.base.tolist(),
+        "before": chain.before.tolist(),
+        "after": chain.after.tolist(),
+        "coupling": chain.coupling.tolist(),
+        "sliding": list(chain.sliding),
+        "tool": chain.tool.tolist(),
+        "bodies": [
+            {
+                "link": body.link,
+                "start": body.start.tolist(),
+                "end": body.end.tolist(),
+                "radius": body.radius,
+                "assumed": body.assumed,
+            }
+            for body in chain.bodies
+        ],
+    }

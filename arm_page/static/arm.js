@@ -1,0 +1,214 @@
+// The arm in 3D: measured, demanded, previewed; the tracker's point beside the model's.
+
+import {
+  BoxGeometry, BufferGeometry, CapsuleGeometry, Color, DirectionalLight, EdgesGeometry, GridHelper,
+  Group, HemisphereLight, Line, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshStandardMaterial, OrbitControls,
+  PerspectiveCamera, Scene, SphereGeometry, Vector3, WebGLRenderer,
+} from "./vendor/three.js";
+import { colour, whenThemeChanges } from "./page.js";
+
+const matrix = (rows) => new Matrix4().set(...rows.flat());
+const UP = new Vector3(0, 1, 0);
+
+/** One drawing of the arm; `pose(q)` puts it where the joints are. Frames and coupling as arm_clearance.Chain has them. */
+class Figure {
+  constructor(arm, material, parent) {
+    this.arm = arm;
+    this.root = fixed(arm.base);
+    this.turning = [];
+    this.links = [this.root];
+    let last = this.root;
+    arm.before.forEach((before, joint) => {
+      const here = fixed(before), moving = new Group(), after = fixed(arm.after[joint]);
+      last.add(here);
+      here.add(moving);
+      moving.add(after);
+      this.turning.push(moving);
+      this.links.push((last = after));
+    });
+    arm.bodies.forEach((body) => this.links[body.link].add(capsule(body, material)));
+    this.root.visible = false;
+    parent.add(this.root);
+  }
+
+  pose(q) {
+    this.arm.coupling.forEach((row, joint) => {
+      const angle = row.reduce((sum, share, k) => sum + share * (q[k] ?? 0), 0);
+      if (this.arm.sliding[joint]) this.turning[joint].position.z = angle;
+      else this.turning[joint].rotation.z = angle;
+    });
+    this.root.visible = true;
+  }
+
+  /** m in the base frame: a point of the last link. */
+  point(local) {
+    this.root.updateWorldMatrix(true, true);
+    return this.links.at(-1).localToWorld(new Vector3(...local));
+  }
+}
+
+function fixed(rows) {
+  const group = new Group();
+  group.matrixAutoUpdate = false;
+  group.matrix.copy(matrix(rows));
+  return group;
+}
+
+function capsule(body, material) {
+  const start = new Vector3(...body.start), end = new Vector3(...body.end);
+  const length = start.distanceTo(end);
+  const mesh = new Mesh(new CapsuleGeometry(body.radius, length, 6, 18), material);
+  mesh.position.copy(start).add(end).multiplyScalar(0.5);
+  if (length > 1e-9) mesh.quaternion.setFromUnitVectors(UP, end.clone().sub(start).normalize());
+  return mesh;
+}
+
+export class ArmView {
+  constructor(place, description) {
+    this.place = place;
+    this.description = description;
+    this.scene = new Scene();
+    this.camera = new PerspectiveCamera(38, 1, 0.01, 200);
+    this.camera.up.set(0, 0, 1);
+    this.renderer = new WebGLRenderer({ antialias: true });
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    place.append(this.renderer.domElement);
+    this.controls = new OrbitControls(this.camera, this.renderer.domElement);
+    this.controls.addEventListener("change", () => this.draw());
+    const sun = new DirectionalLight("#fff", 1.6);
+    sun.position.set(2, -3, 5);
+    this.scene.add(new HemisphereLight("#fff", "#8895a5", 1.7), sun);
+    this.materials = {
+      measured: new MeshStandardMaterial({ roughness: 0.55, metalness: 0.05 }),
+      demanded: new MeshStandardMaterial({ transparent: true, opacity: 0.32, depthWrite: false }),
+      previewed: new MeshStandardMaterial({ transparent: true, opacity: 0.5, depthWrite: false }),
+      tracked: new MeshStandardMaterial({ emissiveIntensity: 0.7 }),
+      modelled: new MeshStandardMaterial({ emissiveIntensity: 0.7 }),
+    };
+    const arm = description.arm;
+    this.measured = new Figure(arm, this.materials.measured, this.scene);
+    this.demanded = new Figure(arm, this.materials.demanded, this.scene);
+    this.previewed = new Figure(arm, this.materials.previewed, this.scene);
+    this.reach = this._reach(arm);
+    this.tracked = this._ball(this.materials.tracked);
+    this.modelled = this._ball(this.materials.modelled);
+    this.path = new Line(new BufferGeometry(), new LineBasicMaterial());
+    this.path.visible = false;
+    this.scene.add(this.path);
+    this._surroundings(description.space);
+    this._look();
+    this._recolour();
+    whenThemeChanges(() => this._recolour());
+    new ResizeObserver(() => this._resize()).observe(place);
+    this.draw();
+  }
+
+  /** Measured and demanded joints (null: not known), tracker's point in the base frame; returns their distance, m. */
+  show(q, demand, point) {
+    if (q) this.measured.pose(q);
+    if (demand) this.demanded.pose(demand);
+    else this.demanded.root.visible = false;
+    const target = this.description.tracker?.target;
+    let distance = null;
+    this.tracked.visible = Boolean(point);
+    this.modelled.visible = Boolean(q && target);
+    if (q && target) this.modelled.position.copy(this.measured.point(target));
+    if (point) this.tracked.position.set(...point);
+    if (q && target && point) distance = this.tracked.position.distanceTo(this.modelled.position);
+    this.draw();
+    return distance;
+  }
+
+  /** The path of the tool point over the poses of a previewed motion; null: no preview. */
+  trace(poses) {
+    this.path.visible = this.previewed.root.visible = Boolean(poses);
+    if (poses) {
+      const points = poses.map((q) => {
+        this.previewed.pose(q);
+        return this.previewed.point(this.description.arm.tool);
+      });
+      this.path.geometry.dispose();
+      this.path.geometry = new BufferGeometry().setFromPoints(points);
+      this.previewed.pose(poses[0]);
+    }
+    this.draw();
+  }
+
+  pose(q) {
+    this.previewed.pose(q);
+    this.draw();
+  }
+
+  /** Draws once before the next repaint, however often it is asked to. */
+  draw() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.renderer.render(this.scene, this.camera);
+    });
+  }
+
+  _reach(arm) {
+    this.measured.pose(arm.sliding.map(() => 0));
+    const origin = new Vector3().setFromMatrixPosition(matrix(arm.base));
+    const lengths = [...arm.before, ...arm.after].map((rows) => Math.hypot(rows[0][3], rows[1][3], rows[2][3]));
+    this.measured.root.visible = false;
+    return { centre: origin, length: Math.max(lengths.reduce((a, b) => a + b, 0), 0.3) };
+  }
+
+  _ball(material) {
+    const ball = new Mesh(new SphereGeometry(this.reach.length * 0.019, 20, 14), material);
+    ball.visible = false;
+    this.scene.add(ball);
+    return ball;
+  }
+
+  _surroundings(space) {
+    const width = Math.max(1, Math.ceil(this.reach.length * 1.2)) * 2;
+    this.grid = new GridHelper(width, width * 4);
+    this.grid.rotation.x = Math.PI / 2;
+    this.grid.position.z = space?.floor ?? Math.min(0, this.reach.centre.z);
+    this.scene.add(this.grid);
+    this.boxes = new LineBasicMaterial();
+    for (const box of space?.box ?? []) {
+      const size = box.high.map((high, k) => high - box.low[k]);
+      const edges = new LineSegments(new EdgesGeometry(new BoxGeometry(...size)), this.boxes);
+      edges.position.set(...box.low.map((low, k) => low + size[k] / 2));
+      this.scene.add(edges);
+    }
+  }
+
+  _look() {
+    const { centre, length } = this.reach;
+    this.controls.target.copy(centre).add(new Vector3(0, 0, length * 0.12));
+    this.camera.position.copy(this.controls.target).add(new Vector3(0.8, -1.1, 0.5).multiplyScalar(length));
+    this.controls.update();
+  }
+
+  _recolour() {
+    this.scene.background = new Color(colour("paper"));
+    this.materials.measured.color.set(document.documentElement.dataset.theme === "dark" ? "#9fb2c6" : "#8c9fb3");
+    this.materials.demanded.color.set(colour("demand"));
+    this.materials.previewed.color.set(colour("accent"));
+    for (const [name, shade] of [["tracked", "bad"], ["modelled", "good"]]) {
+      this.materials[name].color.set(colour(shade));
+      this.materials[name].emissive.set(colour(shade));
+    }
+    this.path.material.color.set(colour("accent"));
+    this.boxes.color.set(colour("quiet"));
+    this.grid.material.color.set(colour("line"));
+    this.grid.material.vertexColors = false;
+    this.grid.material.needsUpdate = true;
+    this.draw();
+  }
+
+  _resize() {
+    const { clientWidth: width, clientHeight: height } = this.place;
+    if (!width || !height) return;
+    this.renderer.setSize(width, height);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.draw();
+  }
+}

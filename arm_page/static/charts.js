@@ -1,0 +1,140 @@
+// Strip charts over time: positions with their demand, currents with every peak, limits as lines.
+
+import uPlot from "./vendor/uplot.js";
+import { colour, el, jointColour, whenThemeChanges } from "./page.js";
+
+const KEPT = 1500;
+const faded = (hex) => `${hex}40`;
+
+/** A chart of `place` whose size follows it; `series` as uPlot has them, after the time. */
+class Strip {
+  constructor(place, title, unit, series, bands, limits) {
+    this.plot = el("div", { class: "plot" });
+    this.element = el("div", { class: "chart" }, el("h2", {}, title, el("span", { class: "quiet" }, unit)), this.plot);
+    place.append(this.element);
+    this.made = { series, bands, limits };
+    this.data = [[], ...series.map(() => [])];
+    new ResizeObserver(() => this._resize()).observe(this.plot);
+    this._theme = () => this._make();
+    whenThemeChanges(this._theme);
+    this._make();
+  }
+
+  show(data) {
+    this.data = data;
+    this.chart.setData(data);
+  }
+
+  _make() {
+    this.chart?.destroy();
+    const axis = { stroke: colour("quiet"), grid: { stroke: colour("line"), width: 1 }, ticks: { show: false }, font: "11px system-ui" };
+    const { series, bands, limits } = this.made;
+    this.chart = new uPlot(
+      {
+        width: Math.max(this.plot.clientWidth, 60),
+        height: Math.max(this.plot.clientHeight, 60),
+        cursor: { y: false, points: { show: false } },
+        scales: { x: { time: false }, y: { range: (_, low, high) => range(low, high, limits) } },
+        axes: [{ ...axis, size: 26, values: (_, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 44 }],
+        series: [{}, ...series.map((one) => ({ points: { show: false }, width: 1.4, spanGaps: false, ...one }))],
+        bands,
+        hooks: { draw: [(chart) => drawLimits(chart, limits)] },
+      },
+      this.data,
+      this.plot,
+    );
+  }
+
+  _resize() {
+    const { clientWidth: width, clientHeight: height } = this.plot;
+    if (width && height) this.chart.setSize({ width, height });
+  }
+}
+
+/** The limits come into view when the values reach three quarters of them. */
+function range(low, high, limits) {
+  if (low === null || low === undefined) return limits.length ? limits : [-1, 1];
+  const room = Math.max((high - low) * 0.12, 1e-3);
+  let [bottom, top] = [low - room, high + room];
+  for (const limit of limits) {
+    if (limit > 0 && high > 0.75 * limit) top = Math.max(top, limit * 1.05);
+    if (limit < 0 && low < 0.75 * limit) bottom = Math.min(bottom, limit * 1.05);
+  }
+  return [bottom, top];
+}
+
+function drawLimits(chart, limits) {
+  const { ctx, bbox } = chart;
+  ctx.save();
+  ctx.strokeStyle = colour("bad");
+  ctx.setLineDash([6, 4]);
+  for (const limit of limits) {
+    const y = Math.round(chart.valToPos(limit, "y", true));
+    if (y < bbox.top || y > bbox.top + bbox.height) continue;
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, y);
+    ctx.lineTo(bbox.left + bbox.width, y);
+    ctx.stroke();
+  }
+  ctx.restore();
+}
+
+/** Two charts of some joints (indices from 0): positions, with demands, and currents as bands from lowest to highest. */
+export class JointCharts {
+  constructor(place, joints) {
+    this.place = place;
+    this.joints = joints;
+    this.clear();
+    this.choose(joints.map((_, index) => index));
+  }
+
+  /** Which joints are drawn; limits are lines where it is one. */
+  choose(indices) {
+    this.chosen = indices;
+    this.place.replaceChildren();
+    const alone = indices.length === 1 ? this.joints[indices[0]] : null;
+    const title = alone ? `joint ${alone.number}, ${alone.name}` : "all joints";
+    const demand = indices.flatMap((k) => [
+      { stroke: alone ? colour("demand") : faded(jointColour(k)), dash: [5, 4] },
+      { stroke: jointColour(k) },
+    ]);
+    const units = [...new Set(indices.map((k) => this.joints[k].unit))].join(", ");
+    this.position = new Strip(this.place, `Position, ${title}`, `${units}; dashed: demanded`, demand, [], alone?.position ?? []);
+    const current = indices.flatMap((k) => [{ stroke: faded(jointColour(k)), width: 0.6 }, { stroke: faded(jointColour(k)), width: 0.6 }, { stroke: jointColour(k) }]);
+    const bands = indices.map((k, n) => ({ series: [3 * n + 2, 3 * n + 1], fill: faded(jointColour(k)) }));
+    const limits = alone?.current ? [-alone.current, alone.current] : [];
+    this.current = new Strip(this.place, `Current, ${title}`, "A; band: every peak", current, bands, limits);
+    this.show();
+  }
+
+  clear() {
+    this.t = [];
+    this.frames = [];
+  }
+
+  add(frames) {
+    for (const frame of frames) {
+      this.t.push(frame.t);
+      this.frames.push(frame);
+    }
+    if (this.t.length > KEPT) {
+      this.t.splice(0, this.t.length - KEPT);
+      this.frames.splice(0, this.frames.length - KEPT);
+    }
+  }
+
+  show() {
+    const column = (name, k) => this.frames.map((frame) => frame[name]?.[k] ?? null);
+    this.position.show([this.t, ...this.chosen.flatMap((k) => [column("d", k), column("q", k)])]);
+    this.current.show([this.t, ...this.chosen.flatMap((k) => [column("lo", k), column("hi", k), column("i", k)])]);
+  }
+
+  /** All of a recording, as /api/recordings has it. */
+  drawn({ t, q, lo, hi }) {
+    this.t = t;
+    this.frames = t.map((_, row) => ({
+      q: q.map((column) => column[row]), lo: lo.map((column) => column[row]), hi: hi.map((column) => column[row]), i: null, d: null,
+    }));
+    this.show();
+  }
+}

@@ -1,0 +1,89 @@
+"""``armscope page``: the control room of a rig in a browser."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Annotated
+
+import typer
+
+from arm_io import DeviceFault, make_folder
+from arm_page import Page
+from armscope.commands.options import RigArgument
+from armscope.page_analyses import ANALYSES
+from armscope.shipped import shipped_folder
+from daq.rig import Rig, read_rig
+from daq.service import holder_of
+
+
+def command(
+    rig: RigArgument,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="port on 127.0.0.1; 0: any free port")] = 8700,
+    recordings: Annotated[
+        Path, typer.Option(metavar="DIR", help="folder for recordings, and for results below it")
+    ] = Path("recordings"),
+    experiments: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="folder of experiments to choose from; default: those beside the rig file"),
+    ] = None,
+    browser: Annotated[bool, typer.Option(help="open the page where there is a display")] = True,
+) -> None:
+    checked = read_rig(rig, drivers=False)
+    make_folder(recordings)
+    page = Page(
+        rig=rig,
+        recordings=recordings,
+        experiments=experiments or [rig.parent / "experiments", rig.parent, shipped_folder() / "experiments"],
+        analyses=ANALYSES,
+        port=port,
+    )
+    with _daemon(rig, checked):
+        page.serve(lambda steer, watch: _ready(checked.name, steer, watch, browser))
+
+
+def _ready(name: str, steer: str, watch: str, browser: bool) -> None:
+    print(f"armscope page: rig {name}; to steer: {steer}", file=sys.stderr)
+    print(f"armscope page: to watch only: {watch}; Ctrl-C ends it", file=sys.stderr, flush=True)
+    if browser and has_display():
+        webbrowser.open(steer)
+
+
+def has_display() -> bool:
+    """Whether a browser could show something."""
+    return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+@contextmanager
+def _daemon(path: Path, rig: Rig) -> Iterator[None]:
+    """The daemon of the rig: the one that runs, or, for a rig of this machine, one for the time of the page."""
+    if holder_of(rig.name) is not None or not rig.zenoh.loopback:
+        yield
+        return
+    arguments = [sys.executable, "-m", "armscope", "daemon", "--rig", str(path)]
+    process = subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    assert process.stderr is not None
+    line = process.stderr.readline()
+    if "is open" not in line:
+        process.kill()
+        raise DeviceFault("daemon", line.removeprefix("error: ").strip() or "did not start")
+    print(line.rstrip(), file=sys.stderr)
+    threading.Thread(target=_pass_on, args=(process.stderr,), daemon=True).start()
+    try:
+        yield
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.wait()
+
+
+def _pass_on(lines: IO[str]) -> None:
+    """What the daemon says, to our own standard error."""
+    for line in lines:
+        print(line.rstrip(), file=sys.stderr, flush=True)

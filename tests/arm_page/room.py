@@ -1,0 +1,115 @@
+"""A control room as a laboratory has it: a simulated rig, ``armscope page`` in a process of its own, a real browser."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from arm_io import read_toml
+from tests.conftest import ROOT
+from tests.ports import free_endpoint
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+# Nothing on this machine is drawn by a graphics card, and nothing is fetched from elsewhere.
+SWITCHES = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
+
+
+@dataclass
+class Room:
+    """steer, watch: addresses; key: of the first; folder: of rig, experiments and recordings."""
+
+    steer: str
+    watch: str
+    folder: Path
+    process: subprocess.Popen[str]
+
+    @property
+    def key(self) -> str:
+        return self.steer.partition("#")[2]
+
+    def ask(self, path: str, body: Any = None, *, key: str | None = None, **headers: str) -> tuple[int, Any]:
+        """Status and JSON answer of a request; ``key`` None: ours."""
+        data = None if body is None else body if isinstance(body, bytes) else json.dumps(body).encode()
+        token = self.key if key is None else key
+        request = urllib.request.Request(self.watch.rstrip("/") + path, data, headers)
+        if token:
+            request.add_header("Authorization", f"Bearer {token}")
+        try:
+            with urllib.request.urlopen(request, timeout=30) as answer:
+                return answer.status, json.loads(answer.read())
+        except urllib.error.HTTPError as error:
+            return error.code, json.loads(error.read() or b"null")
+
+
+def rig_table(name: str, **changes: Any) -> dict[str, Any]:
+    """The simulated Puma under another name; its watchdog is patient, because the machine of a test may be busy."""
+    table = read_toml(ROOT / "config/puma560_sim.toml")
+    model = str(ROOT / "config/models/puma560.toml")
+    return table | {"name": name, "watchdog": 20.0, "model": model, "zenoh": {"endpoint": free_endpoint()}} | changes
+
+
+def short_move(seconds: float = 1.2, **changes: Any) -> dict[str, Any]:
+    """Joint 1 forward and back."""
+    return {
+        "name": "short",
+        "description": "joint 1 forward and back",
+        "start": [0.0, 0.7, -1.6, 0.0, 0.2, 0.0],
+        "full_speed": [1.0] * 6,
+        "full_acceleration": [8.0] * 6,
+        "segment": [
+            {"type": "chirp", "joint": 1, "amplitude": 0.1, "frequency": 1.0, "to_frequency": 1.0, "duration": seconds}
+        ],
+    } | changes
+
+
+def lay_out(folder: Path, rig: dict[str, Any]) -> Path:
+    """A rig file and experiments beside it: short (1.2 s), long (40 s), too_far (beyond joint 1's limit)."""
+    (folder / "experiments").mkdir()
+    for name, table in {
+        "short": short_move(),
+        "long": short_move(40.0, name="long"),
+        "too_far": short_move(name="too_far", segment=[{"type": "drive", "joint": 1, "to": 2.9}]),
+    }.items():
+        (folder / f"experiments/{name}.toml").write_text(tomli_w.dumps(table))
+    path = folder / "rig.toml"
+    path.write_text(tomli_w.dumps(rig))
+    return path
+
+
+@contextmanager
+def open_room(folder: Path, rig: dict[str, Any], *options: str) -> Iterator[Room]:
+    """``armscope page`` on a rig, until the block ends."""
+    path = lay_out(folder, rig)
+    command = [sys.executable, "-m", "armscope", "page", str(path), "--port", "0", "--no-browser", *options]
+    process = subprocess.Popen(
+        [*command, "--recordings", str(folder / "recordings"), "--experiments", str(folder / "experiments")],
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    )
+    assert process.stderr is not None
+    found: list[str] = []
+    said = ""
+    try:
+        while len(found) < 2:
+            line = process.stderr.readline()
+            said += line
+            assert line, said
+            found += re.findall(r"(https?://\S+?)(?:;|\s|$)", line)
+        yield Room(found[0], found[1], folder, process)
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)

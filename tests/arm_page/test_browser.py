@@ -1,0 +1,154 @@
+"""The page in a real browser: runs recorded, stopped, watched; a page that is closed and opened again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from daq.recording import open_recording
+from tests.arm_page.room import CHROMIUM, SWITCHES, Room, open_room, rig_table
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine; .ci/run installs it"),
+    pytest.mark.xdist_group("page"),
+]
+SECONDS = 40_000
+"""ms for anything to happen: the machine may be busy."""
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Room]:
+    with open_room(tmp_path_factory.mktemp("room"), rig_table("page browser")) as room:
+        yield room
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SWITCHES)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(browser: Any, room: Room) -> Iterator[Any]:
+    """A page with the key, open and idle; the test fails if its scripts do, or if it asks any other host."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    page = context.new_page()
+    page.set_default_timeout(SECONDS)
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    page.on("request", lambda request: errors.append(request.url) if not ours(request.url, room) else None)
+    page.goto(room.steer)
+    state(page, "idle")
+    yield page
+    context.close()
+    assert errors == []
+
+
+def ours(url: str, room: Room) -> bool:
+    return url.startswith((room.watch, "data:", "blob:"))
+
+
+def state(page: Any, name: str) -> None:
+    """Waits until the page shows that state."""
+    page.wait_for_selector(f"#state[data-state={name}]")
+
+
+def preview(page: Any, name: str) -> None:
+    page.select_option("#run select", f"{name}.toml")
+    page.wait_for_selector("#run .lines li")
+
+
+def test_a_run_is_previewed_armed_started_recorded_and_opened(page: Any, room: Room) -> None:
+    before = set((room.folder / "recordings").glob("*.mcap"))
+    preview(page, "short")
+    facts = page.inner_text("#run")
+    assert "Within the limits" in facts and "1 waist" in facts and "2 shoulder" not in facts
+    page.keyboard.press("a")
+    state(page, "armed")
+    page.click("text=Start")
+    state(page, "running")
+    state(page, "idle")
+    page.wait_for_function("document.querySelector('#rows').innerText.includes('ended because the motion has ended')")
+    (made,) = set((room.folder / "recordings").glob("*.mcap")) - before
+    recording = open_recording(made)
+    assert len(recording) >= 1200 and recording.ledger.lost == 0
+    figures = [text.replace(" ", "") for text in page.locator("#rows .figures b").all_inner_texts()]
+    assert figures[1:] == [str(len(recording)), str(len(recording)), "0"]
+
+    page.keyboard.press("r")
+    page.click(f"text={made.stem}")
+    page.wait_for_selector("#details >> text=nothing was lost")
+    assert "clock of analog" in page.inner_text("#details")
+
+
+def test_escape_stops_a_motion_wherever_the_cursor_is(page: Any, room: Room) -> None:
+    preview(page, "long")
+    page.click("text=Arm")
+    state(page, "armed")
+    page.click("text=Start")
+    state(page, "running")
+    page.wait_for_function("document.querySelector('#legend').innerText.includes('mm apart')")
+    page.click("#tab-recordings")
+    page.keyboard.press("Escape")
+    state(page, "idle")
+    page.wait_for_function("document.querySelector('#rows').innerText.includes('stopped by command')")
+    status, answer = room.ask("/api/recordings")
+    assert status == 200 and answer[0]["name"].startswith("long_")
+
+
+def test_a_page_closed_during_a_run_and_opened_again_shows_it_and_can_stop_it(
+    page: Any, browser: Any, room: Room
+) -> None:
+    preview(page, "long")
+    page.click("text=Arm")
+    state(page, "armed")
+    page.click("text=Start")
+    state(page, "running")
+    page.wait_for_timeout(500)
+    page.close()
+    with browser.new_context() as context:
+        again = context.new_page()
+        again.set_default_timeout(SECONDS)
+        again.goto(room.steer)
+        state(again, "running")
+        # What was measured before this page was opened is in its charts.
+        again.wait_for_function("document.querySelector('#joints').innerText.includes('mrad')")
+        again.click("#stop")
+        state(again, "idle")
+
+
+def test_what_the_guard_would_refuse_cannot_be_armed(page: Any, room: Room) -> None:
+    preview(page, "too_far")
+    assert "joint 1 goes to 2.9" in page.inner_text("#run .wrong")
+    assert page.is_disabled("text=Arm")
+    page.keyboard.press("a")
+    _, shown = room.ask("/api/preview/too_far.toml")
+    status, answer = room.ask("/api/command/arm", {"experiment": "too_far.toml", "sha256": shown["sha256"]})
+    assert status == 409 and "joint 1 goes to 2.9" in answer["what"]
+
+
+def test_who_only_watches_sees_the_run_and_has_no_way_to_steer(browser: Any, page: Any, room: Room) -> None:
+    with browser.new_context() as context:
+        watcher = context.new_page()
+        watcher.set_default_timeout(SECONDS)
+        watcher.goto(room.watch)
+        state(watcher, "idle")
+        watcher.select_option("#run select", "short.toml")
+        watcher.wait_for_selector("#run .lines li")
+        assert not watcher.is_visible("#stop") and watcher.is_disabled("text=Arm")
+        watcher.keyboard.press("a")
+        preview(page, "short")
+        page.click("text=Arm")
+        state(watcher, "armed")
+        watcher.keyboard.press("s")
+        watcher.keyboard.press("Escape")
+        watcher.wait_for_timeout(300)
+        state(watcher, "armed")
+        page.click("text=Disarm")
+        state(watcher, "idle")
