@@ -7,7 +7,7 @@ BIN    := $(VENV)/bin
 export OPENBLAS_NUM_THREADS ?= 1
 STAMP  := $(VENV)/.installed
 
-.PHONY: demo test test-slow blind foreign soak lint types bench clean
+.PHONY: demo test test-slow blind foreign confidence soak lint types bench clean
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "armscope needs Python 3.11 or later")'
@@ -31,6 +31,11 @@ blind: $(STAMP)
 foreign: $(STAMP)
 	$(BIN)/python -m tests.foreign.proving_ground
 	$(BIN)/python -m tests.foreign
+
+# How often names are right: new cases (SEED=...; hours), then the table and the diagram of stated confidence.
+confidence: $(STAMP)
+	$(if $(SEED),$(BIN)/python -m tests.confidence run --seed $(SEED))
+	$(BIN)/python -m tests.confidence fit
 
 # 10 minutes; HOURS=12 or MINUTES=60 for more. Writes soak/soak.json and soak/soak.md.
 soak: $(STAMP)

@@ -40,6 +40,26 @@ class Estimate:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Support:
+    """The evidence for a cause, from which its stated confidence follows (``diagnosis.confidence``).
+
+    significance  1 - p of its gain on held-out data, at most MAX_CONFIDENCE
+    gain          rms of the held-out residual without it, over that with it, at its joint
+    left          rms of what all causes leave at that joint, over the noise
+    sureness      largest of its parameters over their standard deviations
+    names         how many causes are named
+    unexplained   signals in which structure remains that no effect explains
+    """
+
+    significance: float
+    gain: float
+    left: float
+    sureness: float
+    names: int
+    unexplained: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class Cause:
     """One accepted effect.
 
@@ -53,6 +73,7 @@ class Cause:
     of_arm         False for a fact about the instruments that the model has no place for
     of_recordings  parameters in each recording, by its file name, where no one value serves them all
     of_joints      of a cause of the whole rig that acts joint by joint: its parameters at each joint (from 1)
+    support        evidence that the confidence follows from; None: it is that of the gain alone
     """
 
     effect: str
@@ -70,6 +91,7 @@ class Cause:
     of_arm: bool = True
     of_joints: Mapping[int, list[Estimate]] = field(default_factory=dict)
     of_recordings: Mapping[str, list[Estimate]] = field(default_factory=dict)
+    support: Support | None = None
 
     @property
     def key(self) -> EffectKey:

@@ -19,8 +19,10 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import dissipative
 from daq.recording import Recording
+from diagnosis.against_noise import ratios
 from diagnosis.cause import Cause, Signal, Structure, Undetectable, extend, merge
 from diagnosis.closed_loop.comparison import Compared, along_motion, compare, faithful, with_smoothing_velocities
+from diagnosis.confidence import stated
 from diagnosis.find_causes import Named, Progress, Recordings, has_dynamics, named_causes
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.detectability import not_judged, not_visible
@@ -130,23 +132,25 @@ def diagnose(
     measured = measure(arm, recordings, cleaned, progress)
     recordings, cleaned = evenly(recordings, cleaned)
     named = named_causes(arm, measured.known, recordings, cleaned, progress)
-    causes, stated = extend_by(arm, measured, named, recordings)
-    extended = dissipative(stated, top_speeds(named))
+    causes, said = extend_by(arm, measured, named, recordings)
+    extended = dissipative(said, top_speeds(named))
     verified = verify(arm, extended, causes, recordings, named, judged=measured.judged)
     state, structures = named.found.state, _structures(measured, named)
+    unexplained = [
+        *_judged(structures, named.shortage),
+        *(measured.link.unexplained if measured.link else []),
+        *measured.tracked.unexplained,
+    ]
+    left = {one.joint: one.ratio for one in ratios(state.data.held_out.runs, state.fitted.held_out)}
     return Diagnosis(
         arm=arm,
         extended=extended,
         fit=state.data.fit.runs,
         held_out=state.data.held_out.runs,
         left=Split(state.fitted.fit, state.fitted.held_out),
-        causes=verified.causes,
+        causes=stated(verified.causes, left if measured.judged else {}, len(unexplained)),
         not_visible=_undetectable(measured, named),
-        unexplained=[
-            *_judged(structures, named.shortage),
-            *(measured.link.unexplained if measured.link else []),
-            *measured.tracked.unexplained,
-        ],
+        unexplained=unexplained,
         compared=verified.compared,
         along=verified.along,
         encoder_noise=np.array([encoder_step(column) / np.sqrt(12) for column in fit[0].q.T]),
@@ -155,7 +159,7 @@ def diagnose(
         axis=named.axis,
         judged=measured.judged,
         shortage=named.shortage if measured.judged else None,
-        warnings=(*_warnings(arm, measured, named, structures), *_of_friction(stated, extended)),
+        warnings=(*_warnings(arm, measured, named, structures), *_of_friction(said, extended)),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -162,6 +162,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
         **({"joints": of_joints} if of_joints else {}),
         **({"recordings": of_recordings} if of_recordings else {}),
         "confidence": round(cause.confidence, 4),
+        "support": asdict(cause.support) if cause.support else None,
         "gain": {"held_out_rms_before": cause.before, "held_out_rms_after": cause.after, "unit": cause.unit},
         "group": [{"effect": effect, "joint": joint} for effect, joint in cause.group],
         "separate_by": cause.separate_by,

@@ -174,18 +174,32 @@ def _seed(key: tuple[int, ...]) -> int:
 
 
 def _strong_enough(case: Case, key: tuple[int, ...]) -> tuple[Hidden, float]:
-    """The effect, and how many times the noise it changes the logged torques of the first motion."""
-    count = len(case.arm.joints)
-    quiet = replace(case.logger, noise=0.0, digits=1e-9, jitter=0.0)
+    """The effect, and how many times the noise it changes the logged torques of the first motion.
+
+    Where it stays below ``LEAST`` at the drawn joint, at another one; at the last if it does so everywhere.
+    """
+    assert case.effect is not None
+    others = [joint for joint in places(case.effect, case.arm) if joint != case.joint]
     target, plain = _moved(case, case.plant, 0, key)
-    reference = logged(plain, target, quiet, Defects.none(count), 0, case.arm)["tau"]
+    for joint in [case.joint, *others]:
+        hidden, reached = _scaled(replace(case, joint=joint), target, plain)
+        if reached >= LEAST:
+            break
+    return hidden, reached
+
+
+def _scaled(case: Case, target: Array, plain: Run) -> tuple[Hidden, float]:
+    """The effect at its joint, made stronger by ``MOST`` at most, and its noise ratio."""
+    none = Defects.none(len(case.arm.joints))
+    quiet = replace(case.logger, noise=0.0, digits=1e-9, jitter=0.0)
+    reference = logged(plain, target, quiet, none, 0, case.arm)["tau"]
     size, reached = 1.0, 0.0
     for _ in range(4):
         hidden = _drawn(case, size, reference)
         if hidden.effect in COUNTED:
             return hidden, LEAST
-        plant, defects = hide(case.plant, Defects.none(count), hidden)
-        moved = plain if plant is case.plant else _moved(case, plant, 0, key)[1]
+        plant, defects = hide(case.plant, none, hidden)
+        moved = plain if plant is case.plant else run(plant, target, case.logger.bandwidth)
         seen = logged(moved, target, quiet, defects, 0, case.arm)["tau"]
         reached = noise_ratio(seen, reference, case.logger.deviation(case.arm), case.joint)
         if reached >= LEAST or size >= MOST:

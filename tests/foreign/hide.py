@@ -131,8 +131,8 @@ UNCOUPLED = {"backlash", "joint_compliance", "joint_zero_offset", "gear_ripple",
 """Not hidden at the joints of a coupling."""
 SENSED = {"mains_hum", "time_skew", "dropped_trigger", "encoder_ripple", "missed_counts"}
 """Defects of the log, of which the arm knows nothing: ``compare`` is not asked for them."""
-COUNTED = {"dropped_trigger", "missed_counts", "current_limit"}
-"""Events: there or not, whatever the noise."""
+COUNTED = {"dropped_trigger", "missed_counts", "current_limit", "encoder_ripple"}
+"""Events, which are there or not whatever the noise, and errors of angles, which no torque shows."""
 
 
 def places(effect: str, arm: ForeignArm) -> list[int | None]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.foreign.cases import Case
+from tests.foreign.cases import LEAST, Case
 from tests.foreign.hide import SENSED, Hidden
 from tests.foreign.through import Results
 
@@ -40,6 +40,7 @@ class Outcome:
     """One case, for JSON.
 
     named        [effect, joint, confidence, right] per cause
+    supports     evidence of each of them
     found        whether the hidden effect is among them; in_group: or in the group of one of them
     compare      None where compare was not asked; else whether its surest change is where the effect is
     changed      whether compare called anything changed
@@ -56,6 +57,7 @@ class Outcome:
     strength: float
     verdict: str = "none"
     named: list[list[Any]] = field(default_factory=list)
+    supports: list[dict[str, float] | None] = field(default_factory=list)
     found: bool = False
     in_group: bool = False
     superfluous: int = 0
@@ -80,6 +82,7 @@ class Outcome:
     def line(self) -> str:
         """For people: what was hidden, what was said."""
         shown = lambda effect, joint: f"{effect}@{joint or '-'}"  # noqa: E731
+        hidden = shown(*self.hidden[:2]) if self.hidden else "nothing"
         named = ", ".join(f"{shown(e, j)} {c:.2f}" for e, j, c, _ in self.named) or "nothing"
         left = "".join(f"; left {s}@{j} by {a}" for s, j, a, _ in self.unexplained)
         asked = "" if self.changed is None else f"; compare: {'changed' if self.changed else 'nothing'}"
@@ -88,8 +91,9 @@ class Outcome:
         crash = f"; CRASH {self.crashes[0].splitlines()[-1][:150]}" if self.crashes else ""
         rate, kind = self.log["rate"], "A" if self.log["currents"] else "N m"
         return (
-            f"{'ok ' if self.good else 'NOT'} {self.name} ({self.strength:.1f} x noise, {rate:.0f} Hz, {kind}, "
-            f"{self.log['filter']}) -> {named} ({self.verdict}{left}{asked}{crash}; {self.seconds:.0f} s)"
+            f"{'ok ' if self.good else 'NOT'} {self.name}: {hidden} ({self.strength:.1f} x noise, "
+            f"{rate:.0f} Hz, {kind}, {self.log['filter']}) -> {named} "
+            f"({self.verdict}{left}{asked}{crash}; {self.seconds:.0f} s)"
         )
 
 
@@ -116,6 +120,7 @@ def _score_diagnosis(one: Outcome, hidden: Hidden | None, table: Mapping[str, An
         one.in_group |= hidden is not None and (was_right or _in_group(cause, hidden))
         one.superfluous += not was_right
         one.named.append([cause["effect"], cause["joint"], cause["confidence"], was_right])
+        one.supports.append(cause.get("support"))
         if was_right and hidden is not None and cause["effect"] == hidden.effect:
             one.inside = within(cause["parameters"], hidden.parameters)
     if hidden is not None:
@@ -159,9 +164,9 @@ def compared_well(hidden: Hidden, changes: Sequence[Mapping[str, Any]]) -> bool:
 
 
 def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
-    """Flat; shares from 0 to 1. Only what the cases at hand can say."""
+    """Flat; shares from 0 to 1. Only what the cases at hand can say; effects too weak to be detectable are no cases."""
     table: dict[str, float] = {"cases": len(outcomes), "crashed": sum(bool(o.crashes) for o in outcomes)}
-    singles = [o for o in outcomes if o.kind == "singles"]
+    singles = [o for o in outcomes if o.kind == "singles" and o.strength >= LEAST]
     nothing = [o for o in outcomes if o.kind == "nothing"]
     if singles:
         table["singles_cases"] = len(singles)

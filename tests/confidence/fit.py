@@ -1,0 +1,93 @@
+"""The table of confidence, fitted to one half of the bank's cases and judged on the other."""
+
+from __future__ import annotations
+
+import itertools
+import zlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from diagnosis.confidence import features
+from tests.confidence.bank import Name
+
+PENALTY = 0.05
+"""Of squared weights per name: with few names, none of them may decide."""
+LEAST = 20
+"""Names per step of the table."""
+Array = np.ndarray
+
+
+def halves(names: Sequence[Name]) -> tuple[list[Name], list[Name]]:
+    """Names of one half of the cases, and of the other: by case, whatever the order of the file."""
+    sides: tuple[list[Name], list[Name]] = ([], [])
+    for name in names:
+        sides[zlib.crc32(f"{name.suite} {name.seed} {name.case}".encode()) % 2].append(name)
+    return sides
+
+
+def fitted(names: Sequence[Name]) -> dict[str, Any]:
+    """Weights, constant and steps of ``diagnosis/confidence.json``."""
+    x = np.array([features(name.support) for name in names])
+    right = np.array([name.right for name in names], float)
+    constant, weights = _logistic(x, right)
+    order = np.argsort(score := constant + x @ weights, kind="stable")
+    return {
+        "constant": round(constant, 4),
+        "weights": [round(float(weight), 4) for weight in weights],
+        "steps": _steps(score[order], right[order]),
+    }
+
+
+def _logistic(x: Array, right: Array) -> tuple[float, Array]:
+    """Constant and weights by Newton's steps, the weights penalised in units of each feature's spread."""
+    spread = np.maximum(x.std(axis=0), 1e-9)
+    design = np.column_stack([np.ones(len(x)), x / spread])
+    penalty = PENALTY * len(x) * np.diag([0.0, *np.ones(x.shape[1])])
+    at = np.zeros(design.shape[1])
+    for _ in range(50):
+        p = 1.0 / (1.0 + np.exp(-design @ at))
+        slope = design.T @ (right - p) - penalty @ at
+        at = at + np.linalg.solve(
+            design.T @ (design * (p * (1 - p))[:, None]) + penalty + 1e-9 * np.eye(len(at)), slope
+        )
+    return float(at[0]), at[1:] / spread
+
+
+def _steps(score: Array, right: Array) -> list[dict[str, float]]:
+    """Ranges of the score, lowest first, each with one share of right names; it rises from step to step.
+
+    Confidence is (right + 1) / (names + 2), Laplace's rule of succession: 98 % need 48 names without an error, or 148
+    with two.
+    """
+    groups = np.array_split(np.arange(len(score)), max(len(score) // LEAST, 1))
+    counts = np.array([len(group) for group in groups], float)
+    shares = np.array([right[group].mean() for group in groups])
+    level = isotonic_regression(shares, weights=counts).x
+    steps = []
+    for value in np.unique(level):
+        inside = np.concatenate([group for group, one in zip(groups, level) if one == value])
+        names, hits = len(inside), float(right[inside].sum())
+        start = float(score[inside[0]])
+        stated = round((hits + 1) / (names + 2), 3)
+        steps.append({"from": round(start, 4), "confidence": stated, "names": names, "right": int(hits)})
+    return steps
+
+
+def stated(table: dict[str, Any], name: Name) -> float:
+    """The confidence that a table states for a name."""
+    score = table["constant"] + float(np.dot(table["weights"], features(name.support)))
+    steps = [step["confidence"] for step in table["steps"] if step["from"] <= score]
+    return min(name.support.significance, steps[-1] if steps else table["steps"][0]["confidence"])
+
+
+def reliability(confidence: Array, right: Array, edges: Sequence[float]) -> list[tuple[float, float, int]]:
+    """(mean stated confidence, share of right names, names) per range of the confidence that has any."""
+    rows = []
+    for low, high in itertools.pairwise(edges):
+        inside = (confidence >= low) & (confidence < high)
+        if inside.any():
+            rows.append((float(confidence[inside].mean()), float(right[inside].mean()), int(inside.sum())))
+    return rows
