@@ -2,12 +2,13 @@
 
 from diagnosis.against_noise import against_noise
 from diagnosis.cause import Cause, in_words
-from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.diagnose import Diagnosis, check_recordings, diagnose
 
 __all__ = [
     "Cause",
     "Diagnosis",
     "against_noise",
+    "check_recordings",
     "diagnose",
     "in_words",
 ]

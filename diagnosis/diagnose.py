@@ -35,7 +35,7 @@ from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.run import Run
-from diagnosis.screening.cleaned import Screened, screened
+from diagnosis.screening.cleaned import Screened, check, screened
 from diagnosis.screening.even_rows import even, even_samples
 from diagnosis.screening.event import Event
 from diagnosis.screening.plausibility import check_motion, mixed_up
@@ -161,6 +161,14 @@ def diagnose(
         shortage=named.shortage if measured.judged else None,
         warnings=(*_warnings(arm, measured, named, structures), *_of_friction(said, extended)),
     )
+
+
+def check_recordings(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording] = ()) -> None:
+    """InputError where ``diagnose`` does not take these recordings of the arm."""
+    check(arm, [*fit, *held_out])
+    check_motion(arm, fit, "fitted")
+    if held_out:
+        check_motion(arm, held_out, "held-out")
 
 
 def screen(arm: Arm, recordings: Recordings, progress: Progress) -> Screened:

@@ -14,6 +14,7 @@ from identification.methods import closed_loop, joint_by_joint, sequential
 from identification.methods.friction_tuning import simulated_error, tune_friction
 from identification.methods.inverse_dynamics import identify
 from identification.preprocessing.readiness import Readiness
+from identification.regression.conclusion import warnings_of_fit
 from identification.regression.equations import Friction
 from identification.regression.problem import excitation_of, motions_of, prepare
 from identification.result import Identification, Prediction, Value, unit_of
@@ -60,12 +61,14 @@ def check_runs(
     sparse: bool = False,
     progress: Progress = lambda _: None,
 ) -> Readiness:
-    """How fit recordings are to identify ``arm``, before anything is fitted; ``sparse``: runs of one joint each.
+    """How fit recordings are to identify ``arm``; ``sparse``: runs of one joint each.
 
+    Least squares are solved once, to see what only a fit shows: dead channels, currents of the wrong sign.
     InputError: not at all.
     """
     problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress, sparse=sparse)
-    return Readiness(problem.runs, excitation_of(problem), problem.warnings)
+    warnings = problem.warnings if sparse else [*problem.warnings, *warnings_of_fit(problem)]
+    return Readiness(problem.runs, excitation_of(problem), warnings)
 
 
 def tuned(

@@ -74,9 +74,9 @@ def check(
     friction: Friction | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Readiness:
-    """How fit recordings are for ``identify``, before anything is fitted: rows, excitation, saturation, lag.
+    """How fit recordings are for ``identify`` (rows, excitation, saturation, lag), and whether ``diagnose`` takes them.
 
-    Arguments as there.
+    Arguments and errors as of ``identify``; its least squares are solved once, so that what refuses a fit shows here.
     """
     arm = read_model(model)
     fitted, held = for_analysis(recordings, held_out)
@@ -84,7 +84,14 @@ def check(
 
     friction = friction or own_friction(arm)
     sparse = method in ONE_JOINT_A_RUN
-    return check_runs(fitted, arm, held_out=held, friction=friction, sparse=sparse, progress=progress)
+    ready = check_runs(fitted, arm, held_out=held, friction=friction, sparse=sparse, progress=progress)
+    from diagnosis import check_recordings
+
+    try:
+        check_recordings(arm, fitted, held)
+    except InputError as error:
+        return replace(ready, refused=str(error))
+    return ready
 
 
 def predict(

@@ -61,7 +61,7 @@ def command(
     ] = None,
     only_check: Annotated[
         bool,
-        typer.Option("--check", help="only check the recordings, without fitting: rows, excitation, saturation, lag"),
+        typer.Option("--check", help="only say what identify and diagnose would do with the recordings"),
     ] = False,
     as_json: Json = False,
 ) -> None:

@@ -240,31 +240,37 @@ def _equations(arm: Arm, form: Form, by: Formulation | None) -> str:
     from arm_model.symbolic import latex, needed, printing
 
     what, tape, outputs = _accelerations(arm) if by is None else _torques(arm, by)
+    nodes = [tape.nodes[index] for index in needed(tape, outputs.values())]
+    read = {node.name: printing.shown(node.name) for node in nodes if node.operation == "input"}
     if form is Form.LATEX:
         # that the rate of an angle is a speed is in the notation
         computed = {name: value for name, value in outputs.items() if tape.nodes[value.index].operation != "input"}
-        return latex.equations(tape, {latex.output_symbol(name): value for name, value in computed.items()})
-    nodes = [tape.nodes[index] for index in needed(tape, outputs.values())]
-    read = {node.name: printing.shown(node.name) for node in nodes if node.operation == "input"}
+        written = latex.equations(tape, {latex.output_symbol(name): value for name, value in computed.items()})
+        return written + "\n% with the values of the model, regrouped:\n" + _listed(arm, read, "% {} = {}\n")
     if form is Form.TEXT:
-        return printing.equations(tape, {_left(name): value for name, value in outputs.items()}, read) + "\n"
+        equations = printing.equations(tape, {_left(name): value for name, value in outputs.items()}, read)
+        return equations + "\n\nwith the values of the model, regrouped:\n" + _listed(arm, read, "{} = {}\n")
     legal = {name: text.replace(".", "_") for name, text in read.items()}
     python = form is Form.PYTHON
     write: Callable[..., str] = printing.python_function if python else printing.c_function
     arguments = [name if python else f"double {name}" for name in legal.values()]
     order = f"out of {what}, in order: {', '.join(_left(name) for name in outputs)}"
     imported = f"from numpy import {', '.join(printing.PYTHON_FUNCTIONS)}\n\n"
-    head = f"# {order}\n{imported}{_values(arm, legal)}" if python else f"/* {order} */\n#include <math.h>\n\n"
+    if python:
+        values = _listed(arm, legal, '    "{}": {},\n')
+        head = f"# {order}\n{imported}VALUES = {{\n{values}}}\n\n\n"
+    else:
+        values = _listed(arm, legal, "   {} = {}\n")
+        head = f"/* {order}\n   with the values of the model, regrouped:\n{values}*/\n#include <math.h>\n\n"
     return head + write(what, arguments, tape, list(outputs.values()), legal)
 
 
-def _values(arm: Arm, legal: Mapping[str, str]) -> str:
-    """The model's values of what its equations take, regrouped as they have it, as a Python dictionary."""
+def _listed(arm: Arm, names: Mapping[str, str], line: str) -> str:
+    """The model's values of what its equations take, regrouped as they have it, a ``line`` of name and value each."""
     from arm_model.system import numbers
 
     given = numbers(arm)
-    lines = "".join(f'    "{text}": {float(given[name][0])!r},\n' for name, text in legal.items() if name in given)
-    return f"VALUES = {{\n{lines}}}\n\n\n"
+    return "".join(line.format(text, repr(float(given[name][0]))) for name, text in names.items() if name in given)
 
 
 def _left(name: str) -> str:

@@ -26,6 +26,7 @@ HOLES = 0.05  # share of excluded rows worth a warning;
 STANDING = 0.3  # where a joint stands: a motion begins and ends so
 LAG = 0.5  # s within which current and acceleration are compared
 FURTHEST = 0.1  # s: the largest lag that is searched for
+LEAST_SHIFTS = 4  # rows in LAG: fewer leave no room for a search
 EXPLAINED = 0.9  # of the torque's square: below it, the motion does not determine the lag
 ILL_CONDITIONED = 1e4  # of the regressor with its columns scaled alike
 TELLING = 1.5  # times the unexplained at no lag over that at the best: less is chance
@@ -86,15 +87,28 @@ class Excitation:
 
 @dataclass(frozen=True)
 class Readiness:
-    """All runs, fitted ones first, and what the fitted ones excite together."""
+    """All runs, fitted ones first, and what the fitted ones excite together.
+
+    refused: why ``diagnose`` does not take them; "": it does.
+    """
 
     runs: list[RunReadiness]
     excitation: Excitation
     warnings: list[str]
+    refused: str = ""
 
     @property
     def sentence(self) -> str:
-        """The most important result in one sentence."""
+        """The most important result in one sentence, and what ``diagnose`` would say."""
+        if not self.refused:
+            return self._of_identify
+        return (
+            f"{self._of_identify} Not compared with the noise of the instruments, and refused by 'armscope diagnose': "
+            f"{self.refused}."
+        )
+
+    @property
+    def _of_identify(self) -> str:
         e = self.excitation
         what = f"These runs excite {e.excited} of {e.base} base parameters, condition number {e.condition:.3g}"
         if e.condition > ILL_CONDITIONED:
@@ -111,6 +125,7 @@ class Readiness:
             "runs": [run.to_json() for run in self.runs],
             "excitation": asdict(self.excitation),
             "warnings": self.warnings,
+            "refused_by_diagnose": self.refused or None,
             "sentence": self.sentence,
         }
 
@@ -203,6 +218,8 @@ def lag_of_torque(motion: Motion, j: int) -> float | None:
     The delay at which q'', q', sign q', q and a constant leave the least of the torque, to a fraction of a row by a
     parabola.
     """
+    if LAG / motion.dt < LEAST_SHIFTS:
+        return None
     rows = slice(int(LAG / motion.dt), -int(LAG / motion.dt))
     columns = np.stack(
         [motion.qdd[:, j], motion.qd[:, j], np.sign(motion.qd[:, j]), motion.q[:, j], np.ones(len(motion.t))], 1

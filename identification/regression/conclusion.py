@@ -20,10 +20,10 @@ from identification.preprocessing.signals import parallel_filter, sliding_rows, 
 from identification.preprocessing.spectrum import Band
 from identification.regression.effect_columns import is_effect, shown_torque
 from identification.regression.equations import Equations, model_values, shown_rows
-from identification.regression.least_squares import Fit, relative_error
+from identification.regression.least_squares import Fit, least_squares, relative_error
 from identification.regression.physical_consistency import consistent_parameters, friction_rows
 from identification.regression.problem import Problem
-from identification.regression.uncertainty import Uncertainty
+from identification.regression.uncertainty import Uncertainty, uncertainty
 from identification.result import Identification, Prediction, Value, unit_of
 
 UNCONSTRAINED = "least squares alone, not an arm that could exist"
@@ -72,6 +72,29 @@ def with_values(problem: Problem, physical: Array) -> Arm:
     return even
 
 
+def warnings_of_fit(problem: Problem) -> list[str]:
+    """What plain least squares say of the recordings; InputError where an identification would refuse its fit."""
+    rows = problem.rows
+    columns, torque = rows.columns[:, problem.columns], rows.torque - problem.given(rows)
+    best = least_squares(columns, torque, rows.joint)
+    _check_friction(problem, best, uncertainty(columns, rows, best))
+    return _unexplained_channels(problem, best)
+
+
+def _unexplained_channels(problem: Problem, best: Fit) -> list[str]:
+    """Sentences on currents that hardly follow the motion of their joint; InputError where one does not at all."""
+    # by the fit itself: an arm that could exist may not follow a channel that nevertheless knows of the motion
+    unconstrained, judged = _residual(problem, problem.judged, best), problem.judged
+    found = []
+    for number, recording in enumerate(problem.fit):
+        here = judged.run == number
+        sentences = checks.unexplained_channels(
+            recording.path, unconstrained[here], judged.torque[here], judged.joint[here]
+        )
+        found += [f"{recording.path.name}: {sentence}" for sentence in sentences]
+    return found
+
+
 def conclude(
     problem: Problem, method: str, best: Fit, spread: Uncertainty, solve: Callable[[Equations], Fit]
 ) -> Identification:
@@ -84,14 +107,7 @@ def conclude(
     physical = physical_values(problem, best, spread.information)
     identified = with_values(problem, physical)
     predictions, compared, held_names = _predictions(problem, best, identified, spread, solve, warnings)
-    # by the fit itself: an arm that could exist may not follow a channel that nevertheless knows of the motion
-    unconstrained = _residual(problem, problem.judged, best)
-    for number, recording in enumerate(problem.fit):
-        here = problem.judged.run == number
-        sentences = checks.unexplained_channels(
-            recording.path, unconstrained[here], problem.judged.torque[here], problem.judged.joint[here]
-        )
-        warnings += [f"{recording.path.name}: {sentence}" for sentence in sentences]
+    warnings += _unexplained_channels(problem, best)
     predictions = _accounted_for(problem, predictions, identified, spread)
     base, parameters = _named(problem, best, spread, physical)
     weak = [value.name for value in base if not value.identifiable]

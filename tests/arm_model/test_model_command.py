@@ -60,6 +60,19 @@ def test_python_equations_run_as_printed(root: Path, capsys: pytest.CaptureFixtu
     assert space["VALUES"]["rotor1"] > 0.0
 
 
+@pytest.mark.parametrize("form", ["text", "latex", "c"])
+def test_equations_come_with_the_values_that_they_take(
+    root: Path, form: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regrouped, so that they are in no model file: those of the Python form, which is seen to be right."""
+    space: dict[str, Any] = {}
+    assert run(["model", str(root / MODEL), "--equations", "python"]) == 0
+    exec(compile(capsys.readouterr().out, "rates", "exec"), space)
+    assert run(["model", str(root / MODEL), "--equations", form]) == 0
+    given = re.findall(r"^\W*(\w+(?:\.\w+)?) = (-?\d[\d.e+-]*)$", capsys.readouterr().out, re.M)
+    assert {name.replace(".", "_"): float(value) for name, value in given} == space["VALUES"]
+
+
 def test_every_effect_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["model", "--effects", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)  # NaN and Infinity are not JSON

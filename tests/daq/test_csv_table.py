@@ -224,6 +224,25 @@ def test_times_of_the_epoch_are_relative_in_the_recording_and_come_back(tmp_path
     assert [line.split(",")[0] for line in back.read_text().splitlines()[1:]] == texts
 
 
+def test_a_motion_that_would_be_a_thousand_times_too_slow_is_asked_about(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A logger of 2 kHz that counts ms: rows 0.5 apart may be seconds, but no arm is as slow."""
+    t = np.arange(4000) / 2000
+    q = 0.5 * np.sin(2 * np.pi * 0.7 * t)
+    table, out = tmp_path / "run.csv", tmp_path / "run.mcap"
+    table.write_text("t,q1,i1\n" + "".join(f"{1000 * a},{b},{b}\n" for a, b in zip(t, q)))
+    assert run(["import", str(table), "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "no joint moves faster than 0.002 rad/s" in said and "--time-unit" in said and said.count("\n") == 1
+    assert not out.exists()
+    assert run(["import", str(table), "--out", str(out), "--time-unit", "ms"]) == 0
+    # as fast as it is, and slow sweeps of a calibration
+    for scale in (1.0, 20.0):
+        table.write_text("t,q1,i1\n" + "".join(f"{scale * a},{b},{b}\n" for a, b in zip(t, q)))
+        assert run(["import", str(table), "--out", str(out)]) == 0
+
+
 def test_the_command_asks_for_the_unit_and_takes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table, out = write(tmp_path, rows_of([str(k) for k in range(2000)])), tmp_path / "run.mcap"
     assert run(["import", str(table), "--out", str(out)]) == 2

@@ -116,12 +116,21 @@ def test_slow_recordings_end_in_one_line_or_a_result(
     write_table(tmp_path / "slow.mcap", read.t[rows], {"q": read.q[rows], "i": read.i[rows]}, Attachments())
     write_model(tmp_path / "model.toml", carriage())
     slow, model = str(tmp_path / "slow.mcap"), str(tmp_path / "model.toml")
-    assert run(["identify", slow, "--model", model, "--out", str(tmp_path / "out")]) in (0, 2)
+    # the check says what both commands do
+    ready = run(["identify", slow, "--model", model, "--check", "--json"])
+    printed = capsys.readouterr()
+    assert run(["identify", slow, "--model", model, "--out", str(tmp_path / "out")]) == ready
+    if ready == 2:
+        assert capsys.readouterr().err == printed.err
+    foretold = json.loads(printed.out) if ready == 0 else None
     capsys.readouterr()
     assert run(["diagnose", "--fit", slow, "--model", model, "--out", str(tmp_path / "found")]) == 2
     said = capsys.readouterr().err
     assert said.startswith("error: ") and "rows per second; at least 20 are needed" in said and said.count("\n") == 1
     assert not (tmp_path / "found" / "diagnosis.json").exists()
+    if foretold is not None:
+        assert said == f"error: {foretold['refused_by_diagnose']}\n"
+        assert f"refused by 'armscope diagnose': {foretold['refused_by_diagnose']}" in foretold["sentence"]
 
 
 def test_published_drive(root: Path, shared: Path, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from daq.recording.messages.row_format import JOINT_TOPICS
 from daq.recording.tables.csv_header import JOINT_COLUMN, joints_of
-from daq.recording.tables.csv_time import TimeColumn, TimeUnit
+from daq.recording.tables.csv_time import TimeColumn, TimeUnit, ask_of_speeds
 from daq.recording.tables.mapping import Mapping, Picked
 
 _LARGEST = 1e15
@@ -145,8 +145,11 @@ def read_blocks(
         columns = {one.name: one.of(chunk.columns) for one in picked if one.name != "t"}
         _check_size(source, chunk.places, columns)
         empty = {name for name in empty if np.isnan(columns[name]).all()}
+        table = _table(t, columns, count)
+        if rows == 0 and unit is None:
+            ask_of_speeds(path, t, table.signals["q"])
         rows += len(t)
-        yield replace(_table(t, columns, count), epoch=times.epoch, start_ns=times.start_ns)
+        yield replace(table, epoch=times.epoch, start_ns=times.start_ns)
     if rows < 2:
         raise InputError(path, f"has {rows} {source.word}s of numbers; there must be at least 2")
     for one in picked:

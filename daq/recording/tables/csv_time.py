@@ -34,6 +34,8 @@ SLOW = 1.0
 """s between rows: no recording of a moving arm is as slow, and counters of ms count by 1 at least."""
 ENOUGH = 20
 """Rows: fewer, typed by hand, may well be seconds apart."""
+SLOWEST, FURTHEST = 0.01, 0.05
+"""rad/s (m/s), rad (m): an arm that goes further than the second is nowhere as slow as the first; in ms it would be."""
 ROS_SECONDS = 1 << 31
 
 
@@ -106,6 +108,23 @@ class TimeColumn:
             spans = f"t spans {t[-1] - self._begin:.3g} s"
             raise InputError(self._path, f"{spans}; is it in s? Give --time-unit s, ms, us or ns")
         self._before = cells[-1], float(t[-1])
+
+
+def ask_of_speeds(path: str | Path, t: Array, q: Array) -> None:
+    """InputError, which asks for the unit of t (n,), where joints at q (n, J) rad (m) move a thousand times too slowly.
+
+    A logger of 2 kHz counts its ms by 0.5, which may be seconds, too.
+    """
+    whole = np.isfinite(q).all(axis=1)
+    if whole.sum() < ENOUGH or (travel := np.ptp(q[whole], axis=0)).max() < FURTHEST:
+        return
+    fastest = float(np.max(np.abs(np.diff(q[whole], axis=0)) / np.diff(t[whole])[:, None]))
+    if fastest < SLOWEST:
+        raise InputError(
+            path,
+            f"no joint moves faster than {fastest:.1g} rad/s (m/s) although one goes {travel.max():.2g} rad (m) far; "
+            "is t in s? Give --time-unit s, ms, us or ns",
+        )
 
 
 def _ask(path: str | Path, t: Array) -> None:
