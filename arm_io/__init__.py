@@ -4,7 +4,7 @@ from arm_io.errors import DeviceFault, InputError
 from arm_io.files import read_file, read_text
 from arm_io.lazy import lazy
 from arm_io.plain_data import check_plain
-from arm_io.results import check_file, check_folder, make_folder, whole_file, write_text
+from arm_io.results import check_file, check_folder, make_folder, whole_file, whole_path, write_text
 from arm_io.toml import check_table, read_toml, toml_of, write_toml
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "read_toml",
     "toml_of",
     "whole_file",
+    "whole_path",
     "write_text",
     "write_toml",
 ]

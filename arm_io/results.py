@@ -104,3 +104,25 @@ def whole_file(path: str | Path) -> Iterator[IO[str]]:
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def whole_path(path: str | Path, *, folder: bool = False) -> Iterator[Path]:
+    """A path to write a file to (``folder``: to make a folder at), by a library that takes names.
+
+    There when the block ends well, else not at all. InputError where it cannot be written, or the folder is there
+    already.
+    """
+    path = Path(path)
+    if folder:
+        check_folder(path)
+        if path.exists():
+            raise InputError(path, "exists already; give the name of a new folder")
+    else:
+        check_file(path)
+    try:
+        with tempfile.TemporaryDirectory(dir=path.absolute().parent, prefix=f"{path.name}.", suffix=".part") as place:
+            yield (made := Path(place, path.name))
+            os.replace(made, path)
+    except OSError as error:
+        raise InputError(path, f"cannot be written: {error.strerror or error}") from None

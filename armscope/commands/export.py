@@ -1,28 +1,67 @@
-"""``armscope export``: a recording becomes a table."""
+"""``armscope export``: a recording becomes a table, or a ROS 2 bag."""
 
 from __future__ import annotations
 
 import json
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from armscope.commands.options import Json
-from daq.recording import open_long, write_csv
+from daq.recording import LongRecording, open_long, write_csv
+from daq.recording.tables import write_bag, write_matlab, write_parquet
+
+
+class Format(StrEnum):
+    """What a recording can become."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    MAT = "mat"
+    ROS2 = "ros2"
+    ROS2_MCAP = "ros2-mcap"
 
 
 def command(
     recording: Annotated[Path, typer.Argument(help="RUN.mcap")],
-    out: Annotated[Path, typer.Option(help="the CSV to write (replaced if it is there)")],
+    out: Annotated[
+        Path, typer.Option(help="the .csv, .parquet or .mat to write (replaced if it is there), or a folder")
+    ],
+    to: Annotated[
+        Format | None,
+        typer.Option(
+            help="format; default: by the ending of --out, else csv; ros2: a bag in sqlite3, ros2-mcap: in MCAP"
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
+    form = to or Format(out.suffix[1:].lower() if out.suffix.lower() in (".parquet", ".mat") else "csv")
     data = open_long(recording)
-    columns = write_csv(out, data)
-    if data.layout.points == "tracker" and data.base_from_tracker is None:
+    columns = _write(form, out, data)
+    if (
+        data.layout.points == "tracker"
+        and data.base_from_tracker is None
+        and form not in (Format.ROS2, Format.ROS2_MCAP)
+    ):
         print("the tracker points are left out: the rig file has no base_from_tracker", file=sys.stderr)
     if as_json:
         print(json.dumps({"file": str(out), "rows": len(data), "columns": columns, "lost": data.ledger.lost}))
     else:
-        print(f"{out}: {len(data)} rows, columns {', '.join(columns)}")
+        what = "topics" if form in (Format.ROS2, Format.ROS2_MCAP) else "columns"
+        print(f"{out}: {len(data)} rows, {what} {', '.join(columns)}")
+
+
+def _write(form: Format, out: Path, data: LongRecording) -> list[str]:
+    """Names of the columns, matrices or topics written."""
+    match form:
+        case Format.CSV:
+            return write_csv(out, data)
+        case Format.PARQUET:
+            return write_parquet(out, data)
+        case Format.MAT:
+            return write_matlab(out, data)
+        case _:
+            return write_bag(out, data, "mcap" if form is Format.ROS2_MCAP else "sqlite3")

@@ -11,11 +11,21 @@ from numpy.typing import NDArray
 
 from daq.recording.contents import Columns, Contents, read_contents
 from daq.recording.head import RecordingHead
-from daq.recording.messages.row_format import Layout
+from daq.recording.messages.row_format import RECORD_HEAD, Layout
 from daq.recording.reader import Recording, head_of, in_base_frame, origin_of, rows_of, time_of
 
 MOST_STEPS = 1 << 20
 """Times between rows of which the median is taken; of a longer recording these are spread evenly."""
+
+
+@dataclass(frozen=True)
+class Message:
+    """One ROS message as it stands in the file: its bytes in CDR, and ns since 1970."""
+
+    topic: str
+    type: str
+    wall_ns: int
+    data: bytes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,6 +62,15 @@ class LongRecording(RecordingHead):
         for columns in self._contents.pieces() if self.rows else [self._contents.nothing()]:
             t = time_of(self.layout, columns, self._origin)
             yield in_base_frame(rows_of(self, columns, t, gaps=[]), pose)
+
+    def messages(self) -> Iterator[Message]:
+        """All messages in the order of their rows, a chunk at a time; may be asked again."""
+        for form, rows in self._contents.rows():
+            data = rows.tobytes()
+            for row, wall_ns in enumerate(rows["times1"][:, 0].tolist()):
+                for topic in form.topics:
+                    start = row * rows.itemsize + topic.start + RECORD_HEAD
+                    yield Message(topic.name, topic.type, wall_ns, data[start : start + len(topic.message.template)])
 
 
 def open_long(path: str | Path, *, damaged: bool = False) -> LongRecording:

@@ -87,9 +87,14 @@ class Contents:
 
     def pieces(self) -> Iterator[Columns]:
         """The rows once more, chunk by chunk."""
+        for form, rows in self.rows():
+            yield _columns(form, rows)
+
+    def rows(self) -> Iterator[tuple[RowFormat, NDArray[np.void]]]:
+        """The rows of each chunk as they stand in the file, and their format."""
         for part in mcap_walk.walk(self.data):
             if isinstance(part, mcap_walk.Rows) and part.form.layout == self.layout:
-                yield _columns(part.form, part.rows)
+                yield part.form, part.rows
 
     def nothing(self) -> Columns:
         """No rows, with all columns."""

@@ -38,6 +38,8 @@ TABLE_TOPIC = "/armscope/table"
 
 
 _DERIVED = ("velocity", "torque")
+RECORD_HEAD = 31
+"""Bytes of a message record ahead of the message: opcode, length, channel, sequence, two times."""
 
 
 @dataclass(frozen=True)

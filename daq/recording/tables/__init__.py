@@ -7,8 +7,21 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from daq.recording.tables.columns import Table, read_blocks
     from daq.recording.tables.mapping import Mapping, read_mapping
+    from daq.recording.tables.matlab_writer import write_matlab
+    from daq.recording.tables.parquet_writer import write_parquet
+    from daq.recording.tables.ros_bag_writer import write_bag
     from daq.recording.tables.sources import guessed, open_source
 else:
     __getattr__ = lazy(__name__)
 
-__all__ = ["Mapping", "Table", "guessed", "open_source", "read_blocks", "read_mapping"]
+__all__ = [
+    "Mapping",
+    "Table",
+    "guessed",
+    "open_source",
+    "read_blocks",
+    "read_mapping",
+    "write_bag",
+    "write_matlab",
+    "write_parquet",
+]

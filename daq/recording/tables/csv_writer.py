@@ -13,6 +13,7 @@ from arm_io import whole_file
 from arm_io.types import Array
 from daq.recording.blocks import LongRecording
 from daq.recording.reader import Recording
+from daq.recording.tables.exported import columns_of
 
 
 def write_csv(path: str | Path, recording: Recording | LongRecording) -> list[str]:
@@ -26,23 +27,12 @@ def write_csv(path: str | Path, recording: Recording | LongRecording) -> list[st
     with whole_file(path) as file:
         writer = csv.writer(file, lineterminator="\n")
         for block in recording.blocks():
-            columns = _columns(block)
+            columns = columns_of(block)
             if not names:
                 names = list(columns)
                 writer.writerow(names)
             writer.writerows(zip(*(_texts(values, epoch if name == "t" else None) for name, values in columns.items())))
     return names
-
-
-def _columns(block: Recording) -> dict[str, Array]:
-    """Column of the table -> (n,)."""
-    columns: dict[str, Array] = {"t": block.t if block.time is None else block.time}
-    for signal, having in block.layout.signals.items():
-        values = getattr(block, signal)
-        columns |= {f"{signal}{joint}": values[:, joint - 1] for joint in having}
-    if block.xyz is not None:
-        columns |= dict(zip("xyz", block.xyz.T))
-    return columns | block.extra
 
 
 def _texts(values: Array, since: str | None) -> Iterable[float | str]:

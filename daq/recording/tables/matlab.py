@@ -1,4 +1,4 @@
-"""MATLAB's .mat files in (v5 to v7 whole, v7.3 in parts) and out (v5)."""
+"""MATLAB's .mat files read as tables: v5 to v7 whole, v7.3 in parts."""
 
 from __future__ import annotations
 
@@ -12,13 +12,11 @@ import numpy as np
 from arm_io import InputError
 from arm_io.files import open_regular, read_head
 from arm_io.optional import optional
-from arm_io.types import Array
+from daq.recording.messages.row_format import JOINT_TOPICS
 from daq.recording.tables.columns import Chunk, Exact
 from daq.recording.tables.mapping import Mapping
 
 ROWS = 1 << 14
-LARGEST = 1 << 31
-"""Bytes of a variable of a v5 file, by its own format."""
 
 
 class MatlabSource:
@@ -26,7 +24,8 @@ class MatlabSource:
 
     A vector of n numbers is a column of its name; a matrix q (n, J) or (J, n) is q1 to qJ. Fields of a structure are
     named STRUCTURE.FIELD; if the file has one structure and nothing else, they have their own names. n is the length of
-    the longest vector. InputError where it cannot be read, or has no vector.
+    the longest vector; a column of a matrix without any number is left out. InputError where it cannot be read, or has
+    no vector.
     """
 
     word, where = "row", ""
@@ -36,16 +35,16 @@ class MatlabSource:
         self.path = Path(path)
         self._hdf5 = b"MATLAB 7.3" in read_head(path, 128)
         variables = self._variables()
-        self._rows = max((max(one.shape) for one in variables.values() if one.ndim <= 2 and one.size), default=0)
+        self._rows = max((one.size for one in variables.values() if one.size == max(one.shape, default=0)), default=0)
         self._places: dict[str, tuple[str, int | None, bool]] = {}
         for name, one in variables.items():
-            shape = tuple(size for size in one.shape if size != 1) or (1,)
-            if shape == (self._rows,):
-                self._places[name] = name, None, False
-            elif len(shape) == 2 and self._rows in shape and len(set(shape)) == 2:
-                flat = shape[1] == self._rows
-                for column in range(shape[0] if flat else shape[1]):
-                    self._places[f"{name}{column + 1}"] = name, column, flat
+            if one.size == max(one.shape, default=0) == self._rows:
+                self._places[f"{name}1" if name in JOINT_TOPICS else name] = name, None, False
+            elif len(one.shape) == 2 and self._rows in one.shape:
+                flat = one.shape[0] != self._rows
+                for column in range(one.shape[0] if flat else one.shape[1]):
+                    if name in ("q", "i") or not np.isnan(one[column, :] if flat else one[:, column]).all():
+                        self._places[f"{name}{column + 1}"] = name, column, flat
         self.names: list[str] = list(self._places)
         if self._rows < 2 or not self.names:
             raise InputError(path, "has no vector of numbers; it must have one row of numbers per sample")
@@ -116,16 +115,3 @@ def _of_hdf5(path: Path) -> dict[str, Any]:
 
     h5py.File(path, "r").visititems(take)
     return found
-
-
-def write_matlab(path: Path, columns: dict[str, Array], units: dict[str, str]) -> None:
-    """Writes columns (n,) as a v5 file with one matrix per signal: t (n, 1), q (n, J), ...; and units, a structure.
-
-    InputError where a matrix is too large for the format.
-    """
-    from scipy.io import savemat
-
-    for name, values in columns.items():
-        if values.nbytes >= LARGEST:
-            raise InputError(path, f"{name} has {values.nbytes >> 20} MB, and .mat holds 2 GB; export .parquet")
-    savemat(path, columns | {"units": units}, appendmat=False, do_compression=True, oned_as="column")

@@ -1,4 +1,4 @@
-"""Parquet in and out, row group by row group (``pip install 'armscope[parquet]'``)."""
+"""Parquet read as a table, some rows at a time (``pip install 'armscope[parquet]'``)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import numpy as np
 from arm_io import InputError
 from arm_io.files import open_regular
 from arm_io.optional import optional
-from arm_io.types import Array
 from daq.recording.tables.columns import Chunk, Exact
 from daq.recording.tables.mapping import Mapping
 
@@ -78,21 +77,3 @@ class ParquetSource:
 
     def _broken(self, error: Exception) -> InputError:
         return InputError(self.path, f"cannot be read as Parquet: {error}")
-
-
-def write_parquet(path: Path, blocks: Iterator[dict[str, Array]], units: dict[str, str]) -> None:
-    """Writes columns (n,) float64, block by block; the unit of each stands in its field's metadata. NaN stays NaN."""
-    arrow, parquet = optional("pyarrow", "parquet", path), optional("pyarrow.parquet", "parquet", path)
-    writer = None
-    try:
-        for block in blocks:
-            if writer is None:
-                fields = [
-                    arrow.field(name, arrow.float64(), metadata={"unit": units[name]} if units.get(name) else None)
-                    for name in block
-                ]
-                writer = parquet.ParquetWriter(path, arrow.schema(fields), compression="zstd")
-            writer.write_table(arrow.table(list(block.values()), schema=writer.schema))
-    finally:
-        if writer is not None:
-            writer.close()

@@ -1,0 +1,34 @@
+"""The columns that a recording is exported with, whatever the format (docs/recordings.md)."""
+
+from __future__ import annotations
+
+from arm_io.types import Array
+from daq.recording.head import RecordingHead
+from daq.recording.reader import Recording
+from daq.recording.summary import current_unit
+
+
+def columns_of(block: Recording) -> dict[str, Array]:
+    """Column of the table -> (n,)."""
+    columns: dict[str, Array] = {"t": block.t if block.time is None else block.time}
+    for signal, having in block.layout.signals.items():
+        values = getattr(block, signal)
+        columns |= {f"{signal}{joint}": values[:, joint - 1] for joint in having}
+    if block.xyz is not None:
+        columns |= dict(zip("xyz", block.xyz.T))
+    return columns | block.extra
+
+
+def units_of(recording: RecordingHead) -> dict[str, str]:
+    """Column -> its unit; a table's further columns have none."""
+    kinds = [joint.get("type") for joint in recording.rig.get("joint", [])]
+    current = current_unit(recording)
+    units = {"t": "s", **dict.fromkeys("xyz", "m")}
+    for signal, having in recording.layout.signals.items():
+        for joint in having:
+            position = "m" if kinds[joint - 1 : joint] == ["prismatic"] else "rad"
+            unit = {"i": "drive unit" if current == "drive" else current, "v": "V", "temp": "degC"}.get(
+                signal, position
+            )
+            units[f"{signal}{joint}"] = unit
+    return units
