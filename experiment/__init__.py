@@ -4,6 +4,7 @@ from experiment.bounds import FELT, STEP
 from experiment.demand import Demand, demand_of
 from experiment.excess import Excess, Kind, excesses
 from experiment.file import Experiment, Payload, Setup, experiment_of, read_experiment, write_experiment
+from experiment.trajectory import check_trajectory, write_trajectory
 
 __all__ = [
     "FELT",
@@ -14,9 +15,11 @@ __all__ = [
     "Kind",
     "Payload",
     "Setup",
+    "check_trajectory",
     "demand_of",
     "excesses",
     "experiment_of",
     "read_experiment",
     "write_experiment",
+    "write_trajectory",
 ]

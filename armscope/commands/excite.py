@@ -53,6 +53,17 @@ def command(
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="also draw the motion (.png, .svg or .pdf)")
     ] = None,
+    trajectory: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE",
+            help="also write points: JointTrajectory (.yaml, .json), .csv or URScript (.script); repeatable",
+        ),
+    ] = None,
+    trajectory_rate: Annotated[
+        float,
+        typer.Option(min=1.0, max=10_000.0, help="points per second of --trajectory; of URScript the robot's rate"),
+    ] = 125.0,
     as_json: Json = False,
 ) -> None:
     from arm_clearance import pairs_of
@@ -61,13 +72,15 @@ def command(
     from armscope.motion import clearance_in_words, clearance_of, draw, space_of
     from armscope.picture import check_picture
     from daq.rig import read_rig
-    from experiment import demand_of, write_experiment
+    from experiment import check_trajectory, demand_of, write_experiment, write_trajectory
     from identification.experiment_design import Series
 
     if plot is not None:
         check_picture(plot)
     checked = None if rig is None else read_rig(rig, drivers=False)
     arm = read_model(_model_path(model, checked))
+    for path in trajectory or []:
+        check_trajectory(path, len(arm))
     series, limits, chain = Series(duration, fundamental, harmonics), _limits(arm, checked), chain_of(arm)
     around = space_of(checked, space, floor)
     pairs = None if around is None else pairs_of(chain, around)
@@ -79,13 +92,21 @@ def command(
     demand = demand_of(designed)
     if plot is not None:
         draw(plot, demand, chain, around, limits.position)
+    names = [joint.name or f"joint{number}" for number, joint in enumerate(arm.joints, 1)]
+    points = {str(path): write_trajectory(path, demand, names, trajectory_rate) for path in trajectory or []}
     if as_json:
         table = {"file": str(out), "duration": duration, "joints": len(arm), "harmonics": harmonics}
-        print(json.dumps(table | {"rate": designed.rate, "clearance": clearance_of(demand, chain, pairs)}))
+        print(
+            json.dumps(
+                table | {"trajectories": points, "rate": designed.rate, "clearance": clearance_of(demand, chain, pairs)}
+            )
+        )
     else:
         sampled = f", {designed.rate:g} rows/s (not a multiple of the setpoint rate)" if designed.rate else ""
         print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints{sampled}")
         print("\n".join(f"  {line}" for line in clearance_in_words(demand, chain, pairs)))
+        for path, count in points.items():
+            print(f"{path}: {count} points, {trajectory_rate:g} per second")
 
 
 def _model_path(model: Path | None, rig: Rig | None) -> Path:
