@@ -105,8 +105,8 @@ def command(
         sampled = f", {designed.rate:g} rows/s (not a multiple of the setpoint rate)" if designed.rate else ""
         print(f"{out}: {duration:g} s, {harmonics} harmonics of {fundamental:g} Hz for {len(arm)} joints{sampled}")
         print("\n".join(f"  {line}" for line in clearance_in_words(demand, chain, pairs)))
-        for path, count in points.items():
-            print(f"{path}: {count} points, {trajectory_rate:g} per second")
+        for file, count in points.items():
+            print(f"{file}: {count} points, {trajectory_rate:g} per second")
 
 
 def _model_path(model: Path | None, rig: Rig | None) -> Path:
