@@ -74,7 +74,8 @@ class Access:
         self._sessions.pop(token, None)
 
 
-def hosts_of(host: str, port: int) -> frozenset[str]:
-    """The values of ``Host`` under which a page that listens on ``host`` may be asked for."""
-    names = {host} | ({"127.0.0.1", "localhost", "::1"} if host in ("127.0.0.1", "localhost", "::1") else set())
+def hosts_of(host: str, port: int, others: Collection[str] = ()) -> frozenset[str]:
+    """The values of ``Host`` under which a page that listens on ``host`` may be asked for; ``others``: more names."""
+    loopback = {"127.0.0.1", "localhost", "::1"}
+    names = {host.lower(), *(name.lower() for name in others)} | (loopback if host in loopback else set())
     return frozenset(f"[{name}]:{port}" if ":" in name else f"{name}:{port}" for name in names)

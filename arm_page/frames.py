@@ -75,7 +75,7 @@ class FrameMaker:
         self._joints = joints
         self._pose = None if base_from_tracker is None else np.array(base_from_tracker, float)
         self._run = ""
-        self._origin = 0
+        self._origin: int | None = None
         self._open: Frame | None = None
 
     def add(self, run: str, columns: Mapping[str, NDArray]) -> list[Frame]:
@@ -84,13 +84,15 @@ class FrameMaker:
         done: list[Frame] = []
         if run != self._run:
             done = self.end()
-            self._run, self._origin = run, int(host[0]) if len(host) else 0
+            self._run, self._origin = run, None
         if not len(host):
             return done
+        if self._origin is None:
+            self._origin = int(host[0])
         bins = (host - self._origin) // FRAME_NS
         edges = [0, *(np.flatnonzero(np.diff(bins)) + 1).tolist(), len(bins)]
         for first, last in pairwise(edges):
-            frame = self._frame(int(bins[first]), slice(first, last), columns)
+            frame = self._frame(int(bins[first]), self._origin, slice(first, last), columns)
             if self._open is not None and self._open.bin == frame.bin:
                 self._open.merge(frame)
                 continue
@@ -103,7 +105,7 @@ class FrameMaker:
         frame, self._open = self._open, None
         return [] if frame is None else [frame]
 
-    def _frame(self, number: int, rows: slice, columns: Mapping[str, NDArray]) -> Frame:
+    def _frame(self, number: int, origin: int, rows: slice, columns: Mapping[str, NDArray]) -> Frame:
         current = columns["i"][rows] if "i" in columns else np.full((1, self._joints), np.nan)
         there = ~np.isnan(current)
         total, count = np.where(there, current, 0.0).sum(axis=0), there.sum(axis=0)
@@ -111,7 +113,7 @@ class FrameMaker:
         high = np.where(count, np.where(there, current, -np.inf).max(axis=0), np.nan)
         return Frame(
             bin=number,
-            t=(int(columns["host_ns"][rows][-1]) - self._origin) * 1e-9,
+            t=(int(columns["host_ns"][rows][-1]) - origin) * 1e-9,
             rows=rows.stop - rows.start,
             q=self._newest(columns, "q", rows),
             demand=self._newest(columns, "qref", rows),

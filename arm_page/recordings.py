@@ -100,20 +100,27 @@ def _clock(fit: Table) -> Table:
 
 
 def _drawn(recording: Any) -> Table:
-    """t (k,) s; q (J, k) newest position, lo and hi (J, k) lowest and highest current of each of k intervals."""
+    """Of k intervals t (k,) s and (J, k) q, d newest position and demand, lo, hi, i lowest, highest, mean current."""
     if not len(recording):
-        return {"t": [], "q": [], "lo": [], "hi": []}
+        return {"t": [], "q": [], "d": [], "lo": [], "hi": [], "i": []}
     width = max(recording.duration / DRAWN, 1e-9)
     joints = recording.joints
-    q = np.full((DRAWN + 1, joints), np.nan)
+    q, demand = np.full((2, DRAWN + 1, joints), np.nan)
+    total, count = np.zeros((2, DRAWN + 1, joints))
     low, high = np.full((DRAWN + 1, joints), np.inf), np.full((DRAWN + 1, joints), -np.inf)
     for block in recording.blocks():
         bins = np.minimum((block.t / width).astype(np.int64), DRAWN)
         q[bins] = block.q
+        if block.qref is not None:
+            demand[bins] = block.qref
+        np.add.at(total, bins, np.nan_to_num(block.i))
+        np.add.at(count, bins, ~np.isnan(block.i))
         np.minimum.at(low, bins, np.where(np.isnan(block.i), np.inf, block.i))
         np.maximum.at(high, bins, np.where(np.isnan(block.i), -np.inf, block.i))
     t = (np.arange(DRAWN + 1) + 0.5) * width
-    return {"t": np.round(t, 4).tolist(), "q": _plain(q, 5), "lo": _plain(low, 4), "hi": _plain(high, 4)}
+    mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    columns = {"q": q, "d": demand, "lo": low, "hi": high, "i": mean}
+    return {"t": np.round(t, 4).tolist()} | {name: _plain(values, 5) for name, values in columns.items()}
 
 
 def _plain(values: Any, digits: int) -> list[list[float | None]]:

@@ -8,6 +8,7 @@ import hashlib
 import os
 import signal
 import socket
+import ssl
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,7 @@ from arm_page.link import RigLink
 from arm_page.recordings import Recordings
 from arm_page.scene import chain_of_rig, scene_of
 from arm_page.steering import Steering
-from daq.rig import read_rig
+from daq.rig import Rig, read_passwords, read_rig
 
 if TYPE_CHECKING:
     import uvicorn
@@ -37,14 +38,14 @@ class Page:
     rig          the rig file
     recordings   the folder of recordings, results in ``results`` below it
     experiments  folders of experiments that may be chosen
-    port         on 127.0.0.1; 0: any
+    port         0: any; None: as the rig file says, as the host, TLS, users and passwords
     """
 
     rig: Path
     recordings: Path
     experiments: Sequence[Path]
     analyses: Sequence[Analysis] = ()
-    port: int = 8700
+    port: int | None = None
 
     def serve(self, ready: Callable[[str, str], None]) -> None:
         """Serves until SIGINT or SIGTERM. ``ready`` gets the address to steer and the one to watch.
@@ -58,7 +59,7 @@ class Page:
         rig = read_rig(self.rig, drivers=False)
         chain = chain_of_rig(rig)
         link = RigLink(rig)
-        access = Access()
+        access = _access(rig)
         recordings, experiments = Recordings(self.recordings), Experiments(self.experiments)
         parts = Parts(
             scene=scene_of(rig, chain),
@@ -71,9 +72,10 @@ class Page:
         )
         with contextlib.suppress(OSError):
             os.nice(NICE)
-        listener = _listener("127.0.0.1", self.port)
+        listener = _listener(rig.page.host, rig.page.port if self.port is None else self.port)
         port = listener.getsockname()[1]
-        server = Server(parts, hosts_of("127.0.0.1", port), secure=False)
+        hosts = hosts_of(rig.page.host, port, rig.page.names)
+        server = Server(parts, hosts, secure=rig.page.tls is not None)
         config = uvicorn.Config(
             server.application,
             log_level="warning",
@@ -82,15 +84,47 @@ class Page:
             ws_max_size=1 << 16,
             server_header=False,
             timeout_graceful_shutdown=2,
+            **_tls(rig),
         )
         link.open()
         try:
-            ready(f"http://127.0.0.1:{port}/#{access.key}", f"http://127.0.0.1:{port}/")
+            name = f"[{rig.page.host}]" if ":" in rig.page.host else rig.page.host
+            address = f"{'http' if rig.page.tls is None else 'https'}://{name}:{port}/"
+            ready(address if access.passwords is not None else f"{address}#{access.key}", address)
             _run(uvicorn.Server(config), server.viewers.close, listener)
         finally:
             parts.analyses.close()
             link.close()
             listener.close()
+
+
+def _access(rig: Rig) -> Access:
+    """Who may do what; InputError where 'steer' names somebody without a password."""
+    if rig.page.password_file is None:
+        return Access()
+    path = rig.resolve(rig.page.password_file)
+    passwords = read_passwords(path)
+    for user in rig.page.steer:
+        if user not in passwords:
+            raise InputError(path, f"has no line '{user}:PASSWORD' for a user of 'page.steer' of the rig file")
+    return Access(passwords, rig.page.steer)
+
+
+def _tls(rig: Rig) -> dict[str, str]:
+    """Files for TLS, as uvicorn takes them."""
+    if rig.page.tls is None:
+        return {}
+    files = {"ssl_certfile": rig.page.tls.certificate, "ssl_keyfile": rig.page.tls.key}
+    paths = {name: rig.resolve(path) for name, path in files.items()}
+    for path in paths.values():
+        if not os.path.isfile(path):
+            raise InputError(path, "no such file; 'page.tls' of the rig file names it")
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    try:
+        context.load_cert_chain(paths["ssl_certfile"], paths["ssl_keyfile"])
+    except (ssl.SSLError, OSError) as error:
+        raise InputError(paths["ssl_certfile"], f"cannot be used with {paths['ssl_keyfile']}: {error}") from None
+    return {name: str(path) for name, path in paths.items()}
 
 
 def _run(server: uvicorn.Server, close_streams: Callable[[], None], listener: socket.socket) -> None:
@@ -132,6 +166,7 @@ def _installed() -> Any:
 
 def _listener(host: str, port: int) -> socket.socket:
     try:
-        return socket.create_server((host, port))
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        return socket.create_server((host, port), family=family)
     except OSError as error:
         raise DeviceFault("page", f"cannot listen on {host}:{port}: {error.strerror}; --port takes another") from None

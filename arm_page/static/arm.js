@@ -12,7 +12,7 @@ const UP = new Vector3(0, 1, 0);
 
 /** One drawing of the arm; `pose(q)` puts it where the joints are. Frames and coupling as arm_clearance.Chain has them. */
 class Figure {
-  constructor(arm, material, parent) {
+  constructor(arm, material, parent, thickness = 1) {
     this.arm = arm;
     this.root = fixed(arm.base);
     this.turning = [];
@@ -26,7 +26,7 @@ class Figure {
       this.turning.push(moving);
       this.links.push((last = after));
     });
-    arm.bodies.forEach((body) => this.links[body.link].add(capsule(body, material)));
+    arm.bodies.forEach((body) => this.links[body.link].add(capsule(body, material, thickness)));
     this.root.visible = false;
     parent.add(this.root);
   }
@@ -54,10 +54,10 @@ function fixed(rows) {
   return group;
 }
 
-function capsule(body, material) {
+function capsule(body, material, thickness) {
   const start = new Vector3(...body.start), end = new Vector3(...body.end);
   const length = start.distanceTo(end);
-  const mesh = new Mesh(new CapsuleGeometry(body.radius, length, 6, 18), material);
+  const mesh = new Mesh(new CapsuleGeometry(body.radius * thickness, length, 6, 18), material);
   mesh.position.copy(start).add(end).multiplyScalar(0.5);
   if (length > 1e-9) mesh.quaternion.setFromUnitVectors(UP, end.clone().sub(start).normalize());
   return mesh;
@@ -80,14 +80,15 @@ export class ArmView {
     this.scene.add(new HemisphereLight("#fff", "#8895a5", 1.7), sun);
     this.materials = {
       measured: new MeshStandardMaterial({ roughness: 0.55, metalness: 0.05 }),
-      demanded: new MeshStandardMaterial({ transparent: true, opacity: 0.32, depthWrite: false }),
+      // A thin core, seen through the measured arm: the two differ by less than a link is thick.
+      demanded: new MeshStandardMaterial({ transparent: true, opacity: 0.6, depthTest: false, depthWrite: false }),
       previewed: new MeshStandardMaterial({ transparent: true, opacity: 0.5, depthWrite: false }),
       tracked: new MeshStandardMaterial({ emissiveIntensity: 0.7 }),
       modelled: new MeshStandardMaterial({ emissiveIntensity: 0.7 }),
     };
     const arm = description.arm;
     this.measured = new Figure(arm, this.materials.measured, this.scene);
-    this.demanded = new Figure(arm, this.materials.demanded, this.scene);
+    this.demanded = new Figure(arm, this.materials.demanded, this.scene, 0.35);
     this.previewed = new Figure(arm, this.materials.previewed, this.scene);
     this.reach = this._reach(arm);
     this.tracked = this._ball(this.materials.tracked);
@@ -181,8 +182,8 @@ export class ArmView {
 
   _look() {
     const { centre, length } = this.reach;
-    this.controls.target.copy(centre).add(new Vector3(0, 0, length * 0.12));
-    this.camera.position.copy(this.controls.target).add(new Vector3(0.8, -1.1, 0.5).multiplyScalar(length));
+    this.controls.target.copy(centre).add(new Vector3(0, 0, length * 0.2));
+    this.camera.position.copy(this.controls.target).add(new Vector3(0.85, -1.15, 0.42).multiplyScalar(length));
     this.controls.update();
   }
 

@@ -1,7 +1,7 @@
 // Strip charts over time: positions with their demand, currents with every peak, limits as lines.
 
 import uPlot from "./vendor/uplot.js";
-import { colour, el, jointColour, whenThemeChanges } from "./page.js";
+import { colour, el, jointColour, whenThemeChanges, words } from "./page.js";
 
 const KEPT = 1500;
 const faded = (hex) => `${hex}40`;
@@ -93,10 +93,10 @@ export class JointCharts {
     this.chosen = indices;
     this.place.replaceChildren();
     const alone = indices.length === 1 ? this.joints[indices[0]] : null;
-    const title = alone ? `joint ${alone.number}, ${alone.name}` : "all joints";
+    const title = alone ? `joint ${alone.number}, ${words(alone.name)}` : "all joints";
     const demand = indices.flatMap((k) => [
       { stroke: alone ? colour("demand") : faded(jointColour(k)), dash: [5, 4] },
-      { stroke: jointColour(k) },
+      { stroke: alone ? colour("accent") : jointColour(k) },
     ]);
     const units = [...new Set(indices.map((k) => this.joints[k].unit))].join(", ");
     this.position = new Strip(this.place, `Position, ${title}`, `${units}; dashed: demanded`, demand, [], alone?.position ?? []);
@@ -130,11 +130,9 @@ export class JointCharts {
   }
 
   /** All of a recording, as /api/recordings has it. */
-  drawn({ t, q, lo, hi }) {
+  drawn({ t, ...columns }) {
     this.t = t;
-    this.frames = t.map((_, row) => ({
-      q: q.map((column) => column[row]), lo: lo.map((column) => column[row]), hi: hi.map((column) => column[row]), i: null, d: null,
-    }));
+    this.frames = t.map((_, row) => Object.fromEntries(Object.entries(columns).map(([name, joints]) => [name, joints.map((column) => column[row])])));
     this.show();
   }
 }

@@ -50,7 +50,7 @@ export class JointTable {
       class: "choice", tabindex: 0, "aria-selected": "false", onclick: pick,
       onkeydown: (event) => (event.key === "Enter" || event.key === " ") && (event.preventDefault(), pick()),
     },
-      el("td", { title: joint.name }, key, String(joint.number)), row.q,
+      el("td", { title: joint.name, class: "n" }, key, String(joint.number)), row.q,
       el("td", { title: joint.position ? `${joint.position[0]} to ${joint.position[1]} ${joint.unit}` : "no limits" }, el("span", { class: "bar" }, row.place)),
       row.off, row.i,
       el("td", { title: joint.current ? `limit ${joint.current} A` : "no limit" }, el("span", { class: "bar" }, row.load)));

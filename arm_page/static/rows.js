@@ -92,17 +92,21 @@ export class DevicesPanel {
     const rows = this.devices.map((device) => {
       const identity = this.identities[device.name], problems = this.problems[device.name] ?? [];
       const doubts = this.doubtful.filter((one) => one.channel.split(".")[0] === device.name);
-      const worst = doubts.filter((one) => one.share > 0.01);
+      // A tracker may sample less often than the rig: its other rows are without a point, which is no fault.
+      const sparse = (one) => !one.channel.includes(".") && one.doubt === "missing" && one.share < 0.99;
+      const worst = doubts.filter((one) => one.share > 0.01 && !sparse(one));
+      const points = doubts.find(sparse);
       const state = problems.length ? ["wrong", "fault"] : worst.length ? ["warn", "doubtful"] : identity ? ["good", "ok"] : ["quiet", "–"];
       const about = identity ? [identity.maker, identity.model, identity.serial && `serial ${identity.serial}`].filter(Boolean).join(", ") : device.driver;
       return [
         el("tr", { "data-device": device.name }, el("td", {}, device.name), el("td", { class: "quiet" }, about), el("td", { class: `n ${state[0]}` }, state[1])),
         ...problems.map((problem) => el("tr", {}, el("td", { colspan: 3, class: "wrong" }, problem))),
         ...worst.map((one) => el("tr", {}, el("td", { colspan: 3, class: "warn" }, `${one.channel}: ${number(one.share, 0, 100)} % of its values are ${words(one.doubt)}`))),
+        points ? el("tr", {}, el("td", { colspan: 3, class: "quiet" }, `a point in ${number(1 - points.share, 0, 100)} % of the rows`)) : null,
       ];
     });
     this.place.replaceChildren(
-      el("h2", {}, "Devices", el("span", { class: "quiet" }, this.says), this.button), el("table", {}, rows.flat()),
+      el("h2", {}, "Devices", el("span", { class: "quiet" }, this.says), this.button), el("table", {}, rows.flat().filter(Boolean)),
     );
   }
 }

@@ -1,7 +1,7 @@
 // The run panel: choose an experiment, see what it would do, arm, start.
 
 import { ask } from "./server.js";
-import { $, count, el, number, seconds } from "./page.js";
+import { $, count, el, number, seconds, words } from "./page.js";
 
 export class RunPanel {
   /** `arm`: the ArmView or null; `fail(error)` shows an error; steer: whether commands may be given. */
@@ -61,6 +61,8 @@ export class RunPanel {
     this.state = status === null ? "none" : status.state;
     this.tripped = Boolean(status?.tripped);
     if (status?.state === "running") this._shownAsPath(null);
+    // The figures of the preview give way to those of the run.
+    this.facts.querySelector("table")?.toggleAttribute("hidden", this.state === "running");
     this._enable();
     this.says.textContent = this._sentence(status);
   }
@@ -172,7 +174,7 @@ function facts(preview, joints) {
           moving.map((joint) => {
             const { unit, name } = joints[joint.joint - 1], [low, high] = joint.limits.position ?? [null, null];
             return el("tr", {},
-              el("td", {}, `${joint.joint} ${name}`),
+              el("td", {}, `${joint.joint} ${words(name)}`),
               el("td", { class: low !== null && joint.low < low ? "n wrong" : "n" }, number(joint.low, 2)),
               el("td", { class: high !== null && joint.high > high ? "n wrong" : "n" }, `${number(joint.high, 2)} ${unit}`),
               el("td", { class: over(joint.speed, joint.limits.speed) }, `${number(joint.speed, 2)}/s${share(joint.speed, joint.limits.speed)}`),

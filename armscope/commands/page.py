@@ -26,7 +26,9 @@ from daq.service import holder_of
 
 def command(
     rig: RigArgument,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="port on 127.0.0.1; 0: any free port")] = 8700,
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="port; 0: any free port; default: as the rig file says, 8700")
+    ] = None,
     recordings: Annotated[
         Path, typer.Option(metavar="DIR", help="folder for recordings, and for results below it")
     ] = Path("recordings"),
@@ -50,8 +52,11 @@ def command(
 
 
 def _ready(name: str, steer: str, watch: str, browser: bool) -> None:
-    print(f"armscope page: rig {name}; to steer: {steer}", file=sys.stderr)
-    print(f"armscope page: to watch only: {watch}; Ctrl-C ends it", file=sys.stderr, flush=True)
+    if steer == watch:
+        print(f"armscope page: rig {name}: {watch} (with a password); Ctrl-C ends it", file=sys.stderr, flush=True)
+    else:
+        print(f"armscope page: rig {name}; to steer: {steer}", file=sys.stderr)
+        print(f"armscope page: to watch only: {watch}; Ctrl-C ends it", file=sys.stderr, flush=True)
     if browser and has_display():
         webbrowser.open(steer)
 

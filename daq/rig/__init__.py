@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from daq.rig.bench import Bench
     from daq.rig.calibration import COUNTS_PER_LINE
     from daq.rig.channels import channel_names
+    from daq.rig.endpoints import read_passwords
     from daq.rig.preflight import chain_of, check_motion, check_plan
     from daq.rig.rig_file import LONGEST_RIG_NAME, DeviceTable, Rig, context_of, read_rig
 else:
@@ -24,5 +25,6 @@ __all__ = [
     "check_motion",
     "check_plan",
     "context_of",
+    "read_passwords",
     "read_rig",
 ]

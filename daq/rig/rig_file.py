@@ -20,7 +20,8 @@ from pydantic import ConfigDict, Field, PrivateAttr, field_validator, model_vali
 from arm_clearance import Space
 from arm_io import InputError, check_table, read_toml
 from arm_io.table import Rate, Seconds, Table
-from drivers import RigContext, check_config, is_loopback, make_device
+from daq.rig.endpoints import PageTable, ZenohTable
+from drivers import RigContext, check_config, make_device
 from drivers.protocols import (
     AnalogInput,
     AnalogOutput,
@@ -189,44 +190,6 @@ class Output(Table):
         return self
 
 
-class Tls(Table):
-    """Files for TLS, relative to the rig file."""
-
-    authority: str
-    certificate: str
-    key: str
-
-
-class ZenohTable(Table):
-    """Where the daemon listens. Any endpoint beyond loopback requires ``tls``, ``user`` and ``password_file``."""
-
-    endpoint: str = "tcp/127.0.0.1:7447"
-    domain: Annotated[int, Field(ge=0)] = 0  # ROS domain, first part of every key
-    user: str | None = None
-    password_file: str | None = None
-    tls: Tls | None = None
-    ros2_attachment: bool = False  # rmw_zenoh's attachment on every sample
-
-    @property
-    def loopback(self) -> bool:
-        """Whether only programs of this machine can reach the endpoint."""
-        protocol, _, place = self.endpoint.partition("/")
-        return protocol == "unixsock-stream" or is_loopback(place.rpartition(":")[0])
-
-    @model_validator(mode="after")
-    def _secured(self) -> Self:
-        protocol, _, place = self.endpoint.partition("/")
-        if protocol not in ("tcp", "tls", "quic", "unixsock-stream") or not place:
-            raise ValueError(f"'endpoint' must have a form like tcp/127.0.0.1:7447, is {self.endpoint!r}")
-        if self.loopback:
-            return self
-        if protocol == "tcp" or self.tls is None or self.user is None or self.password_file is None:
-            raise ValueError(
-                f"{place} is not loopback: 'endpoint' must be tls/{place}, with 'tls', 'user' and 'password_file'"
-            )
-        return self
-
-
 class RecordingTable(Table):
     """How recordings are written."""
 
@@ -249,6 +212,7 @@ class Rig(Table):
     watchdog: Seconds = 0.5  # s without a sign of life after which the guard brings all outputs to their safe state
     block_seconds: Annotated[float, Field(gt=0, le=1)] = 0.01  # how often the devices are read
     zenoh: ZenohTable = ZenohTable()
+    page: PageTable = PageTable()
     recording: RecordingTable = RecordingTable()
     simulation: dict[str, Any] = Field(default={})  # for the simulated drivers, as they define it
     _folder: Path = PrivateAttr(default=Path("."))

@@ -3,7 +3,7 @@
 Peer mode on one fixed endpoint; multicast scouting and gossip are off, so that nothing is found, and nothing finds us,
 that the rig file does not name. The server (daemon, embedded recording or replay) listens; clients connect and listen
 nowhere. Access is denied by default: a client may ask and read below the rig's own keys, and never publish. Beyond
-loopback the rig file must name TLS files, a user and a password (``daq.rig.rig_file.ZenohTable`` refuses anything
+loopback the rig file must name TLS files, a user and a password (``daq.rig.endpoints.ZenohTable`` refuses anything
 less).
 """
 
@@ -12,12 +12,11 @@ from __future__ import annotations
 import json
 import os
 import re
-import stat
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from arm_io import DeviceFault, InputError, read_text
+from arm_io import DeviceFault, InputError
+from daq.rig.endpoints import read_passwords
 
 if TYPE_CHECKING:
     import zenoh
@@ -172,23 +171,6 @@ def access_control(keys: Keys, users: list[str], *, ros2: bool = False) -> dict[
         "subjects": [{"id": "clients", "usernames": users} if users else {"id": "clients"}],
         "policies": [{"id": "clients", "rules": ["asks", "answers", "lives", "watches"], "subjects": ["clients"]}],
     }
-
-
-def read_passwords(path: Path) -> dict[str, str]:
-    """User -> password of a file of lines ``user:password`` that no other user can read; InputError otherwise."""
-    text = read_text(path)
-    mode = path.stat().st_mode
-    if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise InputError(path, "can be read by others; 'chmod 600' it")
-    passwords = {}
-    for number, line in enumerate(text.splitlines(), 1):
-        if not line.strip():
-            continue
-        user, colon, password = line.partition(":")
-        if not (user and colon and password):
-            raise InputError(path, f"line {number}: must be 'user:password'")
-        passwords[user] = password
-    return passwords
 
 
 def _tls(rig: Rig, *, listen: bool) -> dict[str, Any]:

@@ -51,7 +51,8 @@ class Room:
             with urllib.request.urlopen(request, timeout=30) as answer:
                 return answer.status, json.loads(answer.read())
         except urllib.error.HTTPError as error:
-            return error.code, json.loads(error.read() or b"null")
+            text = error.read()
+            return error.code, json.loads(text) if text.startswith(b"{") else text
 
 
 def rig_table(name: str, **changes: Any) -> dict[str, Any]:
@@ -90,8 +91,8 @@ def lay_out(folder: Path, rig: dict[str, Any]) -> Path:
 
 
 @contextmanager
-def open_room(folder: Path, rig: dict[str, Any], *options: str) -> Iterator[Room]:
-    """``armscope page`` on a rig, until the block ends."""
+def open_room(folder: Path, rig: dict[str, Any], *options: str, addresses: int = 2) -> Iterator[Room]:
+    """``armscope page`` on a rig, until the block ends; ``addresses`` that it prints: one where passwords are asked."""
     path = lay_out(folder, rig)
     command = [sys.executable, "-m", "armscope", "page", str(path), "--port", "0", "--no-browser", *options]
     process = subprocess.Popen(
@@ -104,12 +105,12 @@ def open_room(folder: Path, rig: dict[str, Any], *options: str) -> Iterator[Room
     found: list[str] = []
     said = ""
     try:
-        while len(found) < 2:
+        while len(found) < addresses:
             line = process.stderr.readline()
             said += line
             assert line, said
             found += re.findall(r"(https?://\S+?)(?:;|\s|$)", line)
-        yield Room(found[0], found[1], folder, process)
+        yield Room(found[0], found[-1], folder, process)
     finally:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=20)

@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 
 from arm_io import DeviceFault, InputError
+from daq.rig.endpoints import read_passwords
 from daq.rig.rig_file import Rig
 from daq.service import client
 from daq.service.commands.server import CommandServer
-from daq.service.zenoh_session import Keys, keys_of, open_session, read_passwords
+from daq.service.zenoh_session import Keys, keys_of, open_session
 from tests.daq.certificates import make_certificates, write_passwords
 from tests.ports import free_endpoint
 
