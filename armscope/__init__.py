@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from armscope.api.reading import read_experiment, read_model, read_rig
     from armscope.api.recording import Recorded, record
     from armscope.api.simulation import Simulation, simulate
+    from armscope.api.trend import trend
     from comparison import Comparison
     from daq.recording import Recording
     from experiment import Experiment
@@ -57,6 +58,7 @@ _HOMES = {
     "read_rig": "armscope.api.reading:read_rig",
     "record": "armscope.api.recording:record",
     "simulate": "armscope.api.simulation:simulate",
+    "trend": "armscope.api.trend:trend",
 }
 """Name -> module and name there."""
 
@@ -88,6 +90,7 @@ __all__ = [
     "read_rig",
     "record",
     "simulate",
+    "trend",
 ]
 
 

@@ -46,6 +46,7 @@ COMMANDS: dict[str, str] = {
     "identify": "estimate the parameters of an arm from recordings, with uncertainty and held-out error",
     "diagnose": "detect and isolate errors of a model, extend the model, report the gain on held-out recordings",
     "compare": "detect what changed in an arm between two recordings, results, or groups of them",
+    "trend": "detect what moved over many results of an arm, since when, how fast, and when it reaches a limit",
     "archive": "index the recordings and results in a folder; find, compare, plot and open them",
     "calibrate": "estimate kinematic parameters from tracker data, plan poses, correct targets",
     "sim-devices": "simulate every device of a rig on its own protocol, until stopped",

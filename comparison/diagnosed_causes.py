@@ -52,8 +52,24 @@ def align(
 
     before  so many of them, the first ones, are the side before
     """
+    quantities, entries, whys = entries_of(paths, tables)
+    aligned = []
+    for quantity, why in zip(quantities, whys):
+        missing = [all(quantity.name not in one for one in side) for side in (entries[:before], entries[before:])]
+        aligned.append(quantity.not_comparable(why) if any(missing) else quantity)
+    return aligned, entries
+
+
+def entries_of(
+    paths: Sequence[Path], tables: Sequence[Mapping[str, Any]]
+) -> tuple[list[Quantity], list[dict[str, Entry]], list[str]]:
+    """Quantities of all causes, the entries of each diagnosis by name, and why some diagnosis has none ("": all have).
+
+    A cause that a diagnosis does not name counts as zero there, where that means absence.
+    """
     causes = [causes_of(path, table) for path, table in zip(paths, tables)]
     quantities: list[Quantity] = []
+    whys: list[str] = []
     entries: list[dict[str, Entry]] = [{} for _ in causes]
     for key in dict.fromkeys(key for one in causes for key in one):
         names = dict.fromkeys(name for one in causes if key in one for name in one[key])
@@ -70,9 +86,9 @@ def align(
                     stds = [other[1] for other in mine if other is not None and other[1] is not None]
                     entry = (0.0, float(np.sqrt(np.mean(np.square(stds)))) if stds else None, quantity.unit)
                 entries[k][quantity.name] = entry
-            missing = [all(quantity.name not in one for one in side) for side in (entries[:before], entries[before:])]
-            quantities.append(quantity.not_comparable(why) if any(missing) else quantity)
-    return quantities, entries
+            quantities.append(quantity)
+            whys.append(why)
+    return quantities, entries, whys
 
 
 def cause_sentences(

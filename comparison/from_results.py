@@ -74,12 +74,12 @@ def compare_results(before: Sequence[Stored], after: Sequence[Stored]) -> Compar
     common.
     """
     everything, side = [*before, *after], len(before)
-    _check(everything)
+    check_together(everything)
     what = everything[0].what
     paths, tables = [one.path for one in everything], [one.table for one in everything]
     aligned = align(paths, tables, side) if what == "diagnoses" else _align_identified(everything, side)
     quantities, entries = aligned
-    estimates = [_estimate(one, quantities, mine) for one, mine in zip(everything, entries)]
+    estimates = [estimate_of(one, quantities, mine) for one, mine in zip(everything, entries)]
     found = changes(quantities, estimates[:side], estimates[side:])
     causes: list[str] = []
     if what == "diagnoses":
@@ -101,7 +101,8 @@ def compare_results(before: Sequence[Stored], after: Sequence[Stored]) -> Compar
     )
 
 
-def _check(results: Sequence[Stored]) -> None:
+def check_together(results: Sequence[Stored]) -> None:
+    """InputError where results are of different kinds, one is given twice, or their models differ in structure."""
     first = results[0]
     for one in results[1:]:
         if one.what != first.what:
@@ -119,7 +120,7 @@ def _check(results: Sequence[Stored]) -> None:
     paths = [one.path.resolve() for one in results]
     for k, path in enumerate(paths):
         if path in paths[:k]:
-            raise InputError(results[k].path, "is given twice; before and after must differ")
+            raise InputError(results[k].path, "is given twice; must differ from the others")
 
 
 def structural_difference(one: Arm, other: Arm, *, nominal: bool = False) -> str:
@@ -158,12 +159,20 @@ def _identified(result: Stored) -> dict[str, Entry]:
     return found
 
 
-def _align_identified(results: Sequence[Stored], before: int) -> tuple[list[Quantity], list[dict[str, Entry]]]:
+def identified_entries(results: Sequence[Stored]) -> tuple[list[Quantity], list[dict[str, Entry]]]:
     """The union of all base parameters, and what each result says of them."""
     entries = [_identified(one) for one in results]
+    names = dict.fromkeys(name for one in entries for name in one)
+    units = {name: next(one[name][2] for one in entries if name in one) for name in names}
+    return [parameter_quantity(name, unit) for name, unit in units.items()], entries
+
+
+def _align_identified(results: Sequence[Stored], before: int) -> tuple[list[Quantity], list[dict[str, Entry]]]:
+    """The union of all base parameters, with the reason where a side lacks one, and what each result says of them."""
+    union, entries = identified_entries(results)
     quantities = []
-    for name in dict.fromkeys(name for one in entries for name in one):
-        quantity = parameter_quantity(name, next(one[name][2] for one in entries if name in one))
+    for quantity in union:
+        name = quantity.name
         absent = [str(one.path) for one, mine in zip(results, entries) if name not in mine]
         missing = [all(name not in one for one in side) for side in (entries[:before], entries[before:])]
         quantities.append(
@@ -189,7 +198,8 @@ def _freedom(table: Mapping[str, Any]) -> float:
     return float(max(blocks, 2) - 1 if isinstance(blocks, int) else LEAST_BLOCKS - 1)
 
 
-def _estimate(result: Stored, quantities: Sequence[Quantity], entries: Mapping[str, Entry]) -> Estimate:
+def estimate_of(result: Stored, quantities: Sequence[Quantity], entries: Mapping[str, Entry]) -> Estimate:
+    """What a result says of some quantities; NaN where it has no entry, or no deviation."""
     nothing: Entry = (math.nan, None, "")
     mine = [entries.get(quantity.name, nothing) for quantity in quantities]
     values = np.array([entry[0] for entry in mine])

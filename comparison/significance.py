@@ -160,17 +160,26 @@ def _scatter(kinds: Sequence[str], sides: Sequence[Sequence[Estimate]]) -> tuple
 def moderate(ratio: Array, freedom: Array) -> tuple[Array, Array]:
     """(m,) variance ratios with ``freedom`` (m,) degrees each, drawn towards their common value; and the new degrees.
 
-    The common value s0 and its degrees d0 by the moments of log F (Smyth 2004, section 6.2). Fewer than FEWEST: as they
-    are.
+    Fewer than FEWEST: as they are.
     """
     if len(ratio) < FEWEST:
         return ratio, freedom
+    s0, d0 = common_scatter(ratio, freedom)
+    if np.isinf(d0):
+        return np.full_like(ratio, s0), np.full_like(freedom, np.inf)
+    return (d0 * s0 + freedom * ratio) / (d0 + freedom), d0 + freedom
+
+
+def common_scatter(ratio: Array, freedom: Array) -> tuple[float, float]:
+    """The common value of (m,) variance ratios with ``freedom`` (m,) degrees each, and its own degrees of freedom.
+
+    By the moments of log F (Smyth 2004, section 6.2); infinite degrees: they scatter no more than chance explains.
+    """
     half = freedom / 2
     e = np.log(np.maximum(ratio, 1e-12)) - special.digamma(half) + np.log(half)
     excess = float(np.var(e, ddof=1) - np.mean(special.polygamma(1, half)))
     if excess <= 0:
-        return np.full_like(ratio, float(np.mean(ratio))), np.full_like(freedom, np.inf)
+        return float(np.mean(ratio)), np.inf
     # Trigamma falls from infinity to nothing: one solution.
     d0 = 2 * float(optimize.brentq(lambda x: float(special.polygamma(1, x)) - excess, 1e-6, 1e8))
-    s0 = float(np.exp(np.mean(e) + special.digamma(d0 / 2) - np.log(d0 / 2)))
-    return (d0 * s0 + freedom * ratio) / (d0 + freedom), d0 + freedom
+    return float(np.exp(np.mean(e) + special.digamma(d0 / 2) - np.log(d0 / 2))), d0

@@ -47,7 +47,7 @@ def compare(
             raise InputError("--model", "is for recordings; results carry the models that they were made with")
         from comparison import compare_results
 
-        return compare_results(*([_result(one) for one in side] for side in sides))
+        return compare_results(*([stored_result(one) for one in side] for side in sides))
     opened = for_analysis(*([_recording(one) for one in side] for side in sides))
     arm = _carried([*opened[0], *opened[1]]) if model is None else read_model(model)
     from comparison import compare_recordings
@@ -92,7 +92,8 @@ def _name(one: Comparable) -> str:
     return repr(one) if path is None else str(path)
 
 
-def _result(one: Comparable) -> Stored:
+def stored_result(one: Comparable) -> Stored:
+    """An identification or a diagnosis, an object or a file, with its content and model."""
     from comparison import Stored, read_result
 
     if isinstance(one, str | PathLike):

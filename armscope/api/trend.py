@@ -1,0 +1,64 @@
+"""Many results of one arm in; what moved since when, and when it will reach a limit, out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from arm_io import InputError
+from armscope.api.comparison import Comparable, stored_result
+
+if TYPE_CHECKING:
+    from arm_archive import Filters
+    from comparison.trend import Limit, Trend
+
+RESULTS = ("identification.json", "diagnosis.json")
+
+
+def trend(
+    results: Comparable | Sequence[Comparable],
+    limits: Mapping[str, float] | Sequence[Limit] = (),
+    *,
+    filters: Filters | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Trend:
+    """How the parameters of an arm moved over many identifications, or many diagnoses.
+
+    results  files, folders of results, or folders in which results are searched for (``armscope.open_archive``)
+    limits   name of a quantity -> value that it must not pass
+    filters  of results that are searched for
+    Raises InputError where there are fewer than three, of different kinds, or of different arms.
+    """
+    from comparison.trend import Limit, trend_of
+
+    listed = list(results) if isinstance(results, Sequence) and not isinstance(results, str) else [results]
+    found = [one for each in listed for one in _expanded(each, filters)]
+    given = [Limit(name, value) for name, value in limits.items()] if isinstance(limits, Mapping) else list(limits)
+    stored = []
+    for number, one in enumerate(found, 1):
+        progress(f"result {number} of {len(found)}")
+        stored.append(stored_result(one))
+    return trend_of(stored, given, progress=progress)
+
+
+def _expanded(one: Comparable, filters: Filters | None) -> list[Comparable]:
+    """A folder without a result of its own stands for all results below it."""
+    folder = Path(one) if isinstance(one, str | PathLike) else None
+    if folder is None or not folder.is_dir() or any((folder / name).is_file() for name in RESULTS):
+        return [one]
+    from arm_archive import Filters, open_archive
+
+    with open_archive(folder) as archive:
+        rows = archive.rows(filters or Filters())
+    rows = [row for row in rows if Path(row["path"]).name in RESULTS and row["state"] == "whole"]
+    kinds = sorted({row["kind"] for row in rows})
+    if len(kinds) > 1:
+        raise InputError(folder, f"holds results of {len(kinds)} kinds; choose one with --kind ({' or '.join(kinds)})")
+    arms = sorted({row["arm"] or "" for row in rows})
+    if len(arms) > 1:
+        raise InputError(folder, f"holds results of {len(arms)} arms; choose one with --arm ({', '.join(arms[:5])})")
+    if not rows:
+        raise InputError(folder, "holds no such identification.json or diagnosis.json, nor do its folders")
+    return [folder / row["path"] for row in rows]

@@ -1,0 +1,55 @@
+"""``armscope trend``: which parameters moved over many results, since when, how fast, and when they reach a limit."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from arm_io import check_folder
+from armscope.commands.options import Json
+
+MANY = ("--limit",)
+"""Options that take several values."""
+
+
+def command(
+    results: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="RESULT ...",
+            help="three or more identification.json or diagnosis.json, their folders, or a folder to search (archive)",
+        ),
+    ],
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="when will it be reached: joint3.coulomb=12, or =+50% of the first"),
+    ] = None,
+    kind: Annotated[str | None, typer.Option(metavar="KIND", help="of a folder: identification or diagnosis")] = None,
+    arm: Annotated[str | None, typer.Option(metavar="ARM", help="of a folder: part of the arm's name")] = None,
+    path: Annotated[str | None, typer.Option(metavar="PATH", help="of a folder: part of the results' paths")] = None,
+    since: Annotated[str | None, typer.Option(metavar="DATE", help="of a folder: as in armscope archive")] = None,
+    until: Annotated[str | None, typer.Option(metavar="DATE", help="the same")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="folder for trend.json, trend.html")] = None,
+    as_json: Json = False,
+) -> None:
+    from rich.console import Console
+
+    from arm_archive import Filters
+    from armscope.api.trend import trend
+    from comparison.trend import Limit
+
+    limits = [Limit.of(one) for one in limit or []]
+    filters = Filters(kind=kind, arm=arm, path=path, since=since, until=until)
+    if out is not None:
+        check_folder(out)
+    with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
+        result = trend(results, limits, filters=filters, progress=status.update)
+        table = result.to_json() if out is None else result.write(out)
+    if as_json:
+        print(json.dumps(table, allow_nan=False))
+    else:
+        print(result if out is None else f"{result}\n{out / 'trend.html'}")

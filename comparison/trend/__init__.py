@@ -1,0 +1,14 @@
+"""How parameters moved over many results of one arm: since when, how fast, and when they will reach a limit."""
+
+from typing import TYPE_CHECKING
+
+from arm_io import lazy
+
+if TYPE_CHECKING:
+    from comparison.trend.forecast import Limit
+    from comparison.trend.outcome import Trend
+    from comparison.trend.trend import trend_of
+else:
+    __getattr__ = lazy(__name__)
+
+__all__ = ["Limit", "Trend", "trend_of"]

@@ -1,0 +1,121 @@
+"""What each of many results says of each quantity, by date."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.dates import utc_date_of
+from arm_io.types import Array
+from comparison.change import Quantity
+from comparison.diagnosed_causes import entries_of
+from comparison.from_results import Stored, check_together, estimate_of, identified_entries
+
+FEWEST_RESULTS = 3
+"""Of a trend; two are a comparison."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class History:
+    """One quantity in the n results that say something of it, by date.
+
+    days     (n,) since the first result of all, increasing
+    values   (n,) in ``quantity.unit``; std (n,): two of them hold 95 %; raw (n,): without the allowance for few blocks
+    freedom  (n,) degrees of freedom of ``raw``
+    sources  paths of the results
+    """
+
+    quantity: Quantity
+    days: Array
+    values: Array
+    std: Array
+    raw: Array
+    freedom: Array
+    sources: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Histories:
+    """The histories of all quantities, and the date of day 0."""
+
+    what: str
+    start: datetime
+    results: tuple[str, ...]
+    histories: list[History]
+    warnings: list[str]
+
+    def date(self, days: float) -> str | None:
+        """'2026-03-04' of a day; None beyond the calendar."""
+        try:
+            return (self.start + timedelta(days=float(days))).strftime("%Y-%m-%d")
+        except OverflowError:
+            return None
+
+
+def histories_of(results: Sequence[Stored]) -> Histories:
+    """The results by date, and the history of every quantity that two of them or more hold.
+
+    The date is when the recordings were made (``recorded``), else that of the result's file, with a warning.
+    InputError for fewer than ``FEWEST_RESULTS`` results, of different kinds, or of models of different structure.
+    """
+    if len(results) < FEWEST_RESULTS:
+        raise InputError(
+            results[0].path if results else "results",
+            f"a trend needs {FEWEST_RESULTS} results or more (is {len(results)}); armscope compare takes two",
+        )
+    check_together(results)
+    dates, warnings = _dates(results)
+    order = sorted(range(len(results)), key=lambda k: dates[k])
+    results, dates = [results[k] for k in order], [dates[k] for k in order]
+    quantities, estimates = _estimates(results)
+    days = np.array([(date - dates[0]).total_seconds() / 86_400 for date in dates])
+    found = []
+    for k, quantity in enumerate(quantities):
+        values, std, raw = (np.array([getattr(one, name)[k] for one in estimates]) for name in ("values", "std", "raw"))
+        there = np.isfinite(values) & np.isfinite(raw) & (raw > 0)
+        if there.sum() >= 2:
+            found.append(
+                History(
+                    quantity=quantity,
+                    days=days[there],
+                    values=values[there],
+                    std=std[there],
+                    raw=raw[there],
+                    freedom=np.array([one.freedom for one in estimates])[there],
+                    sources=tuple(str(one.path) for one, mine in zip(results, there) if mine),
+                )
+            )
+    names = tuple(str(one.path) for one in results)
+    return Histories(what=results[0].what, start=dates[0], results=names, histories=found, warnings=warnings)
+
+
+def _estimates(results: Sequence[Stored]) -> tuple[list[Quantity], list]:
+    paths, tables = [one.path for one in results], [one.table for one in results]
+    if results[0].what == "diagnoses":
+        quantities, entries, _ = entries_of(paths, tables)
+    else:
+        quantities, entries = identified_entries(results)
+    return quantities, [estimate_of(one, quantities, mine) for one, mine in zip(results, entries)]
+
+
+def _dates(results: Sequence[Stored]) -> tuple[list[datetime], list[str]]:
+    dates, guessed = [], []
+    for one in results:
+        recorded = utc_date_of(one.table.get("recorded"))
+        if recorded is not None:
+            dates.append(datetime.fromisoformat(recorded))
+            continue
+        try:
+            dates.append(datetime.fromtimestamp(os.stat(one.path).st_mtime, UTC))
+        except OSError:
+            raise InputError(one.path, "does not say when its recordings were made ('recorded')") from None
+        guessed.append(one.path.parent.name)
+    if not guessed:
+        return dates, []
+    shown = ", ".join(guessed[:3]) + (" ..." if len(guessed) > 3 else "")
+    return dates, [f"{len(guessed)} results do not say when they were recorded; their files' dates count: {shown}"]

@@ -1,0 +1,130 @@
+"""How one quantity moved, in numbers and dates."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from comparison.trend.forecast import Reach, slope_row, trend_row, value_and_std
+from comparison.trend.history import Histories
+from comparison.trend.selection import Moved
+from comparison.trend.terms import candidates, fit, tests
+
+MONTH = 30.0
+"""days, in which drifts are stated."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Onset:
+    """One term: its shape, the value that it adds (a drift: per day), and when it began.
+
+    after, by  days: the last result before it may have begun and the first after, with 95 %
+    """
+
+    shape: str
+    value: float
+    std: float
+    after: float
+    by: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Movement:
+    """One quantity: fitted first and last value, their difference, the present drift per day, each with its std."""
+
+    moved: Moved
+    first: tuple[float, float]
+    last: tuple[float, float]
+    change: tuple[float, float]
+    drift: tuple[float, float] | None
+    onsets: tuple[Onset, ...]
+    reach: Reach | None
+
+    @property
+    def significant(self) -> bool:
+        return bool(self.moved.fit.terms)
+
+    def to_json(self, histories: Histories) -> dict[str, Any]:
+        history, quantity = self.moved.history, self.moved.history.quantity
+        return {
+            "name": quantity.name,
+            "description": quantity.words,
+            "joint": quantity.joint,
+            "unit": quantity.unit,
+            "moved": self.significant,
+            "p": self.moved.p,
+            "p_corrected": self.moved.corrected,
+            "first": _pair(self.first),
+            "last": _pair(self.last),
+            "change": _pair(self.change),
+            "drift_per_day": None if self.drift is None else _pair(self.drift),
+            "since": [
+                {
+                    "shape": onset.shape,
+                    "value": onset.value,
+                    "std": onset.std,
+                    "after": histories.date(onset.after),
+                    "by": histories.date(onset.by),
+                }
+                for onset in self.onsets
+            ],
+            "limit": None if self.reach is None else _reach(self.reach, histories),
+            "std_between_results": float(np.sqrt(self.moved.fit.between)),
+            "history": [
+                {"date": histories.date(day), "value": float(value), "std": float(std), "source": source}
+                for day, value, std, source in zip(history.days, history.values, history.std, history.sources)
+            ],
+        }
+
+
+def _pair(pair: tuple[float, float]) -> dict[str, float]:
+    return {"value": pair[0], "std": pair[1]}
+
+
+def _reach(reach: Reach, histories: Histories) -> dict[str, Any]:
+    late = None if reach.between is None else reach.between[1]
+    return {
+        "value": reach.limit,
+        "passed": reach.passed,
+        "date": None if reach.day is None else histories.date(reach.day),
+        "earliest": None if reach.between is None else histories.date(reach.between[0]),
+        "latest": None if late is None else histories.date(late),
+    }
+
+
+def movement_of(moved: Moved, reach: Reach | None) -> Movement:
+    """The numbers of one history."""
+    days = moved.history.days
+    begin = trend_row(moved, -math.inf)
+    order = sorted(range(len(moved.fit.terms)), key=lambda k: moved.fit.terms[k].at)
+    end = trend_row(moved, float(days[-1]))
+    drifts = any(term.shape == "drift" for term in moved.fit.terms)
+    return Movement(
+        moved=moved,
+        first=value_and_std(moved, begin),
+        last=value_and_std(moved, end),
+        change=value_and_std(moved, end - begin),
+        drift=value_and_std(moved, slope_row(moved)) if drifts else None,
+        onsets=tuple(_onset(moved, k) for k in order),
+        reach=reach,
+    )
+
+
+def _onset(moved: Moved, k: int) -> Onset:
+    """Term ``k`` with the interval in which it may have begun: all places of its shape that fit nearly as well."""
+    term, days = moved.fit.terms[k], moved.history.days
+    value, std = value_and_std(moved, np.eye(len(moved.fit.coefficients))[k + 1])
+    others = fit(moved.history, tuple(one for one in moved.fit.terms if one != term), moved.fit.between)
+    same = [one for one in candidates(moved.history) if one.shape == term.shape and one not in others.terms]
+    _, gain = tests(moved.history, others, same, moved.freedom)
+    allowed = float(stats.chi2.ppf(0.95, 1))
+    near = [one.at for one, its in zip(same, gain) if its >= max(gain) - allowed] or [term.at]
+    low, high = min(near), max(near)
+    # A step lies between two results, a drift begins anywhere up to the next but one.
+    after = days[max(low - 1, 0)]
+    by = days[min(high + 1, len(days) - 1)] if term.shape == "drift" else days[high]
+    return Onset(shape=term.shape, value=value, std=std, after=float(after), by=float(by))

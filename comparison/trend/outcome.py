@@ -1,0 +1,78 @@
+"""The outcome of a trend: every quantity, and what moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+from comparison.change import SIGNIFICANT
+from comparison.trend.history import Histories
+from comparison.trend.movement import Movement
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from arm_model import Arm
+
+SCHEMA = "armscope.trend/1"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Trend:
+    """What ``armscope trend`` writes; ``to_json`` has the layout of trend.json.
+
+    arm        of the first result; None: it has no model.toml
+    movements  of every quantity, whether it moved or not
+    """
+
+    arm: Arm | None
+    histories: Histories
+    movements: list[Movement]
+
+    @property
+    def moved(self) -> list[Movement]:
+        """The quantities that moved, the surest first."""
+        return sorted((one for one in self.movements if one.significant), key=lambda one: one.moved.corrected)
+
+    @property
+    def limited(self) -> list[Movement]:
+        """Those that have a limit."""
+        return [one for one in self.movements if one.reach is not None]
+
+    def __repr__(self) -> str:
+        moved = ", ".join(one.moved.history.quantity.words for one in self.moved)
+        return f"<Trend of {len(self.histories.results)} {self.histories.what}: {moved or 'nothing'} moved>"
+
+    def __str__(self) -> str:
+        from comparison.trend.text import text
+
+        return text(self)
+
+    def plot(self) -> Figure:
+        """The history of every quantity that moved or has a limit; without any, of the first ones."""
+        from comparison.trend.plots import histories_figure
+
+        shown = list({id(one): one for one in (*self.moved, *self.limited)}.values())
+        return histories_figure(self.histories, shown or self.movements[:6])
+
+    def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
+        """Writes trend.json and trend.html into ``folder``; returns what trend.json says."""
+        from comparison.trend.html import write_trend
+
+        return write_trend(folder, self)
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of trend.json."""
+        from comparison.trend.text import verdict
+
+        return {
+            "schema": SCHEMA,
+            "what": self.histories.what,
+            "results": list(self.histories.results),
+            "verdict": verdict(self),
+            "moved": bool(self.moved),
+            "false_discovery_rate": SIGNIFICANT,
+            "quantities": [one.to_json(self.histories) for one in self.movements],
+            "warnings": self.histories.warnings,
+        }

@@ -1,0 +1,100 @@
+"""A trend in sentences and as a table of text."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from arm_report import text_table
+from comparison.change import SIGNIFICANT
+from comparison.trend.history import Histories
+from comparison.trend.movement import MONTH, Movement, Onset
+
+if TYPE_CHECKING:
+    from comparison.trend.outcome import Trend
+
+HEADS = ("quantity", "first", "last", "change", "2 std", "since", "p corr.", "unit")
+
+
+def text(trend: Trend) -> str:
+    """A table of what moved, a sentence about each, the limits, and the verdict."""
+    moved = trend.moved
+    lines = text_table([_row(one, trend.histories) for one in moved], HEADS, numbers=range(1, 7), shorten=(0,))
+    lines = lines if moved else []
+    lines += [f"warning: {warning}" for warning in trend.histories.warnings]
+    lines += [sentence(one, trend.histories) for one in moved]
+    lines += [limit_sentence(one, trend.histories) for one in trend.limited]
+    return "\n".join([*lines, verdict(trend)])
+
+
+def _row(one: Movement, histories: Histories) -> tuple[str, ...]:
+    quantity = one.moved.history.quantity
+    return (
+        quantity.name,
+        f"{one.first[0]:.4g}",
+        f"{one.last[0]:.4g}",
+        f"{one.change[0]:+.3g}",
+        f"{2 * one.change[1]:.2g}",
+        histories.date(one.onsets[0].by) or "",
+        chance(one.moved.corrected),
+        quantity.unit,
+    )
+
+
+def chance(p: float) -> str:
+    """A p-value; below 1e-9 only that it is."""
+    return f"{p:.2g}" if p >= 1e-9 else "< 1e-9"
+
+
+def verdict(trend: Trend) -> str:
+    """The one sentence."""
+    count, results = len(trend.movements), len(trend.histories.results)
+    share = f"at most {SIGNIFICANT:.0%} of such findings are expected to be false"
+    if not trend.moved:
+        return f"Nothing moved beyond its joint deviations: {count} quantities in {results} results ({share})."
+    names = ", ".join(one.moved.history.quantity.words for one in trend.moved[:3])
+    more = f" and {len(trend.moved) - 3} more" if len(trend.moved) > 3 else ""
+    return f"{names}{more} moved; {len(trend.moved)} of {count} quantities in {results} results ({share})."
+
+
+def sentence(one: Movement, histories: Histories) -> str:
+    """'Coulomb friction of joint 3: 6.9 -> 9.8 N m; drifts by +0.5 +- 0.1 N m per 30 days since 2026-03 ...'."""
+    quantity = one.moved.history.quantity
+    words = quantity.words[:1].upper() + quantity.words[1:]
+    unit = _unit(one)
+    parts = [_onset(onset, unit, histories) for onset in one.onsets]
+    if sum(onset.shape == "drift" for onset in one.onsets) > 1 and one.drift is not None:
+        parts.append(f"now drifts by {_size(MONTH * one.drift[0], MONTH * one.drift[1])}{unit} per {MONTH:.0f} days")
+    return f"{words}: {one.first[0]:.4g} -> {one.last[0]:.4g}{unit}; {'; '.join(parts)}"
+
+
+def _onset(onset: Onset, unit: str, histories: Histories) -> str:
+    after, by = histories.date(onset.after), histories.date(onset.by)
+    between = f"on {by}" if after == by else f"between {after} and {by}"
+    if onset.shape == "step":
+        return f"step of {_size(onset.value, onset.std)}{unit} {between}"
+    since = "since the first result" if onset.after == 0 and onset.by <= 0 else f"since a day {between}"
+    return f"drift of {_size(MONTH * onset.value, MONTH * onset.std)}{unit} per {MONTH:.0f} days, {since}"
+
+
+def limit_sentence(one: Movement, histories: Histories) -> str:
+    """When a quantity reaches its limit."""
+    assert one.reach is not None
+    quantity, reach = one.moved.history.quantity, one.reach
+    words = f"{quantity.words[:1].upper()}{quantity.words[1:]}: limit {reach.limit:.4g}{_unit(one)}"
+    if reach.passed:
+        return f"{words} is passed (now {one.last[0]:.4g})"
+    if reach.day is None or reach.between is None:
+        return f"{words} is not reached at the present trend (now {one.last[0]:.4g})"
+    early, late = reach.between
+    until = "no date" if late is None else histories.date(late)
+    between = f"{histories.date(early)} to {until}"
+    return f"{words} is reached on {histories.date(reach.day)} at the present drift (95 %: {between})"
+
+
+def _unit(one: Movement) -> str:
+    unit = one.moved.history.quantity.unit
+    return f" {unit}" if unit not in ("", "1") else ""
+
+
+def _size(value: float, std: float) -> str:
+    return f"{value:+.3g} +- {2 * std:.2g}"

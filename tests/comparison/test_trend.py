@@ -1,0 +1,183 @@
+"""Trends over simulated histories: what moved is found with its date and speed, what did not stays silent."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armscope
+from arm_archive import Filters
+from arm_io import InputError
+from arm_io.types import Array
+from armscope.cli import run
+from comparison.change import Quantity
+from comparison.trend import Limit
+from comparison.trend.forecast import reach
+from comparison.trend.history import History
+from comparison.trend.movement import movement_of
+from comparison.trend.selection import Moved, select
+from tests.arm_archive.lab import diagnosis, identification
+
+QUANTITIES = 24
+START = datetime(2026, 1, 1, tzinfo=UTC)
+Shift = Callable[[Array], Array]
+
+
+def histories(seed: int, results: int, night: float = 0.0, shift: Shift | None = None) -> list[History]:
+    """Quantities of two kinds; the first one moves by ``shift`` (of days, in units of its deviation).
+
+    night: std of what differs between results beyond their deviations, heavy-tailed, over the median deviation.
+    """
+    draw = np.random.default_rng(seed)
+    days = np.sort(draw.uniform(0, 300, results))
+    days -= days[0]
+    found = []
+    for k in range(QUANTITIES):
+        usual = 10 ** draw.uniform(-3, 1)
+        std = usual * draw.uniform(0.5, 1.5, results)
+        values = draw.normal(0, 20) * usual + std * draw.normal(size=results)
+        values += night * usual * draw.uniform(0.5, 1.5) * draw.standard_t(5, results)
+        if shift is not None and k == 0:
+            values += usual * shift(days)
+        quantity = Quantity(name=f"q{k}", words=f"q{k}", unit="", kind="friction" if k % 2 else "inertia")
+        freedom = np.full(results, 20.0)
+        sources = tuple(f"{j}" for j in range(results))
+        found.append(
+            History(quantity=quantity, days=days, values=values, std=std, raw=std, freedom=freedom, sources=sources)
+        )
+    return found
+
+
+@pytest.mark.parametrize(("results", "night"), [(3, 0.0), (8, 0.0), (30, 0.0), (8, 2.0), (30, 2.0)])
+def test_a_healthy_arm_is_silent(results: int, night: float) -> None:
+    """Histories in which anything was called moved: at most 5 % are expected; 4 of 20 have a chance of 1.6 %."""
+    named = [any(one.fit.terms for one in select(histories(seed, results, night))) for seed in range(20)]
+    assert sum(named) <= 3
+
+
+@pytest.mark.parametrize("night", [0.0, 1.0])
+def test_a_step_is_dated(night: float) -> None:
+    dated = 0
+    for seed in range(12):
+        found = select(histories(100 + seed, 20, night, lambda days: 12.0 * (days > 150)))
+        assert found[0].fit.terms and sum(bool(one.fit.terms) for one in found) <= 2
+        movement = movement_of(found[0], None)
+        onset = movement.onsets[0]
+        dated += onset.shape == "step" and len(movement.onsets) == 1 and onset.after <= 150 <= onset.by
+    assert dated >= 9
+
+
+def test_a_drift_is_timed_and_reaches_its_limit_when_it_should() -> None:
+    """A drift of 0.1 deviations per day from day 100 on reaches 40 deviations on day 500."""
+    inside, begun = 0, 0
+    for seed in range(20):
+        shift: Shift = lambda days: 0.1 * np.maximum(days - 100, 0)  # noqa: E731
+        (moved, *_) = select(histories(200 + seed, 25, 0.5, shift))
+        assert any(term.shape == "drift" for term in moved.fit.terms)
+        usual = float(np.median(moved.history.raw))
+        # The true limit is counted from the true level, which is drawn first of all after the days.
+        level, unit = truth(200 + seed, 25)
+        stands = reach(moved, Limit("q0", level + 40 * unit))
+        movement = movement_of(moved, stands)
+        assert movement.drift is not None
+        assert stands.day is not None and stands.between is not None
+        early, late = stands.between
+        inside += early <= 500 and (late is None or late >= 500)
+        begun += abs(movement.drift[0] - 0.1 * unit) < 3 * movement.drift[1] + 0.01 * usual
+    assert inside >= 15 and begun >= 17
+
+
+def truth(seed: int, results: int) -> tuple[float, float]:
+    """Level and usual deviation of the first quantity, as ``histories`` draws them."""
+    draw = np.random.default_rng(seed)
+    draw.uniform(0, 300, results)
+    usual = 10 ** draw.uniform(-3, 1)
+    draw.uniform(0.5, 1.5, results)
+    return draw.normal(0, 20) * usual, usual
+
+
+def test_a_limit_that_is_passed_or_never_reached() -> None:
+    (moved, *_) = select(histories(1, 20, 0.0, lambda days: 30.0 * (days > 150)))
+    level, unit = truth(1, 20)
+    assert reach(moved, Limit("q0", level + 20 * unit)).passed
+    ahead = reach(moved, Limit("q0", level + 50 * unit))
+    assert not ahead.passed and ahead.day is None
+
+
+def test_units_do_not_matter() -> None:
+    def terms(found: list[Moved]) -> list[object]:
+        return [one.fit.terms for one in found]
+
+    plain = histories(5, 15, 1.0, lambda days: 0.2 * days)
+    scaled = [
+        History(**{**vars(one), "values": 1e-6 * one.values, "std": 1e-6 * one.std, "raw": 1e-6 * one.raw})
+        for one in plain
+    ]
+    assert terms(select(plain)) == terms(select(scaled))
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Path:
+    """Two years of monthly identifications; Coulomb friction of joint 3 grows from May 2026 on by 0.5 per 30 days."""
+    draw = np.random.default_rng(8)
+    for month in range(24):
+        date = START + timedelta(days=30 * month)
+        worn = 0.5 * max(month - 4, 0)
+        values = {f"joint{j}.coulomb": (5.0 * j + (j == 3) * worn + 0.1 * draw.normal(), 0.1) for j in range(1, 7)}
+        path = identification(tmp_path / f"m{23 - month}", values, recorded=date.isoformat())
+        (path.parent / "model.toml").unlink()
+    return tmp_path
+
+
+def test_the_command(lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "trend"
+    arguments = ["trend", str(lab), "--limit", "joint3.coulomb=30", "joint1.coulomb=+50%", "--out", str(out)]
+    assert run(arguments) == 0
+    shown = capsys.readouterr().out
+    assert "Coulomb friction of joint 3 moved; 1 of 6 quantities in 24 results" in shown
+    assert "limit 30 N m is reached on 2028-" in shown
+    assert "Coulomb friction of joint 1: limit 7.4" in shown and "is not reached at the present trend" in shown
+    table = json.loads((out / "trend.json").read_text())
+    (moved,) = [one for one in table["quantities"] if one["moved"]]
+    assert moved["drift_per_day"]["value"] == pytest.approx(0.5 / 30, rel=0.05)
+    (since,) = moved["since"]
+    assert since["shape"] == "drift" and since["after"] <= "2026-05-01" <= since["by"]
+    assert moved["limit"]["earliest"] <= "2028-10-17" <= moved["limit"]["latest"]
+    assert [one["date"] for one in moved["history"]][:2] == ["2026-01-01", "2026-01-31"]
+    page = (out / "trend.html").read_text()
+    assert page.count("<img") == 2 and "drift of +0.5" in page
+    assert run([*arguments[:-2], "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == table
+
+
+def test_causes_of_diagnoses(tmp_path: Path) -> None:
+    """A gap that grows, and is absent in the first ones."""
+    sizes = [None, None, 1e-3, 1.2e-3, 1.4e-3, 1.6e-3]
+    for month, size in enumerate(sizes):
+        diagnosis(tmp_path / f"d{month}", size, recorded=f"2026-{month + 1:02}-01T00:00:00Z", blocks=40)
+    found = armscope.trend(tmp_path)
+    (moved,) = found.moved
+    assert moved.moved.history.quantity.name == "joint2.backlash.half_gap"
+    assert moved.moved.history.values[:3].tolist() == [0.0, 0.0, 1e-3]
+    assert repr(found) == "<Trend of 6 diagnoses: half gap of backlash of joint 2 moved>"
+
+
+def test_what_does_not_belong_together_is_refused(lab: Path, tmp_path: Path) -> None:
+    files = sorted(lab.rglob("identification.json"))
+    with pytest.raises(InputError, match="a trend needs 3 results or more"):
+        armscope.trend(files[:2])
+    with pytest.raises(InputError, match="--limit: joint9.coulomb is no quantity"):
+        armscope.trend(files, {"joint9.coulomb": 1.0})
+    diagnosis(tmp_path / "d", 1e-3)
+    with pytest.raises(InputError, match="2 kinds; choose one with --kind"):
+        armscope.trend(tmp_path)
+    with pytest.raises(InputError, match="holds no such"):
+        armscope.trend(lab, filters=Filters(since="2029"))
+    for wrong in ("joint3.coulomb", "x=", "=3", "x=+0%", "x=nan"):
+        with pytest.raises(InputError, match="--limit: must be NAME=VALUE"):
+            Limit.of(wrong)
