@@ -13,6 +13,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import CATALOGUE, Signals, described, values_of
+from arm_model.rigid_body.gravity_level import gravity_levels
 from arm_model.rigid_body.kinematics import link_frames
 from arm_model.rigid_body.numeric import rigid_torque
 
@@ -73,6 +74,9 @@ def bends(arm: Arm, q: Array) -> Array:
             j = (term.joint or 1) - 1
             assert effect.bend is not None
             values = values_of(effect, term.parameters)
-            driver = q[:, int(values.driver) - 1] if effect.driven else 0.0
-            found[:, j] += effect.bend(values, Signals(q=q[:, j], load=holding[:, j], driver=driver))
+            seen = Signals(q=q[:, j], load=holding[:, j])
+            if effect.driven:
+                along, across = gravity_levels(real, q, int(values.driver))[:, j].T
+                seen = replace(seen, driver=q[:, int(values.driver) - 1], along=along, across=across)
+            found[:, j] += effect.bend(values, seen)
     return found

@@ -35,7 +35,7 @@ from identification.kinematics.estimation.calibration import Settings, calibrate
 from identification.kinematics.estimation.extensions import deflections
 from identification.kinematics.estimation.map_estimation import fit
 from identification.kinematics.models.chain import Chain, position
-from identification.kinematics.models.parameters import Trust, chain_of, parameters_of
+from identification.kinematics.models.parameters import Target, Trust, chain_of, parameters_of
 from identification.kinematics.use.iso_cube import cube_targets, posture_of
 from identification.kinematics.use.poses import experiment_of, select_poses
 
@@ -98,7 +98,7 @@ def noise_floor(arms: int) -> dict[str, float]:
         generator = np.random.default_rng(seed)
         true = wrong(nominal, generator, 0.02, 0.003)
         q, unseen = random_poses(nominal, 60, generator), random_poses(nominal, 300, generator)
-        parameters = parameters_of(nominal, TARGET, frame_known=True, trust=Trust())
+        parameters = parameters_of(nominal, [Target(TARGET)], frame_known=True, trust=Trust())
         found = fit(parameters, Points(q, seen(true, q) + generator.normal(size=(60, 3)) * NOISE))
         measured = seen(true, unseen) + generator.normal(size=(300, 3)) * NOISE
         after = rms(measured - position(parameters.chain.at(found.values), unseen))
@@ -123,7 +123,7 @@ def speed() -> dict[str, float]:
     seconds = []
     for _ in range(3):
         start = time.perf_counter()
-        fit(parameters_of(nominal, TARGET, frame_known=True, trust=Trust()), points)
+        fit(parameters_of(nominal, [Target(TARGET)], frame_known=True, trust=Trust()), points)
         seconds.append(time.perf_counter() - start)
     return {"seconds_1000_poses": min(seconds)}
 
@@ -151,7 +151,7 @@ def against_pybotics(python: str) -> dict[str, float]:
     q, unseen = random_poses(nominal, 100, generator), random_poses(nominal, 500, generator)
     xyz, truth = seen(true, q) + generator.normal(size=(100, 3)) * NOISE, seen(true, unseen)
     start = time.perf_counter()
-    parameters = parameters_of(nominal, TARGET, frame_known=True, trust=Trust(target=0.005))
+    parameters = parameters_of(nominal, [Target(TARGET, 0.005)], frame_known=True, trust=Trust())
     found = fit(parameters, Points(q, xyz))
     ours = {
         "seconds": time.perf_counter() - start,
@@ -251,8 +251,8 @@ def thesis_run() -> dict[str, float]:
             nominal,
             used,
             [judge],
-            TARGET,
-            Settings(frame_known=True, trust=Trust(target=0.01), gravity=gravity_of(nominal)),
+            [Target(TARGET, 0.01)],
+            Settings(frame_known=True, gravity=gravity_of(nominal)),
         )
         bend = deflections(found.extensions, cube, velocity=None, gravity=gravity_of(nominal))
         at = position(found.chain, Points(cube, worst, bend).bent(found.fit.extension))

@@ -120,6 +120,8 @@ class Signals:
     t             time since the start of the recording, s
     state         internal state of the effect, 0 at the start
     driver        angle of the joint whose number is the effect's parameter ``driver``; rad (m)
+    along, across  how the weight of the link whose number is the parameter ``driver`` lies to the joint, -1 .. 1
+                  (``arm_model.rigid_body.gravity_level``)
     twist, twist_rate   motor angle over gear minus link angle, and its rate
     """
 
@@ -135,6 +137,8 @@ class Signals:
     t: Any = 0.0
     state: Any = 0.0
     driver: Any = 0.0
+    along: Any = 0.0
+    across: Any = 0.0
     twist: Any = 0.0
     twist_rate: Any = 0.0
 
@@ -169,7 +173,7 @@ class Effect:
                      whole arm): mass, first moments, inertia about the frame's origin; 0: they follow from its law
     body             effect of a link that has its columns where it is a body with an inertia of its own, not a point
     own_joint        a change of the description that only the current of its own joint shows
-    driven           its law looks at ``s.driver``
+    driven           its law looks at ``s.driver``, or at how the weight of that link lies
     sparse           acts at a few instants of a recording: may also be judged by when these are
     directional      differs between the directions of motion, or is made up for by an effect that does
     friction         its torque depends on the velocity alone: part of the joint's friction, which opposes the motion as

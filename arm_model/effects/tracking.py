@@ -102,6 +102,31 @@ LINK_SAG = Effect(
     bend=lambda p, s: -p.compliance * s.load,
 )
 
+GRAVITY_SAG = Effect(
+    name="gravity_sag",
+    place=Place.GEOMETRY,
+    parameters=(
+        Parameter(
+            "along", "rad", (1e-5, 2e-3), True, "turn where the link's x axis is level", signed=True, tracker_prior=0.02
+        ),
+        Parameter(
+            "across", "rad", (1e-5, 2e-3), True, "turn where its other axis is level", signed=True, tracker_prior=0.02
+        ),
+        Parameter("driver", "1", (1, 6), False, "number of the link that weighs", whole=True, search=integers(1, 6)),
+    ),
+    equation="link angle = q - (A along + B across), of a link's first moment to gravity, masses unknown",
+    shows="the tracked point sags as the link inclines",
+    confused_with={
+        "link_sag": "a model with masses: the same law, with one compliance per joint",
+        "encoder_eccentricity": "another mounting, or other inclinations of the joints in front",
+        "link_geometry": "loaded and unloaded points",
+    },
+    observed_by={Instrument.CALIBRATION: Observation()},
+    excited_by=Excitation.GRAVITY,
+    driven=True,
+    bend=lambda p, s: -(p.along * s.along + p.across * s.across),
+)
+
 TRACKER_LATENCY = Effect(
     name="tracker_latency",
     place=Place.TIMING,
@@ -202,6 +227,7 @@ TRANSMISSION_COUPLING = Effect(
 EFFECTS = (
     LINK_GEOMETRY,
     LINK_SAG,
+    GRAVITY_SAG,
     TRACKER_LATENCY,
     TRACKER_OUTLIERS,
     ENCODER_SCALE,

@@ -6,6 +6,7 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from arm_model.rigid_body.friction_curve import curve_at, curve_level
+    from arm_model.rigid_body.gravity_level import gravity_levels
     from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
     from arm_model.rigid_body.kinematics import forward, jacobian, link_frames, placement
     from arm_model.rigid_body.numeric import drive_mass_matrix, drive_rigid_torque, mass_matrix, rigid_torque
@@ -19,6 +20,7 @@ __all__ = [
     "drive_mass_matrix",
     "drive_rigid_torque",
     "forward",
+    "gravity_levels",
     "jacobian",
     "link_frames",
     "mass_matrix",

@@ -54,11 +54,14 @@ def _sweep(q: Array, joint: int, first: int, last: int) -> Sweep:
     return Sweep(joint, first, last, float(np.nanmax(q[first:last, joint - 1]) - np.nanmin(q[first:last, joint - 1])))
 
 
-def circles_of(q: Array, xyz: Array) -> tuple[list[Circle], list[str]]:
-    """The best circle of every joint that was swept, last joint first, and the reasons why others were refused."""
+def circles_of(q: Array, xyz: Array, *, window: int = 50) -> tuple[list[Circle], list[str]]:
+    """The best circle of every joint that was swept, last joint first, and the reasons why others were refused.
+
+    window: rows, as in ``find_sweeps``; 2 where every row is a pose at rest.
+    """
     circles: dict[int, Circle] = {}
     refused = []
-    for sweep in find_sweeps(q):
+    for sweep in find_sweeps(q, window=window):
         rows = slice(sweep.first, sweep.last)
         try:
             circle = fit_circle(q[rows], xyz[rows], sweep.joint)

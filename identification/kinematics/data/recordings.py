@@ -13,12 +13,11 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.rigid_body import rigid_torque
+from arm_model.rigid_body import gravity_levels, rigid_torque
 from daq.recording import Recording, open_recording
 from identification.kinematics.data.encoder_counts import between_counts, counts_of
 from identification.kinematics.data.runs import Run
 from identification.kinematics.data.tracker_file import Merge, merge, read_tracker
-from identification.kinematics.models.chain import Gravity
 from identification.preprocessing.quality import NO_VALUE, as_trusted
 
 Place = tuple[float, float, float]
@@ -113,8 +112,26 @@ def _points(recording: Recording) -> tuple[Array, bool]:
     )
 
 
+@dataclass(frozen=True)
+class Gravity:
+    """How the weight of its links bears on the joints of an arm at rest."""
+
+    arm: Arm
+
+    @property
+    def weighed(self) -> bool:
+        """Whether the model has masses."""
+        return bool(np.any(self.arm.joint_array("mass")))
+
+    def torque(self, q: Array) -> Array:
+        """(N, joints) N m that hold the arm at link angles q (N, joints)."""
+        return rigid_torque(self.arm, q, np.zeros_like(q), np.zeros_like(q))
+
+    def levels(self, q: Array, link: int) -> Array:
+        """(N, joints, 2): ``arm_model.rigid_body.gravity_level`` of one link (from 1), whatever its mass."""
+        return gravity_levels(self.arm, q, link)
+
+
 def gravity_of(arm: Arm) -> Gravity | None:
-    """The torques that hold an arm at rest; None for an arm without mass or gravity."""
-    if not np.any(arm.joint_array("mass")) or not np.any(arm.gravity):
-        return None
-    return lambda q: rigid_torque(arm, q, np.zeros_like(q), np.zeros_like(q))
+    """The weight of an arm's links; None without gravity."""
+    return Gravity(arm) if np.any(arm.gravity) else None

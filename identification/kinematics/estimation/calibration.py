@@ -26,6 +26,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm, Coupling
 from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.data.points import Points
+from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.data.row_shifts import Shift
 from identification.kinematics.data.runs import Run, correlation_time, poses_of
 from identification.kinematics.estimation.blocks import split
@@ -55,7 +56,7 @@ from identification.kinematics.estimation.work import (
     free_targets,
     linked,
 )
-from identification.kinematics.models.chain import Chain, Gravity, forward
+from identification.kinematics.models.chain import Chain, forward
 from identification.kinematics.models.parameters import Parameters, Target
 
 LEAST = 10
@@ -74,7 +75,8 @@ class Calibration:
     extensions       joint extensions that were accepted, and all that were tried
     nominal          the chain before: nominal parameters, after the best fit of frame and target
     circles          features of single-joint sweeps; ``refused`` says why other sweeps gave none
-    circle_point     position error on the fit points of D-H from the circles alone, or None
+    circle_point     position error on the fit points of D-H from the circles alone, or None, and then
+                     ``without_circles`` says why
     before, after    position errors: {"fit": ..., "held_out": ...}, over all points
     left_out         the points that the model does not fit, by run and row
     failures         why no success may be claimed; empty: it may
@@ -97,6 +99,7 @@ class Calibration:
     circles: tuple[Circle, ...]
     refused: tuple[str, ...]
     circle_point: PositionError | None
+    without_circles: str
     before: dict[str, PositionError]
     after: dict[str, PositionError]
     left_out: tuple[LeftOut, ...]
@@ -200,6 +203,7 @@ def _result(work: Work) -> Calibration:
         circles=tuple(work.circles),
         refused=tuple(work.refused),
         circle_point=_circle_point(work),
+        without_circles=work.without_circles,
         before=judgement.before,
         after=judgement.after,
         left_out=judgement.left_out,
@@ -232,7 +236,7 @@ def _couplings(work: Work) -> tuple[tuple[Coupling, float], ...]:
 
 
 def _circle_point(work: Work) -> PositionError | None:
-    if work.from_circles is None:
+    if work.from_circles is None or work.without_circles:
         return None
     chain = work.parameters.chain.at(with_nominal_target(work.parameters, work.from_circles))
     target = work.points.target

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -38,13 +38,18 @@ LIMITS = ExtensionLimits(
     kept_gain=None,
 )
 
+_EQUAL = 1e-5
+"""Relative difference of errors within which the candidate that the catalogue has first is taken."""
+_ALIKE = 0.95
+"""Share of the best candidate's gain that makes another one indistinguishable."""
+
 
 @dataclass(frozen=True)
 class Trial:
     """One extension conditional on those accepted so far.
 
     Rms m per coordinate of left-out points ``before`` and ``after``; z: its gain over the standard error between
-    blocks.
+    blocks; alike: other candidates that explain nearly the same, so that these points do not decide between them.
     """
 
     extension: Extension
@@ -52,6 +57,7 @@ class Trial:
     after: float
     z: float
     accepted: bool
+    alike: tuple[Extension, ...] = ()
 
 
 def choose(
@@ -123,7 +129,11 @@ class LeftOutPoints(MeasurementModel[Extension, Chosen]):
         scores = self._scores([c for c in self.candidates if c not in state], state)
         if not scores:
             return []
-        best, trial = min(scores, key=lambda one: one[1].after)
+        least = min(trial.after for _, trial in scores)
+        equal = [one for one in scores if one[1].after <= least * (1.0 + _EQUAL)]
+        best, trial = equal[0]
+        alike = [t.extension for s, t in scores if s is not best and s.gain >= _ALIKE * best.gain]
+        trial = replace(trial, alike=tuple(alike))
         self.trials.append(trial)
         self.report(f"{trial.extension}: {1e3 * trial.before:.4f} -> {1e3 * trial.after:.4f} mm on unseen points")
         return [best]

@@ -16,12 +16,12 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Effect, Excitation, Instrument, Signals, Values
-from identification.kinematics.models.chain import Gravity
+from identification.kinematics.data.recordings import Gravity
 
 
 @dataclass(frozen=True)
 class Extension:
-    """One candidate: its name, the joint it turns (from 1; None: all), and for couplings the joint that drives it."""
+    """One candidate: its name, the joint it turns (from 1; None: all), the joint that drives it or link that weighs."""
 
     name: str
     joint: int | None = None
@@ -49,13 +49,17 @@ class Extension:
 
     def __str__(self) -> str:
         place = "" if self.joint is None else f" of joint {self.joint}"
-        return self.name + place + ("" if self.by is None else f" by joint {self.by}")
+        driver = "link" if self.definition.excited_by is Excitation.GRAVITY else "joint"
+        return self.name + place + ("" if self.by is None else f" by {driver} {self.by}")
 
 
-def candidates(moving: Sequence[int], prismatic: Sequence[bool], *, gravity: bool, velocity: bool) -> list[Extension]:
+def candidates(
+    moving: Sequence[int], prismatic: Sequence[bool], *, gravity: Gravity | None, velocity: bool
+) -> list[Extension]:
     """What could be there, for the joints (from 1) that move.
 
-    Couplings between neighbours, and from 4 to 6 of a wrist.
+    Couplings between neighbours, and from 4 to 6 of a wrist. Sag by the gravity torque where the model has masses, else
+    by how every link behind the joint inclines.
     """
     turning = [j for j in moving if not prismatic[j - 1]]
     out = []
@@ -64,10 +68,14 @@ def candidates(moving: Sequence[int], prismatic: Sequence[bool], *, gravity: boo
             continue
         if effect.late is not None:
             out += [Extension(effect.name)] if velocity else []
+        elif effect.excited_by is Excitation.GRAVITY:
+            if gravity is not None and effect.driven is not gravity.weighed:
+                behind = range(1, len(prismatic) + 1) if effect.driven else [None]
+                out += [Extension(effect.name, j, k) for j in turning for k in behind if k is None or k >= j]
         elif effect.driven:
             pairs = [(j, k) for j in turning for k in turning if j == k + 1 or (j, k) == (6, 4)]
             out += [Extension(effect.name, j, by=k) for j, k in pairs]
-        elif gravity or effect.excited_by is not Excitation.GRAVITY:
+        else:
             relative = all(p.unit == "1" for p in effect.linear)
             out += [Extension(effect.name, j) for j in (moving if relative else turning)]
     return out
@@ -76,14 +84,19 @@ def candidates(moving: Sequence[int], prismatic: Sequence[bool], *, gravity: boo
 def deflections(extensions: Sequence[Extension], q: Array, *, velocity: Array | None, gravity: Gravity | None) -> Array:
     """(N, joints, parameters): how far each parameter turns each joint, per unit; q and velocity (N, joints)."""
     n, joints = q.shape
-    holding = any(e.definition.excited_by is Excitation.GRAVITY for e in extensions)
-    if holding and gravity is None:
+    sagging = [e for e in extensions if e.definition.excited_by is Excitation.GRAVITY]
+    if sagging and gravity is None:
         raise ValueError("the gravity torque is missing")
-    torque = gravity(q) if holding and gravity is not None else np.zeros_like(q)
+    torque, levels = np.zeros_like(q), {}
+    if sagging and gravity is not None:
+        levels = {e.by: gravity.levels(q, e.by) for e in sagging if e.by is not None}
+        torque = gravity.torque(q) if any(e.by is None for e in sagging) else torque
     columns = []
     for extension in extensions:
         effect, j = extension.definition, (extension.joint or 1) - 1
-        seen = Signals(q=q[:, j], load=torque[:, j], driver=q[:, (extension.by or 1) - 1])
+        along, across = levels[extension.by][:, j].T if extension in sagging and extension.by else (0.0, 0.0)
+        by = q[:, (extension.by or 1) - 1]
+        seen = Signals(q=q[:, j], load=torque[:, j], driver=by, along=along, across=across)
         for name in extension.parameters:
             unit = Values({other: float(other == name) for other in extension.parameters})
             column = np.zeros((n, joints))

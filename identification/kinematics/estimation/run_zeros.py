@@ -17,10 +17,11 @@ import numpy as np
 
 from arm_io.types import Array
 from identification.kinematics.data.points import Points
+from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.data.runs import Run, points_of, velocity_of
 from identification.kinematics.estimation.extensions import Extension, deflections, prior_scales
 from identification.kinematics.estimation.map_estimation import Fit, fit
-from identification.kinematics.models.chain import Chain, Gravity, Index, position_jacobian
+from identification.kinematics.models.chain import Chain, Index, position_jacobian
 from identification.kinematics.models.parameters import Parameters
 
 

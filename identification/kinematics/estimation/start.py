@@ -12,7 +12,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from identification.kinematics.circle_points.axes import circle_point_model
-from identification.kinematics.circle_points.circle_point import Circle
+from identification.kinematics.circle_points.circle_point import LEAST_ARC, LEAST_POINTS, Circle
 from identification.kinematics.circle_points.sweeps import circles_of
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import Run, aligned
@@ -52,7 +52,7 @@ def best_circles(runs: Sequence[Run]) -> tuple[list[Circle], list[str]]:
     best: dict[int, Circle] = {}
     refused: list[str] = []
     for run in (run for run in runs if run.target == 0 and not run.lever):
-        found, reasons = circles_of(run.q, run.xyz)
+        found, reasons = circles_of(run.q, run.xyz, window=2 if run.still else 50)
         refused += [f"{run.name}: {reason}" for reason in reasons]
         for circle in found:
             if circle.joint not in best or circle.std_centre < best[circle.joint].std_centre:
@@ -66,6 +66,42 @@ def values_from_circles(arm: Arm, circles: Sequence[Circle], nominal: Chain) -> 
         return None
     values = circle_point_model(circles, one_target(nominal))
     return np.concatenate((values, nominal.values[len(values) :]))
+
+
+def why_no_circles(arm: Arm, target: Target, runs: Sequence[Run], refused: Sequence[str], found: bool) -> str:
+    """Why circle-point analysis gives no model of the arm, and what it needs; "": it gives one."""
+    if not any(run.target == 0 and not run.lever for run in runs):
+        return "the first target was not tracked in any fitted run"
+    if not found:
+        longest = np.degrees(max(_alone(run.q[run.usable]) for run in runs))
+        seen = f"{len(refused)} sweeps gave no circle ({refused[0]})" if refused else (
+            f"no joint was swept alone (at most {longest:.3g} degrees while the others stood, of at least "
+            f"{np.degrees(LEAST_ARC):.0f})"
+        )  # fmt: skip
+        return f"{seen}; it needs each joint in turn moved alone, at least {LEAST_POINTS} points on its circle"
+    if other := next((j for j, joint in enumerate(arm.joints, 1) if joint.convention != "standard"), None):
+        return f"joint {other} has convention {arm.joints[other - 1].convention!r}; it needs standard D-H parameters"
+    if not target.given:
+        return (
+            "the place of the target is not known; it needs --target, because the zero of the last swept joint follows "
+            "from it"
+        )
+    return ""
+
+
+def _alone(q: Array) -> float:
+    """rad: the longest way between neighbouring rows q (N, n) on which one joint alone moves."""
+    if len(q) < 2:
+        return 0.0
+    step = np.abs(np.diff(q, axis=0))
+    order = np.sort(step, axis=1)
+    others = order[:, -2] if q.shape[1] > 1 else np.zeros(len(step))
+    mine = np.where(others <= 0.1 * order[:, -1], step.argmax(axis=1), -1)
+    ways, way = [0.0], 0.0
+    for k, joint in enumerate(mine):
+        way = 0.0 if joint < 0 else step[k, joint] + (way if k and mine[k - 1] == joint else 0.0)
+        ways.append(way)
+    return float(max(ways))
 
 
 def with_nominal_target(parameters: Parameters, values: Array) -> Array:

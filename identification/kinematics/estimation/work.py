@@ -13,6 +13,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm
 from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.data.points import Points
+from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.data.row_shifts import Shift, find_constant, find_step
 from identification.kinematics.data.runs import Run, points_of, shifted, thinned, velocity_of
 from identification.kinematics.estimation.blocks import blocks
@@ -24,8 +25,14 @@ from identification.kinematics.estimation.observability import RESTING
 from identification.kinematics.estimation.orientation import aimed, lever_of, realigned
 from identification.kinematics.estimation.outlier_pattern import shared
 from identification.kinematics.estimation.run_zeros import with_own_zeros, with_zeros
-from identification.kinematics.estimation.start import best_circles, best_start, place_tracker, values_from_circles
-from identification.kinematics.models.chain import Chain, Gravity, Index, Mask
+from identification.kinematics.estimation.start import (
+    best_circles,
+    best_start,
+    place_tracker,
+    values_from_circles,
+    why_no_circles,
+)
+from identification.kinematics.models.chain import Chain, Index, Mask
 from identification.kinematics.models.parameters import (
     UNKNOWN_TARGET,
     Parameters,
@@ -91,6 +98,7 @@ class Work:
     circles: list[Circle] = field(init=False)
     refused: list[str] = field(init=False)
     from_circles: Array | None = field(init=False)
+    without_circles: str = ""
     coupling_std: dict[Entry, float] = field(default_factory=dict)
     extensions: list[Extension] = field(default_factory=list)
     trials: list[Trial] = field(default_factory=list)
@@ -120,6 +128,7 @@ def first_fit(work: Work) -> None:
     work.tell("circles of single-joint sweeps")
     work.circles, work.refused = best_circles(work.runs)
     work.from_circles = values_from_circles(work.arm, work.circles, work.first)
+    work.without_circles = why_no_circles(work.arm, work.targets[0], work.runs, work.refused, found=bool(work.circles))
     work.tell("least squares on all points")
     best = best_start(work.parameters, work.points, start, work.from_circles)
     work.estimate = fit(work.parameters, work.points, start=best)
@@ -294,7 +303,7 @@ def _extend(work: Work) -> None:
     points, velocity = points_of(work.runs, work.rows), velocity_of(work.runs, work.rows)
     gravity = work.settings.gravity
     prismatic = [not j.revolute for j in work.arm.joints]
-    tried = candidates(work.moving, prismatic, gravity=gravity is not None, velocity=_moves(velocity))
+    tried = candidates(work.moving, prismatic, gravity=gravity, velocity=_moves(velocity))
 
     def deflect(extensions: Sequence[Extension]) -> Array:
         return deflections(extensions, points.q, velocity=velocity, gravity=gravity)

@@ -13,7 +13,7 @@ with the axis and origin of the frame in which the factor acts, seen from the wo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -25,8 +25,6 @@ from arm_io.types import Array
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Motion = Literal["tx", "ty", "tz", "rx", "ry", "rz"]
-Gravity = Callable[[Array], Array]
-"""Joint torques (N, joints) N m that hold the arm at rest in q (N, joints)."""
 
 
 @dataclass(frozen=True, slots=True)

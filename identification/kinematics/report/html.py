@@ -12,8 +12,8 @@ import arm_report
 from arm_report import image, verdict, warning
 from arm_report.palette import AFTER, BEFORE, GRID, MEASURED
 from identification.kinematics.circle_points.circle_point import Circle
+from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.estimation.calibration import Calibration, distances
-from identification.kinematics.models.chain import Gravity
 from identification.kinematics.use.iso_cube import CubeReport
 
 if TYPE_CHECKING:
@@ -44,6 +44,8 @@ def page(
             _circles_text(table),
             image(_circle_figure(calibration.circles), "circles of single-joint sweeps, and their residuals"),
         ]
+    if calibration.without_circles:
+        parts += [f"<p>No circle-point analysis: {html.escape(calibration.without_circles)}.</p>"]
     if calibration.refused:
         parts += ["<p>Sweeps without a circle: " + "; ".join(html.escape(r) for r in calibration.refused) + "</p>"]
     for cube in cubes:
@@ -143,6 +145,7 @@ def _effects(table: dict[str, Any]) -> str:
     rows = []
     for trial in table["tried"]:
         place = "all joints" if trial["joint"] is None else f"joint {trial['joint']}"
+        place += "" if trial["by"] is None else f" by {trial['by']}"
         seen = trial["unseen_rms"]
         outcome = "accepted" if trial["accepted"] else "not needed"
         rows.append(
@@ -153,9 +156,13 @@ def _effects(table: dict[str, Any]) -> str:
     found = []
     for effect in table["effects"]:
         place = "" if effect["joint"] is None else f" of joint {effect['joint']}"
+        place += "" if effect["by"] is None else f" by {effect['by']}"
         values = ", ".join(
             f"{n} {p['value']:.4g} ± {p['std']:.1g} {p['unit']}" for n, p in effect["parameters"].items()
         )
+        other = ", ".join(effect["indistinguishable"])
+        if other:
+            values += f"; these poses do not discriminate it from {other}"
         found.append(f"<li>{effect['effect']}{place}: {html.escape(values)}</li>")
     return (
         "<h2>Beyond geometry</h2><p>Each effect was cross-validated on blocks of points; the best of each step is "

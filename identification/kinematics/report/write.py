@@ -62,15 +62,18 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
             {
                 "effect": t.extension.name,
                 "joint": t.extension.joint,
+                "by": t.extension.by,
                 "unseen_rms": {"before": t.before, "after": t.after},
                 "z": t.z,
                 "accepted": t.accepted,
+                "indistinguishable": [str(e) for e in t.alike],
             }
             for t in calibration.trials
         ],
         "limits": {"extensions": LIMITS.to_json()},
         "circles": [_circle(c) for c in calibration.circles],
         "circle_point": None if calibration.circle_point is None else {"fit": _error(calibration.circle_point)},
+        "without_circle_points": calibration.without_circles or None,
         "refused_sweeps": list(calibration.refused),
         "shifts": [vars(s) for s in calibration.shifts],
         "fit": list(dict.fromkeys(run.source for run in calibration.runs)),
@@ -152,11 +155,12 @@ def summary(table: dict[str, Any]) -> str:
             f"coupling         link angle {entry['joint']} has {entry['ratio']:.6g} times reported angle {entry['by']}"
         )
     for effect in table["effects"]:
-        place = "" if effect["joint"] is None else f" of joint {effect['joint']}"
+        place = _place(effect)
         numbers = ", ".join(
             f"{name} {p['value']:.4g} +- {p['std']:.1g} {p['unit']}" for name, p in effect["parameters"].items()
         )
-        lines.append(f"found            {effect['effect']}{place}: {numbers}")
+        other = f" (or {', '.join(effect['indistinguishable'])})" if effect["indistinguishable"] else ""
+        lines.append(f"found            {effect['effect']}{place}: {numbers}{other}")
     return "\n".join(lines)
 
 
@@ -179,8 +183,15 @@ def _left_out(one: LeftOut) -> dict[str, Any]:
     }
 
 
+def _place(effect: dict[str, Any]) -> str:
+    """Where an effect of the result is, as " of joint 3 by 2"."""
+    place = "" if effect["joint"] is None else f" of joint {effect['joint']}"
+    return place + ("" if effect["by"] is None else f" by {effect['by']}")
+
+
 def _effects(calibration: Calibration) -> list[dict[str, Any]]:
     out, k = [], 0
+    alike = {trial.extension: [str(e) for e in trial.alike] for trial in calibration.trials if trial.accepted}
     for extension in calibration.extensions:
         parameters = {}
         for name, unit in zip(extension.parameters, extension.units, strict=True):
@@ -190,7 +201,8 @@ def _effects(calibration: Calibration) -> list[dict[str, Any]]:
                 "unit": unit,
             }
             k += 1
-        out.append({"effect": extension.name, "joint": extension.joint, "by": extension.by, "parameters": parameters})
+        effect = {"effect": extension.name, "joint": extension.joint, "by": extension.by, "parameters": parameters}
+        out.append(effect | {"indistinguishable": alike.get(extension, [])})
     return out
 
 

@@ -17,8 +17,8 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.rigid_body import forward, jacobian
+from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.estimation.extensions import Extension, deflections
-from identification.kinematics.models.chain import Gravity
 
 
 @dataclass(frozen=True)
