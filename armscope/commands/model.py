@@ -51,6 +51,12 @@ def command(
     effects: Annotated[
         bool, typer.Option(help="list the effects that a model may have, with their parameters; needs no model")
     ] = False,
+    into: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="ARM.urdf", help="with --out: this URDF file with the numbers of the model, all else kept"
+        ),
+    ] = None,
     tip: Annotated[str | None, typer.Option(help="last link, of a URDF file that branches")] = None,
     as_json: Json = False,
 ) -> None:
@@ -59,8 +65,10 @@ def command(
         return
     if model is None:
         raise InputError("model", "needs a model file, as config/models/puma560.toml")
-    arm = _read(model, tip)
-    if out is not None:
+    arm = _read(model, tip if into is None else None)
+    if into is not None:
+        _update(into, arm, out, tip)
+    elif out is not None:
         _write(out, arm)
     if by is not None and equations is None:
         raise InputError("--by", "needs --equations text, latex, python or c")
@@ -82,6 +90,19 @@ def _read(path: Path, tip: str | None) -> Arm:
     from arm_model.urdf import read_urdf
 
     return read_urdf(path, tip=tip)
+
+
+def _update(original: Path, arm: Arm, out: Path | None, tip: str | None) -> None:
+    """Writes a URDF file with the numbers of the arm, and says on standard error what changed."""
+    from arm_model.urdf import not_in_urdf
+    from arm_model.urdf_update import update_urdf
+
+    if out is None or out.suffix != ".urdf":
+        raise InputError("--into", "needs --out NEW.urdf")
+    for line in update_urdf(original, arm, out, tip=tip) or ["nothing changed"]:
+        print(f"{out}: {line}", file=sys.stderr)
+    for sentence in not_in_urdf(arm):
+        print(f"note: {sentence}", file=sys.stderr)
 
 
 def _write(path: Path, arm: Arm) -> None:

@@ -20,7 +20,7 @@ from tests.house.test_arrows import MAY_IMPORT
 PUBLIC = {
     "arm_io": ("dates", "files", "handles", "optional", "plain_data", "table", "toml", "types"),
     "arm_report": ("palette",),
-    "arm_model": ("collision", "geometry", "sensing", "servo", "tracking", "urdf"),
+    "arm_model": ("collision", "geometry", "sensing", "servo", "tracking", "urdf", "urdf_update"),
     "arm_model.effects": ("definition", "description_errors", "sensing", "tracking", "wrist"),
     "arm_model.rigid_body": ("inertia", "regressor"),
     "drivers": ("can_bus", "linux_counter", "protocols"),

@@ -1,0 +1,195 @@
+"""A URDF file with the numbers of an identified arm: only what differs changes, byte for byte the rest stays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from arm_io import InputError, read_file, write_text
+from arm_io.types import Array
+from arm_model.description import Arm, Joint
+from arm_model.rigid_body.friction_curve import nearest_line
+from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
+from arm_model.rigid_body.kinematics import roll_pitch_yaw, rpy_of
+from arm_model.urdf import read_urdf
+from arm_model.xml_edit import Element, XmlText
+
+_ENTRIES = ("ixx", "iyy", "izz", "ixy", "iyz", "ixz")
+CLOSE = 1e-9
+"""Relative: what differs by less has come through a file."""
+
+
+def update_urdf(original: str | Path, arm: Arm, out: str | Path, *, tip: str | None = None) -> list[str]:
+    """Writes the URDF file ``original`` with the masses, centres, inertias, friction and joint origins of ``arm``.
+
+    Returns what changed, one line each. Names, meshes, comments, order and white space stay. What is fixed to a moving
+    link keeps its own inertial, and the link gets the rest; if the rest is not physical, the link gets all, and what is
+    fixed to it nothing.
+
+    InputError where the arm has other joints than the file, where a number to change is an expression of xacro, or the
+    file cannot be written.
+    """
+    before = read_urdf(original, tip=tip)
+    text = XmlText(original, read_file(original))
+    names, here = [joint.name for joint in before.joints], [joint.name for joint in arm.joints]
+    if names != here:
+        raise InputError(original, f"has the joints {', '.join(names)}; the model has {', '.join(here)}")
+    changed: list[str] = []
+    for was, now in zip(before.joints, arm.joints):
+        element = text.root.named("joint", now.name)
+        assert element is not None
+        changed += _origin(text, original, element, was, now) + _friction(text, element, was, now)
+        changed += _inertial(text, original, element, was, now, tip)
+    write_text(out, text.text())
+    return changed
+
+
+def _differ(one: object, other: object) -> bool:
+    return not np.allclose(np.asarray(one, float), np.asarray(other, float), rtol=CLOSE, atol=1e-15)
+
+
+def _number(value: float) -> str:
+    return repr(float(value) + 0.0)
+
+
+def _vector(values: Array) -> str:
+    return " ".join(_number(value) for value in values)
+
+
+def _origin(text: XmlText, path: str | Path, element: Element, was: Joint, now: Joint) -> list[str]:
+    """The pose of a joint, where calibration has moved it."""
+    if not (_differ(was.xyz, now.xyz) or _differ(was.rpy, now.rpy) or _differ(was.axis, now.axis)):
+        return []
+    if now.convention != "placed" or _differ(was.axis, now.axis):
+        raise InputError(path, f"joint {now.name!r} has another axis or convention in the model; URDF needs it placed")
+    old, new = _pose(was.xyz, was.rpy), _pose(now.xyz, now.rpy)
+    origin = element.child("origin")
+    _set_pose(text, element, origin, _read_pose(origin) @ np.linalg.inv(old) @ new)
+    return [f"joint {now.name}: origin"]
+
+
+def _friction(text: XmlText, element: Element, was: Joint, now: Joint) -> list[str]:
+    """Viscous and Coulomb friction at the joint, means of both directions."""
+    old, new = nearest_line(was)[:2], nearest_line(now)[:2]
+    if not _differ(old, new):
+        return []
+    values = {"damping": _number(new[1]), "friction": _number(new[0])}
+    dynamics = element.child("dynamics")
+    if dynamics is None:
+        text.add(element, "<dynamics " + " ".join(f'{name}="{value}"' for name, value in values.items()) + "/>")
+    else:
+        text.set(dynamics, **values)
+    return [f"joint {now.name}: friction"]
+
+
+def _inertial(text: XmlText, path: str | Path, element: Element, was: Joint, now: Joint, tip: str | None) -> list[str]:
+    """Mass, centre and inertia of the link behind a joint."""
+    if not any(_differ(getattr(was, name), getattr(now, name)) for name in ("mass", "com", "inertia")):
+        return []
+    child = element.child("child")
+    link = None if child is None else text.root.named("link", child.attributes["link"])
+    assert link is not None
+    total, old = (barycentric(joint.mass, joint.com, joint.inertia) for joint in (now, was))
+    own = _read_inertial(link)
+    rest = total - (old - own)
+    mass, _, inertia = about_com(rest)
+    if mass < 0 or unphysical(mass, inertia):
+        for fixed in _fixed_to(text, link.attributes["name"], _above(text, tip)):
+            _set_inertial(text, fixed, np.zeros(10))
+        rest = total
+    _set_inertial(text, link, rest)
+    return [f"link {link.attributes['name']}: mass {was.mass:.6g} -> {now.mass:.6g} kg, with what is fixed to it"]
+
+
+def _above(text: XmlText, tip: str | None) -> set[str] | None:
+    """The links on the way to the tip; None: all."""
+    if tip is None:
+        return None
+    found = {tip}
+    for _ in text.root.children:
+        found |= {
+            parent.attributes["link"]
+            for joint in text.root.children
+            if (child := joint.child("child"))
+            and (parent := joint.child("parent"))
+            and child.attributes["link"] in found
+        }
+    return found
+
+
+def _fixed_to(text: XmlText, link: str, allowed: set[str] | None) -> list[Element]:
+    """Links with inertials that are fixed to a link, of those that are allowed."""
+    found: list[Element] = []
+    for joint in text.root.children:
+        parent, child = joint.child("parent"), joint.child("child")
+        if joint.tag != "joint" or joint.attributes.get("type") != "fixed" or parent is None or child is None:
+            continue
+        if parent.attributes.get("link") == link and (allowed is None or child.attributes["link"] in allowed):
+            below = text.root.named("link", child.attributes["link"])
+            found += [below] if below is not None and below.child("inertial") else []
+            found += _fixed_to(text, child.attributes["link"], allowed)
+    return found
+
+
+def _read_inertial(link: Element) -> Array:
+    """(10,) barycentric parameters of a link in its own frame, as the file has them."""
+    inertial = link.child("inertial")
+    if inertial is None:
+        return np.zeros(10)
+    mass, tensor = inertial.child("mass"), inertial.child("inertia")
+    weight = 0.0 if mass is None else float(mass.attributes.get("value", 0.0))
+    entries = tuple(0.0 if tensor is None else float(tensor.attributes.get(name, 0.0)) for name in _ENTRIES)
+    return transform(barycentric(weight, (0.0, 0.0, 0.0), entries), _read_pose(inertial.child("origin")))
+
+
+def _set_inertial(text: XmlText, link: Element, parameters: Array) -> None:
+    """Gives a link (10,) barycentric parameters; the axes of its inertial stay as they are."""
+    mass, com, entries = about_com(parameters)
+    inertial = link.child("inertial")
+    pose = np.eye(4) if inertial is None else _read_pose(inertial.child("origin"))
+    turned = pose[:3, :3].T @ _tensor(entries) @ pose[:3, :3]
+    values = {name: _number(turned["xyz".index(name[1]), "xyz".index(name[2])]) for name in _ENTRIES}
+    pose[:3, 3] = com
+    tensor = "<inertia " + " ".join(f'{name}="{value}"' for name, value in values.items()) + "/>"
+    if inertial is None:
+        origin = f'<origin xyz="{_vector(pose[:3, 3])}" rpy="0 0 0"/>'
+        text.add(link, f'<inertial>{origin}<mass value="{_number(mass)}"/>{tensor}</inertial>')
+        return
+    _set_pose(text, inertial, inertial.child("origin"), pose)
+    for tag, new in (("mass", {"value": _number(mass)}), ("inertia", values)):
+        child = inertial.child(tag)
+        if child is None:
+            text.add(inertial, tensor if tag == "inertia" else f'<mass value="{new["value"]}"/>')
+        else:
+            text.set(child, **new)
+
+
+def _set_pose(text: XmlText, parent: Element, origin: Element | None, pose: Array) -> None:
+    """Gives an element's <origin> a pose; an orientation that stays is not touched."""
+    xyz, turned = _vector(pose[:3, 3]), _differ(pose[:3, :3], _read_pose(origin)[:3, :3])
+    if origin is None:
+        rpy = f' rpy="{_vector(np.array(rpy_of(pose)))}"' if turned else ""
+        text.add(parent, f'<origin xyz="{xyz}"{rpy}/>')
+        return
+    text.set(origin, xyz=xyz)
+    if turned:
+        text.set(origin, rpy=_vector(np.array(rpy_of(pose))))
+
+
+def _read_pose(origin: Element | None) -> Array:
+    """(4, 4) of an <origin>; one with an expression of xacro has been refused by ``read_urdf``."""
+    attributes = {} if origin is None else origin.attributes
+    xyz, rpy = ([float(part) for part in attributes.get(name, "0 0 0").split()] for name in ("xyz", "rpy"))
+    return _pose((xyz[0], xyz[1], xyz[2]), (rpy[0], rpy[1], rpy[2]))
+
+
+def _pose(xyz: tuple[float, float, float], rpy: tuple[float, float, float]) -> Array:
+    pose = roll_pitch_yaw(rpy)
+    pose[:3, 3] = xyz
+    return pose
+
+
+def _tensor(entries: tuple[float, ...]) -> Array:
+    x, y, z, xy, yz, xz = entries
+    return np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
