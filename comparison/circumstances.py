@@ -30,7 +30,10 @@ PLACE = 0.1
 
 @dataclass(frozen=True)
 class Circumstance:
-    """One difference: kind payload, temperature, rate, motion or rig; joints (from 1) that it concerns; a sentence."""
+    """One difference: kind, joints (from 1) that it concerns, and a sentence.
+
+    kind: payload, temperature, rate, motion, rig or calibration.
+    """
 
     kind: str
     joints: tuple[int, ...]
@@ -50,6 +53,7 @@ def circumstances(
         *_rate(recordings, side),
         *_motion(motions, side, arm),
         *_rig(recordings, side),
+        *_calibration(recordings, side),
     ]
 
 
@@ -120,3 +124,37 @@ def _rig(recordings: Sequence[Recording], side: NDArray[np.bool_]) -> Iterator[C
     if names[0] != names[1] and None not in names[0] | names[1]:
         before, after = (", ".join(sorted(map(str, each))) for each in names)
         yield Circumstance("rig", (), f"rig: {before} before, {after} after; a wrong current gain looks like a change")
+
+
+CALIBRATED = {
+    "amperes_per_volt": "A/V of its current transducer",
+    "volt_offset": "V of its transducer at no current",
+    "scale": "counts per rad (m)",
+    "offset": "rad (m) at count 0",
+}
+"""Entries of a calibration, one per joint, in words."""
+
+
+def _calibration(recordings: Sequence[Recording], side: NDArray[np.bool_]) -> Iterator[Circumstance]:
+    """Entries in which the calibrations of the sides differ, by the file of each side's first recording."""
+    hashes = [(r.calibration or {}).get("hash") for r in recordings]
+    sides = [{one for one, mine in zip(hashes, side) if mine == which} for which in (True, False)]
+    if sides[0] == sides[1] and len(sides[0]) == 1:
+        return
+    if max(map(len, sides)) > 1 or None in sides[0] | sides[1]:
+        without = [r.path.name for r, one in zip(recordings, hashes) if one is None]
+        which = f"{', '.join(without)} without any" if without else "of one side, too"
+        yield Circumstance("calibration", (), f"calibrations differ between the recordings ({which})")
+        return
+    first = [next(r for r, mine in zip(recordings, side) if mine == which) for which in (True, False)]
+    before, after = (r.calibration or {} for r in first)
+    for name, words in CALIBRATED.items():
+        for j, (then, now) in enumerate(zip(before.get(name, ()), after.get(name, ()))):
+            if then != now:
+                changed = "currents" if "volt" in name else "angles"
+                yield Circumstance(
+                    "calibration",
+                    (j + 1,),
+                    f"calibration of joint {j + 1}: {then:.6g} {words} before, {now:.6g} after: what changed in its "
+                    f"{changed} may be due to it",
+                )

@@ -16,6 +16,7 @@ from comparison.outcome import Comparison
 from comparison.quantities import friction_maps, values_quantities
 from comparison.regression import Fitted, Structure, fit, rows_of, shown_by, structure_of
 from comparison.significance import changes
+from comparison.summary import summaries
 from daq.recording import Recording
 from diagnosis.residual.run_setup import loaded, setup_of
 from identification.preprocessing.signals import Motion
@@ -54,6 +55,7 @@ def compare_recordings(
         after=tuple(str(recording.path) for recording in after),
         changes=found,
         circumstances=circumstances(recordings, motions, side, arm),
+        summaries=summaries(structure, fits, side, found),
         warnings=[warning for run in runs for warning in run.warnings],
     )
 
@@ -87,7 +89,7 @@ def _fits(
                 recording.path,
                 f"leaves {len(rows.y)} rows for {int(mine.sum())} parameters after filtering; needs a longer motion",
             )
-        fits.append(fit(rows, mine, model))
+        fits.append(fit(rows, mine, model, len(structure.arm)))
     return fits, shown
 
 

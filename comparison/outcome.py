@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from arm_model import Arm
+    from comparison.summary import Summary
 
 SCHEMA = "armscope.comparison/1"
 
@@ -65,6 +66,7 @@ class Comparison:
     changes        every quantity, comparable or not
     circumstances  differences of the recordings themselves
     causes         of diagnoses: sentences about causes that appeared or vanished
+    summaries      of recordings: causes that sum up several changes
     """
 
     what: Literal["recordings", "identifications", "diagnoses"]
@@ -75,6 +77,7 @@ class Comparison:
     circumstances: list[Circumstance] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     causes: list[str] = field(default_factory=list)
+    summaries: list[Summary] = field(default_factory=list)
 
     @property
     def significant(self) -> list[Change]:
@@ -126,5 +129,6 @@ class Comparison:
             "circumstances": [one.to_json() for one in self.circumstances],
             "changes": [one.to_json() for one in self.changes],
             "causes": self.causes,
+            "summaries": [one.to_json() for one in self.summaries],
             "warnings": self.warnings,
         }

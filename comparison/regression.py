@@ -59,12 +59,16 @@ class Rows:
 class Fitted:
     """(c,) values, NaN where the recording does not show them; covariance with zeros there, of white noise blocks.
 
+    plain    (c, c) covariance with the correlations of the formula, which can be inverted where values are shown
+    by_scale (c, J) change of each value by a unit relative change of all currents of a joint
     widened  factor between the raw standard deviations and those two of which hold 95 %
     leakage  (c, c) change of each value by a unit error of one that was taken from the model
     """
 
     values: Array
     covariance: Array
+    plain: Array
+    by_scale: Array
     freedom: float
     widened: float
     leakage: Array
@@ -92,6 +96,11 @@ class Structure:
     def points(self) -> list[tuple[Curve, int]]:
         """The f compared points, each with its place on its curve."""
         return [(curve, k) for curve in self.curves for k in range(len(curve.speeds))]
+
+    @property
+    def size(self) -> int:
+        """Number of compared values."""
+        return len(self.rows) + len(self.points) + len(loaded_joints(self.loads))
 
     def model(self) -> Array:
         """(c,) values of the model."""
@@ -162,8 +171,11 @@ def shown_by(rows: Rows, structure: Structure) -> NDArray[np.bool_]:
     return found
 
 
-def fit(rows: Rows, shown: NDArray[np.bool_], model: Array) -> Fitted:
-    """Weighted least squares of the values ``shown`` (c,); the others at those of the ``model`` (c,)."""
+def fit(rows: Rows, shown: NDArray[np.bool_], model: Array, joints: int) -> Fitted:
+    """Weighted least squares of the values ``shown`` (c,) of an arm with so many joints.
+
+    The others stay at those of the ``model`` (c,).
+    """
     silent = ~shown
     y = rows.y - rows.columns[:, silent] @ model[silent]
     # A column of its own that this recording's other columns contain would make the rest undetermined.
@@ -176,11 +188,16 @@ def fit(rows: Rows, shown: NDArray[np.bool_], model: Array) -> Fitted:
     values, covariance, leakage = np.full(size, np.nan), np.zeros((size, size)), np.zeros((size, size))
     values[shown] = found.values[:count]
     covariance[np.ix_(shown, shown)] = spread.covariance[:count, :count] / widened**2
+    weight = found.weight[:, None]
+    plain = np.zeros((size, size))
+    plain[np.ix_(shown, shown)] = np.linalg.pinv(spread.information, hermitian=True)[:count, :count]
+    of_joint = y[:, None] * (rows.equations.joint[:, None] == np.arange(joints))
+    by_scale = np.zeros((size, joints))
+    by_scale[shown] = np.linalg.lstsq(columns * weight, of_joint * weight, rcond=None)[0][:count]
     if silent.any():
-        weight = found.weight[:, None]
         both = np.linalg.lstsq(columns * weight, rows.columns[:, silent] * weight, rcond=None)[0]
         leakage[np.ix_(shown, silent)] = both[:count]
-    return Fitted(values, covariance, max(spread.blocks - 1, 1), widened, leakage)
+    return Fitted(values, covariance, plain, by_scale, max(spread.blocks - 1, 1), widened, leakage)
 
 
 def _independent(rows: Rows, shown: NDArray[np.bool_]) -> NDArray[np.intp]:

@@ -31,7 +31,7 @@ def text(result: Comparison) -> str:
         reasons[one.quantity.why] = reasons.get(one.quantity.why, 0) + 1
     lines += [f"not comparable: {count} quantities: {why}" for why, count in reasons.items()]
     lines += [f"warning: {warning}" for warning in result.warnings]
-    lines += [*result.causes, *changed_sentences(result)]
+    lines += [*result.causes, *(one.sentence for one in result.summaries), *changed_sentences(result)]
     return "\n".join([*lines, verdict(result)])
 
 

@@ -78,6 +78,11 @@ def verdict(result: Comparison) -> str:
     share = f"at most {SIGNIFICANT:.0%} of such findings are false"
     if not result.significant:
         return f"No significant change of {result.tested} compared quantities ({share})."
+    if result.summaries:
+        said = "; ".join(one.sentence for one in result.summaries)
+        explained = {name for one in result.summaries for name in one.explains}
+        more = sum(one.quantity.name not in explained for one in result.significant if one.quantity.kind != "friction")
+        return f"{said}; {f'{more} more' if more else 'nothing else'} of {result.tested} compared quantities ({share})."
     parameters = [one for one in result.significant if one.quantity.kind != "curve"]
     rubbing = {one.quantity.joint for one in parameters if one.quantity.kind == "friction"}
     curves = {one.quantity.joint for one in result.significant if one.quantity.kind == "curve"} - rubbing

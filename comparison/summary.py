@@ -1,0 +1,215 @@
+"""Several changes as what one cause makes of them: a body at the flange, or another scale of one joint's currents.
+
+A payload changes base parameters of several links at once; a torque constant or a current gain changes every parameter
+that a joint's current shows, friction and masses alike. Both are linear in the compared values, to first order:
+
+    payload         change = G p        G the grouping of base parameters, p the ten parameters of the last link
+    current scale   change = g A+ S y   A+ the regression, S y the torque of that joint alone
+
+A cause is stated where the changes that it can make are significant together, and what it leaves of them is not. The
+covariance of the changes has the deviations that each was judged by, and the correlations of the regressions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, stats
+
+from arm_io.types import Array
+from comparison.change import Change
+from comparison.regression import Fitted, Structure
+
+CERTAIN = 1e-4
+"""Probability by chance, of all candidates together, below which the changes of a cause are there."""
+LEFT = 2.5
+"""Mean square of what a cause leaves of the changes that it can make, in deviations, up to which it explains them."""
+CLEARLY = 4.0
+"""Deviations from zero that mass, or scale, must have."""
+BETTER = 9.0
+"""Squares of deviations by which a scale must explain more than constant friction, which has as many parameters."""
+DEPENDENT = 1e-6
+"""Of the largest singular value: combinations of a body's parameters that no compared value shows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summary:
+    """One cause of several changes.
+
+    effect     payload, or torque_constant (which a current gain is indistinguishable from)
+    joint      from 1; None: of the whole arm
+    parameters name -> value, std, unit; of a torque constant its relative error, of a payload mass and centre
+    explains   names of the significant changes that it makes
+    """
+
+    effect: str
+    joint: int | None
+    parameters: dict[str, tuple[float, float, str]]
+    explains: tuple[str, ...]
+    sentence: str
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "effect": self.effect,
+            "joint": self.joint,
+            "parameters": {
+                name: {"value": value, "std": std, "unit": unit} for name, (value, std, unit) in self.parameters.items()
+            },
+            "explains": list(self.explains),
+            "sentence": self.sentence,
+        }
+
+
+@dataclass(frozen=True)
+class _Changes:
+    """v compared values that every recording shows, of c: their places (v,), changes (v,), covariance, (v, v)."""
+
+    places: NDArray[np.intp]
+    quantities: Sequence[Change]
+    change: Array
+    covariance: Array
+
+    def select(self, which: NDArray[np.bool_]) -> _Changes:
+        return _Changes(
+            self.places[which],
+            [one for one, kept in zip(self.quantities, which) if kept],
+            self.change[which],
+            self.covariance[np.ix_(which, which)],
+        )
+
+
+def summaries(
+    structure: Structure, fits: Sequence[Fitted], side: NDArray[np.bool_], changes: Sequence[Change]
+) -> list[Summary]:
+    """The causes that sum up changes.
+
+    side     True of the fits before
+    changes  of all quantities; the last of them are those of the values
+    """
+    significant = [one for one in changes if one.significant]
+    seen = _seen(fits, side, changes[len(changes) - structure.size :])
+    if not len(seen.change) or not significant:
+        return []
+    candidates = 1 + len(structure.arm)
+    if (payload := _payload(structure, seen, significant, candidates)) is not None:
+        return [payload]
+    scale = np.mean([f.by_scale for f, mine in zip(fits, side) if not mine], axis=0)
+    found = [
+        summed
+        for joint in range(len(structure.arm))
+        if (summed := _current_scale(joint, scale[:, joint], seen, significant, candidates)) is not None
+    ]
+    return found if len(found) == 1 else []
+
+
+def _seen(fits: Sequence[Fitted], side: NDArray[np.bool_], changes: Sequence[Change]) -> _Changes:
+    common = np.isfinite([f.values for f in fits]).all(axis=0) & np.array([one.std is not None for one in changes])
+    places = np.flatnonzero(common)
+    covariance = sum(
+        np.mean([f.plain[np.ix_(places, places)] for f, mine in zip(fits, side) if mine == which], axis=0)
+        / np.sum(side == which)
+        for which in (True, False)
+    )
+    std = np.array([changes[int(k)].std or 0.0 for k in places])
+    widened = std / np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    change = np.array([changes[int(k)].change or 0.0 for k in places])
+    return _Changes(places, [changes[int(k)] for k in places], change, covariance * widened[:, None] * widened)
+
+
+def _fitted(x: Array, seen: _Changes) -> tuple[Array, Array, float, float, int]:
+    """Generalised least squares of the changes by columns x (v, k).
+
+    Coefficients (k,), covariance (k, k) (infinite where undetermined: a huge number), mean square before, mean square
+    after, and the number of columns that are independent.
+    """
+    root = linalg.cholesky(seen.covariance + 1e-12 * np.diag(np.diag(seen.covariance)), lower=True)
+    a = linalg.solve_triangular(root, x, lower=True)
+    y = linalg.solve_triangular(root, seen.change, lower=True)
+    size = np.linalg.norm(a, axis=0)
+    size[size == 0.0] = 1.0
+    u, s, vt = np.linalg.svd(a / size, full_matrices=False)
+    kept = s > DEPENDENT * s[0]
+    coefficients = (vt[kept].T @ ((u[:, kept].T @ y) / s[kept])) / size
+    inverse = np.where(kept, 1.0 / np.maximum(s, 1e-300), 1e12) ** 2
+    covariance = (vt.T * inverse) @ vt / np.outer(size, size)
+    before, after = float(y @ y), float(np.sum((y - u[:, kept] @ (u[:, kept].T @ y)) ** 2))
+    rank = int(kept.sum())
+    return coefficients, covariance, before / len(y), after / max(len(y) - rank, 1), rank
+
+
+def _explained(before: float, after: float, rows: int, rank: int, candidates: int) -> bool:
+    """Whether changes are there, and what is left of them is not."""
+    fall = before * rows - after * max(rows - rank, 1)
+    chance = float(stats.chi2.sf(fall / max(after, 1.0), rank))
+    return candidates * chance < CERTAIN and after < LEFT and rows > rank
+
+
+def _payload(structure: Structure, seen: _Changes, significant: Sequence[Change], candidates: int) -> Summary | None:
+    """The body that was added to or taken from the last link, if it explains the changes of links."""
+    base, last = structure.base, len(structure.arm)
+    names = [f"link{last}.{name}" for name in ("mass", "mx", "my", "mz", "ixx", "ixy", "ixz", "iyy", "iyz", "izz")]
+    grouping = base.grouping[structure.rows][:, [base.names.index(name) for name in names]]
+    of_links = np.array([one.quantity.kind == "inertia" for one in seen.quantities])
+    own = seen.select(of_links)
+    if len(own.change) < 3 or any(one.quantity.kind != "inertia" for one in significant):
+        return None
+    c, covariance, before, after, rank = _fitted(grouping[own.places], own)
+    std = float(np.sqrt(covariance[0, 0]))
+    if abs(c[0]) < CLEARLY * std or not _explained(before, after, len(own.change), rank, candidates):
+        return None
+    parameters = {"mass": (float(c[0]), std, "kg")}
+    for axis, moment, k in zip("xyz", c[1:4], range(1, 4)):
+        slope = np.zeros(len(c))
+        slope[0], slope[k] = -moment / c[0] ** 2, 1.0 / c[0]
+        doubt = float(np.sqrt(slope @ covariance @ slope))
+        if doubt < 0.5:
+            parameters[axis] = (float(moment / c[0]), doubt, "m")
+    verb = "more" if c[0] > 0 else "less"
+    centre = ", ".join(f"{name} = {value:.3g}" for name, (value, _, unit) in parameters.items() if unit == "m")
+    where = f" at {centre} m of the last link" if centre else " at the last link"
+    return Summary(
+        effect="payload",
+        joint=None,
+        parameters=parameters,
+        explains=tuple(one.quantity.name for one in significant),
+        sentence=(
+            f"A body of {abs(c[0]):.3g} +- {2 * std:.2g} kg {verb}{where} (payload, or that link's own mass) explains "
+            f"{_all(len(significant))}"
+        ),
+    )
+
+
+def _current_scale(
+    joint: int, column: Array, seen: _Changes, significant: Sequence[Change], candidates: int
+) -> Summary | None:
+    """Another scale of a joint's currents (from 0), if it explains all that changed, and constant friction does not."""
+    c, covariance, before, after, rank = _fitted(column[seen.places][:, None], seen)
+    if not _explained(before, after, len(seen.change), rank, candidates):
+        return None
+    curve = [float(one.quantity.kind == "curve" and one.quantity.joint == joint + 1) for one in seen.quantities]
+    *_, by_friction, _ = _fitted(np.array(curve)[:, None], seen)
+    if (by_friction - after) * (len(seen.change) - 1) < BETTER:
+        return None
+    # of the currents after: what they were before is 1 - c of them
+    scale, std = float(c[0] / (1.0 - c[0])), float(np.sqrt(covariance[0, 0]) / (1.0 - c[0]) ** 2)
+    if abs(scale) < CLEARLY * std:
+        return None
+    constant = 1.0 / (1.0 + scale) - 1.0
+    return Summary(
+        effect="torque_constant",
+        joint=joint + 1,
+        parameters={"error": (constant, std / (1.0 + scale) ** 2, "1")},
+        explains=tuple(one.quantity.name for one in significant),
+        sentence=(
+            f"Currents of joint {joint + 1} are {100 * scale:+.2g} +- {200 * std:.2g} % for the same torque (torque "
+            f"constant {100 * constant:+.2g} %, or the gain of its transducer): explains {_all(len(significant))}"
+        ),
+    )
+
+
+def _all(count: int) -> str:
+    return "the only significant change" if count == 1 else f"all {count} significant changes"
