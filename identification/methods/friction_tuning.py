@@ -57,7 +57,7 @@ def tune_friction(
 ) -> Tuning:
     """Viscous and Coulomb friction (either direction) of the joints that move.
 
-    InputError without demands or controller.
+    InputError without demands or controller, and where the closed loop is not stable.
     """
     for recording in recordings:
         if recording.qref is None:
@@ -79,7 +79,7 @@ def tune_friction(
     values = np.maximum(values, floor)
     damping, count = 1e-3, 0
     scale = _scales(motions)
-    error = _errors(recordings, motions, arm, names, values[None], scale)[0]
+    error = _stable(_errors(recordings, motions, arm, names, values[None], scale))[0]
     first = _relative(recordings, motions, arm, names, values)
     jacobian = np.zeros((len(error), len(names)))
     for number in range(iterations):
@@ -87,7 +87,7 @@ def tune_friction(
         nudge = STEP * np.maximum(values, floor)
         lanes = values + np.concatenate([np.diag(nudge), -np.diag(nudge)])
         lanes = np.maximum(lanes, 0.0)
-        found = _errors(recordings, motions, arm, names, lanes, scale)
+        found = _stable(_errors(recordings, motions, arm, names, lanes, scale))
         count += len(lanes)
         width = np.diag(lanes[: len(names)] - lanes[len(names) :])
         jacobian = ((found[: len(names)] - found[len(names) :]) / width[:, None]).T
@@ -96,8 +96,9 @@ def tune_friction(
         trials = np.array([np.maximum(values - _step(gram, slope, d), 0.0) for d in dampings])
         errors = _errors(recordings, motions, arm, names, trials, scale)
         count += len(trials)
-        costs = np.sum(errors**2, axis=1)
-        best = int(np.nanargmin(costs))
+        # of an unstable loop NaN
+        costs = np.nan_to_num(np.sum(errors**2, axis=1), nan=np.inf)
+        best = int(np.argmin(costs))
         if not costs[best] < np.sum(error**2) * (1 - 1e-6):
             break
         values, error, damping = trials[best], errors[best], float(np.clip(dampings[best], 1e-9, 1e3))
@@ -105,6 +106,17 @@ def tune_friction(
     spread = uncertainty(jacobian, rows, Fit(values, np.ones(len(error)), error, jacobian * values))
     tuned = with_parameters(arm, dict(zip(names, map(float, values))))
     return Tuning(names, values, spread, tuned, first, _relative(recordings, motions, arm, names, values), count)
+
+
+def _stable(errors: Array) -> Array:
+    """Errors (lanes, rows) of closed loops; InputError where one was not stable."""
+    if not np.isfinite(errors).all():
+        raise InputError(
+            "model",
+            "its closed loop is unstable on the recorded demands; correct masses, rotor inertias or [controller], or "
+            "use another method",
+        )
+    return errors
 
 
 def _rows(motions: Sequence[Motion], jacobian: Array, error: Array, names: Sequence[str]) -> Equations:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from arm_io import InputError
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.parameters import parameter, with_parameters
@@ -67,6 +68,15 @@ def test_friction_is_tuned_from_nothing(drive: Arm, run: Recording) -> None:
     for direction in ("coulomb_positive", "coulomb_negative"):
         assert np.isclose(found[f"joint1.{direction}"], TRUTH["joint1.coulomb"], rtol=0.03)
     assert result.relative_error(False) < 0.2 * result.compared["the friction that the model came with"][0]
+
+
+def test_friction_of_an_unstable_loop_is_refused_in_one_line(drive: Arm, run: Recording) -> None:
+    assert drive.controller is not None
+    gains = tuple(1e4 * gain for gain in drive.controller.velocity_gain or ())
+    joints = tuple(replace(joint, torque_limit=None) for joint in drive.joints)
+    wild = replace(drive, joints=joints, controller=replace(drive.controller, velocity_gain=gains))
+    with pytest.raises(InputError, match="closed loop is unstable"):
+        identify_by("friction", [run], wild)
 
 
 def scara_run(arm: Arm, joint: int, elbow: float, folder: Path) -> Recording:
