@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -13,17 +14,32 @@ from arm_io import InputError
 from armscope.commands.options import Json
 from armscope.motion import draw, space_of
 from armscope.picture import check_picture, save_picture
-from daq.recording import open_long, plot
+from daq.recording import LongRecording, open_long, plot
+
+if TYPE_CHECKING:
+    from arm_clearance import Chain
 
 
 def command(
     recordings: Annotated[
         list[Path], typer.Argument(help="RUN.mcap ...: measured first, then simulated; or EXP.toml, a motion")
     ],
-    out: Annotated[Path, typer.Option(help="the picture (.png, .svg or .pdf)")],
+    out: Annotated[Path | None, typer.Option(help="the picture (.png, .svg or .pdf)")] = None,
+    animate: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.gif|html|mp4",
+            help="the arm moving: the first recording beside the second, or beside its demands; with --out or without",
+        ),
+    ] = None,
+    fps: Annotated[float, typer.Option(min=1.0, max=100.0, help="frames per second of --animate")] = 25.0,
+    speed: Annotated[float, typer.Option(min=0.001, max=1000.0, help="speed of --animate relative to real time")] = 1.0,
     joint: Annotated[list[int] | None, typer.Option(help="only this joint (may be given more than once)")] = None,
     model: Annotated[
-        Path | None, typer.Option(metavar="MODEL.toml", help="of an experiment: the arm; default: the rig's model")
+        Path | None,
+        typer.Option(
+            metavar="MODEL.toml", help="of an experiment or --animate: the arm; default: the rig's, the recording's"
+        ),
     ] = None,
     rig: Annotated[
         Path | None, typer.Option(metavar="RIG.toml", help="of an experiment: the rig, for its limits and its [space]")
@@ -33,14 +49,19 @@ def command(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    check_picture(out)
+    if out is None and animate is None:
+        raise InputError("--out", "is missing; give the name of a picture, or --animate")
+    if out is not None:
+        check_picture(out)
     if recordings[0].suffix == ".toml":
-        if len(recordings) > 1 or joint:
+        if animate is not None:
+            raise InputError("--animate", "is for recordings; simulate the experiment first")
+        if len(recordings) > 1 or joint or out is None:
             raise InputError(recordings[0], "is an experiment: it is drawn alone, with all joints")
         _draw_motion(recordings[0], out, model, rig, space)
         print(json.dumps({"file": str(out)}) if as_json else out)
         return
-    for option, given in (("--model", model), ("--rig", rig), ("--space", space)):
+    for option, given in (("--model", model if animate is None else None), ("--rig", rig), ("--space", space)):
         if given is not None:
             raise InputError(option, "is for the picture of an experiment (EXP.toml), not of recordings")
     data = [open_long(path) for path in recordings]
@@ -48,8 +69,49 @@ def command(
     for number in joint or []:
         if not 1 <= number <= joints:
             raise InputError("--joint", f"there is no joint {number}; it must be 1 to {joints}")
-    save_picture(plot(data, joints=joint or []), out)
-    print(json.dumps({"file": str(out)}) if as_json else out)
+    if animate is not None:
+        _animate(animate, data, model, fps, speed)
+    if out is not None:
+        save_picture(plot(data, joints=joint or []), out)
+    written = [str(path) for path in (out, animate) if path is not None]
+    print(json.dumps({"file": written[0], "files": written}) if as_json else "\n".join(written))
+
+
+def _animate(path: Path, data: list[LongRecording], model: Path | None, fps: float, speed: float) -> None:
+    """The first recording's arm beside the second's, or beside what was demanded of it."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from armscope.animation import Movement, animate, check_animation, instants, movements
+
+    check_animation(path)
+    chain = _chain(data[0], model)
+    for recording in data:
+        if recording.joints != len(chain):
+            raise InputError(recording.path, f"has {recording.joints} joints, the model has {len(chain)}")
+    if not len(data[0]):
+        raise InputError(data[0].path, "has no rows")
+    when = instants(data[0].duration, fps, speed)
+    measured, demanded = movements(data[0], when.t, data[0].path.stem)
+    other = None if demanded is None else Movement("demanded", demanded)
+    if len(data) > 1:
+        other, _ = movements(data[1], when.t, data[1].path.stem)
+    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
+        task = bar.add_task("drawing", total=1.0)
+        animate(path, chain, when, measured, other, progress=lambda share: bar.update(task, completed=share))
+
+
+def _chain(recording: LongRecording, model: Path | None) -> Chain:
+    """Of --model, else of the model in the recording."""
+    from arm_io import toml_of
+    from arm_model import arm_of, read_model
+    from arm_model.collision import chain_of
+
+    if model is not None:
+        return chain_of(read_model(model))
+    if recording.model is None:
+        raise InputError(recording.path, "has no model with it; give one: --model MODEL.toml")
+    return chain_of(arm_of(toml_of(recording.model, recording.path), recording.path))
 
 
 def _draw_motion(path: Path, out: Path, model: Path | None, rig: Path | None, space: Path | None) -> None:

@@ -1,0 +1,229 @@
+"""The arm as a moving stick figure: measured beside simulated or demanded, at the pace of the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from arm_io import InputError, check_file, whole_path
+from arm_io.types import Array
+
+if TYPE_CHECKING:
+    from matplotlib.animation import AbstractMovieWriter
+    from matplotlib.figure import Figure
+
+    from arm_clearance import Chain
+    from daq.recording import LongRecording
+
+ENDINGS = (".mp4", ".gif", ".html")
+MOST_FRAMES = 3000
+"""Two minutes at 25 frames per second; more take longer to draw than to watch."""
+TRAIL = 400
+"""Instants for which the way of the tool stays visible."""
+FINE = 1000
+"""Instants, at least, that the line of the differences joins."""
+MEASURED, OTHER, TRACKER = "#1f77b4", "#d62728", "#2ca02c"
+
+
+def check_animation(path: Path) -> None:
+    """InputError where an animation cannot be written there, or needs a program that is not there."""
+    if path.suffix.lower() not in ENDINGS:
+        raise InputError(path, "the name of an animation must end in .mp4, .gif or .html")
+    check_file(path)
+    if path.suffix.lower() == ".mp4":
+        _find_ffmpeg(path)
+
+
+@dataclass(frozen=True)
+class Movement:
+    """An arm at some instants, k of them.
+
+    name  of the arm shown
+    q     (k, n) rad (m); NaN where there is no sample
+    point (k, 3) m of the tracker in the base frame, or None
+    """
+
+    name: str
+    q: Array
+    point: Array | None = None
+
+
+@dataclass(frozen=True)
+class Instants:
+    """What is looked at: ``t`` (k,) s, of which one in ``every`` is a frame, ``fps`` of them per second."""
+
+    t: Array
+    every: int
+    fps: float
+
+
+def instants(seconds: float, fps: float, speed: float) -> Instants:
+    """The instants of an animation of so many seconds.
+
+    InputError where there would be more than ``MOST_FRAMES``.
+    """
+    count = int(seconds * fps / speed) + 1
+    if count > MOST_FRAMES:
+        raise InputError("--animate", f"{count} frames for {seconds:.0f} s; at most {MOST_FRAMES}: raise --speed")
+    every = -(-FINE // count)
+    return Instants(np.asarray(np.arange((count - 1) * every + 1) * (speed / fps / every), float), every, fps)
+
+
+def movements(recording: LongRecording, t: Array, name: str) -> tuple[Movement, Array | None]:
+    """The arm at instants ``t`` (k,) s from the first row, and its demands (k, n) or None; the last row before each.
+
+    Only a block of rows is in memory at a time.
+    """
+    shape = (len(t), recording.joints)
+    q, demanded, point = np.full(shape, np.nan), np.full(shape, np.nan), np.full((len(t), 3), np.nan)
+    for block in recording.blocks():
+        if not len(block):
+            continue
+        rows = np.searchsorted(block.t, t + 1e-9, side="right") - 1
+        here = (rows >= 0) & (t <= block.t[-1] + recording.dt)
+        q[here] = block.q[rows[here]]
+        if block.qref is not None:
+            demanded[here] = block.qref[rows[here]]
+        if block.xyz is not None:
+            point[here] = block.xyz[rows[here]]
+    there = "qref" in recording.layout.signals
+    return Movement(name, q, None if np.isnan(point).all() else point), demanded if there else None
+
+
+def sticks(chain: Chain, q: Array) -> Array:
+    """(k, 2 n + 2, 3) m: the points that a stick figure joins, from the base over each joint's axis to the tool."""
+    frames = chain.frames(q)
+    points = [np.broadcast_to(chain.base[:3, 3] * [1, 1, 0], (len(q), 3))]
+    for joint in range(len(chain)):
+        points += [(frames[:, joint] @ chain.before[joint])[:, :3, 3], frames[:, joint + 1, :3, 3]]
+    points.append(frames[:, -1, :3, :3] @ chain.tool + frames[:, -1, :3, 3])
+    return np.stack(points, axis=1)
+
+
+def animate(
+    path: Path,
+    chain: Chain,
+    when: Instants,
+    measured: Movement,
+    other: Movement | None,
+    *,
+    progress: Callable[[float], None] = lambda share: None,
+) -> None:
+    """Writes the animation of an arm, and of what it is compared with.
+
+    when      all instants are joined by the line of the differences
+    progress  is called with the share drawn, 0 to 1
+    InputError as ``check_animation``, or where it cannot be written.
+    """
+    check_animation(path)
+    scene = _Scene(chain, when.t, measured, other)
+    with whole_path(path) as place:
+        writer = _writer(path, when.fps)
+        try:
+            with writer.saving(scene.figure, str(place), dpi=90):
+                for instant in range(0, len(when.t), when.every):
+                    scene.show(instant)
+                    writer.grab_frame()
+                    progress((instant + 1) / len(when.t))
+        except (OSError, RuntimeError) as error:
+            raise InputError(path, f"cannot be written: {getattr(error, 'strerror', None) or error}") from None
+
+
+class _Scene:
+    """The figure: an arm per panel with the other one faint behind it, and the differences over time below."""
+
+    def __init__(self, chain: Chain, t: Array, measured: Movement, other: Movement | None) -> None:
+        from matplotlib.figure import Figure
+
+        self._t, self._movements = t, [measured] if other is None else [measured, other]
+        self._points = [sticks(chain, one.q) for one in self._movements]
+        self.figure: Figure = Figure(figsize=(5.2 * len(self._movements) + 0.4, 6.6))
+        grid = self.figure.add_gridspec(
+            2, len(self._movements), height_ratios=(4, 1), left=0.09, right=0.97, top=0.94, bottom=0.08
+        )
+        span = [points.reshape(-1, 3) for points in self._points]
+        low, high = np.nanmin(np.concatenate(span), axis=0), np.nanmax(np.concatenate(span), axis=0)
+        low[2] = min(low[2], 0.0)
+        self._lines: list[list[Any]] = []
+        for number, (movement, colour) in enumerate(zip(self._movements, (MEASURED, OTHER))):
+            axis: Any = self.figure.add_subplot(grid[0, number], projection="3d")
+            self._lines.append(self._panel(axis, low, high, number))
+            axis.set_title(movement.name, color=colour)
+        self._title = self.figure.suptitle("", x=0.5, y=0.985, fontsize=11)
+        self._cursor = self._timeline(self.figure.add_subplot(grid[1, :]))
+
+    def _panel(self, axis: Any, low: Array, high: Array, number: int) -> list[Any]:
+        """Lines of a panel: the other arm, this arm, the way of its tool, the tracker's point."""
+        middle, size = (low + high) / 2, max(float((high - low).max()), 1e-3) * 0.55
+        for name, centre in zip("xyz", middle):
+            getattr(axis, f"set_{name}lim")(centre - size, centre + size)
+            getattr(axis, f"set_{name}label")(f"{name} [m]", fontsize=8)
+        axis.tick_params(labelsize=7)
+        axis.set_box_aspect((1, 1, 1))
+        axis.view_init(elev=22, azim=-55)
+        colours = (MEASURED, OTHER)
+        (ghost,) = axis.plot([], [], [], color=colours[1 - number], lw=2, alpha=0.25)
+        (arm,) = axis.plot([], [], [], "o-", color=colours[number], lw=4, ms=5, solid_capstyle="round")
+        (way,) = axis.plot([], [], [], color=colours[number], lw=1, alpha=0.7)
+        (point,) = axis.plot([], [], [], "D", color=TRACKER, ms=5)
+        return [ghost, arm, way, point]
+
+    def _timeline(self, axis: Any) -> Any:
+        measured, *others = self._movements
+        for joint in range(measured.q.shape[1]):
+            values = measured.q[:, joint] - (others[0].q[:, joint] if others else 0.0)
+            axis.plot(self._t, values, lw=0.9, label=f"joint {joint + 1}")
+        axis.set_ylabel(f"{measured.name} -\n{others[0].name}" if others else "position", fontsize=8)
+        axis.set_xlabel("t [s], joints in rad or m", fontsize=8)
+        axis.tick_params(labelsize=7)
+        axis.set_xlim(self._t[0], max(self._t[-1], 1e-3))
+        axis.legend(fontsize=7, ncols=measured.q.shape[1], loc="upper right", frameon=False)
+        axis.grid(alpha=0.3)
+        return axis.axvline(0.0, color="0.2", lw=1)
+
+    def show(self, instant: int) -> None:
+        """Draws the instant of that number."""
+        for number, lines in enumerate(self._lines):
+            points = self._points[number]
+            ghost = self._points[1 - number][instant] if len(self._points) > 1 else np.empty((0, 3))
+            way = points[max(0, instant - TRAIL) : instant + 1, -1]
+            tracked = self._movements[number].point
+            spot = np.empty((0, 3)) if tracked is None else tracked[instant : instant + 1]
+            for line, drawn in zip(lines, (ghost, points[instant], way, spot)):
+                line.set_data_3d(*drawn.T)
+        self._cursor.set_xdata([self._t[instant]] * 2)
+        self._title.set_text(f"t = {self._t[instant]:.2f} s")
+
+
+def _writer(path: Path, fps: float) -> AbstractMovieWriter:
+    from matplotlib import animation, rc_context, rcParams
+
+    match path.suffix.lower():
+        case ".gif":
+            return animation.PillowWriter(fps=round(fps))
+        case ".html":
+            with rc_context({"animation.embed_limit": 500.0}):
+                return animation.HTMLWriter(fps=round(fps), embed_frames=True)
+    rcParams["animation.ffmpeg_path"] = _find_ffmpeg(path)
+    return animation.FFMpegWriter(fps=round(fps), codec="libx264", extra_args=["-pix_fmt", "yuv420p"])
+
+
+def _find_ffmpeg(path: Path) -> str:
+    """The program ffmpeg: of the system, or of the package imageio-ffmpeg; InputError where there is none."""
+    import shutil
+
+    found = shutil.which("ffmpeg")
+    if found is not None:
+        return found
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        return str(get_ffmpeg_exe())
+    except (ImportError, RuntimeError):
+        raise InputError(
+            path, "mp4 needs ffmpeg, or pip install 'armscope[video]'; .gif and .html need nothing more"
+        ) from None
