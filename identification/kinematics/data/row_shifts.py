@@ -21,6 +21,7 @@ _WINDOWS = 80
 _LEAST_STEP = 0.6  # rows
 _LEAST_Z = 8.0
 _MOST_ROWS = 3
+_BLOCK = 10_000
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,7 @@ def delays(run: Run, chain: Chain, noise: float) -> Delays:
     ``run.q`` are the joint angles of the chain, with everything else that turns the joints (sag ...) included.
     """
     good = run.usable.copy()
-    at, derivative = position_jacobian(chain, np.nan_to_num(run.q), np.full(len(run.q), run.target))
-    velocity = np.einsum("nij,nj->ni", derivative[:, :, chain.joint_steps()], run.velocity()) * run.period  # m a row
+    at, velocity = _moving(run, chain)
     residual = run.xyz - at
     length = np.linalg.norm(np.nan_to_num(residual), axis=1)
     size = max(5, len(run.t) // _WINDOWS)
@@ -77,6 +77,21 @@ def delays(run: Run, chain: Chain, noise: float) -> Delays:
         delay.append(-float(np.sum(v * r)) / power)
         std.append(noise / np.sqrt(power))
     return Delays(np.array(first), np.array(delay), np.array(std))
+
+
+def _moving(run: Run, chain: Chain) -> tuple[Array, Array]:
+    """Positions (N, 3) m of the run's target by the chain, and what it moves per row (N, 3) m.
+
+    In blocks: a Jacobian has a hundred times as many numbers as a row.
+    """
+    at, velocity = np.empty_like(run.xyz), np.empty_like(run.xyz)
+    rate, steps = run.velocity() * run.period, chain.joint_steps()
+    for first in range(0, len(run.t), _BLOCK):
+        rows = slice(first, first + _BLOCK)
+        q = np.nan_to_num(run.q[rows])
+        at[rows], derivative = position_jacobian(chain, q, np.full(len(q), run.target))
+        velocity[rows] = np.einsum("nij,nj->ni", derivative[:, :, steps], rate[rows])
+    return at, velocity
 
 
 def find_step(run: Run, chain: Chain, noise: float) -> Shift | None:
@@ -126,7 +141,7 @@ def _if_better(run: Run, chain: Chain, shift: Shift) -> Shift | None:
     """
     moving = np.abs(run.velocity()).max(axis=1) > 0.0
     moving[: shift.first] = False
-    at = position_jacobian(chain, np.nan_to_num(run.q), np.full(len(run.q), run.target))[0]
+    at = _moving(run, chain)[0]
     as_is = np.linalg.norm(run.xyz - at, axis=1)[moving]
     moved = np.linalg.norm(shifted(run, shift.first, shift.rows).xyz - at, axis=1)[moving]
     both = np.isfinite(as_is) & np.isfinite(moved)

@@ -244,37 +244,41 @@ def _circle_point(work: Work) -> PositionError | None:
     return position_error(residual_of(chain, work.points.where(first).deflected(None)))
 
 
-def distances(calibration: Calibration, run: Run, gravity: Gravity | None, *, before: bool = False) -> Array:
-    """(N,) m (of orientations rad): measured from predicted, over a run of ``calibration``.
+def distances(
+    calibration: Calibration, run: Run, gravity: Gravity | None, *, before: bool = False, every: int = 1
+) -> Array:
+    """(N,) m (of orientations rad): measured from predicted, at every ``every``-th row of a run.
 
     By the calibrated or (``before``) the nominal arm; NaN where either is missing.
     """
-    at, rows = np.full(len(run.t), np.nan), run.usable
-    found = predicted(calibration, run, gravity, before=before)[rows]
-    measured = run.xyz[rows]
+    found, measured = predicted(calibration, run, gravity, before=before, every=every), run.xyz[::every]
+    rows = np.isfinite(found).all(axis=1) & np.isfinite(measured).all(axis=1)
+    at = np.full(len(found), np.nan)
     if run.lever:
-        at[rows] = (Rotation.from_rotvec(measured) * Rotation.from_rotvec(found).inv()).magnitude()
+        at[rows] = (Rotation.from_rotvec(measured[rows]) * Rotation.from_rotvec(found[rows]).inv()).magnitude()
     else:
-        at[rows] = np.linalg.norm(measured - found, axis=1)
+        at[rows] = np.linalg.norm(measured[rows] - found[rows], axis=1)
     return at
 
 
-def predicted(calibration: Calibration, run: Run, gravity: Gravity | None, *, before: bool = False) -> Array:
+def predicted(
+    calibration: Calibration, run: Run, gravity: Gravity | None, *, before: bool = False, every: int = 1
+) -> Array:
     """(N, 3) m (rotation vectors of orientations) of the run's target, by the calibrated or (``before``) nominal arm.
 
-    Over a run of ``calibration``. NaN where q is missing.
+    At every ``every``-th row of a run of ``calibration``. NaN where q is missing.
     """
-    q = np.nan_to_num(run.q)
+    q = np.nan_to_num(run.q[::every])
     if before:
         chain = calibration.nominal
         q = q @ (calibration.nominal_coupling @ np.linalg.inv(calibration.coupling)).T
     else:
         chain = calibration.chain
-        bend = deflections(calibration.extensions, q, velocity=run.velocity(), gravity=gravity)
-        q = Points(q, run.xyz, bend).bent(calibration.fit.extension)
+        bend = deflections(calibration.extensions, q, velocity=run.velocity()[::every], gravity=gravity)
+        q = Points(q, q[:, :0], bend).bent(calibration.fit.extension)
     pose = forward(chain, q, np.full(len(q), run.target))
     at = Rotation.from_matrix(pose[:, :3, :3]).as_rotvec() if run.lever else pose[:, :3, 3].copy()
-    at[~np.isfinite(run.q).all(axis=1)] = np.nan
+    at[~np.isfinite(run.q[::every]).all(axis=1)] = np.nan
     return at
 
 

@@ -13,6 +13,7 @@ from arm_report import image, verdict, warning
 from arm_report.palette import AFTER, BEFORE, GRID, MEASURED
 from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.data.recordings import Gravity
+from identification.kinematics.data.runs import Run
 from identification.kinematics.estimation.calibration import Calibration, distances
 from identification.kinematics.use.iso_cube import CubeReport
 
@@ -124,7 +125,7 @@ def _parameter_table(table: dict[str, Any]) -> str:
         if frame["known"]
         else "<p>The tracker's frame was unknown; its pose was estimated together with the arm.</p>"
     )
-    base, tool = np.array(table["base"]), np.array(table["tool"])
+    base = np.array(table["base"])
     for entry in table["coupling"]:
         text += (
             f"<p>Coupling: link angle {entry['joint']} has {entry['ratio']:.6g}"
@@ -132,8 +133,8 @@ def _parameter_table(table: dict[str, Any]) -> str:
             + f" times the angle that the controller reports for joint {entry['by']}.</p>"
         )
     text += (
-        f"<p>Base at ({', '.join(f'{1e3 * v:.3f}' for v in base[:3, 3])}) mm; "
-        f"target at ({', '.join(f'{1e3 * v:.3f}' for v in tool[:3, 3])}) mm in the frame of the last link.</p>"
+        f"<p>Base at ({', '.join(f'{1e3 * v:.3f}' for v in base[:3, 3])}) mm. In the frame of the last link: "
+        f"{'; '.join(map(_target, table['targets']))}.</p>"
         "<small>A value without a std was held: it is aliased with other parameters. Aliased parameters (last link "
         "and target position; "
         "rotation of the base and offset of joint 1) are decided by prior knowledge.</small>"
@@ -141,29 +142,30 @@ def _parameter_table(table: dict[str, Any]) -> str:
     return _table(["", "theta", "alpha", "beta", "a", "d"], rows) + text
 
 
+def _target(target: dict[str, Any]) -> str:
+    """Where a target is, with its deviations."""
+    pose, std = np.array(target["pose"]), target["std"]
+    place = ", ".join(_with_std(1e3 * v, 1e3 * std.get(axis, 0.0), "") for v, axis in zip(pose[:3, 3], "xyz"))
+    return f"target {html.escape(target['name'])} at ({place}) mm".replace("target  at", "target at")
+
+
 def _effects(table: dict[str, Any]) -> str:
     rows = []
     for trial in table["tried"]:
-        place = "all joints" if trial["joint"] is None else f"joint {trial['joint']}"
-        place += "" if trial["by"] is None else f" by {trial['by']}"
         seen = trial["unseen_rms"]
         outcome = "accepted" if trial["accepted"] else "not needed"
-        rows.append(
-            [f"{trial['effect']}, {place}", _mm(seen["before"]), _mm(seen["after"]), f"{trial['z']:.1f}", outcome]
-        )
+        rows.append([trial["title"], _mm(seen["before"]), _mm(seen["after"]), f"{trial['z']:.1f}", outcome])
     if not rows:
         return ""
     found = []
     for effect in table["effects"]:
-        place = "" if effect["joint"] is None else f" of joint {effect['joint']}"
-        place += "" if effect["by"] is None else f" by {effect['by']}"
         values = ", ".join(
             f"{n} {p['value']:.4g} ± {p['std']:.1g} {p['unit']}" for n, p in effect["parameters"].items()
         )
         other = ", ".join(effect["indistinguishable"])
         if other:
             values += f"; these poses do not discriminate it from {other}"
-        found.append(f"<li>{effect['effect']}{place}: {html.escape(values)}</li>")
+        found.append(f"<li>{effect['title']}: {html.escape(values)}</li>")
     return (
         "<h2>Beyond geometry</h2><p>Each effect was cross-validated on blocks of points; the best of each step is "
         "listed, until none "
@@ -221,24 +223,49 @@ def _observability(table: dict[str, Any]) -> str:
 
 
 def error_figure(calibration: Calibration, gravity: Gravity | None) -> Figure:
+    """Distance (angle) of everything tracked from the model, before and after; one panel per recording and quantity."""
     from matplotlib.figure import Figure
 
-    runs = [*((run, "fitted") for run in calibration.runs), *((run, "held out") for run in calibration.held_out)]
-    figure = Figure(figsize=(10.5, 2.6 * len(runs)), layout="constrained")
-    for k, (run, words) in enumerate(runs):
-        axes = figure.add_subplot(len(runs), 1, k + 1)
-        stride = max(1, len(run.t) // 4000)
-        for before, colour, label in ((True, BEFORE, "nominal"), (False, AFTER, "calibrated")):
-            off = distances(calibration, run, gravity, before=before)[::stride]
-            axes.semilogy(run.t[::stride], 1e3 * np.maximum(off, 1e-7), ".", ms=2, color=colour, label=label)
-        noise = calibration.fit.noise / (run.lever or 1.0)
-        axes.axhline(1e3 * 1.6 * noise, color=MEASURED, lw=1, ls="--", label="noise (mean distance)")
+    runs = [(run, "fitted") for run in calibration.runs]
+    if calibration.judged_by != "cross-validation":
+        runs += [(run, "held out") for run in calibration.held_out]
+    panels = list(dict.fromkeys((run.source, run.lever > 0, words) for run, words in runs))
+    figure = Figure(figsize=(10.5, 2.6 * len(panels)), layout="constrained")
+    for k, (source, oriented, words) in enumerate(panels):
+        shown = [run for run, part in runs if (run.source, run.lever > 0, part) == (source, oriented, words)]
+        axes = figure.add_subplot(len(panels), 1, k + 1)
+        for run in shown:
+            _draw_distances(axes, calibration, run, gravity)
+        noise = calibration.fit.noise / (shown[0].lever or 1.0)
+        axes.axhline(1e3 * 1.6 * noise, color=MEASURED, lw=1, ls="--")
         axes.grid(color=GRID)
-        axes.set_title(f"{run.name} ({words})", loc="left", fontsize=10)
-        axes.set_xlabel("row" if run.still else "t [s]")
-        axes.set_ylabel("angle [mrad]" if run.lever else "distance [mm]")
-        axes.legend(loc="upper right", fontsize=8, ncol=3)
+        several = f", {len(shown)} reflectors" if len(shown) > 1 else ""
+        axes.set_title(f"{_name_of(shown)} ({words}{several})", loc="left", fontsize=10)
+        axes.set_xlabel("row" if shown[0].still else "t [s]")
+        axes.set_ylabel("angle [mrad]" if oriented else "distance [mm]")
+        if k == 0:
+            marks = [axes.plot([], [], "o", ms=4, color=colour)[0] for colour in (BEFORE, AFTER)]
+            marks += [axes.plot([], [], color=MEASURED, lw=1, ls="--")[0]]
+            names = ["nominal", "calibrated", "noise (mean distance)"]
+            figure.legend(marks, names, loc="outside upper right", fontsize=8, ncol=3)
     return figure
+
+
+def _draw_distances(axes: Any, calibration: Calibration, run: Run, gravity: Gravity | None) -> None:
+    stride = max(1, len(run.t) // 4000)
+    row = np.arange(len(run.t)) if run.file_row is None else run.file_row
+    x = (row + 1 if run.still else run.t)[::stride]
+    size = 2 if len(x) > 400 else 4
+    for before, colour in ((True, BEFORE), (False, AFTER)):
+        off = distances(calibration, run, gravity, before=before, every=stride)
+        axes.semilogy(x, 1e3 * np.maximum(off, 1e-7), ".", ms=size, color=colour)
+
+
+def _name_of(shown: Sequence[Run]) -> str:
+    """Of one run its name; of several reflectors that of their table."""
+    if len(shown) == 1:
+        return shown[0].name
+    return shown[0].name.partition(" reflector ")[0] + (" orientation" if shown[0].lever else "")
 
 
 def _circle_figure(circles: Sequence[Circle]) -> Figure:

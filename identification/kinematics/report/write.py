@@ -60,6 +60,7 @@ def table_of(arm: Arm, calibration: Calibration) -> dict[str, Any]:
         "effects": _effects(calibration),
         "tried": [
             {
+                "title": str(t.extension),
                 "effect": t.extension.name,
                 "joint": t.extension.joint,
                 "by": t.extension.by,
@@ -147,6 +148,10 @@ def summary(table: dict[str, Any]) -> str:
                 f"{'':<15}  {1e3 * (alone or 0.0):8.3f} mm without {out} of "
                 f"{table['position_error'][part]['after']['points']} points: {_rows(table['left_out'], part)}"
             )
+    for part, words in (("fit", "fitted turns    "), ("held_out", "held-out turns  ")):
+        if part in table["orientation_rms"]:
+            rms = table["orientation_rms"][part]
+            lines.append(f"{words} {1e3 * rms['before']:8.3f} mrad -> {1e3 * rms['after']:7.3f} mrad rms")
     lines.append(
         f"identifiable     {table['identifiable']} parameters; noise of the points {1e3 * table['noise']:.4f} mm"
     )
@@ -155,12 +160,11 @@ def summary(table: dict[str, Any]) -> str:
             f"coupling         link angle {entry['joint']} has {entry['ratio']:.6g} times reported angle {entry['by']}"
         )
     for effect in table["effects"]:
-        place = _place(effect)
         numbers = ", ".join(
             f"{name} {p['value']:.4g} +- {p['std']:.1g} {p['unit']}" for name, p in effect["parameters"].items()
         )
         other = f" (or {', '.join(effect['indistinguishable'])})" if effect["indistinguishable"] else ""
-        lines.append(f"found            {effect['effect']}{place}: {numbers}{other}")
+        lines.append(f"found            {effect['title']}: {numbers}{other}")
     return "\n".join(lines)
 
 
@@ -183,12 +187,6 @@ def _left_out(one: LeftOut) -> dict[str, Any]:
     }
 
 
-def _place(effect: dict[str, Any]) -> str:
-    """Where an effect of the result is, as " of joint 3 by 2"."""
-    place = "" if effect["joint"] is None else f" of joint {effect['joint']}"
-    return place + ("" if effect["by"] is None else f" by {effect['by']}")
-
-
 def _effects(calibration: Calibration) -> list[dict[str, Any]]:
     out, k = [], 0
     alike = {trial.extension: [str(e) for e in trial.alike] for trial in calibration.trials if trial.accepted}
@@ -201,8 +199,8 @@ def _effects(calibration: Calibration) -> list[dict[str, Any]]:
                 "unit": unit,
             }
             k += 1
-        effect = {"effect": extension.name, "joint": extension.joint, "by": extension.by, "parameters": parameters}
-        out.append(effect | {"indistinguishable": alike.get(extension, [])})
+        effect = {"title": str(extension), "effect": extension.name, "joint": extension.joint, "by": extension.by}
+        out.append(effect | {"parameters": parameters, "indistinguishable": alike.get(extension, [])})
     return out
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -182,3 +183,18 @@ def test_unusable_runs_are_refused(arms) -> None:
         calibrate(nominal, [replace(run, q=run.q[:, :3])], [], [Target(TARGET)], Settings(frame_known=True))
     with pytest.raises(InputError, match="no joint moves"):
         calibrate(nominal, [replace(run, q=np.zeros_like(run.q))], [], [Target(TARGET)], Settings(frame_known=True))
+
+
+def test_memory_hardly_grows_with_the_rows_of_a_recording(arms) -> None:
+    """Beyond the rows themselves: less than two kilobytes a row more were needed for the Jacobian of all of them."""
+    nominal, true = arms
+    generator, peaks = np.random.default_rng(5), []
+    for rows in (8_000, 32_000):
+        t, q = motion(nominal, rows / 1000.0, generator, 1000.0)
+        run = Run("long", t, q, np.full((len(t), 3), np.nan))
+        run.xyz[::20] = seen(true, q[::20]) + generator.normal(size=(len(q[::20]), 3)) * NOISE
+        tracemalloc.start()
+        calibrate(nominal, [run], [run], [Target(TARGET)], Settings(frame_known=True, extend=False))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert (peaks[1] - peaks[0]) / 24_000 < 900.0
