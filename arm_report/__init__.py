@@ -4,8 +4,9 @@ The pages open anywhere, without a network. Colours: ``arm_report.palette``.
 """
 
 from arm_report.image import image
+from arm_report.inline import inline
 from arm_report.page import note, page, verdict, warning
 from arm_report.table import table
 from arm_report.text_table import line_width, text_table
 
-__all__ = ["image", "line_width", "note", "page", "table", "text_table", "verdict", "warning"]
+__all__ = ["image", "inline", "line_width", "note", "page", "table", "text_table", "verdict", "warning"]

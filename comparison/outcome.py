@@ -101,6 +101,12 @@ class Comparison:
 
         return text(self)
 
+    def _repr_html_(self) -> str:
+        from arm_report import inline
+        from comparison.report.html import report
+
+        return inline(report(self))
+
     def plot(self) -> Figure:
         """Change over joint deviation of every quantity."""
         from comparison.report.plots import overview

@@ -148,6 +148,12 @@ class Identification:
 
         return text(self)
 
+    def _repr_html_(self) -> str:
+        from arm_report import inline
+        from identification.report.html import report
+
+        return inline(report(self))
+
     def plot(self) -> Figure:
         """Measured and predicted torque of the first held-out run (or fitted one), joint by joint."""
         from identification.report.plots import predictions

@@ -67,6 +67,11 @@ class Calibration:
         table = self.to_json()
         return "\n".join([summary(table), *(f"note: {line}" for line in table["warnings"])])
 
+    def _repr_html_(self) -> str:
+        from arm_report import inline
+
+        return inline(self._page(self.to_json()))
+
     def to_json(self) -> dict[str, Any]:
         """The content of kinematics.json."""
         from identification.kinematics.report import table_of
@@ -89,16 +94,21 @@ class Calibration:
     def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
         """Writes kinematics.json, report.html and model.toml into ``folder``; returns what kinematics.json says."""
         from arm_model import write_model
-        from identification.kinematics.data import gravity_of
-        from identification.kinematics.report import page, write_json
+        from identification.kinematics.report import write_json
 
-        out, table, gravity = Path(folder), self.to_json(), gravity_of(self.nominal)
+        out, table = Path(folder), self.to_json()
         make_folder(out)
         write_json(out / "kinematics.json", table)
-        write_text(out / "report.html", page(self.nominal.name, table, self.details, gravity, self._cubes()))
+        write_text(out / "report.html", self._page(table))
         heading = f"{self.nominal.name}, kinematics calibrated by armscope"
         write_model(out / "model.toml", self.model, heading=heading)
         return table
+
+    def _page(self, table: dict[str, Any]) -> str:
+        from identification.kinematics.data import gravity_of
+        from identification.kinematics.report import page
+
+        return page(self.nominal.name, table, self.details, gravity_of(self.nominal), self._cubes())
 
     def _cubes(self) -> list[Any]:
         """What the standstills of ISO cube runs show."""

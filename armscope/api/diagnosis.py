@@ -70,6 +70,12 @@ class Diagnosis:
 
         return diagnosis_text(self.details, self.to_json())
 
+    def _repr_html_(self) -> str:
+        from arm_report import inline
+        from diagnosis.report import report
+
+        return inline(report(self.details, self.to_json(), self.held_out))
+
     def to_json(self) -> dict[str, Any]:
         """The content of diagnosis.json, without the discriminating experiments: ``write`` looks for them."""
         from diagnosis.report import table_of

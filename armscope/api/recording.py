@@ -57,6 +57,13 @@ class Recorded:
     def __str__(self) -> str:
         return text_of(self.details)
 
+    def _repr_html_(self) -> str:
+        """What came of the run, and the recording, where its file is on this machine."""
+        from html import escape
+
+        said = f"<pre>{escape(str(self))}</pre>"
+        return said + (self.open()._repr_html_() if self.file.is_file() else "")
+
     def to_json(self) -> Table:
         """Rows, ledger, ending and notes."""
         return self.details

@@ -106,6 +106,13 @@ class Simulation:
         duration = float(self.t[-1] - self.t[0])
         return {"rows": len(self), "joints": len(self.arm), "duration": duration, "seconds": self.seconds}
 
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        from arm_report import image
+
+        return f"<p>{escape(repr(self))}</p>{image(self.plot(), 'positions and currents of all joints over time')}"
+
     def plot(self) -> Figure:
         """Position over the demanded one, and current, joint by joint."""
         from matplotlib.figure import Figure

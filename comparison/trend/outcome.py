@@ -49,6 +49,12 @@ class Trend:
 
         return text(self)
 
+    def _repr_html_(self) -> str:
+        from arm_report import inline
+        from comparison.trend.html import report
+
+        return inline(report(self))
+
     def plot(self) -> Figure:
         """The history of every quantity that moved or has a limit; without any, of the first ones."""
         from comparison.trend.plots import histories_figure

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,11 @@ from daq.recording.losses import Account, opened
 from daq.recording.messages.row_format import JOINT_TOPICS, Layout
 from daq.recording.thinned import Thinned
 from drivers.protocols import Quality
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
 
 PAUSE = 10.0
 """Median periods; jitter of a working acquisition stays below."""
@@ -104,6 +109,29 @@ class Recording(RecordingHead):
     def date(self) -> str | None:
         """Of the first row, '2026-11-22T09:30:00Z'; of an imported or simulated recording when it was made."""
         return self.date_at(self.wall_ns)
+
+    def _repr_html_(self) -> str:
+        from daq.recording.notebook import html
+
+        return html(self)
+
+    def plot(self) -> Figure:
+        """Position, deviation from the demand, and current, joint by joint."""
+        from daq.recording.plots import plot
+
+        return plot([self])
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A table indexed by t (s), with the columns of ``armscope export`` and their units in ``attrs``."""
+        from daq.recording.notebook import to_pandas
+
+        return to_pandas(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Variables over time and joint, with units and the names of joints (``daq.recording.notebook``)."""
+        from daq.recording.notebook import to_xarray
+
+        return to_xarray(self)
 
     def flagged(self, signal: Literal["q", "i", "points"]) -> dict[str, NDArray[np.bool_]]:
         """Rows that the instruments flagged.

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
+    from diagnosis.report.html import report
     from diagnosis.report.plots.overview import overview
     from diagnosis.report.text import diagnosis_text
     from diagnosis.report.wording import title
@@ -16,6 +17,7 @@ __all__ = [
     "Experiments",
     "diagnosis_text",
     "overview",
+    "report",
     "table_of",
     "title",
     "write_diagnosis",

@@ -1,0 +1,14 @@
+"""A report inside a notebook."""
+
+from __future__ import annotations
+
+from html import escape
+
+HEIGHT = 640
+"""Pixels of the frame; a longer report scrolls in it."""
+
+
+def inline(page: str, *, height: int = HEIGHT) -> str:
+    """A whole HTML page as a part of another: in a frame, so that neither changes the other's style."""
+    style = f"width:100%;height:{height}px;border:1px solid #d8dee6"
+    return f'<iframe style="{style}" srcdoc="{escape(page)}"></iframe>'

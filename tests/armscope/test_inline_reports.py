@@ -1,0 +1,36 @@
+"""Results show their report inside a notebook: the report that ``write`` writes, in a frame."""
+
+from __future__ import annotations
+
+from html import unescape
+from pathlib import Path
+
+import pytest
+
+import armscope
+from armscope.cli import run
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory):
+    folder = tmp_path_factory.mktemp("inline")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert run(["init", "arm", "--like", "csv"]) == 0
+    return folder / "arm"
+
+
+def test_an_identification_and_a_comparison(arm: Path, tmp_path: Path) -> None:
+    model = armscope.read_model(arm / "model.toml")
+    simulated = armscope.simulate(model, arm / "experiments/fit.toml")
+    assert simulated._repr_html_().count("<img") == 1
+    fit = simulated.write(tmp_path / "fit.mcap")
+    found = armscope.identify(fit, model)
+    found.write(tmp_path / "found")
+    frame = found._repr_html_()
+    assert frame.startswith("<iframe") and frame.count("<iframe") == 1
+    page = unescape(frame.partition('srcdoc="')[2].rpartition('"')[0])
+    assert page == (tmp_path / "found/report.html").read_text()
+    held = armscope.simulate(model, arm / "experiments/held_out.toml").write(tmp_path / "held.mcap")
+    changed = armscope.compare(fit, held, model)
+    assert "srcdoc" in changed._repr_html_()

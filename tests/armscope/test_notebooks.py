@@ -1,0 +1,53 @@
+"""The notebooks in examples/ run from the first cell to the last, in an empty folder, and show their results."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+nbformat = pytest.importorskip("nbformat")
+nbclient = pytest.importorskip("nbclient")
+pytest.importorskip("ipykernel")
+pytest.importorskip("pandas")
+pytest.importorskip("xarray")
+
+SLOW = ("first_hour", "emps", "worn_puma")
+SHOWN = {
+    "first_hour": ("nothing was lost", "xarray", "iframe", "Archive"),
+    "own_arm": ("joint1.coulomb", "iframe", "fit.mcap"),
+    "emps": ("link1.mass", "iframe"),
+    "worn_puma": ("load_friction", "iframe"),
+}
+"""What must be among the outputs of each."""
+
+
+def executed(name: str, root: Path, folder: Path) -> str:
+    """All outputs as text; fails where a cell does."""
+    notebook = nbformat.read(root / f"examples/{name}.ipynb", as_version=4)
+    os.environ.setdefault("JUPYTER_PLATFORM_DIRS", "1")
+    client = nbclient.NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(folder)}})
+    client.create_kernel_manager()
+    client.km.kernel_spec.argv = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
+    client.execute(env={**os.environ, "PYTHONPATH": str(root)})
+    return nbformat.writes(notebook)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in SHOWN]
+)
+def test_a_notebook_runs(name: str, root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request) -> None:
+    if name == "emps":
+        monkeypatch.setenv("ARMSCOPE_EMPS", str(request.getfixturevalue("shared") / "data/emps"))
+    outputs = executed(name, root, tmp_path)
+    assert [word for word in SHOWN[name] if word not in outputs] == []
+
+
+def test_every_notebook_is_tested_and_kept_without_outputs(root: Path) -> None:
+    paths = sorted((root / "examples").glob("*.ipynb"))
+    assert {path.stem for path in paths} == set(SHOWN)
+    for path in paths:
+        cells = [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+        assert all(not cell.outputs and cell.execution_count is None for cell in cells), path.name
