@@ -35,6 +35,7 @@ def executed(name: str, root: Path, folder: Path) -> str:
     return nbformat.writes(notebook)
 
 
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in SHOWN]
 )
