@@ -15,7 +15,7 @@ from armscope.cli import run
 from daq.rig.preflight import check_motion
 from daq.rig.rig_file import read_rig
 from experiment import demand_of, read_experiment
-from identification.experiment_design.excitation import Limits, design_excitation, excitation_scores
+from identification.experiment_design.excitation import Limits, design_excitation, excitation_scores, singular_values
 from identification.regression.equations import structural_base
 from tests.arm_model.pumas import three_links
 
@@ -38,6 +38,16 @@ def test_design_is_feasible_and_better_than_chance(root: Path, criterion: str) -
     chance = [design_excitation(arm, criterion=criterion, candidates=1, seed=seed) for seed in range(5)]
     scores = excitation_scores(arm, structural_base(arm), [found, *chance], limits, criterion)
     assert scores[0] > np.median(scores[1:])
+
+
+@pytest.mark.parametrize("condition", [1e1, 1e5, 1e9, 1e14])
+def test_singular_values_are_those_of_a_decomposition(condition: float) -> None:
+    """Well-conditioned ones by the product, others as they are; all to five digits."""
+    generator = np.random.default_rng(3)
+    u, v = np.linalg.qr(generator.normal(size=(3, 60, 8)))[0], np.linalg.qr(generator.normal(size=(3, 8, 8)))[0]
+    true = np.geomspace(2.0, 2.0 / condition, 8)
+    found = singular_values(u * true @ v)
+    np.testing.assert_allclose(found, np.tile(true, (3, 1)), rtol=1e-4, atol=1e-15)
 
 
 def test_command_writes_what_record_reads(root: Path, tmp_path: Path) -> None:
