@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -44,6 +45,14 @@ def test_a_notebook_runs(name: str, root: Path, tmp_path: Path, monkeypatch: pyt
         monkeypatch.setenv("ARMSCOPE_EMPS", str(request.getfixturevalue("shared") / "data/emps"))
     outputs = executed(name, root, tmp_path)
     assert [word for word in SHOWN[name] if word not in outputs] == []
+
+
+def test_examples_hold_notebooks_and_programs_only(root: Path) -> None:
+    """What a notebook wrote where it ran is not kept."""
+    if not (root / ".git").exists():
+        pytest.skip("not a checkout")
+    listed = subprocess.run(["git", "ls-files", "examples"], cwd=root, capture_output=True, text=True, check=True)
+    assert {Path(line).suffix for line in listed.stdout.splitlines()} == {".py", ".ipynb"}
 
 
 def test_every_notebook_is_tested_and_kept_without_outputs(root: Path) -> None:
