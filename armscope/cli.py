@@ -13,8 +13,10 @@ import functools
 import importlib
 import keyword
 import math
+import os
 import sys
 from collections.abc import Callable, Sequence
+from types import ModuleType
 from typing import Any
 
 from arm_io import DeviceFault, InputError
@@ -49,6 +51,7 @@ COMMANDS: dict[str, str] = {
     "trend": "detect what moved over many results of an arm, since when, how fast, and when it reaches a limit",
     "archive": "index the recordings and results in a folder; find, compare, plot and open them",
     "calibrate": "estimate kinematic parameters from tracker data, plan poses, correct targets",
+    "completion": "print the script with which bash, zsh or fish completes commands and options",
     "sim-devices": "simulate every device of a rig on its own protocol, until stopped",
     "demo": "run through everything without hardware: record a simulated Puma, identify it, diagnose a worn one",
 }
@@ -62,6 +65,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def run(arguments: list[str]) -> int:
     """Runs one command line and returns its exit status."""
+    if "--no-color" in arguments:
+        # rich looks at this variable, as other programs do (no-color.org).
+        os.environ["NO_COLOR"] = "1"
+        arguments = [argument for argument in arguments if argument != "--no-color"]
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(_help())
         return DONE
@@ -86,19 +93,32 @@ def run(arguments: list[str]) -> int:
         return 130
 
 
-def _call(name: str, arguments: list[str]) -> int:
+def _module(name: str) -> ModuleType:
+    return importlib.import_module(f"armscope.commands.{name.replace('-', '_')}{'_' * keyword.iskeyword(name)}")
+
+
+def parser_of(name: str) -> Any:
+    """The click command that parses the arguments of a command, runs it, and prints its help."""
     import typer
+
+    from armscope.usage import epilog
+
+    module = _module(name)
+    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    command = finite(module.command, getattr(module, "MAY_BE_INFINITE", ()))
+    app.command(name, help=COMMANDS[name], epilog=epilog(name))(command)
+    return typer.main.get_command(app)
+
+
+def _call(name: str, arguments: list[str]) -> int:
     from typer.exceptions import TyperException
 
     from daq.recording import warnings_on
 
-    module = importlib.import_module(f"armscope.commands.{name.replace('-', '_')}{'_' * keyword.iskeyword(name)}")
-    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    app.command(name, help=COMMANDS[name])(finite(module.command, getattr(module, "MAY_BE_INFINITE", ())))
-    arguments = spread(arguments, getattr(module, "MANY", ()))
+    arguments = spread(arguments, getattr(_module(name), "MANY", ()))
     try:
         with warnings_on(sys.stderr) as lacking:
-            status = app(arguments, prog_name=f"armscope {name}", standalone_mode=False)
+            status = parser_of(name).main(arguments, prog_name=f"armscope {name}", standalone_mode=False)
     except TyperException as error:
         message = error.format_message() if hasattr(error, "format_message") else str(error)
         return _refuse(f"{name}: {message}; see 'armscope {name} --help'")
@@ -173,7 +193,7 @@ def _help() -> str:
         [
             "armscope: instruments a robot arm and tells the truth about its model.",
             "",
-            "usage: armscope COMMAND [OPTIONS]   (details: armscope COMMAND --help)",
+            "usage: armscope COMMAND [OPTIONS]   (details and examples: armscope COMMAND --help; --no-color)",
             "",
             *lines,
             "",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,6 +12,7 @@ from typing import Annotated
 import typer
 
 from arm_io import InputError, check_folder, make_folder, write_text
+from armscope.commands.options import Json
 from armscope.shipped import shipped_folder
 from daq.rig import LONGEST_RIG_NAME
 
@@ -65,9 +67,13 @@ def command(
             " csv: tables measured elsewhere"
         ),
     ] = Like.SIM,
+    as_json: Json = False,
 ) -> None:
     """Writes a starter project."""
     written = write_starter(folder, like)
+    if as_json:
+        print(json.dumps({"folder": str(folder), "files": written}))
+        return
     print(f"{folder}: {', '.join(written)}")
     print(f"next: cd {folder}; README.md says what to run first and what to edit")
 

@@ -46,6 +46,7 @@ READERS: dict[str, list[str]] = {
 """Command -> its arguments."""
 OTHERS = {
     "archive",
+    "completion",
     "trend",
     "init",
     "doctor",
