@@ -46,6 +46,33 @@ def geometry(joint: int, **errors: float) -> tuple[Wrong, dict[tuple[str, int | 
     return Wrong(dh=link(joint, **errors)), {("link_geometry", joint): {names[n]: v for n, v in errors.items()}}
 
 
+def _runs(puma: Puma, folder: Path, *wrong: Wrong) -> list[Recording]:
+    return [record(puma, folder, f"run{k}", one, 700 + k) for k, one in enumerate(wrong)]
+
+
+@pytest.mark.parametrize("rings", [(True, True), (True, False), (False, True)])
+def test_a_tripod_that_rings_is_unexplained_with_its_frequency(
+    arm: Arm, puma: Puma, tmp_path: Path, rings: tuple[bool, bool]
+) -> None:
+    """Whichever of the recordings it rings in; its amplitude is below the noise of a point."""
+    ringing = Wrong(wanders=lambda t: np.outer(np.sin(2 * np.pi * 7.3 * t), np.array([0.0, 0.7, 0.7]) * NOISE))
+    fit, held_out = _runs(puma, tmp_path, *(ringing if one else Wrong() for one in rings))
+    found = tracked_causes(arm, [fit], [held_out])
+    assert found.causes == []
+    (left,) = found.unexplained
+    assert left.signal == "tracker"
+    assert left.against.startswith("a wave of 7.3 Hz")
+
+
+def test_a_tracker_that_drifts_is_unexplained_against_time(arm: Arm, puma: Puma, tmp_path: Path) -> None:
+    """One way in a recording and the other way in the next: no function of the angles."""
+    ways = (Wrong(wanders=lambda t, way=way: np.outer(t / 12.0, [way, 0.0, 0.0])) for way in (2e-4, -2e-4) * 2)
+    runs = _runs(puma, tmp_path, *ways)
+    found = tracked_causes(arm, runs[:2], runs[2:])
+    assert found.causes == []
+    assert [left.against.split(" (")[0] for left in found.unexplained] == ["time"]
+
+
 FAST = {
     "latency": (Wrong(delay=0.003), {("tracker_latency", None): {"delay": 0.003}}),
     "strays": (Wrong(stray=0.004, broken=(3.0, 3.4)), {("tracker_outliers", None): {}}),

@@ -9,6 +9,7 @@ imported with the rig file that says where the target sits.
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,6 +40,7 @@ class Wrong:
     broken: tuple[float, float] | None = None  # s
     frame: Array = field(default_factory=lambda: np.zeros(6))  # m and rad by which the rig's tracker frame is off
     target: Array = field(default_factory=lambda: np.zeros(3))
+    wanders: Callable[[Array], Array] | None = None  # (m, 3) m that the points are off at times (m,) s
 
 
 class Puma:
@@ -120,6 +122,8 @@ def record(
     xyz = puma.seen(link(t - wrong.delay), wrong) + generator.normal(size=(len(t), 3)) * NOISE
     strays = generator.uniform(size=len(t)) < wrong.stray
     xyz[strays] += generator.uniform(-1, 1, (int(strays.sum()), 3)) * 0.03
+    if wrong.wanders is not None:
+        xyz += wrong.wanders(t)
     if wrong.broken:
         xyz[(t > wrong.broken[0]) & (t < wrong.broken[1])] = np.nan
     xyz[1::2] = np.nan

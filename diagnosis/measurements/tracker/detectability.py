@@ -12,6 +12,7 @@ from arm_model.effects import CATALOGUE, Instrument, observed_by
 from diagnosis.cause import EffectKey, Signal, Structure, Undetectable
 from diagnosis.measurements.tracker.columns import State, TrackedCandidate
 from diagnosis.measurements.tracker.model import LIMITS
+from diagnosis.measurements.tracker.over_time import over_time
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import Linear, columns_of, good, linear
 
@@ -100,10 +101,17 @@ def _typical(candidate: TrackedCandidate) -> tuple[list[float], str]:
 
 
 def structure(sides: Sequence[Side], residuals: Sequence[Array], level: float) -> list[Structure]:
-    """The variable that predicts most of the residual of the held-out points.
+    """What is left of the tracked points: waves, drifts, and the variable that predicts most of the held-out residual.
 
-    Empty where the residual is noise, or where no variable predicts enough of it.
+    Of a residual far above the noise that no variable predicts, the size. Empty where the residual is noise.
     """
+    of_time = (over_time(side, left, level) for side, left in zip(reversed(sides), reversed(residuals)))
+    times = next(filter(None, of_time), [])
+    return times or _against(sides, residuals, level)
+
+
+def _against(sides: Sequence[Side], residuals: Sequence[Array], level: float) -> list[Structure]:
+    """The variable that predicts most of the held-out residual."""
     kept = [good(residual) for residual in residuals]
     fit, held_out = (residual[keep] for residual, keep in zip(residuals, kept))
     total = float(np.sum(held_out**2))
@@ -124,6 +132,9 @@ def structure(sides: Sequence[Side], residuals: Sequence[Array], level: float) -
             signs = generator.choice([-1.0, 1.0], size=(200, len(inner)))
             if np.mean(signs @ inner >= inner.sum()) < LIMITS.structure_p:
                 best = Structure(Signal.TRACKER, None, name, share)
+    ratio = float(np.sqrt(np.mean(held_out**2))) / level
+    if best is None and ratio > LIMITS.far_above_noise:
+        best = Structure(Signal.TRACKER, None, f"no single variable ({ratio:.1f} times the noise)", 0.0)
     return [best] if best else []
 
 

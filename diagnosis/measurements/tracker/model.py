@@ -32,6 +32,7 @@ class TrackerLimits(Limits):
     wrong_points     wrong points, or points missing in a row, from which on they are reported
     detectable       share of the std that the points leave undetermined by which an effect must move them
     structure_noise  residual over that std below which a residual is noise
+    far_above_noise  ... and above which it is not noise though no variable predicts it
     structure_share  share of the residual energy that a variable must predict to be reported
     structure_p      its probability by chance
     """
@@ -42,6 +43,7 @@ class TrackerLimits(Limits):
     wrong_points: int = 3
     detectable: float = 1 / 3
     structure_noise: float = 1.3
+    far_above_noise: float = 1.7
     structure_share: float = 0.1
     structure_p: float = 0.01
 

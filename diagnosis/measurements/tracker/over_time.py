@@ -1,0 +1,78 @@
+"""What tracked points do over time, whatever the arm does: they ring at a frequency, or they drift.
+
+A tripod that is struck rings at some hertz; a stand or a base that warms creeps. Neither is a function of the angles,
+and a wave smaller than the noise of one point is far above the noise of thousands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import ndimage, signal
+
+from arm_io.types import Array
+from diagnosis.cause import Signal, Structure
+from diagnosis.measurements.tracker.points import Side
+from diagnosis.measurements.tracker.regression import good
+from identification.selection import BLOCK_SECONDS
+
+LEAST = 0.35
+"""Rms of a wave or a drift over the noise of a coordinate from which it is told: an eighth of the noise's energy."""
+SLOWEST = 2.0
+"""Hz: waves below may be errors of the arm, which follow its motion."""
+NEIGHBOURS, OVER_FLOOR = 61, 20.0
+"""Bins around a line whose median power is the floor, and the power over it: a bin of noise exceeds it in e^-14."""
+SHARP = 10.0
+"""Std by which a drift must exceed what blocks of one second scatter about it."""
+
+
+def over_time(side: Side, residual: Array, level: float) -> list[Structure]:
+    """Waves and drifts of the residual (N, 3) m of points, one of each at most, in the recording with the largest.
+
+    level: m, noise of a coordinate.
+    """
+    keep = good(residual)
+    energy, found = float(np.sum(residual[keep] ** 2)), list[tuple[float, str]]()
+    for recording in np.unique(side.of):
+        own = keep & (side.of == recording)
+        if own.sum() > 2 * NEIGHBOURS:
+            found += [*_waves(side.t[own], residual[own], level), *_drifts(side.t[own], residual[own], level)]
+    strongest = {name: max((one for one in found if one[1].startswith(name)), default=None) for name in ("a ", "time")}
+    return [
+        Structure(Signal.TRACKER, None, words, min(1.0, its_energy / energy))
+        for its_energy, words in filter(None, strongest.values())
+    ]
+
+
+def _waves(t: Array, residual: Array, level: float) -> Iterator[tuple[float, str]]:
+    """Energy and name of the strongest line above the spectrum beside it, all coordinates together."""
+    step = float(np.median(np.diff(t)))
+    even = np.arange(t[0], t[-1], step)
+    values = np.stack([np.interp(even, t, column) for column in residual.T], axis=1)
+    frequency, power = signal.periodogram(values, 1.0 / step, window="hann", axis=0)
+    power = power.sum(axis=1)
+    floor = ndimage.median_filter(power, NEIGHBOURS, mode="nearest")
+    over = np.where(frequency > SLOWEST, power / np.maximum(floor, 1e-300), 0.0)
+    top = int(np.argmax(over))
+    near = slice(max(0, top - 2), top + 3)
+    rms = float(np.sqrt(np.sum((power - floor)[near].clip(0.0)) * frequency[1]))
+    if over[top] > OVER_FLOOR and rms > LEAST * level:
+        yield rms**2 * len(t), f"a wave of {frequency[top]:.1f} Hz, {1e3 * rms:.2g} mm rms"
+
+
+def _drifts(t: Array, residual: Array, level: float) -> Iterator[tuple[float, str]]:
+    """Energy and name of a straight line over time that blocks of one second confirm."""
+    x, residual = t - t.mean(), residual - residual.mean(axis=0)
+    slope = residual.T @ x / (x @ x)
+    block = (t // BLOCK_SECONDS).astype(int)
+    scores = np.stack(
+        [np.bincount(block, weights=column) for column in (x[:, None] * (residual - np.outer(x, slope))).T]
+    )
+    std = np.sqrt(np.sum(scores**2, axis=1)) / (x @ x)
+    rms = float(np.sqrt(np.sum(slope**2) * np.mean(x**2)))
+    if np.max(np.abs(slope) / np.maximum(std, 1e-300)) > SHARP and rms > LEAST * level:
+        yield (
+            rms**2 * len(t),
+            f"time ({1e3 * float(np.linalg.norm(slope)) * (t[-1] - t[0]):.2g} mm in {t[-1] - t[0]:.0f} s)",
+        )
