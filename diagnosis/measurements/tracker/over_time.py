@@ -23,7 +23,7 @@ SLOWEST = 2.0
 """Hz: waves below may be errors of the arm, which follow its motion."""
 NEIGHBOURS, OVER_FLOOR = 61, 20.0
 """Bins around a line whose median power is the floor, and the power over it: a bin of noise exceeds it in e^-14."""
-SHARP = 10.0
+SHARP = 4.0
 """Std by which a drift must exceed what blocks of one second scatter about it."""
 
 
