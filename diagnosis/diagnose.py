@@ -138,6 +138,7 @@ def diagnose(
     state, structures = named.found.state, _structures(measured, named)
     unexplained = [
         *_judged(structures, named.shortage),
+        *(_of_fit(state.fitted.fit, state.data.fit, structures) if measured.judged else []),
         *(measured.link.unexplained if measured.link else []),
         *measured.tracked.unexplained,
     ]
@@ -246,6 +247,22 @@ def _structures(measured: Measured, named: Named) -> list[Structure]:
     return named.found.unexplained.structures if measured.judged else []
 
 
+def _of_fit(left: Array, fit: Dataset, structures: Sequence[Structure]) -> list[Structure]:
+    """Residuals above the noise in the fitted recordings alone: no held-out one shows on what they depend."""
+    return [
+        Structure(Signal.CURRENT, joint, f"no single variable ({ratio:.1f} times the noise, in fitted recordings)", 0.0)
+        for joint, ratio in _above_in_fit(left, fit, structures).items()
+    ]
+
+
+def _above_in_fit(left: Array, fit: Dataset, structures: Sequence[Structure]) -> dict[int, float]:
+    """Joint -> residual over the noise in the fitted recordings, where that is no noise and was not reported."""
+    reported = {one.joint for one in structures}
+    joints = range(1, len(left) // fit.rows + 1)
+    by_joint = {joint: noise_ratio(left, fit, joint) for joint in joints if joint not in reported}
+    return {joint: ratio for joint, ratio in by_joint.items() if ratio > LIMITS.above_noise}
+
+
 def _judged(structures: Sequence[Structure], shortage: Shortage | None) -> list[Structure]:
     """Those for which the recordings were long enough."""
     short = shortage.joints if shortage else ()
@@ -266,7 +283,7 @@ def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[S
     state = named.found.state
     if measured.judged:
         yield from mixed_up([*state.data.fit.runs, *state.data.held_out.runs])
-        yield from not_held_out(state.fitted.fit, state.data.fit, structures, arm)
+        yield from not_held_out(state.fitted.fit, state.data.fit, structures)
     else:
         yield f"{arm.name} has neither masses nor friction: its currents were not judged"
     yield from _smoothing(named.arm, named.base)
@@ -274,15 +291,12 @@ def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[S
     yield from measured.link.remarks if measured.link else ()
 
 
-def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure], arm: Arm) -> tuple[str, ...]:
+def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure]) -> tuple[str, ...]:
     """Warns of joints whose residual exceeds the noise in the fitted recordings alone, where no cause is named."""
-    reported = {one.joint for one in structures}
-    by_joint = {joint: noise_ratio(left, fit, joint) for joint in range(1, len(arm) + 1) if joint not in reported}
     return tuple(
         f"the residual current of joint {joint} is {ratio:.1f} times the noise in the fitted recordings, but not in "
         "the held-out ones: hold out a recording with a similar motion of this joint"
-        for joint, ratio in by_joint.items()
-        if ratio > LIMITS.above_noise
+        for joint, ratio in _above_in_fit(left, fit, structures).items()
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from diagnosis.cause import Cause, Estimate, in_words
 from diagnosis.diagnose import Diagnosis
+from diagnosis.remaining import remaining
 from diagnosis.units import readable
 
 
@@ -29,19 +30,27 @@ def sentence(result: Diagnosis) -> str:
     """The verdict in words."""
     judged = _judged(result)
     if result.shortage is None:
-        return judged
+        return f"{judged} {_left_over(result)}".rstrip()
     said = f"Too short to judge: {result.shortage}."
     return said if judged.startswith("Consistent") else f"{judged} {said}"
+
+
+def _left_over(result: Diagnosis) -> str:
+    """What remains, as its figures have it."""
+    above = [words for one in remaining(result) for words in one.words]
+    if above:
+        return f"Above the noise: {', '.join(above)}."
+    return "The residual is noise." if result.verdict == "explained" and not result.warnings else ""
 
 
 def _judged(result: Diagnosis) -> str:
     """The verdict on what could be judged."""
     if result.verdict == "consistent":
-        return "Consistent: nothing beyond the noise was found in these recordings."
+        return "Consistent: no effect and no structure was found in these recordings."
     grouped = any(len(cause.group) > 1 for cause in result.causes)
     causes = ("; " if grouped else ", ").join(map(either, result.causes))
     if result.verdict == "explained":
-        return f"Explained: {causes}." + ("" if result.warnings or result.shortage else " The residual is noise.")
+        return f"Explained: {causes}."
     places = ", ".join(against(one.signal, one.joint, one.against) for one in result.unexplained)
     structure = f"structure in {places} that no effect of the catalogue explains."
     return f"Explained in part: {causes}. There remains {structure}" if causes else f"Unexplained: {structure}"

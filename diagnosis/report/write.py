@@ -26,6 +26,7 @@ from diagnosis.measurements.demands import wrist_coupling
 from diagnosis.measurements.link_encoders import model as link_encoders
 from diagnosis.measurements.single_axis import model as single_axis
 from diagnosis.measurements.tracker import model as tracker
+from diagnosis.remaining import remaining
 from diagnosis.report.html import report
 from diagnosis.units import unit_at
 from experiment import Experiment, write_experiment
@@ -53,6 +54,10 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
         "held_out": list(dict.fromkeys(str(r.path) for r in held_out)),
         "recorded": min((r.date for r in fit if r.date), default=None),
         "signals": _signals(result),
+        "joints": [
+            {"joint": one.joint, "verdict": one.verdict, "noise_ratio": one.along, "closed_loop": one.in_loop}
+            for one in remaining(result)
+        ],
         "causes": [_cause(cause) for cause in result.causes],
         "not_visible": [
             {"effect": one.effect, "joint": one.joint, "why": one.why, "experiment": one.experiment}

@@ -33,6 +33,7 @@ class Verdict:
     unexplained: list = field(default_factory=list)
     warnings: tuple[str, ...] = ()
     shortage: Shortage | None = None
+    judged: bool = False
 
 
 @pytest.mark.parametrize(

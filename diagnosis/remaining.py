@@ -1,0 +1,76 @@
+"""What is left at every joint with all causes in the model, in units of the noise: the size behind a verdict.
+
+Along the measured motion and, where the controller of the model is that of the arm, in closed loop; in the fitted
+recordings and in those held out. What is said of a residual is said by these figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from diagnosis.against_noise import ratios
+from diagnosis.cause import Signal
+from diagnosis.diagnose import Diagnosis
+
+NOISE = 1.3
+"""Rms over the noise floor up to which a residual is noise along the motion: the floor is known no better."""
+IN_LOOP = 2.5
+"""The same in closed loop: the noise that it is held against is that along the motion, in another band."""
+SIDES = {"fit": "fitted", "held_out": "held-out"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remaining:
+    """One joint (from 1): its verdict, and its residual current over the noise with all causes.
+
+    along, in_loop  by "fit" and "held_out"; empty where there is nothing to compare
+    """
+
+    joint: int
+    verdict: str
+    along: dict[str, float] = field(default_factory=dict)
+    in_loop: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def words(self) -> Iterator[str]:
+        """``joint 2 at 1.7 times the noise in held-out recordings``, of everything above it."""
+        for sizes, most, where in ((self.along, NOISE, ""), (self.in_loop, IN_LOOP, " in closed loop")):
+            above = {side: size for side, size in sizes.items() if size > most}
+            if above:
+                worst = max(above, key=lambda side: above[side])
+                yield f"joint {self.joint}{where} at {above[worst]:.1f} times the noise in {SIDES[worst]} recordings"
+
+
+def remaining(result: Diagnosis) -> list[Remaining]:
+    """Every joint; empty where no currents were judged."""
+    if not result.judged:
+        return []
+    along = {
+        "fit": {one.joint: one.ratio for one in ratios(result.fit, result.left.fit)},
+        "held_out": {one.joint: one.ratio for one in ratios(result.held_out, result.left.held_out)},
+    }
+    in_loop = {}
+    for side, pairs in result.compared.items() if result.in_closed_loop else ():
+        noise = np.mean([run.noise for run in (result.fit if side == "fit" else result.held_out)], axis=0)
+        errors = [after.error_rms("current") ** 2 for _, after in pairs]
+        in_loop[side] = np.sqrt(np.mean(errors, axis=0)) / noise if errors else np.zeros(len(result.arm))
+    return [
+        Remaining(
+            joint=joint,
+            verdict=_verdict(result, joint),
+            along={side: sizes[joint] for side, sizes in along.items() if joint in sizes},
+            in_loop={side: float(sizes[joint - 1]) for side, sizes in in_loop.items()},
+        )
+        for joint in range(1, len(result.arm) + 1)
+    ]
+
+
+def _verdict(result: Diagnosis, joint: int) -> str:
+    """As that of the whole, of the causes and structures at one joint."""
+    if any(one.joint == joint and one.signal is not Signal.TRACKER for one in result.unexplained):
+        return "unexplained"
+    named = any(joint in (cause.joint, cause.felt_at) or joint in cause.of_joints for cause in result.causes)
+    return "explained" if named else "consistent"
