@@ -87,11 +87,11 @@ def _check_missing(
     missing = [name for name in needed if name not in set(names)]
     if not missing:
         return
-    if missing[0] == "t" and {"q1", *"xyz"} <= set(names):
+    if missing[0] == "t" and any({"q1", *point} <= set(names) for point in ("xyz", ("x1", "y1", "z1"))):
         raise InputError(
             path,
-            f"{where}column t is missing: a table of poses (q1, q2, .. and x, y, z, one row per pose) needs no import; "
-            "give it to 'armscope calibrate'",
+            f"{where}column t is missing: a table of poses (q1, q2, .. and x, y, z or x1, y1, z1, x2, .., one row per "
+            "pose) needs no import; give it to 'armscope calibrate'",
         )
     close = difflib.get_close_matches(missing[0], unknown[:1000], 1, 0.5)
     hint = f"; is it {close[0]!r}?" if close else ""

@@ -139,6 +139,22 @@ def correlation_time(residual: Array, rows: Sequence[Index]) -> float:
     return float(max(1.0, integral[window[0] if len(window) else -1]))
 
 
+def correlation_in_poses(residual: Array, runs: Sequence[Run], rows: Sequence[Index]) -> float:
+    """How many reflectors of one pose count as one, >= 1, from residuals (N, 3) m of the chosen rows of all runs.
+
+    They share the errors of the joint angles. Of independent residuals the square of a pose's sum is the sum of its
+    squares (Kish, "Survey Sampling", 1965: the design effect of clusters).
+    """
+    key = [(run.source, int(row)) for run, which in zip(runs, rows, strict=True) for row in which]
+    number = {one: k for k, one in enumerate(dict.fromkeys(key))}
+    pose = np.array([number[one] for one in key], int)
+    total = float(np.sum(residual**2))
+    if len(number) == len(key) or total <= 0:
+        return 1.0
+    together = sum(float(np.sum(np.bincount(pose, column) ** 2)) for column in residual.T)
+    return max(1.0, together / total)
+
+
 def aligned(predicted: Array, measured: Array) -> Array:
     """Pose (4, 4) of the predicted points' frame in the frame of the measured ones (Kabsch 1976, without wrong points).
 

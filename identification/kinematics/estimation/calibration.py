@@ -28,7 +28,7 @@ from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.data.row_shifts import Shift
-from identification.kinematics.data.runs import Run, correlation_time, poses_of
+from identification.kinematics.data.runs import Run, correlation_in_poses, correlation_time, poses_of
 from identification.kinematics.estimation.blocks import split
 from identification.kinematics.estimation.cross_validation import Trial
 from identification.kinematics.estimation.extensions import Extension, deflections
@@ -183,7 +183,8 @@ def _prepared(
 def _result(work: Work) -> Calibration:
     parameters, estimate, points = work.parameters, work.estimate, work.points
     residual = residuals(parameters, estimate.values, estimate.extension, points)
-    correlated = correlation_time(np.where(estimate.inlier[:, None], residual, 0.0), work.rows)
+    kept = np.where((estimate.inlier & ~points.oriented)[:, None], residual, 0.0)
+    correlated = correlation_time(kept, work.rows) * correlation_in_poses(kept, work.runs, work.rows)
     deviation = np.sqrt(np.diag(estimate.covariance)) * np.sqrt(correlated)
     names = parameters.chain.names
     here = replace(parameters, chain=parameters.chain.at(estimate.values))

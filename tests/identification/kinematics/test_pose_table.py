@@ -107,8 +107,9 @@ def test_another_table_is_refused_in_one_line(tmp_path: Path, capsys, text: str,
     assert not (tmp_path / "out").exists()
 
 
-def test_import_says_that_poses_need_no_import(tmp_path: Path, root: Path, capsys) -> None:
-    (tmp_path / "poses.csv").write_text(f"{HEAD}\n" + "0,0,0,0,0,0,1,0,1\n" * 3)
+@pytest.mark.parametrize("head", [HEAD, HEAD.replace("x,y,z", "x1,y1,z1")])
+def test_import_says_that_poses_need_no_import(tmp_path: Path, root: Path, capsys, head: str) -> None:
+    (tmp_path / "poses.csv").write_text(f"{head}\n" + "0,0,0,0,0,0,1,0,1\n" * 3)
     rig = root / "config/puma560_sim.toml"
     assert run(["import", str(tmp_path / "poses.csv"), "--rig", str(rig), "--out", str(tmp_path / "a.mcap")]) == 2
     assert "armscope calibrate" in capsys.readouterr().err

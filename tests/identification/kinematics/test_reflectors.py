@@ -14,6 +14,7 @@ import armscope
 from arm_model.rigid_body.kinematics import link_frames
 from armscope.cli import run
 from identification.kinematics.data.pose_table import read_poses
+from identification.kinematics.data.runs import Run, correlation_in_poses
 from identification.kinematics.models.chain import Chain, Step, forward, pose_jacobian, position_jacobian
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -244,3 +245,15 @@ def test_derivatives_of_several_targets_are_those_of_differences() -> None:
         np.testing.assert_allclose((high - low)[:, :3, 3] / 2e-6, moves[:, :, k], atol=1e-8)
         turn = (Rotation.from_matrix(high[:, :3, :3]) * Rotation.from_matrix(low[:, :3, :3]).inv()).as_rotvec()
         np.testing.assert_allclose(turn / 2e-6, turns[:, :, k], atol=1e-8)
+
+
+def test_reflectors_of_one_pose_count_as_fewer_where_they_share_an_error() -> None:
+    """Three residuals of one pose, independent, and with a common part as large as their own."""
+    generator = np.random.default_rng(29)
+    t, rows = np.arange(400.0), [np.arange(400)] * 3
+    runs = [Run(f"p reflector {k}", t, np.zeros((400, 1)), np.zeros((400, 3)), recorded="p") for k in range(3)]
+    own = generator.normal(size=(3, 400, 3))
+    common = own + generator.normal(size=(400, 3))
+    assert correlation_in_poses(own.reshape(-1, 3), runs, rows) == pytest.approx(1.0, abs=0.15)
+    assert correlation_in_poses(common.reshape(-1, 3), runs, rows) == pytest.approx(2.0, abs=0.2)
+    assert correlation_in_poses(common[0], runs[:1], rows[:1]) == 1.0
