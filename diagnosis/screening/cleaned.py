@@ -18,7 +18,7 @@ from diagnosis.residual.run_setup import loaded, setup_of
 from diagnosis.screening.current_limit import current_limits
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
 from diagnosis.screening.event import Event, Gain
-from diagnosis.screening.lost_triggers import dropped_triggers, event_of, realigned_rows
+from diagnosis.screening.lost_triggers import dropped_triggers, event_of, realigned_rows, unmeasured
 from diagnosis.screening.mains_hum import mains_hum, without_hum
 
 Samples = tuple[Array, Array, Array]
@@ -104,10 +104,14 @@ def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
     if not losses:
         return sight
     before, runs, samples = list(sight.runs), list(sight.runs), list(sight.samples)
-    for loss in losses:
-        k = loss.recording
-        t, q, i = samples[k] = (*samples[k][:2], realigned_rows(samples[k][2], loss))
-        runs[k] = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=sight.still)
+    for k in sorted({loss.recording for loss in losses}):
+        here = [loss for loss in losses if loss.recording == k]
+        t, q, i = samples[k]
+        for loss in here:
+            i = realigned_rows(i, loss)
+        samples[k] = t, q, i
+        realigned_run = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=sight.still)
+        runs[k] = unmeasured(realigned_run, here)
     most = losses[0].recording
     event = replace(event_of(losses, runs), gain=_gain_of_realignment(before[most], runs[most], terms))
     return replace(sight, events=[*sight.events, event], runs=runs, samples=samples)

@@ -1,59 +1,43 @@
 """Triggers that one group of channels dropped: from one row on, currents belong to later rows, and their lag changes.
 
-The lag against the angles is estimated per second and per joint: the projection of the residual on the derivative of
-the current. A constant lag is time skew and remains. A lag that changes at one instant by whole rows, equally at all
-joints that determine it, is dropped triggers.
+A constant lag is time skew and remains. A lag that changes at one instant by whole rows, equally at all joints that
+determine it, is dropped triggers. There may be several, of any length: long ones show in the path of lags
+(``lag_path``), short ones in the first-order effect of a lag on the residual (``lag_change``).
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model.effects.sensing import DROPPED_TRIGGER
 from diagnosis.cause import Estimate
-from diagnosis.residual.run import Run
+from diagnosis.residual.run import ROWS_PER_SECOND, Run
 from diagnosis.screening.event import Event
+from diagnosis.screening.lag_change import Change, change_at, change_of_lag, instant_of, mean_lag, part_of
+from diagnosis.screening.lag_path import Step, instant, lag_steps, put_back
 
-Index = NDArray[np.intp]
-
-PIECE = 0.25
-"""s: length of the pieces for which a lag is estimated."""
 SURE = 7.0
-"""Std of the change that it must exceed: it is the largest of all instants, in data with other errors."""
-OTHERS = 4.0
-"""Std that the change at the joints other than the most certain one must exceed, and within which it must agree."""
-WHOLE = 0.3
-"""Rows by which a change of lag may miss a whole number."""
+"""Std of a short change that it must exceed: it is the largest of all instants, in data with other errors."""
+WHOLE, SHARE = 0.3, 0.1
+"""Rows, or share of its rows, by which a short change of lag may miss a whole number."""
 MOST_ROWS = 12
-COLOURED, FILTERED = 16.0, 0.02
-"""Rows over which other errors correlate the residual, and s by which filters smear an instant."""
-BALANCED = 0.03
-"""Least ratio of the weights before and after the change at a joint that shows it."""
-APART = 2e-4
-"""s by which the lags of the joints differ because of other errors."""
-FEWEST = 6
-"""Pieces needed on either side of the change."""
-
-
-@dataclass(frozen=True)
-class Change:
-    """The lag of the currents, s, changes by ``step`` (standard deviation ``std``) at ``time`` s of a run."""
-
-    time: float
-    step: float
-    std: float
+"""Rows of a change that the first-order effect shows."""
+SMEARED = 0.05
+"""s by which filters spread a gap."""
+NEAR = 0.25
+"""s before and after a long loss in which no short one is looked for."""
 
 
 @dataclass(frozen=True)
 class DroppedTriggers:
     """Triggers that one recording (by its index) dropped.
 
-    row (std ``row_std``): after it, currents (angles, for a negative ``count``) belong to rows ``count``
+    row (std ``row_std``) of the angles: after it, currents (angles, for a negative ``count``) belong to rows ``count``
     (``count_std``) later; period s between rows.
     """
 
@@ -66,25 +50,99 @@ class DroppedTriggers:
 
 
 def dropped_triggers(runs: Sequence[Run], periods: Sequence[float]) -> list[DroppedTriggers]:
-    """Recordings that dropped triggers; ``periods`` s between the rows of each."""
-    changes: dict[int, tuple[Change, int]] = {}
-    for index, (run, period) in enumerate(zip(runs, periods)):
-        change = change_of_lag(run)
-        if change is None or abs(change.step) < SURE * change.std or change.std > WHOLE * period:
-            continue
-        rows = -change.step / period
-        count = round(rows)
-        if count != 0 and abs(rows - count) <= WHOLE and abs(count) <= MOST_ROWS:
-            changes[index] = replace(change, step=-count * period), count
+    """Triggers that recordings dropped, in time; ``periods`` s between the rows of each recording."""
+    return [loss for k, (run, period) in enumerate(zip(runs, periods)) for loss in _of_recording(k, run, period)]
+
+
+def _of_recording(index: int, run: Run, period: float) -> list[DroppedTriggers]:
+    steps = lag_steps(run)
+    aligned, places = _aligned(run, steps)
+    edges = [-np.inf, *places, np.inf]
+    splits = [time for a, b in itertools.pairwise(edges) for time in _splits(part_of(aligned, a + NEAR, b - NEAR))]
+    times = sorted([*places, *splits])
     losses = []
-    for index, (change, count) in changes.items():
-        period, start = periods[index], runs[index].raw[0][0]
-        time, time_std = _instant(runs[index], change)
-        count_std = max(change.std / period, 0.05)
-        losses.append(
-            DroppedTriggers(index, round((time - start) / period), time_std / period, count, count_std, period)
-        )
+    for before, time, after in zip([-np.inf, *times], times, [*times[1:], np.inf]):
+        part = part_of(aligned, before, after)
+        change = change_at(part, time)
+        refined = None if change is None else _refined(part, change)
+        if time in places:
+            losses += _long(index, (run, part), (steps, places.index(time)), refined, period)
+        elif refined is not None:
+            losses += _short(index, part, refined, period)
     return losses
+
+
+def _refined(run: Run, change: Change) -> Change:
+    """The change estimated again with the currents put back by it: the effect of a lag is of first order only."""
+    skew = mean_lag(part_of(run, -np.inf, change.time))
+    for _ in range(2):
+        back = [Step(-np.inf, -skew), Step(change.time, -change.step)]
+        aligned = replace(
+            run, **{name: put_back(getattr(run, name), run.t, back) for name in ("current", "current_rate")}
+        )
+        rest = change_at(aligned, change.time)
+        if rest is None:
+            break
+        change = replace(rest, step=change.step + rest.step)
+    return change
+
+
+def _short(index: int, run: Run, change: Change, period: float) -> list[DroppedTriggers]:
+    """A change of a few rows; nothing where it is not a whole number of them."""
+    if abs(change.step) < SURE * change.std or change.std > WHOLE * period:
+        return []
+    rows = -change.step / period
+    count = round(rows)
+    off = abs(rows - count)
+    if count == 0 or off > max(WHOLE, SHARE * abs(count)) or abs(count) > MOST_ROWS:
+        return []
+    time, time_std = instant_of(run, replace(change, step=-count * period))
+    row, count_std = round(time / period), max(change.std / period, off, 0.05)
+    return [DroppedTriggers(index, row, time_std / period, count, count_std, period)]
+
+
+def _long(
+    index: int, runs: tuple[Run, Run], which: tuple[Sequence[Step], int], change: Change | None, period: float
+) -> list[DroppedTriggers]:
+    """A change of many rows: the step of the path, refined by what is left of it after the currents were put back.
+
+    runs: as recorded, and put back around the change; which: all steps of the path, and the one.
+    """
+    run, aligned = runs
+    steps, k = which
+    known = change is not None and change.std < 0.5 / ROWS_PER_SECOND
+    rest, std = (change.step, change.std) if change is not None and known else (0.0, 0.5 / ROWS_PER_SECOND)
+    count = round((steps[k].step - rest) / period)
+    if count == 0:
+        return []
+    before = sum(one.step for one in steps[:k])
+    skew = -mean_lag(part_of(aligned, -np.inf, steps[k].time + before))
+    lags = before + skew, before + skew + count * period
+    edges = [0.0, *(one.time for one in steps), np.inf]
+    time, time_std = instant(run, lags, (edges[k], min(edges[k + 2], run.t[-1] - abs(lags[1]))))
+    row = round((time + before) / period)
+    return [DroppedTriggers(index, row, time_std / period, count, max(std / period, 0.05), period)]
+
+
+def _aligned(run: Run, steps: Sequence[Step]) -> tuple[Run, list[float]]:
+    """The run with its currents put back, and the times of the steps among the angles, s."""
+    if not steps:
+        return run, []
+    before = [0.0, *itertools.accumulate(step.step for step in steps)]
+    places = [step.time + shift for step, shift in zip(steps, before)]
+    rate = put_back(run.current_rate, run.t, steps)
+    for place, step in zip(places, steps):  # what nobody measured has no say
+        rate[(run.t >= place - 0.05) & (run.t < place + max(step.step, 0.0) + 0.05)] = 0.0
+    return replace(run, current=put_back(run.current, run.t, steps), current_rate=rate), places
+
+
+def _splits(run: Run) -> list[float]:
+    """Times of the changes of lag, s: the most certain one, and those of the parts before and after it."""
+    change = change_of_lag(run) if len(run.t) else None
+    if change is None or abs(change.step) < SURE * change.std:
+        return []
+    before, after = part_of(run, -np.inf, change.time), part_of(run, change.time, np.inf)
+    return [*_splits(before), change.time, *_splits(after)]
 
 
 def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
@@ -110,120 +168,6 @@ def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
     )
 
 
-def change_of_lag(run: Run) -> Change | None:
-    """The instant that splits a run's lags best, each joint with a lag of its own before it; None for a short run."""
-    lag, weight, pieces = _lags(run)
-    if len(lag) <= 2 * FEWEST:
-        return None
-    best = None
-    for at in range(FEWEST, len(lag) - FEWEST):
-        step, fall = _step(lag, weight, at)
-        if best is None or fall > best[2]:
-            best = at, step, fall
-    assert best is not None
-    at, step, _ = best
-    after = (np.arange(len(lag)) >= at)[:, None]
-    residual = lag - step * after - _means(lag - step * after, weight)
-    # scatter per joint: it includes other errors there
-    scatter = np.sum(weight * residual**2, axis=0) / max(len(lag) - 2, 1)
-    per_joint = _steps_by_joint(lag, weight, at)
-    inverse_variance = _on_both_sides(weight, at) / np.maximum(scatter * _leverage(weight, at), 1e-300)
-    if not _agreed(per_joint, inverse_variance):
-        return None
-    step = float(np.sum(inverse_variance * per_joint) / np.sum(inverse_variance))
-    std = float(1.0 / np.sqrt(np.sum(inverse_variance)))
-    disagree = float(np.sum(inverse_variance * (per_joint - step) ** 2)) / max(len(per_joint) - 1, 1)
-    return Change(float(pieces[at]), step, std * float(np.sqrt(max(disagree, 1.0))))
-
-
-def _agreed(per_joint: Array, inverse_variance: Array) -> bool:
-    """Whether the joints other than the most certain one show the same step.
-
-    Dropped triggers affect all joints; an error of one joint alone has another cause.
-    """
-    best = int(np.argmax(inverse_variance))
-    others = np.delete(inverse_variance, best)
-    if not np.any(others > 0.0):
-        return False  # no other joint determines the step
-    step, std = (
-        float(np.sum(np.delete(inverse_variance * per_joint, best)) / np.sum(others)),
-        float(1.0 / np.sqrt(np.sum(others))),
-    )
-    difference = abs(step - per_joint[best])
-    return abs(step) > OTHERS * std and difference < OTHERS * float(
-        np.hypot(std, 1.0 / np.sqrt(inverse_variance[best]))
-    ) + 0.2 * abs(step)
-
-
-def _lags(run: Run) -> tuple[Array, Array, Array]:
-    """lag (p, n) s of the currents in each piece, its weight (p, n), and the start (p,) s of each piece.
-
-    The weight is the inverse variance if the residual is noise.
-    """
-    slope, residual = run.current_rate / run.deviation, run.residual / run.deviation
-    number: Index = ((run.t - run.t[0]) // PIECE).astype(np.intp)
-    count = int(number[-1]) + 1
-    total: Array = np.stack([np.bincount(number, weights=column, minlength=count) for column in (slope**2).T], axis=1)
-    inner: Array = np.stack(
-        [np.bincount(number, weights=column, minlength=count) for column in (-slope * residual).T], axis=1
-    )
-    return inner / np.maximum(total, 1e-12), total, np.asarray(run.t[0] + PIECE * np.arange(count), float)
-
-
-def _means(lag: Array, weight: Array) -> Array:
-    means: Array = np.sum(weight * lag, axis=0) / np.maximum(np.sum(weight, axis=0), 1e-300)
-    return means
-
-
-def _on_both_sides(weight: Array, at: int) -> NDArray[np.bool_]:
-    """(n,) whether a joint's current changed enough before and after; else other errors cause lags of milliseconds."""
-    sides = weight[:at].sum(axis=0), weight[at:].sum(axis=0)
-    on_both: NDArray[np.bool_] = np.minimum(*sides) > BALANCED * np.maximum(*sides)
-    return on_both
-
-
-def _steps_by_joint(lag: Array, weight: Array, at: int) -> Array:
-    return _means(lag[at:], weight[at:]) - _means(lag[:at], weight[:at])
-
-
-def _leverage(weight: Array, at: int) -> Array:
-    """(n,) variance of each joint's step in units of its scatter."""
-    leverage: Array = 1.0 / np.maximum(weight[at:].sum(axis=0), 1e-300) + 1.0 / np.maximum(
-        weight[:at].sum(axis=0), 1e-300
-    )
-    return leverage
-
-
-def _step(lag: Array, weight: Array, at: int) -> tuple[float, float]:
-    """Common step at piece ``at`` and the fall of the weighted squared error by it."""
-    steps, gain = _steps_by_joint(lag, weight, at), 1.0 / _leverage(weight, at)
-    step = float(np.sum(gain * steps) / np.sum(gain))
-    return step, float(np.sum(gain)) * step**2
-
-
-def _instant(run: Run, change: Change) -> tuple[float, float]:
-    """Time of the change and its std: the mean of all instants, weighted by their likelihood.
-
-    Each joint's lag l before the change is unknown, but near the one c that all have (time skew): at every instant the
-    sum over joints of l^2 W - 2 l b + (l - c)^2 / ``APART``^2 has its least over l and c in closed form. Rows are
-    correlated over ``COLOURED`` of them.
-    """
-    slope, residual = run.current_rate / run.deviation, run.residual / run.deviation
-    after = (run.t >= change.time)[:, None]
-    lag = -np.sum(slope * (residual + change.step * after * slope), axis=0) / np.sum(slope**2, axis=0)
-    scatter = COLOURED * np.mean((residual + (lag + change.step * after) * slope) ** 2, axis=0)
-    size, toward = slope**2 / scatter, -slope * residual / scatter
-    size_after, toward_after = (np.cumsum(values[::-1], axis=0)[::-1] for values in (size, toward))
-    w, b = size.sum(axis=0) + APART**-2, toward.sum(axis=0) - change.step * size_after
-    common = np.sum(b / w, axis=1) / np.sum(1.0 - APART**-2 / w)  # c where the error is least
-    error = np.sum(change.step**2 * size_after - 2 * change.step * toward_after - b**2 / w, axis=1)
-    error -= common**2 * APART**-2 * np.sum(1.0 - APART**-2 / w)
-    likely = np.exp(-(error - error.min()) / 2)
-    likely /= likely.sum()
-    time = float(np.sum(likely * run.t))
-    return time, float(np.hypot(np.sqrt(np.sum(likely * (run.t - time) ** 2)), FILTERED))
-
-
 def realigned_rows(current: Array, loss: DroppedTriggers) -> Array:
     """(k, n) currents with the rows after the loss moved to where they belong; the rows lost repeat the last one."""
     row, count = int(loss.row), loss.count
@@ -231,3 +175,14 @@ def realigned_rows(current: Array, loss: DroppedTriggers) -> Array:
     source = np.where(rows >= row + max(count, 0), rows - count, np.minimum(rows, row))
     lower = np.clip(np.floor(source).astype(int), 0, len(current) - 1)
     return np.asarray(current[lower], float)
+
+
+def unmeasured(run: Run, losses: Sequence[DroppedTriggers]) -> Run:
+    """A realigned run in which the rows that nobody measured have no weight: their deviation is unbounded."""
+    deviation = run.deviation.copy()
+    for loss in losses:
+        start, length = loss.row * loss.period, abs(loss.count) * loss.period
+        if length > SMEARED:
+            gap = (start, start + length) if loss.count > 0 else (run.t[-1] - length, run.t[-1])
+            deviation[(run.t > gap[0] - SMEARED) & (run.t < gap[1] + SMEARED)] = np.inf
+    return replace(run, deviation=deviation)

@@ -49,6 +49,25 @@ def test_lost_edges_are_found_and_put_back(root: Path, row: int, count: int) -> 
     assert {p.name: p.value for p in event.parameters} == {"row": loss.row, "count": count, "period": PERIOD}
 
 
+@pytest.mark.parametrize("count", [27, 140, 1800, -60])
+def test_gaps_of_any_length_are_found(root: Path, count: int) -> None:
+    run = _seen(root, Hidden("dropped_trigger", None, {"row": 4200, "count": count}))
+    (loss,) = _found(run)
+    assert abs(loss.count - count) <= max(1.0, 3 * loss.count_std)
+    assert abs(loss.row - 4200) < 3 * loss.row_std + 20
+    assert loss.row_std < 1000
+
+
+def test_several_gaps_of_one_recording_are_found(root: Path) -> None:
+    """The second is counted among the recorded currents; it stands among the angles."""
+    lost = [(2500, 5), (5000, 40), (8200, 4)]
+    run = _seen(root, *(Hidden("dropped_trigger", None, {"row": row, "count": count}) for row, count in lost[::-1]))
+    found = _found(run)
+    assert [loss.count for loss in found] == [5, 40, 4]
+    for loss, (row, _) in zip(found, lost):
+        assert abs(loss.row - row) < 3 * loss.row_std + 50
+
+
 def test_a_lag_that_is_always_there_is_not_lost_edges(root: Path) -> None:
     assert _found(_seen(root, Hidden("time_skew", None, {"delay": 3e-3}))) == []
 

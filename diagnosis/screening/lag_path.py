@@ -1,0 +1,160 @@
+"""The lag of the currents against the motion as a path: constant but for changes at instants, of any size.
+
+The measured current of every piece of the recording is compared with the predicted current of rows earlier and later.
+Dynamic programming finds the path of lags that explains all pieces and joints best, at a price for every change
+(Bellman and Roth, "Curve fitting by segmented straight lines", J. American Statistical Association 64, 1969, with
+constants in place of lines). A lag here may be many times longer than the motion stays alike; ``lost_triggers`` refines it by rows.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from arm_io.types import Array
+from diagnosis.residual.run import ROWS_PER_SECOND, Run
+
+Index = NDArray[np.intp]
+
+PIECE = 50
+"""Rows at ROWS_PER_SECOND for which one lag is compared."""
+LONGEST = 5.0
+"""s: longest lag that is looked for; at most a quarter of the recording."""
+COLOURED = 16.0
+"""Rows over which other errors correlate the residual."""
+FILTERED = 0.02
+"""s by which filters smear an instant."""
+PRICE = 60.0
+"""Fall of the normalised squared error that a change of lag must bring."""
+OTHERS = 16.0
+"""Part of that fall which the joints other than the one that shows it best must bring."""
+WORSE = 0.05
+"""Of that part, how much worse one joint may become."""
+LEFT = 0.6
+"""Share of its squared error that may be left of a part after the change: other errors follow a lag a little, too."""
+MOST = 0.6
+"""Share of a piece's rows that must lie within the recording at a lag."""
+STILL = 3.0
+"""Std of the noise within which a current stays as it is."""
+SEEN = 3.0
+"""Whitened residual, rms of the worst piece, below which no change of lag is looked for."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """From ``time`` s of a run on the currents belong to rows ``step`` s later."""
+
+    time: float
+    step: float
+
+
+def lag_steps(run: Run) -> list[Step]:
+    """The changes of lag of a run by at least two rows at ROWS_PER_SECOND, in time; several or none."""
+    pieces = np.arange(0, _lasting(run) - PIECE + 1, PIECE)
+    longest = min(int(LONGEST * ROWS_PER_SECOND), len(run.t) // 4)
+    if len(pieces) < 4 or not _worth_looking(run, pieces):
+        return []
+    errors = _errors(run, pieces, longest)  # (K, p, n)
+    scale = np.median(errors.min(axis=0), axis=0) / PIECE + np.mean(run.instruments**2, axis=0)
+    path = _cheapest(errors / (scale * COLOURED)) - longest
+    steps = []
+    for start, at, end in _changes(path):
+        before, after = int(path[start]), int(path[at])
+        without, with_it = (errors[lag + longest, at:end].sum(axis=0) / (scale * COLOURED) for lag in (before, after))
+        if abs(after - before) > 1 and _agreed(without, with_it):
+            lags = before / ROWS_PER_SECOND, after / ROWS_PER_SECOND
+            edge = float(run.t[pieces[at]])
+            time, _ = instant(run, lags, (edge - 3 * PIECE / ROWS_PER_SECOND, edge + 3 * PIECE / ROWS_PER_SECOND))
+            steps.append(Step(time, lags[1] - lags[0]))
+    return steps
+
+
+def _changes(path: Index) -> list[tuple[int, int, int]]:
+    """(piece before, piece after, end of the part after) of every change; a piece in the middle of one is skipped."""
+    edges = [0, *(np.flatnonzero(np.diff(path)) + 1).tolist(), len(path)]
+    parts = [(a, b) for a, b in itertools.pairwise(edges) if b - a > 1]
+    return [(one[1] - 1, two[0], two[1]) for one, two in itertools.pairwise(parts)]
+
+
+def _agreed(without: Array, with_it: Array) -> bool:
+    """Whether joints (n,) agree on a change: normalised squared errors of the part after it without and with it.
+
+    Rows lost by a device shift all its currents alike; an error of one joint alone has another cause.
+    """
+    fall = without - with_it
+    others = float(np.sum(fall) - fall.max())
+    return others > OTHERS and float(fall.min()) > -WORSE * others and np.sum(with_it) < LEFT * np.sum(without)
+
+
+def put_back(values: Array, t: Array, steps: Sequence[Step]) -> Array:
+    """(m, n) values at t (m,) s moved to where they belong; rows that nobody measured are interpolated."""
+    belongs = t + sum((step.step * (t >= step.time) for step in steps), np.zeros(len(t)))
+    order = np.argsort(belongs, kind="stable")
+    return np.stack([np.interp(t, belongs[order], column[order]) for column in values.T], axis=1)
+
+
+def _lasting(run: Run) -> int:
+    """Rows until the currents of all joints stay as they are at the end: padded, or at rest; they tell no lag."""
+    moved = np.abs(run.current - run.current[-1]) > STILL * run.noise
+    return int(np.flatnonzero(moved.any(axis=1)).max(initial=-1)) + 1
+
+
+def _worth_looking(run: Run, pieces: Index) -> bool:
+    whitened = np.add.reduceat(run.whitened[: pieces[-1] + PIECE] ** 2, pieces, axis=0) / PIECE
+    return bool(np.sqrt(whitened.max()) > SEEN)
+
+
+def _errors(run: Run, pieces: Index, longest: int) -> Array:
+    """(2 longest + 1, p, n) A2: squared error of each piece by the lag at which currents are compared.
+
+    A lag that leads most rows of a piece out of the recording counts as the nearest that does not.
+    """
+    rows, lags = np.arange(pieces[-1] + PIECE), np.arange(-longest, longest + 1)
+    errors = np.empty((len(lags), len(pieces), run.current.shape[1]))
+    for index, lag in enumerate(lags):
+        known = (rows + lag >= 0) & (rows + lag < len(run.t))
+        apart = run.current[rows] - run.expected[np.where(known, rows + lag, 0)]
+        share = np.add.reduceat(known.astype(float), pieces) / PIECE
+        errors[index] = np.add.reduceat(apart**2 * known[:, None], pieces, axis=0) / np.maximum(share, MOST)[:, None]
+    lead = int((1 - MOST) * PIECE)
+    nearest = np.clip(lags[:, None], -pieces - lead, len(run.t) - PIECE - pieces + lead)
+    return errors[nearest + longest, np.arange(len(pieces))]
+
+
+def _cheapest(errors: Array) -> Index:
+    """(p,) index of the lag in every piece, of the path whose errors (K, p, n) and changes cost least."""
+    cost = errors.sum(axis=2).T
+    best, came = cost[0].copy(), np.empty(cost.shape, dtype=np.intp)
+    stay = np.arange(cost.shape[1])
+    for p in range(1, len(cost)):
+        cheapest = int(np.argmin(best))
+        came[p] = np.where(best <= best[cheapest] + PRICE, stay, cheapest)
+        best = best[came[p]] + PRICE * (came[p] != stay) + cost[p]
+    path = np.empty(len(cost), dtype=np.intp)
+    path[-1] = int(np.argmin(best))
+    for p in range(len(cost) - 1, 0, -1):
+        path[p - 1] = came[p][path[p]]
+    return path
+
+
+def instant(run: Run, lags: tuple[float, float], near: tuple[float, float]) -> tuple[float, float]:
+    """(time, std) s of the change between two lags (s) between the times ``near``: the mean of all, by likelihood."""
+    rows = (run.t >= near[0]) & (run.t < near[1])
+    t = run.t[rows]
+    apart = [run.current[rows] - _interpolated(run.t, run.expected, t + lag) for lag in lags]
+    scale = np.minimum(*(np.mean(one**2, axis=0) for one in apart)) + np.mean(run.instruments**2, axis=0)
+    before, after = (np.sum(one**2 / scale, axis=1) for one in apart)
+    total = np.cumsum(before) - before + np.cumsum(after[::-1])[::-1]
+    likely = np.exp(-(total - total.min()) / (2 * COLOURED))
+    likely /= likely.sum()
+    time = float(np.sum(likely * t))
+    return time, float(np.hypot(np.sqrt(np.sum(likely * (t - time) ** 2)), FILTERED))
+
+
+def _interpolated(t: Array, values: Array, at: Array) -> Array:
+    return np.asarray(CubicSpline(t, values)(np.clip(at, t[0], t[-1])))
