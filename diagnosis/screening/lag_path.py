@@ -3,7 +3,8 @@
 The measured current of every piece of the recording is compared with the predicted current of rows earlier and later.
 Dynamic programming finds the path of lags that explains all pieces and joints best, at a price for every change
 (Bellman and Roth, "Curve fitting by segmented straight lines", J. American Statistical Association 64, 1969, with
-constants in place of lines). A lag here may be many times longer than the motion stays alike; ``lost_triggers`` refines it by rows.
+constants in place of lines). A lag here may be far longer than the first-order effect
+of a lag holds (``lag_change``); ``lost_triggers`` refines it by rows.
 """
 
 from __future__ import annotations

@@ -27,6 +27,7 @@ WHOLE, SHARE = 0.3, 0.1
 """Rows, or share of its rows, by which a short change of lag may miss a whole number."""
 MOST_ROWS = 12
 """Rows of a change that the first-order effect shows."""
+NO_WEIGHT = 1e6
 SMEARED = 0.05
 """s by which filters spread a gap."""
 NEAR = 0.25
@@ -158,7 +159,7 @@ def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
         Estimate("count", float(best.count), best.count_std, "1"),
         Estimate("period", best.period, 1e-3 * best.period, "s"),
     ]
-    sentence = "the lag of the currents changes once by a whole number of rows, in " + "; ".join(places)
+    sentence = "the lag of the currents changes by a whole number of rows at one instant: in " + "; ".join(places)
     return Event(
         effect=DROPPED_TRIGGER.name,
         joint=None,
@@ -178,11 +179,11 @@ def realigned_rows(current: Array, loss: DroppedTriggers) -> Array:
 
 
 def unmeasured(run: Run, losses: Sequence[DroppedTriggers]) -> Run:
-    """A realigned run in which the rows that nobody measured have no weight: their deviation is unbounded."""
+    """A realigned run in which the rows that nobody measured have no weight: their deviation is a million times it."""
     deviation = run.deviation.copy()
     for loss in losses:
         start, length = loss.row * loss.period, abs(loss.count) * loss.period
         if length > SMEARED:
             gap = (start, start + length) if loss.count > 0 else (run.t[-1] - length, run.t[-1])
-            deviation[(run.t > gap[0] - SMEARED) & (run.t < gap[1] + SMEARED)] = np.inf
+            deviation[(run.t > gap[0] - SMEARED) & (run.t < gap[1] + SMEARED)] *= NO_WEIGHT
     return replace(run, deviation=deviation)
