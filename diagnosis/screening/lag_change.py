@@ -42,8 +42,15 @@ class Change:
 def part_of(run: Run, start: float, end: float) -> Run:
     """The rows of a run from ``start`` to ``end`` s, with what a lag is estimated from."""
     rows = (run.t >= start) & (run.t < end)
-    names = ("t", "current", "current_rate", "expected", "deviation", "instruments")
-    return replace(run, **{name: getattr(run, name)[rows] for name in names})
+    return replace(
+        run,
+        t=run.t[rows],
+        current=run.current[rows],
+        current_rate=run.current_rate[rows],
+        expected=run.expected[rows],
+        deviation=run.deviation[rows],
+        instruments=run.instruments[rows],
+    )
 
 
 def change_of_lag(run: Run) -> Change | None:

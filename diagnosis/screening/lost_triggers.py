@@ -78,9 +78,8 @@ def _refined(run: Run, change: Change) -> Change:
     skew = mean_lag(part_of(run, -np.inf, change.time))
     for _ in range(2):
         back = [Step(-np.inf, -skew), Step(change.time, -change.step)]
-        aligned = replace(
-            run, **{name: put_back(getattr(run, name), run.t, back) for name in ("current", "current_rate")}
-        )
+        current, rate = put_back(run.current, run.t, back), put_back(run.current_rate, run.t, back)
+        aligned = replace(run, current=current, current_rate=rate)
         rest = change_at(aligned, change.time)
         if rest is None:
             break
