@@ -61,10 +61,10 @@ def run_shown() -> Iterator[Callable[[Table], None]]:
         yield lambda run: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     counts = TextColumn("{task.fields[rows]} rows, {task.fields[lost]} lost")
-    columns = (TextColumn("recording"), BarColumn(), counts, TimeElapsedColumn())
+    columns = (TextColumn("recording"), BarColumn(), counts, TimeElapsedColumn(), TimeRemainingColumn())
     bar = Progress(*columns, console=Console(stderr=True), transient=True)
     task = bar.add_task("", total=1.0, rows=0, lost=0)
 

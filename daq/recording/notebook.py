@@ -59,7 +59,7 @@ def _figure(recording: Recording) -> Figure:
         axis.set_xlabel("t [s]", fontsize="small")
         axis.set_title(f"{name} [{unit}]", loc="left", fontsize="small")
         axis.tick_params(labelsize="small")
-        axis.legend(fontsize="x-small", ncols=2, frameon=False)
+        axis.legend(fontsize="x-small", frameon=False, bbox_to_anchor=(1.0, 1.0), loc="upper left")
     return figure
 
 

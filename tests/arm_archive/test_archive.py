@@ -28,17 +28,24 @@ from tests.arm_archive.lab import diagnosis, identification, record
 FRICTION = {"joint1.coulomb": (5.0, 0.1), "joint2.coulomb": (7.0, 0.2)}
 
 
-@pytest.fixture
-def lab(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Recordings and results of three months."""
+    folder = tmp_path_factory.mktemp("made")
     for month in range(3):
-        place = tmp_path / f"2026-{month + 1:02}"
+        place = folder / f"2026-{month + 1:02}"
         record(place / "fit.mcap", day=31 * month, lost=10 * month)
         record(place / "scara.mcap", day=31 * month + 1, rows=300, arm="My SCARA", experiment="held_out")
         values = {name: (value + month, std) for name, (value, std) in FRICTION.items()}
         identification(place / "identified", values, recorded=f"2026-{month + 1:02}-01T00:00:00+00:00")
         diagnosis(place / "diagnosed", 1e-3 * month or None, recorded=f"2026-{month + 1:02}-01T12:00:00+02:00")
-    return tmp_path
+    return folder
+
+
+@pytest.fixture
+def lab(made: Path, tmp_path: Path) -> Path:
+    """A copy of it, to be changed."""
+    return Path(shutil.copytree(made, tmp_path / "lab"))
 
 
 def rows_of(folder: Path, **filters: Any) -> list[dict[str, Any]]:
