@@ -16,6 +16,7 @@ from arm_io import InputError, check_plain, read_text
 from arm_model import Arm, read_model
 from comparison.change import Estimate, Quantity
 from comparison.diagnosed_causes import Entry, align, cause_sentences
+from comparison.identified_friction import curved_joints, friction_points, is_replaced
 from comparison.outcome import Comparison
 from comparison.significance import changes
 from comparison.wording import parameter_quantity
@@ -160,11 +161,17 @@ def _identified(result: Stored) -> dict[str, Entry]:
 
 
 def identified_entries(results: Sequence[Stored]) -> tuple[list[Quantity], list[dict[str, Entry]]]:
-    """The union of all base parameters, and what each result says of them."""
-    entries = [_identified(one) for one in results]
+    """The union of all base parameters, and what each result says of them; of friction curves at common speeds."""
+    entries, tables = [_identified(one) for one in results], [one.table for one in results]
+    arm, curved = results[0].arm, curved_joints(tables)
+    points, known = list[Quantity](), [dict[str, Entry]() for _ in results]
+    if arm is not None and curved:
+        points, known = friction_points(arm, tables, curved)
+        entries = [{name: e for name, e in one.items() if not is_replaced(name, curved)} for one in entries]
     names = dict.fromkeys(name for one in entries for name in one)
     units = {name: next(one[name][2] for one in entries if name in one) for name in names}
-    return [parameter_quantity(name, unit) for name, unit in units.items()], entries
+    quantities = [parameter_quantity(name, unit) for name, unit in units.items()]
+    return [*quantities, *points], [one | more for one, more in zip(entries, known)]
 
 
 def _align_identified(results: Sequence[Stored], before: int) -> tuple[list[Quantity], list[dict[str, Entry]]]:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from arm_io import InputError
 from arm_io.types import Progress
-from arm_model import Arm
+from arm_model import Arm, FrictionCurve
+from arm_model.friction_split import straightened
 from daq.recording import Recording
 from identification.methods import closed_loop, joint_by_joint, sequential
 from identification.methods.friction_tuning import simulated_error, tune_friction
-from identification.methods.inverse_dynamics import identify
+from identification.methods.inverse_dynamics import Shape, identify
 from identification.preprocessing.readiness import Readiness
 from identification.regression.conclusion import warnings_of_fit
 from identification.regression.equations import Friction
@@ -29,12 +31,20 @@ def identify_by(
     *,
     held_out: Sequence[Recording] = (),
     friction: Friction = "symmetric",
+    shape: Shape = "auto",
     progress: Progress = lambda _: None,
 ) -> Identification:
-    """Identifies ``arm`` from recordings by one of the methods; InputError where they cannot be used for it."""
+    """Identifies ``arm`` from recordings by one of the methods; InputError where they cannot be used for it.
+
+    ``shape`` of friction over speed: chosen by ols, wls and irls; the others keep the curves of the model.
+    """
+    if shape == "free" and method not in ("ols", "wls", "irls"):
+        raise InputError("--shape", f"free is determined by ols, wls and irls, not by {method}; use wls")
+    arm = straightened(arm) if shape == "straight" else arm
     match method:
         case "ols" | "wls" | "irls":
-            return identify(fit, arm, held_out=held_out, method=method, friction=friction, progress=progress)
+            how: dict[str, Any] = {"method": method, "friction": friction, "shape": shape}
+            return identify(fit, arm, held_out=held_out, **how, progress=progress)
         case "iv" | "didim":
             problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
             return closed_loop.identify_closed_loop(problem, method, progress=progress)
@@ -47,9 +57,13 @@ def identify_by(
 
 
 def own_friction(arm: Arm) -> Friction:
-    """Asymmetric where the model's viscous friction differs between the directions."""
-    uneven = any(joint.viscous[0] != joint.viscous[1] for joint in arm.joints)
+    """Asymmetric where the model's viscous friction or friction curve differs between the directions."""
+    uneven = any(joint.viscous[0] != joint.viscous[1] or _uneven(joint.friction_curve) for joint in arm.joints)
     return "asymmetric" if uneven else "symmetric"
+
+
+def _uneven(curve: FrictionCurve | None) -> bool:
+    return curve is not None and curve.positive != curve.negative
 
 
 def check_runs(

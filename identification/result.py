@@ -24,6 +24,8 @@ from identification.regression.effect_columns import definition, is_effect
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from identification.regression.friction_band import FrictionBand
+
 # Times the expected rms: at constant speed the steps of an encoder make tones, which are no noise.
 EXCESSIVE = 3.0
 
@@ -113,6 +115,8 @@ class Identification:
     compared    relative errors of other values on the same rows: name -> (fit, held out)
     extra       further entries of the file, by method
     runs        rows of each recording, and why some of them do not count
+    friction_bands  friction of each joint over its speed
+    smoothness  scale of that of friction curves, as a share of the joint's friction; None without a curve
     noise       errors of ``arm`` over the noise floor, of the held-out recordings or without any of the fitted ones;
                 None: not compared
     """
@@ -134,6 +138,8 @@ class Identification:
     extra: dict[str, Any] = field(default_factory=dict)
     runs: list[RunReadiness] = field(default_factory=list)
     noise: list[JointNoise] | None = None
+    friction_bands: list[FrictionBand] = field(default_factory=list)
+    smoothness: float | None = None
 
     def __repr__(self) -> str:
         fit, held_out = self.relative_error(False), self.relative_error(True)
@@ -251,6 +257,8 @@ class Identification:
             "compared": {
                 name: {"fit": _number(fit), "held_out": _number(held)} for name, (fit, held) in self.compared.items()
             },
+            "friction_curves": [band.to_json() for band in self.friction_bands],
+            "friction_smoothness": self.smoothness,
             **self.extra,
             "runs": [run.to_json() for run in self.runs],
             "warnings": self.warnings,

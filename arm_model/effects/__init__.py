@@ -3,7 +3,7 @@
 from arm_model.effects.catalogue import CATALOGUE, observed_by, same_columns, values_of
 from arm_model.effects.coefficients import solved, units
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
-from arm_model.effects.dissipation import dissipative, driven, effect_friction, speeds
+from arm_model.effects.dissipation import dissipative, driven, effect_friction, speeds, total_friction
 from arm_model.effects.observation import Excitation, Instrument, Observation, Scale, Span, Variable
 from arm_model.effects.terms import check_terms, described
 
@@ -29,6 +29,7 @@ __all__ = [
     "same_columns",
     "solved",
     "speeds",
+    "total_friction",
     "units",
     "values_of",
 ]

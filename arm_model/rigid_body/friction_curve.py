@@ -67,20 +67,39 @@ def unit_torques(speed: Sequence[float], v: Array, sign: Array) -> tuple[Array, 
     return found[0], found[1]
 
 
-LINE_POINTS = 100
-"""Speeds over the range of a curve at which the line nearest to it is determined."""
-
-
 def nearest_line(joint: Joint) -> tuple[float, float, float]:
     """Coulomb N m (N) and viscous N m s/rad (N s/m) friction at the joint nearest to all of a joint's friction.
 
-    The third: by how much it is off at most, N m (N), over the speeds of its curve; both directions are taken together.
+    The third: by how much it is off at most, N m (N), at the speeds of its curve; both directions are taken together.
     """
-    curve = joint.friction_curve
-    v = np.linspace(0.0, 1.0 if curve is None else curve.speed[-1], LINE_POINTS)
-    own = [joint.ratio * c + joint.ratio**2 * b * v for c, b in zip(joint.coulomb, joint.viscous)]
     level, slope = joint.ratio * sum(joint.coulomb) / 2, joint.ratio**2 * sum(joint.viscous) / 2
+    curve = joint.friction_curve
+    speed = np.array([0.0, 1.0] if curve is None else curve.speed)
+    own = total_at(joint, speed)
     if curve is not None:
-        own = [straight + curve_at(curve, v, way) for straight, way in zip(own, (1, -1))]
-        slope, level = np.polyfit(v, (own[0] + own[1]) / 2, 1)
-    return float(level), float(slope), float(max(np.abs(each - level - slope * v).max() for each in own))
+        level, slope = line_through(speed) @ ((own[0] + own[1]) / 2)
+    return float(level), float(slope), float(max(np.abs(each - level - slope * speed).max() for each in own))
+
+
+def total_at(joint: Joint, speed: Array) -> tuple[Array, Array]:
+    """(K,) twice N m (N): Coulomb, viscous friction and curve of a joint at speeds (K,) >= 0, positive and negative."""
+    own = [joint.ratio * c + joint.ratio**2 * b * speed for c, b in zip(joint.coulomb, joint.viscous)]
+    if joint.friction_curve is not None:
+        own = [straight + curve_at(joint.friction_curve, speed, way) for straight, way in zip(own, (1, -1))]
+    return own[0], own[1]
+
+
+def line_through(speed: Sequence[float] | Array) -> Array:
+    """(2, K) that maps values at K speeds to level and slope of the line nearest to the curve through them.
+
+    Least squares; a speed counts by the range that it stands for (the trapezoid rule).
+    """
+    v = np.asarray(speed, float)
+    root = np.sqrt(ranges(v))
+    return np.asarray(np.linalg.pinv(np.stack([np.ones_like(v), v], axis=1) * root[:, None]) * root)
+
+
+def ranges(v: Array) -> Array:
+    """(K,) the range of speed that each of K increasing speeds stands for."""
+    step = np.diff(v)
+    return (np.append(step, 0.0) + np.append(0.0, step)) / 2

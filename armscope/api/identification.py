@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 Method = Literal["ols", "wls", "irls", "iv", "didim", "motor-link", "sequence", "friction"]
 Friction = Literal["symmetric", "asymmetric"]
+Shape = Literal["auto", "straight", "free"]
 ONE_JOINT_A_RUN = ("motor-link", "sequence", "friction")
 """Methods for recordings in which most joints may stand still."""
 
@@ -28,6 +29,7 @@ def identify(
     held_out: Source | Sequence[Source] = (),
     method: Method = "wls",
     friction: Friction | None = None,
+    shape: Shape = "auto",
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
     """The dynamic parameters of an arm with standard deviations, base parameters and held-out error.
@@ -39,6 +41,8 @@ def identify(
                 motor-link: one joint per recording; sequence: one joint per recording, tip first; friction: tuned in
                 the simulated closed loop
     friction    asymmetric: viscous and Coulomb friction for each direction; None: as the model has viscous friction
+    shape       of friction over speed: straight, a line; free, a curve; auto, a curve at the joints where held-out data
+                justify it (ols, wls and irls only)
     Raises InputError where a recording does not belong to the arm or cannot be used by the method.
     """
     arm = read_model(model)
@@ -46,7 +50,8 @@ def identify(
     # Imported last: these libraries take a second, for which a wrong file need not wait.
     from identification import identify_by, own_friction
 
-    result = identify_by(method, fitted, arm, held_out=held, friction=friction or own_friction(arm), progress=progress)
+    kind = friction or own_friction(arm)
+    result = identify_by(method, fitted, arm, held_out=held, friction=kind, shape=shape, progress=progress)
     dates = [recording.date for recording in fitted if recording.date]
     result = replace(result, extra={**result.extra, "recorded": min(dates, default=None)})
     progress("comparing with the noise of the instruments")

@@ -36,6 +36,12 @@ class Friction(StrEnum):
     asymmetric = "asymmetric"
 
 
+class Shape(StrEnum):
+    auto = "auto"
+    straight = "straight"
+    free = "free"
+
+
 def command(
     run: Annotated[list[Path], typer.Argument(metavar="RUN.mcap...", help="recordings to fit")],
     model: Annotated[Path, typer.Option(metavar="MODEL.toml", help="geometry, drives and initial values")],
@@ -59,6 +65,13 @@ def command(
             "the model"
         ),
     ] = None,
+    shape: Annotated[
+        Shape,
+        typer.Option(
+            help="friction over speed: straight, a line (Coulomb and viscous); free, a curve; auto, a curve at the "
+            "joints where held-out data justify it"
+        ),
+    ] = Shape.auto,
     only_check: Annotated[
         bool,
         typer.Option("--check", help="only say what identify and diagnose would do with the recordings"),
@@ -86,7 +99,7 @@ def command(
             status.stop()
             _print_readiness(ready, as_json)
             return
-        result = identify(run, model, **chosen, progress=status.update)
+        result = identify(run, model, **chosen, shape=shape.value, progress=status.update)
         status.update("report")
         table = result.write(out)
     print(json.dumps(table) if as_json else f"{result}\n{out / 'report.html'}, identification.json, model.toml")

@@ -7,23 +7,24 @@ physically consistent arm (``conclusion``).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict, replace
+from typing import Literal
 
-import numpy as np
-
-from arm_io.types import Array, Progress
+from arm_io.types import Progress
 from arm_model import Arm
 from daq.recording import Recording
-from identification.regression.conclusion import conclude, physical_values, with_values
-from identification.regression.equations import Equations, Friction, model_values, shown_rows
-from identification.regression.least_squares import Fit, Method, least_squares
-from identification.regression.problem import Problem, prepare
-from identification.regression.uncertainty import uncertainty
-from identification.regression.weak_directions import held_note, held_to_the_model
+from identification.methods.free_friction import Trial, with_free_friction
+from identification.methods.solved import solved
+from identification.regression.conclusion import conclude
+from identification.regression.equations import Friction
+from identification.regression.friction_band import bands_of
+from identification.regression.least_squares import Method
+from identification.regression.problem import prepare
+from identification.regression.weak_directions import held_note
 from identification.result import Identification
 
-# Gauss-Newton steps of an arm with effects, at most; a step of fewer standard deviations is the last.
-STEPS, SETTLED = 8, 0.1
-SHORTEST = 1 / 16  # of a step
+Shape = Literal["auto", "straight", "free"]
+"""Friction over speed: a straight line, a curve, or whichever the held-out data justify, joint by joint."""
 
 
 def identify(
@@ -33,56 +34,22 @@ def identify(
     held_out: Sequence[Recording] = (),
     method: Method = "wls",
     friction: Friction = "symmetric",
+    shape: Shape = "auto",
     progress: Progress = lambda _: None,
 ) -> Identification:
     """Parameters of ``arm`` from recordings by least squares (``method`` ols, wls or irls), judged on ``held_out``.
 
     Without held-out recordings the first 70 % of the time predict the rest, and the result carries a warning. Raises
-    InputError where the recordings are unusable.
+    InputError where the recordings are unusable. ``shape`` other than "straight":
+    joints whose friction is a curve in the model keep one.
     """
     problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
-
-    def solve(rows: Equations) -> Fit:
-        return least_squares(rows.columns[:, problem.columns], rows.torque - problem.given(rows), rows.joint, method)
-
-    values, before, held = model_values(arm, friction), None, 0
-    for number in range(STEPS if arm.effects else 1):
-        progress(f"least squares, step {number + 1}" if arm.effects else "least squares")
-        best = solve(problem.rows)
-        progress("uncertainty")
-        spread = uncertainty(problem.rows.columns[:, problem.columns], problem.rows, best)
-        if method != "ols":  # which is the textbook's
-            best, held = held_to_the_model(problem, best, spread.information)
-        if not arm.effects or (before is not None and np.all(np.abs(best.values - before) < SETTLED * spread.std)):
-            break
-        before, values = (
-            best.values,
-            _towards(problem, values, physical_values(problem, best, spread.information), best),
-        )
-        problem = problem.around(with_values(problem, values))
-    else:
-        problem.warnings.append(
-            f"the effects did not settle in {STEPS} steps; is one of them far from what the model says?"
-        )
-    result = conclude(problem, method, best, spread, solve)
-    result.notes.extend(held_note(held, len(problem.excited)))
-    result.extra.update(held_directions=held, blocks=spread.blocks)
-    return result
-
-
-def _towards(problem: Problem, now: Array, wanted: Array, fit: Fit) -> Array:
-    """As far from the parameters ``now`` (p,) towards ``wanted`` as the arm shows the torques better.
-
-    A line search by halves.
-
-    Both are consistent arms, and so is all that lies between.
-    """
-
-    def cost(values: Array) -> float:
-        shown = shown_rows(with_values(problem, values), problem.arm, problem.motions)
-        return float(np.sum((fit.weight * (problem.rows.torque - shown)) ** 2))
-
-    least, length = cost(now), 1.0
-    while cost(now + length * (wanted - now)) > least and length > SHORTEST:
-        length /= 2
-    return now + length * (wanted - now)
+    found, trials = solved(problem, method, progress), list[Trial]()
+    if shape != "straight":
+        found, trials = with_free_friction(found, method, always=shape == "free", progress=progress)
+    result = conclude(found.problem, method, found.best, found.spread, found.solve)
+    result.notes.extend(held_note(found.held, len(found.problem.excited)))
+    result.extra.update(held_directions=found.held, blocks=found.spread.blocks)
+    result.extra["friction_trials"] = [asdict(trial) for trial in trials]
+    bands = bands_of(found.problem, result.arm, found.spread)
+    return replace(result, friction_bands=bands, smoothness=found.scale)

@@ -13,6 +13,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm, parameter, with_parameters
 from arm_model.effects import driven
+from arm_model.friction_split import completed
 from arm_model.servo import fixed_gains
 from daq.recording import Recording
 from identification.preprocessing import checks
@@ -57,6 +58,7 @@ def with_values(problem: Problem, physical: Array) -> Arm:
         values |= {f"joint{j}.offset": 0.0 for j in range(1, len(problem.arm) + 1)}
     # the real servo does not follow our estimates
     even = with_parameters(fixed_gains(problem.arm), values)
+    even = replace(even, joints=tuple(map(completed, even.joints)))
     if problem.friction == "asymmetric":
         return even
     now = dict(zip(problem.base.names, model_values(problem.arm, problem.friction)))

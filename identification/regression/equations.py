@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model import Arm, parameter
+from arm_model.friction_split import departures, follows
 from arm_model.rigid_body.regressor import parameter_names, parameter_vector, regressor
 from identification.preprocessing.aliased_ripple import drifting
 from identification.preprocessing.signals import (
@@ -72,6 +73,7 @@ def column_names(arm: Arm, friction: Friction) -> list[str]:
     symmetric   viscous, coulomb, offset: with a constant offset, Coulomb friction may differ by direction
     asymmetric  viscous_positive, viscous_negative, coulomb_positive, coulomb_negative; an offset could not be
                 identified separately from these
+    Of a friction curve those values from which the others follow (``arm_model.friction_split``).
     """
     described = [name for name in parameter_names(arm, friction=friction) if not _left_out(arm, name, friction)]
     return described + effect_parameters(arm)
@@ -105,7 +107,19 @@ def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Frict
         if joint.coulomb[0] != joint.coulomb[1]:
             sign = full[:, j, names.index(f"joint{j + 1}.coulomb")]
             full[:, j, names.index(f"joint{j + 1}.offset")] = sign**2
+    for j, joint in enumerate(arm.joints):
+        if joint.friction_curve is not None:
+            basis, kept = departures(joint.friction_curve.speed)
+            ends = ("_positive", "_negative") if friction == "asymmetric" else ("",)
+            for points in (curve_names(j, len(basis), end) for end in ends):
+                own = np.array([names.index(point) for point in points])
+                full[:, j, own[kept]] = full[:, j, own] @ basis
     return full[:, :, [k for k, name in enumerate(names) if not _left_out(arm, name, friction)]]
+
+
+def curve_names(j: int, count: int, direction: str) -> list[str]:
+    """Names of the values of the friction curve of joint j (from 0), for "_positive", "_negative" or both, ""."""
+    return [f"joint{j + 1}.curve{k}{direction}" for k in range(1, count + 1)]
 
 
 def model_values(arm: Arm, friction: Friction = "symmetric") -> Array:
@@ -133,6 +147,8 @@ def _left_out(arm: Arm, name: str, friction: Friction) -> bool:
     head, _, rest = name.partition(".")
     if rest == "offset":
         return friction == "asymmetric"
+    if rest.startswith("curve"):
+        return follows(arm.joints[int(head.removeprefix("joint")) - 1], rest)
     if rest != "rotor_inertia":
         return False
     # Without rotor and gear in the model, the rotor's inertia is part of what the joint moves: behind a gear it turns
@@ -156,6 +172,10 @@ def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int =
     limits = [joint.limits or ((-np.pi, np.pi) if joint.revolute else (-1.0, 1.0)) for joint in arm.joints]
     q = random.uniform([low for low, _ in limits], [high for _, high in limits], (count, len(arm)))
     qd, qdd = random.uniform(-2, 2, q.shape), random.uniform(-5, 5, q.shape)
+    for j, joint in enumerate(arm.joints):
+        if joint.friction_curve is not None:  # most of its speeds are low
+            speed = np.array([0.0, *joint.friction_curve.speed, 2 * joint.friction_curve.speed[-1]])
+            qd[:, j] = np.sign(qd[:, j]) * np.interp(random.uniform(size=count), np.linspace(0, 1, len(speed)), speed)
     columns = model_columns(arm, q, qd, qdd, friction, random.uniform(0.0, 60.0, count))
     return base_parameters(columns.reshape(-1, len(names)), names)
 

@@ -60,6 +60,29 @@ def least_squares(columns: Array, y: Array, joint: Joints, method: Method = "wls
     return fit
 
 
+def regularised(
+    columns: Array, y: Array, joint: Joints, method: Method, prior: tuple[Array, Joints, Array] | None
+) -> tuple[Fit, Array | None]:
+    """``least_squares`` with further rows of value 0, and these rows as they were weighted; without any, None.
+
+    prior: rows (r, b) in units of their own standard deviation, the joints (r,) that they are of, and the noise (J,) of
+    each joint's rows.
+    """
+    if prior is None:
+        return least_squares(columns, y, joint, method), None
+    rows, of, noise = prior
+    size = noise[of][:, None]
+    both = least_squares(
+        np.concatenate([columns, rows * size]),
+        np.concatenate([y, np.zeros(len(rows))]),
+        np.concatenate([joint, of]),
+        method,
+    )
+    count = len(y)
+    fit = Fit(both.values, both.weight[:count], both.residual[:count], both.scaled)
+    return fit, rows * size * both.weight[count:, None]
+
+
 def weighted(columns: Array, y: Array, weight: Array) -> Fit:
     """Least squares of weight * (y - columns beta) by a QR decomposition of the scaled columns."""
     values, triangle = _solved(triangle_of(np.column_stack([columns, y]) * weight[:, None]))

@@ -23,6 +23,7 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, effect_friction, speeds
+from arm_model.friction_split import unit_departure
 from arm_model.rigid_body.inertia import PARAMETERS
 from identification.regression.effect_columns import definition, is_effect
 
@@ -188,25 +189,33 @@ def friction_rows(arm: Arm, names: Sequence[str], top: Sequence[float] | Array) 
 
     Columns of what is no friction are zero.
     """
-    own = {"viscous": 1, "coulomb": 0}
     found = []
     for j in range(len(arm)):
         v = speeds(arm, j, float(top[j]))
-        held = {term.name: term.parameters for term in arm.effects if term.joint == j + 1}
-        for direction, side in ((1, "positive"), (-1, "negative")):
-            rows = np.zeros((len(v), len(names)))
-            for k, name in enumerate(names):
-                head, _, rest = name.partition(".")
-                kind, _, way = rest.partition("_")
-                if head != f"joint{j + 1}":
-                    continue
-                if kind in own and way in ("", side):
-                    rows[:, k] = v ** own[kind]
-                elif is_effect(name) and (effect := CATALOGUE[rest.split(".")[0]]).friction:
-                    linear = {p.name: float(p.name == rest.split(".")[1]) for p in effect.linear}
-                    rows[:, k] = effect_friction(effect, {**held[effect.name], **linear}, v, direction)
+        for direction in (1, -1):
+            rows = friction_at(arm, names, j, v, direction)
             found.append(rows[np.any(rows != 0, axis=1)])
     return np.concatenate([np.empty((0, len(names))), *found])
+
+
+def friction_at(arm: Arm, names: Sequence[str], j: int, v: Array, direction: int) -> Array:
+    """(k, p) N m (N) against the motion of joint j (from 0) at speeds v (k,) >= 0, per unit of each named parameter."""
+    own, side = {"viscous": 1, "coulomb": 0}, "positive" if direction > 0 else "negative"
+    held = {term.name: term.parameters for term in arm.effects if term.joint == j + 1}
+    rows = np.zeros((len(v), len(names)))
+    for k, name in enumerate(names):
+        head, _, rest = name.partition(".")
+        kind, _, way = rest.partition("_")
+        if head != f"joint{j + 1}":
+            continue
+        if kind in own and way in ("", side):
+            rows[:, k] = v ** own[kind]
+        elif way in ("", side) and (unit := unit_departure(arm.joints[j], kind, v)) is not None:
+            rows[:, k] = unit
+        elif is_effect(name) and (effect := CATALOGUE[rest.split(".")[0]]).friction:
+            linear = {p.name: float(p.name == rest.split(".")[1]) for p in effect.linear}
+            rows[:, k] = effect_friction(effect, {**held[effect.name], **linear}, v, direction)
+    return rows
 
 
 def _fill_friction(parameters: Array, rows: Array, names: Sequence[str]) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array, Progress
 from arm_model import Arm
+from arm_model.friction_split import split_arm
 from daq.recording import Recording
 from identification.preprocessing import checks
 from identification.preprocessing.aliased_ripple import folded_torque
@@ -144,6 +145,7 @@ def prepare(
     ``sparse``: the runs are of one joint each and need not excite the whole arm.
     """
     motions, held_motions, runs = motions_of(fit, held_out, arm, progress)
+    arm = split_arm(arm)
     # Ripples reach to the low-pass's edge, where both sides differ; leaving samples out would fold that onto the
     # motion.
     motions = [*map(with_reversals, motions)] if arm.effects else motions
@@ -163,12 +165,9 @@ def prepare(
     views = [motions, list(map(with_reversals, motions))]
     rows, judged = equations_of(arm, views, friction, base)
     held = equations(arm, held_motions, friction, base) if held_motions else None
-    shown = rows.columns[:, base.kept] / _spread(rows, arm)[:, None]
-    if len(shown) < (1 if sparse else 2) * len(base):
-        raise checks.too_short([recording.path for recording in fit], len(shown), len(base))
-    labels = [base.names[k] for k in base.kept]
-    excited = base_parameters(shown, labels, order=range(len(base)), negligible=EXCITED).kept
-    excited = np.sort(excited)
+    if len(rows) < (1 if sparse else 2) * len(base):
+        raise checks.too_short([recording.path for recording in fit], len(rows), len(base))
+    excited = excited_of(rows, base, arm)
     silent = [base.expression(int(k)) for k in np.setdiff1d(np.arange(len(base)), excited)]
     if silent and not sparse:
         warnings.append(
@@ -178,6 +177,13 @@ def prepare(
     return Problem(
         arm, friction, fit, held_out, motions, held_motions, rows, judged, held, base, excited, warnings, runs
     )
+
+
+def excited_of(rows: Equations, base: BaseParameters, arm: Arm) -> NDArray[np.intp]:
+    """Indices into the base parameters that these rows show, in order."""
+    shown = rows.columns[:, base.kept] / _spread(rows, arm)[:, None]
+    labels = [base.names[k] for k in base.kept]
+    return np.sort(base_parameters(shown, labels, order=range(len(base)), negligible=EXCITED).kept)
 
 
 def _spread(rows: Equations, arm: Arm) -> Array:

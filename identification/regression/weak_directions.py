@@ -55,14 +55,15 @@ def held_note(held: int, directions: int) -> list[str]:
 def _sizes(problem: Problem, information: Array) -> Array:
     """(b,) sizes of the excited base parameters: the sum of the magnitudes that the model adds up in each.
 
-    Each is at least LEAST of the largest of its unit; for a unit of which the model knows nothing, large enough to hold
-    nothing.
+    Each is at least LEAST of the largest of its unit; for a unit of which the model knows nothing, and for friction
+    curves, large enough to hold nothing.
     """
     size = np.abs(problem.base.grouping[problem.excited]) @ np.abs(model_values(problem.arm, problem.friction))
     units = np.array([unit_of(problem.base.names[column], problem.arm) for column in problem.columns])
     for unit in set(units):
         mine = units == unit
         size[mine] = np.maximum(size[mine], LEAST * size[mine].max())
-    unknown = size == 0
+    # friction curves are smoothed, which already says what these runs do not
+    unknown = (size == 0) | np.array([".curve" in problem.base.names[column] for column in problem.columns])
     size[unknown] = 1e3 / np.sqrt(np.maximum(np.diag(information)[unknown], 1e-300))
     return np.asarray(size)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import arm_report
 from arm_report import image, note, page, table, warning
-from identification.report import plots
+from identification.report import friction, plots
 
 if TYPE_CHECKING:
     from identification.result import Identification, Value
@@ -57,6 +57,11 @@ def report(result: Identification) -> str:
         "<h2>Predicted and measured</h2>",
         note(GAPS),
         *(image(figure, alt) for figure, alt in plots.predictions(result)),
+        "<h2>Friction over speed</h2>" if result.friction_bands else "",
+        note(friction.EXPLAINED) if result.friction_bands else "",
+        *(note(escape(sentence)) for sentence in friction.sentences(result)),
+        *(image(figure, alt) for figure, alt in friction.curves(result)),
+        friction.values(result),
         "<h2>Recordings</h2>",
         note(
             "Rows used per joint, and reasons for exclusion; delay of the torque relative to the motion; largest "
@@ -66,7 +71,7 @@ def report(result: Identification) -> str:
         _recordings(result),
         "<h2>Parameters</h2>",
         note(DEVIATIONS),
-        _values(result.base, "base parameter"),
+        _values([value for value in result.base if ".curve" not in value.name], "base parameter"),
         ""
         if result.condition != result.condition
         else f"<p>Condition number {result.condition:.3g} (columns scaled to the same size).</p>",

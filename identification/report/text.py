@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from identification.report.friction import sentences
 from identification.report.html import verdict
 
 if TYPE_CHECKING:
@@ -16,14 +17,15 @@ HEADS = ("value", "2 std", "(bootstrap)", "(formula)")
 
 
 def text(result: Identification) -> str:
-    """Parameters that these runs determine, sums that only appear together, warnings, and the verdict."""
+    """Parameters that these runs determine, sums that only appear together, friction, warnings, and the verdict."""
     base = {value.name for value in result.base}
-    named = [value for value in result.parameters if value.std is not None]
+    named = [value for value in result.parameters if value.std is not None and ".curve" not in value.name]
     names = {value.name for value in named}
-    sums = [value for value in result.base if value.name not in names]
+    sums = [value for value in result.base if value.name not in names and ".curve" not in value.name]
     lines = _table(named, "parameter")
     if sums and base:
         lines += _table(sums, "combination")
+    lines += sentences(result)
     lines += [f"warning: {warning}" for warning in result.warnings]
     return "\n".join([*lines, verdict(result)])
 

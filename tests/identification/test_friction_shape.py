@@ -1,0 +1,96 @@
+"""Friction that is no straight line over speed, of an arm in MuJoCo: found, smoothed, judged, written as printed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armscope
+from arm_model import read_model
+from armscope.cli import run
+from tests.diagnosis.rubbing_arm import Law, humped, recording, stranger
+
+
+def straight(v: np.ndarray) -> np.ndarray:
+    return np.array([9.0, 10.0, 5.0]) + np.array([8.0, 9.0, 5.0]) * v
+
+
+def _identified(folder: Path, law: Law) -> armscope.Identification:
+    fit, held_out = (recording(folder / f"{seed}.mcap", law, seed, seconds=24.0) for seed in (1, 3))
+    return armscope.identify(fit, stranger(folder / "model.toml"), held_out=held_out)
+
+
+@pytest.fixture(scope="module")
+def curved(tmp_path_factory: pytest.TempPathFactory) -> tuple[armscope.Identification, Path]:
+    folder = tmp_path_factory.mktemp("curved")
+    result = _identified(folder, humped)
+    result.write(folder / "out")
+    return result, folder
+
+
+def test_a_hump_and_a_power_are_found_within_their_deviations(curved: tuple[armscope.Identification, Path]) -> None:
+    result, _ = curved
+    assert [(band.joint, band.direction, band.curve) for band in result.friction_bands] == [
+        (joint, 0, True) for joint in (1, 2, 3)
+    ]
+    off = []
+    for band in result.friction_bands:
+        truth = np.array([humped(np.full(3, v))[band.joint - 1] for v in band.speed])
+        off += ((band.torque - truth) / band.std).tolist()
+        known = band.std < 0.01 * truth
+        assert known.mean() > 0.5
+        np.testing.assert_allclose(band.torque[known], truth[known], rtol=0.01)
+    assert np.mean(np.abs(off) < 2) > 0.85
+    assert np.abs(off).max() < 5
+
+
+def test_the_curve_makes_the_held_out_error_noise(curved: tuple[armscope.Identification, Path]) -> None:
+    result, _ = curved
+    trials = result.extra["friction_trials"]
+    assert all(trial["stays"] and trial["curve"] < 0.5 * trial["straight"] for trial in trials)
+    assert result.noise is not None
+    assert max(one.ratio for one in result.noise) < 1.3
+
+
+def test_what_is_written_is_what_was_printed(
+    curved: tuple[armscope.Identification, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    result, folder = curved
+    table = json.loads((folder / "out/identification.json").read_text())
+    arm = read_model(folder / "out/model.toml")
+    for entry in table["friction_curves"]:
+        joint = arm.joints[entry["joint"] - 1]
+        assert joint.friction_curve is not None
+        assert joint.friction_curve.speed == pytest.approx(entry["speed"])
+        total = joint.ratio * joint.coulomb[0] + joint.ratio**2 * joint.viscous[0] * np.array(entry["speed"])
+        np.testing.assert_allclose(total + joint.friction_curve.positive, entry["torque"], rtol=1e-9)
+    (again,) = armscope.predict(folder / "3.mcap", folder / "out/model.toml")
+    assert again.relative_error == pytest.approx(table["relative_error"]["held_out"], rel=1e-6)
+    assert "friction of joint 3: a curve of free shape through" in str(result)
+    assert "Friction over speed" in (folder / "out/report.html").read_text()
+    assert run(["model", str(folder / "out/model.toml")]) == 0
+    assert "joint 2: friction curve beside them" in capsys.readouterr().out
+
+
+def test_a_curve_in_the_model_is_identified_again_to_the_same(curved: tuple[armscope.Identification, Path]) -> None:
+    result, folder = curved
+    again = armscope.identify(folder / "1.mcap", folder / "out/model.toml", held_out=folder / "3.mcap")
+    for band, other in zip(result.friction_bands, again.friction_bands):
+        assert np.all(np.abs(band.torque - other.torque) < 0.5 * band.std + 1e-3 * band.torque)
+    assert "as in the model" in str(again)
+
+
+def test_straight_friction_stays_straight(tmp_path: Path) -> None:
+    result = _identified(tmp_path, straight)
+    assert not any(band.curve for band in result.friction_bands)
+    assert all(joint.friction_curve is None for joint in result.arm.joints)
+    assert "friction of joint 1: Coulomb and viscous (a curve is not justified" in str(result)
+
+
+def test_a_shape_is_refused_where_the_method_has_none(tmp_path: Path) -> None:
+    fit = recording(tmp_path / "1.mcap", straight, 1, seconds=5.0)
+    with pytest.raises(armscope.InputError, match="--shape: free is determined by ols, wls and irls"):
+        armscope.identify(fit, stranger(tmp_path / "model.toml"), method="iv", shape="free")
