@@ -113,13 +113,18 @@ def _drive_columns(arm: Arm, j: int, qd: Array, qdd: Array, friction: Friction) 
     return block
 
 
-def curve_columns(arm: Arm, j: int, qd: Array, friction: Friction) -> Array:
-    """(N, n, K or 2 K) torques of unit values of the friction curve of joint j (from 0) at its speeds qd (N,)."""
+def curve_columns(arm: Arm, j: int, qd: Array, friction: Friction, *, alone: bool = False) -> Array:
+    """(N, n, K or 2 K) torques of unit values of the friction curve of joint j (from 0) at its speeds qd (N,).
+
+    ``alone``: (N, K or 2 K), of joint j itself.
+    """
     joint = arm.joints[j]
     if joint.friction_curve is None:
         return np.zeros((len(qd), len(arm), 0))
     sides = unit_torques(joint.friction_curve.speed, qd, scalar.smooth_sign(qd, joint.sign_velocity))
     columns = np.concatenate(sides, axis=1) if friction == "asymmetric" else sides[0] + sides[1]
+    if alone:
+        return columns
     block = np.zeros((len(qd), len(arm), columns.shape[-1]))
     block[:, j] = columns
     return block

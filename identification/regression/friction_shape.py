@@ -24,6 +24,7 @@ from identification.preprocessing.signals import (
     equation_rows,
     equation_weight,
     parallel_filter,
+    parallel_window,
     with_reversals,
 )
 from identification.regression.equations import Equations, column_names, curve_names, structural_base
@@ -97,12 +98,23 @@ def _columns_of(problem: Problem, motions: Sequence[Motion], j: int) -> dict[str
     names = [name for end in ends for name in np.array(curve_names(j, len(basis), end))[kept].tolist()]
     parts = []
     for motion in motions:
-        unit = curve_columns(problem.arm, j, motion.qd[:, j], problem.friction)[:, j]
-        unit = np.concatenate([part @ basis for part in np.split(unit, len(ends), axis=1)], axis=1)
-        filtered = parallel_filter(motion, unit * equation_weight(motion)[:, j, None])
+        filtered = _filtered(problem, motion, j, basis)
         of, row = np.nonzero(equation_rows(motion)[1].T)
         parts.append(np.where((of == j)[:, None], filtered[row], 0.0))
     return dict(zip(names, np.concatenate(parts).T))
+
+
+def _filtered(problem: Problem, motion: Motion, j: int, basis: Array) -> Array:
+    """(k, columns) of one joint's curve through the parallel filter; a stretch at a time, to save memory."""
+    window, step = parallel_window(motion)
+    weight, kept = equation_weight(motion)[:, j], (len(motion.t) - window) // step + 1
+    stretch, parts = max(1, 4 * window // step), list[Array]()
+    for first in range(0, kept, stretch):
+        rows = slice(first * step, (min(first + stretch, kept) - 1) * step + window)
+        unit = curve_columns(problem.arm, j, motion.qd[rows, j], problem.friction, alone=True)
+        unit = np.concatenate([part @ basis for part in np.split(unit, unit.shape[1] // len(basis), axis=1)], axis=1)
+        parts.append(parallel_filter(motion, unit * weight[rows, None]))
+    return np.concatenate(parts)
 
 
 @dataclass(frozen=True)
