@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial
 
+from scipy import stats
+
 from arm_model import Arm
 from arm_model.effects import CATALOGUE
 from daq.recording import Recording
@@ -178,14 +180,13 @@ def _of_search(found: Found) -> list[Cause]:
 
 
 def _indistinct(causes: Sequence[Cause]) -> int | None:
-    """The first cause without a linear parameter that differs significantly from zero.
-
-    The many parameters of a link are exempt: they are significant together, not one by one.
-    """
+    """The first cause without a linear parameter that differs significantly from zero, corrected for their number."""
     for index, cause in enumerate(causes):
         sizes = {p.name for p in CATALOGUE[cause.effect].linear}
         values = [p for p in cause.parameters if p.name in sizes]
-        if 0 < len(values) < LIMITS.few_sizes and all(abs(p.value) < LIMITS.significant_sizes * p.std for p in values):
+        # of k parameters without any effect, one exceeds it as often as one alone exceeds the limit
+        limit = float(stats.norm.isf(stats.norm.sf(LIMITS.significant_sizes) / max(len(values), 1)))
+        if values and all(abs(p.value) < limit * p.std for p in values):
             return index
     return None
 

@@ -12,6 +12,7 @@ from arm_io import InputError
 from arm_model import Arm, EffectTerm
 from arm_model.effects import described
 from diagnosis.cause import Cause, Estimate
+from diagnosis.find_causes import _indistinct
 from diagnosis.measurements.currents.possible import exists, impossible
 
 
@@ -49,6 +50,23 @@ def test_a_moment_of_inertia_is_neither_negative_nor_larger_than_the_other_two(a
     assert impossible(arm, [good, _cause("link_inertia", 3, izz=(-3.0, 0.1))]) == 1
     assert impossible(arm, [_cause("link_inertia", 3, ixx=(5.0, 0.1))]) == 0
     assert impossible(arm, [_cause("rotor_inertia", 2, inertia=(-40.0, 0.1))]) == 0
+
+
+def test_a_link_of_two_kilograms_has_no_negative_inertia_nor_less_than_its_mass_has_there(arm: Arm) -> None:
+    assert impossible(arm, [_cause("link_inertia", 4, mass=(1.2, 0.1), izz=(-1.13, 0.3))]) == 0
+    # a first moment of 2 kg m of a link of 0.8 kg, without the inertia that the mass has out there
+    assert impossible(arm, [_cause("link_inertia", 4, mx=(2.0, 0.1))]) == 0
+    body = _cause("link_inertia", 4, mass=(1.0, 0.1), mx=(0.1, 0.01), iyy=(0.03, 1e-3), izz=(0.03, 1e-3))
+    assert impossible(arm, [body]) is None
+
+
+def test_ten_values_within_two_deviations_of_zero_are_no_cause(arm: Arm) -> None:
+    nothing = dict.fromkeys(("mass", "mx", "my", "mz", "ixx", "iyy", "izz", "ixy", "iyz", "ixz"), (1.8, 1.0))
+    assert _indistinct([_cause("link_inertia", 6, **nothing)]) == 0
+    # one in ten is beyond two deviations by chance in every third case
+    assert _indistinct([_cause("link_inertia", 6, **{**nothing, "mass": (2.5, 1.0)})]) == 0
+    assert _indistinct([_cause("link_inertia", 6, **{**nothing, "mass": (3.5, 1.0)})]) is None
+    assert _indistinct([_cause("current_offset", 6, offset=(2.5, 1.0))]) is None
 
 
 def test_what_the_data_says_nothing_of_is_not_impossible(arm: Arm) -> None:

@@ -19,6 +19,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.shortage import Shortage
 from diagnosis.measurements.currents.structure_share import predictable
+from diagnosis.remaining import Remaining
 from diagnosis.report.tables import unseen
 from diagnosis.report.wording import either, estimate, gain, sentence
 from tests.diagnosis.runs import group_of, seen
@@ -48,6 +49,21 @@ class Verdict:
 )
 def test_numbers_have_the_digits_that_their_doubt_leaves(one: Estimate, said: str) -> None:
     assert estimate(one) == said
+
+
+def test_no_sentence_calls_noise_what_a_table_shows_above_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Joint 2 at 1.7 times the noise along the motion, joint 3 at 4 times in closed loop on the fitted recordings."""
+    quiet = Remaining(joint=1, verdict="consistent", along={"fit": 0.9, "held_out": 1.0}, in_loop={"held_out": 2.0})
+    loud = Remaining(joint=2, verdict="explained", along={"fit": 1.0, "held_out": 1.7})
+    in_loop = Remaining(joint=3, verdict="consistent", along={"fit": 1.0}, in_loop={"fit": 4.0, "held_out": 1.2})
+    result = cast(Diagnosis, Verdict("explained", [group_of(("backlash", 3), felt_at=3)]))
+    for left, said in (
+        ([quiet], "The residual is noise."),
+        ([quiet, loud], "Above the noise: joint 2 at 1.7 times the noise in held-out recordings."),
+        ([in_loop], "Above the noise: joint 3 in closed loop at 4.0 times the noise in fitted recordings."),
+    ):
+        monkeypatch.setattr("diagnosis.report.wording.remaining", lambda result, left=left: left)
+        assert sentence(result) == f"Explained: backlash of joint 3. {said}"
 
 
 def test_a_group_is_never_told_as_one_lucky_member() -> None:

@@ -36,8 +36,8 @@ class CurrentLimits(Limits):
     makeshift_leave          ... if that function leaves at most this share of what they explain more
     superfluous              share of its gain that a cause must keep conditional on unexplained structure, or it was a
                              name for part of that
-    significant_sizes        std that some linear parameter of a cause must be from zero ...
-    few_sizes                ... if there are fewer: more are determined together, not one by one
+    significant_sizes        std that the linear parameter of a cause must be from zero; of several, one, by so many
+                             more that it is as unlikely by chance
     body_deviations          std by which the mass of a body must be positive, and its second moments may be negative
     searched_again           refuted causes in whose place another is searched; what has no better name by then is
                              unexplained
@@ -70,7 +70,6 @@ class CurrentLimits(Limits):
     makeshift_leave: float = 0.1
     superfluous: float = 0.5
     significant_sizes: float = 2.0
-    few_sizes: int = 5
     body_deviations: float = 3.0
     searched_again: int = 2
     structure_gain: float = 0.15

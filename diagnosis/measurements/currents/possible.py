@@ -11,11 +11,13 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm, Joint
 from arm_model.effects import described
-from arm_model.rigid_body.inertia import barycentric, tensor
+from arm_model.rigid_body.inertia import PARAMETERS, barycentric, tensor
 from diagnosis.cause import Cause, extend
 
-DEVIATIONS = 3.0
+DEVIATIONS = 2.0
 """std by which a size must miss what a body may have to be impossible."""
+DUST = 1e-9
+"""Relative rounding errors."""
 
 
 def exists(arm: Arm, terms: Iterable[EffectTerm]) -> bool:
@@ -30,8 +32,9 @@ def exists(arm: Arm, terms: Iterable[EffectTerm]) -> bool:
 def impossible(arm: Arm, causes: Sequence[Cause]) -> int | None:
     """The first cause that no body has; None where all are possible.
 
-    A link's second moments of mass about the axes of its frame, and its rotor's inertia, may not be negative by more
-    than DEVIATIONS. A parameter that the data says nothing of has a std as large as typical values, and passes.
+    A link's pseudo-inertia (its mass, centre of mass and second moments of mass: Wensing, Kim, Slotine, IEEE RA-L 3(1),
+    2018) is positive definite for every body, and its rotor's inertia positive; neither may miss that by more than
+    DEVIATIONS. A parameter that the data says nothing of has a std as large as typical values, and passes.
     """
     for index, cause in enumerate(causes):
         terms = extend(replace(arm, effects=()), [cause]).effects
@@ -42,25 +45,34 @@ def impossible(arm: Arm, causes: Sequence[Cause]) -> int | None:
         std = {p.name: p.std for p in cause.parameters}
         now = arm.joints[cause.joint - 1]
         changed = described(replace(arm, effects=(*arm.effects, *terms))).joints[cause.joint - 1]
-        # a published set that no body has is not the fault of a cause
-        least, doubt = np.minimum(_sizes(now), 0.0), _doubt(std)
-        dust = 1e-9 * np.abs(_sizes(now)).max()
-        if (_sizes(changed) < least - DEVIATIONS * doubt - dust).any():
+        turns = changed.ratio**2 * changed.rotor_inertia
+        if turns < -DEVIATIONS * std.get("inertia", 0.0) - DUST or _misses(now, changed, std):
             return index
     return None
 
 
-def _sizes(joint: Joint) -> Array:
-    """(4,) kg m2 that no body has below 0.
+def _misses(now: Joint, changed: Joint, std: dict[str, float]) -> bool:
+    """Whether the changed link misses a body by more than DEVIATIONS, and by more than the model's own link does.
 
-    int x^2 dm = (iyy + izz - ixx) / 2 in the link's frame, likewise y and z: the triangle inequality; and the rotor at
-    the joint.
+    The smallest eigenvalue of its pseudo-inertia, with the std of that by the parameters of the cause.
     """
-    moments = np.diag(tensor(barycentric(joint.mass, joint.com, joint.inertia)[4:]))
-    return np.append(np.sum(moments) / 2 - moments, joint.ratio**2 * joint.rotor_inertia)
+    before, after = (np.linalg.eigh(_pseudo_inertia(_barycentric(joint))) for joint in (now, changed))
+    along = after.eigenvectors[:, 0]
+    slopes = np.array([along @ _pseudo_inertia(unit) @ along for unit in np.eye(len(PARAMETERS))])
+    doubt = float(np.linalg.norm(slopes * [std.get(name, 0.0) for name in PARAMETERS]))
+    least = min(float(before.eigenvalues[0]), 0.0)  # a published set that no body has is not the fault of a cause
+    return bool(after.eigenvalues[0] < least - DEVIATIONS * doubt - DUST * float(np.abs(before.eigenvalues).max()))
 
 
-def _doubt(std: dict[str, float]) -> Array:
-    """(4,) std of ``_sizes``, of the parameters of a cause; those that it has not are known."""
-    moments = np.linalg.norm([std.get(name, 0.0) for name in ("ixx", "iyy", "izz")]) / 2
-    return np.array([moments, moments, moments, std.get("inertia", 0.0)])
+def _barycentric(joint: Joint) -> Array:
+    return np.asarray(barycentric(joint.mass, joint.com, joint.inertia), float)
+
+
+def _pseudo_inertia(parameters: Array) -> Array:
+    """(4, 4) of barycentric parameters (10,): [[tr(I)/2 1 - I, h], [h^T, m]]."""
+    about = np.asarray(tensor(parameters[4:]), float)
+    matrix = np.zeros((4, 4))
+    matrix[:3, :3] = np.trace(about) / 2 * np.eye(3) - about
+    matrix[:3, 3] = matrix[3, :3] = parameters[1:4]
+    matrix[3, 3] = parameters[0]
+    return matrix
