@@ -89,8 +89,8 @@ def _agreed(without: Array, with_it: Array) -> bool:
     """
     fall = without - with_it
     others = float(np.sum(fall) - fall.max())
-    left = float(np.sum(with_it)) / float(np.sum(without))
-    return others > OTHERS and float(fall.min()) > -WORSE * others and left < LEFT
+    explained = float(np.sum(with_it)) < LEFT * float(np.sum(without))
+    return others > OTHERS and float(fall.min()) > -WORSE * others and explained
 
 
 def put_back(values: Array, t: Array, steps: Sequence[Step]) -> Array:
