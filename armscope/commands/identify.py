@@ -105,6 +105,10 @@ def command(
     print(json.dumps(table) if as_json else f"{result}\n{out / 'report.html'}, identification.json, model.toml")
 
 
+WIDE = 160
+"""Columns of a table that no terminal shows."""
+
+
 def _print_readiness(ready: Readiness, as_json: bool) -> None:
     from rich.console import Console
     from rich.table import Table
@@ -112,7 +116,8 @@ def _print_readiness(ready: Readiness, as_json: bool) -> None:
     if as_json:
         print(json.dumps(ready.to_json()))
         return
-    console = Console(highlight=False)
+    # a file or a pipe has no width: nothing is cut there
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else WIDE)
     for run in ready.runs:
         console.print(f"{run.run}: {run.rows} rows of {run.period * 1e3:.4g} ms", markup=False, soft_wrap=True)
         table = Table(box=None, pad_edge=False)

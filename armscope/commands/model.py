@@ -70,6 +70,8 @@ def command(
         _update(into, arm, out, tip)
     elif out is not None:
         _write(out, arm)
+        if model.suffix == ".urdf" and out.suffix == ".toml":
+            print(f"note: {_motors(out, arm)}", file=sys.stderr)
     if by is not None and equations is None:
         raise InputError("--by", "needs --equations text, latex, python or c")
     if equations is not None:
@@ -80,6 +82,15 @@ def command(
         return
     summary = _summary(arm)
     print(json.dumps(summary) if as_json else _text(summary))
+
+
+def _motors(out: Path, arm: Arm) -> str:
+    """What a person has to add to a model that comes from URDF, which has no place for motors."""
+    gears = "" if any(joint.gear != 1.0 for joint in arm.joints) else "gear (turns of the motor per turn) and "
+    return (
+        f"URDF has no motors: add {gears}torque_constant (N m/A of the motor) to each [[joint]] of {out}; until then a "
+        "current i counts as the torque of the joint, N m"
+    )
 
 
 def _read(path: Path, tip: str | None) -> Arm:
