@@ -89,3 +89,9 @@ class RecordingHead:
     def _toml(self, name: str) -> dict[str, Any] | None:
         data = self.attachments.get(name)
         return None if data is None else toml_of(data.decode(), f"{self.path}: {name}")
+
+
+def current_unit(recording: RecordingHead) -> str:
+    """Of ``i``: A, N m (torques at the joint), or "drive": an imported table may be in the drive's own unit."""
+    unit: str = recording.provenance.get("current_unit", "")
+    return unit or ("drive" if recording.provenance.get("kind") == "imported" else "A")

@@ -9,13 +9,14 @@ from arm_io import InputError
 from arm_report import image, table, warning
 from daq.recording.losses import Account, sentences
 from daq.recording.messages.row_format import JOINT_TOPICS
-from daq.recording.reader import Recording
 from daq.recording.tables.exported import columns_of, units_of
 
 if TYPE_CHECKING:
     import pandas
     import xarray
     from matplotlib.figure import Figure
+
+    from daq.recording.reader import Recording
 
 POINTS = 600
 """Of a line in the small picture; of a longer recording every so many rows are drawn."""

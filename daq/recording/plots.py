@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.recording.blocks import LongRecording
-from daq.recording.head import RecordingHead
-from daq.recording.reader import Recording
-from daq.recording.summary import current_unit
+from daq.recording.head import RecordingHead, current_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from daq.recording.blocks import LongRecording
+    from daq.recording.reader import Recording
 
 POINTS = 4000
 """Of a drawn line; of longer ones each stretch is drawn by its lowest and highest value."""

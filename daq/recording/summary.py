@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.recording.blocks import LongRecording
-from daq.recording.head import RecordingHead
+from daq.recording.head import RecordingHead, current_unit
 from daq.recording.mcap_file.checksums import SENTENCES, verify
 from daq.recording.mcap_file.pages import mapped
 from daq.recording.messages.row_format import JOINT_TOPICS, format_of
@@ -76,12 +76,6 @@ def verification_table(path: Path) -> dict[str, Any]:
         "records": found.records,
         "damages": [damage.sentence for damage in found.damages],
     }
-
-
-def current_unit(recording: RecordingHead) -> str:
-    """Of ``i``: A, N m (torques at the joint), or "drive": an imported table may be in the drive's own unit."""
-    unit: str = recording.provenance.get("current_unit", "")
-    return unit or ("drive" if recording.provenance.get("kind") == "imported" else "A")
 
 
 class _Statistics:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from arm_io.types import Array
-from daq.recording.head import RecordingHead
-from daq.recording.reader import Recording
-from daq.recording.summary import current_unit
+from daq.recording.head import RecordingHead, current_unit
+
+if TYPE_CHECKING:
+    from daq.recording.reader import Recording
 
 
 def columns_of(block: Recording) -> dict[str, Array]:
