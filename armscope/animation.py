@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 ENDINGS = (".mp4", ".gif", ".html")
 MOST_FRAMES = 3000
 """Two minutes at 25 frames per second; more take longer to draw than to watch."""
+MOST_OF_GIF = 600
+"""Pillow has all of a GIF in memory, 0.6 MB per frame."""
 TRAIL = 400
 """Instants for which the way of the tool stays visible."""
 FINE = 1000
@@ -61,14 +63,15 @@ class Instants:
     fps: float
 
 
-def instants(seconds: float, fps: float, speed: float) -> Instants:
+def instants(seconds: float, fps: float, speed: float, ending: str = ".mp4") -> Instants:
     """The instants of an animation of so many seconds.
 
-    InputError where there would be more than ``MOST_FRAMES``.
+    InputError where there would be more frames than ``MOST_FRAMES``, or ``MOST_OF_GIF`` of a .gif.
     """
-    count = int(seconds * fps / speed) + 1
-    if count > MOST_FRAMES:
-        raise InputError("--animate", f"{count} frames for {seconds:.0f} s; at most {MOST_FRAMES}: raise --speed")
+    count, most = int(seconds * fps / speed) + 1, MOST_OF_GIF if ending == ".gif" else MOST_FRAMES
+    if count > most:
+        other = ", or write .mp4" if ending == ".gif" else ""
+        raise InputError("--animate", f"{count} frames for {seconds:.0f} s; at most {most}: raise --speed{other}")
     every = -(-FINE // count)
     return Instants(np.asarray(np.arange((count - 1) * every + 1) * (speed / fps / every), float), every, fps)
 
@@ -122,6 +125,9 @@ def animate(
     check_animation(path)
     scene = _Scene(chain, when.t, measured, other)
     with whole_path(path) as place:
+        if path.suffix.lower() == ".gif":
+            _write_gif(place, scene, when, progress)
+            return
         writer = _writer(path, when.fps)
         try:
             with writer.saving(scene.figure, str(place), dpi=90):
@@ -199,12 +205,29 @@ class _Scene:
         self._title.set_text(f"t = {self._t[instant]:.2f} s")
 
 
+def _write_gif(place: Path, scene: _Scene, when: Instants, progress: Callable[[float], None]) -> None:
+    """Frames of 256 colours, drawn as pillow asks for them: what is kept of each is where it differs from the last."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    canvas = FigureCanvasAgg(scene.figure)
+    scene.figure.set_dpi(90)
+
+    def frames() -> Iterator[Image.Image]:
+        for instant in range(0, len(when.t), when.every):
+            scene.show(instant)
+            canvas.draw()
+            progress((instant + 1) / len(when.t))
+            yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(64)
+
+    drawn = frames()
+    next(drawn).save(place, "GIF", save_all=True, append_images=drawn, duration=round(1000 / when.fps), loop=0)
+
+
 def _writer(path: Path, fps: float) -> AbstractMovieWriter:
     from matplotlib import animation, rc_context, rcParams
 
     match path.suffix.lower():
-        case ".gif":
-            return animation.PillowWriter(fps=round(fps))
         case ".html":
             with rc_context({"animation.embed_limit": 500.0}):
                 return animation.HTMLWriter(fps=round(fps), embed_frames=True)

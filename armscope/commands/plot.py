@@ -91,7 +91,7 @@ def _animate(path: Path, data: list[LongRecording], model: Path | None, fps: flo
             raise InputError(recording.path, f"has {recording.joints} joints, the model has {len(chain)}")
     if not len(data[0]):
         raise InputError(data[0].path, "has no rows")
-    when = instants(data[0].duration, fps, speed)
+    when = instants(data[0].duration, fps, speed, path.suffix.lower())
     measured, demanded = movements(data[0], when.t, data[0].path.stem)
     other = None if demanded is None else Movement("demanded", demanded)
     if len(data) > 1:
