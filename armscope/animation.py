@@ -97,6 +97,21 @@ def movements(recording: LongRecording, t: Array, name: str) -> tuple[Movement, 
     return Movement(name, q, None if np.isnan(point).all() else point), demanded if there else None
 
 
+def chain_in(recording: LongRecording) -> Chain | None:
+    """The arm of the model in a recording; None where it has none, or one of another number of joints.
+
+    InputError where the model is wrong.
+    """
+    from arm_io import toml_of
+    from arm_model import arm_of
+    from arm_model.collision import chain_of
+
+    if recording.model is None:
+        return None
+    chain = chain_of(arm_of(toml_of(recording.model, recording.path), recording.path))
+    return chain if len(chain) == recording.joints else None
+
+
 def sticks(chain: Chain, q: Array) -> Array:
     """(k, 2 n + 2, 3) m: the points that a stick figure joins, from the base over each joint's axis to the tool."""
     frames = chain.frames(q)

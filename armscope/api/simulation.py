@@ -14,6 +14,7 @@ import numpy as np
 from arm_io import InputError, read_text
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm, Motion, write_model
+from arm_model.collision import chain_of
 from arm_model.effects.description_errors import PAYLOAD
 from arm_model.sensing import Readings, recorded
 from arm_model.simulation import Demand, Sampled, servo_period
@@ -188,6 +189,7 @@ def simulate(
             model=_text(model, write_model),
             experiment=task.experiment,
             provenance=provenance("simulated", source=source),
+            chain=chain_of(task.arm),
         ),
     )
 

@@ -19,6 +19,7 @@ from daq.recording.tables import Mapping, guessed, open_source, read_blocks, rea
 from daq.rig import read_rig
 
 if TYPE_CHECKING:
+    from arm_clearance import Chain
     from daq.rig import Rig
 
 
@@ -72,6 +73,7 @@ def command(
         rig=None if rig is None else read_text(rig),
         model=None if model is None else read_text(model),
         provenance=provenance("imported", source=_identity(table), **details),
+        chain=_chain(model, first.joints),
     )
     write_blocks(out, first, blocks, attachments, joints=names or getattr(source, "joints", ()))
     rows, seconds = blocks.rows, blocks.last - float(first.t[0])
@@ -121,6 +123,16 @@ def _unit(mapping: Mapping, per_current: list[float] | None) -> str:
     """Of ``i`` in the recording."""
     unit = mapping.units.get("i", "drive")
     return "A" if unit == "mA" or (mapping.torques and per_current) else unit
+
+
+def _chain(model: Path | None, joints: int) -> Chain | None:
+    """The arm for viewers; None where the rig has no model, or one of another number of joints."""
+    from arm_model.collision import read_chain
+
+    if model is None:
+        return None
+    chain = read_chain(model)
+    return chain if len(chain) == joints else None
 
 
 def _torque_per_current(rig: Rig | None) -> list[float] | None:

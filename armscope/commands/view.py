@@ -6,15 +6,20 @@ import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from arm_io import InputError
+from arm_model.collision import read_chain
+from armscope.animation import chain_in
 from armscope.shipped import shipped_folder
 from daq.recording import open_long
-from daq.rig import read_rig
+from daq.rig import chain_of, read_rig
 from daq.service import Columns, LiveView, Subscriber, blocks_of, keys_of, open_session, paced
+
+if TYPE_CHECKING:
+    from arm_clearance import Chain
 
 MAY_BE_INFINITE = ("--speed",)
 
@@ -33,11 +38,11 @@ def command(
         rig = read_rig(source, drivers=False)
         joints = [joint.name or f"joint{number}" for number, joint in enumerate(rig.joint, 1)]
         with open_session(rig, listen=False) as session, Subscriber(session, keys_of(rig.name), latest=20) as rows:
-            _show(rig.name, joints, port, _live(rows))
+            _show(rig.name, joints, port, _live(rows), chain_of(rig, read_chain))
     else:
         recording = open_long(source, damaged=True)
         blocks = (block for _, block in paced(blocks_of(recording), speed))
-        _show(str(source), recording.layout.joints, port, blocks)
+        _show(str(source), recording.layout.joints, port, blocks, chain_in(recording))
 
 
 def _live(subscriber: Subscriber) -> Iterator[Columns]:
@@ -47,9 +52,11 @@ def _live(subscriber: Subscriber) -> Iterator[Columns]:
             yield block.columns
 
 
-def _show(name: str, joints: list[str] | tuple[str, ...], port: int, blocks: Iterator[Columns]) -> None:
+def _show(
+    name: str, joints: list[str] | tuple[str, ...], port: int, blocks: Iterator[Columns], chain: Chain | None
+) -> None:
     layouts = shipped_folder() / "views"
-    view = LiveView(name, joints, port=port)
+    view = LiveView(name, joints, port=port, chain=chain)
     print(
         f"showing {name} on ws://127.0.0.1:{view.port}: open it in Foxglove ({layouts / 'foxglove.json'}) or in "
         f"PlotJuggler's Foxglove bridge ({layouts / 'plotjuggler.xml'}); Ctrl-C ends it",

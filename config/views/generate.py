@@ -21,7 +21,7 @@ def main() -> None:
 
 
 def foxglove_layout(joints: list[str]) -> str:
-    """Positions over their demands, currents, and the tracker's point, each against time."""
+    """The arm in 3D; beside it positions over their demands, currents, and the tracker's point against time."""
 
     def plot(title: str, *series: tuple[str, str, str, bool]) -> fl.SplitItem:
         paths = [
@@ -43,16 +43,30 @@ def foxglove_layout(joints: list[str]) -> str:
     demands = [(f"/joint_demands.position[{j}]", f"{name}, demand", colour, True) for j, name, colour in numbered]
     currents = [(f"/motor_currents.effort[{j}]", name, colour, False) for j, name, colour in numbered]
     point = [(f"/tracker/point.point.{axis}", axis, colour, False) for axis, colour in zip("xyz", COLOURS)]
-    return fl.Layout(
-        content=fl.SplitContainer(
-            direction="column",
-            items=[
-                plot("Joint positions, rad", *positions, *demands),
-                plot("Motor currents, A", *currents),
-                plot("Tracker, m", *point),
-            ],
-        )
-    ).to_json()
+    plots = fl.SplitContainer(
+        direction="column",
+        items=[
+            plot("Joint positions, rad", *positions, *demands),
+            plot("Motor currents, A", *currents),
+            plot("Tracker, m", *point),
+        ],
+    )
+    arm = fl.ThreeDeePanel(
+        title="Arm",
+        config=fl.ThreeDeeConfig(
+            follow_tf="base",
+            follow_mode="follow-none",
+            camera_state=fl.ThreeDeeCameraState(
+                distance=2.5, phi=65.0, theta_offset=40.0, target_offset=(0.0, 0.0, 0.5)
+            ),
+            layers={"grid": fl.BaseRendererGridLayerSettings()},
+            topics={"/robot_description": fl.BaseRendererUrdfTopicSettings(visible=True, control_mode="transforms")},
+        ),
+    )
+    content = fl.SplitContainer(
+        direction="row", items=[fl.SplitItem(proportion=1, content=arm), fl.SplitItem(proportion=1, content=plots)]
+    )
+    return fl.Layout(content=content).to_json()
 
 
 def plotjuggler_layout(joints: list[str]) -> str:

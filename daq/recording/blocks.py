@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 from daq.recording.contents import Columns, Contents, read_contents
 from daq.recording.head import RecordingHead
+from daq.recording.mcap_file import walk as mcap_walk
+from daq.recording.messages.ros2_messages import STRING, TF
 from daq.recording.messages.row_format import RECORD_HEAD, Layout
+from daq.recording.messages.viewers import DESCRIPTION_TOPIC, TF_TOPIC, messages_in, viewer_channels
 from daq.recording.reader import Recording, head_of, in_base_frame, origin_of, rows_of, time_of
 
 MOST_STEPS = 1 << 20
@@ -64,8 +67,19 @@ class LongRecording(RecordingHead):
             yield in_base_frame(rows_of(self, columns, t, gaps=[]), pose)
 
     def messages(self) -> Iterator[Message]:
-        """All messages in the order of their rows, a chunk at a time; may be asked again."""
-        for form, rows in self._contents.rows():
+        """All messages, a chunk at a time, those for viewers too; may be asked again."""
+        form = self._contents.form
+        assert form is not None
+        viewers = {channel.id: channel.topic for channel in viewer_channels(form)}
+        types = {TF_TOPIC: TF, DESCRIPTION_TOPIC: STRING}
+        for part in mcap_walk.walk(self._contents.data):
+            if isinstance(part, mcap_walk.Pictures):
+                for one in messages_in(part.content):
+                    topic_name = viewers[one.channel]
+                    yield Message(topic_name, types[topic_name], one.wall_ns, one.data)
+            if not isinstance(part, mcap_walk.Rows) or part.form.layout != self.layout:
+                continue
+            rows = part.rows
             data = rows.tobytes()
             for row, wall_ns in enumerate(rows["times1"][:, 0].tolist()):
                 for topic in form.topics:

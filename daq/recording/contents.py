@@ -69,6 +69,7 @@ class Contents:
     damages      what cannot be read, without the record that a crash cut in two
     cut          that record
     finished     the file has its end
+    pictures     it has chunks for viewers
     """
 
     data: memoryview
@@ -79,6 +80,7 @@ class Contents:
     damages: list[mcap_walk.Damage] = field(default_factory=list)
     cut: mcap_walk.Damage | None = None
     finished: bool = False
+    pictures: bool = False
 
     @property
     def layout(self) -> Layout:
@@ -87,14 +89,9 @@ class Contents:
 
     def pieces(self) -> Iterator[Columns]:
         """The rows once more, chunk by chunk."""
-        for form, rows in self.rows():
-            yield _columns(form, rows)
-
-    def rows(self) -> Iterator[tuple[RowFormat, NDArray[np.void]]]:
-        """The rows of each chunk as they stand in the file, and their format."""
         for part in mcap_walk.walk(self.data):
             if isinstance(part, mcap_walk.Rows) and part.form.layout == self.layout:
-                yield part.form, part.rows
+                yield _columns(part.form, part.rows)
 
     def nothing(self) -> Columns:
         """No rows, with all columns."""
@@ -148,6 +145,8 @@ def read_contents(path: Path, keeper: Callable[[Layout], K]) -> tuple[Contents, 
                 contents.numbers.append(columns["number"], torn=torn)
                 kept.append(columns)
                 torn = False
+            case mcap_walk.Pictures():
+                contents.pictures = True
             case mcap_walk.File() if part.name != CHECKSUMS:
                 contents.attachments[part.name] = part.data
             case Metadata() if part.name == PROGRESS:

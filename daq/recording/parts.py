@@ -14,12 +14,14 @@ import numpy as np
 from mcap.records import Metadata, Schema
 from numpy.typing import NDArray
 
+from arm_clearance import Chain
 from arm_io import DeviceFault
 from daq.acquisition.ledger import SENTENCES, LedgerSummary, Loss
 from daq.recording.mcap_file import writer as mcap_writer
 from daq.recording.mcap_file.writer import McapFile
 from daq.recording.messages import ros2_messages
 from daq.recording.messages.row_format import Layout, RowFormat
+from daq.recording.messages.viewers import places_in, viewer_channels, viewer_schemas
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,7 @@ class Attachments:
     rig, model, experiment  TOML texts
     calibration             as ``daq.rig.calibration`` puts it (with its content hash)
     provenance              who, where, when, with which versions; strings, numbers, lists, tables
+    chain                   the arm of the model, for viewers: becomes /tf and /robot_description
     """
 
     rig: str | None = None
@@ -38,6 +41,7 @@ class Attachments:
     experiment: str | None = None
     calibration: dict | None = None
     provenance: dict = field(default_factory=dict)
+    chain: Chain | None = None
 
     def files(self) -> dict[str, tuple[str, bytes]]:
         """File name -> (media type, content)."""
@@ -57,19 +61,30 @@ Files = Mapping[str, tuple[str, bytes]]
 
 
 def open_file(
-    path: str | Path, form: RowFormat, files: Files, *, live: bool = False, replace: bool = False
+    path: str | Path,
+    form: RowFormat,
+    files: Files,
+    *,
+    live: bool = False,
+    replace: bool = False,
+    viewers: bool = False,
 ) -> McapFile:
     """A file with its head and attachments. InputError where it cannot be made; nothing is left then.
 
-    live  as ``mcap_writer.create`` has it
+    live     as ``mcap_writer.create`` has it
+    viewers  whether chunks for viewers will be written
     """
     file = mcap_writer.create(path, live=live, replace=replace)
     schemas = [
         Schema(number, ros2_messages.DEFINITIONS[name].encode(), "ros2msg", name)
         for number, name in enumerate(form.types, 1)
     ]
+    channels = form.channels()
+    if viewers:
+        schemas += viewer_schemas(form)
+        channels += viewer_channels(form)
     try:
-        file.begin(f"armscope {_version()}", schemas, form.channels())
+        file.begin(f"armscope {_version()}", schemas, channels)
         for name, (media_type, data) in files.items():
             file.attach(name, media_type, data)
     except OSError as error:
@@ -87,6 +102,12 @@ def write_content(file: McapFile, form: RowFormat, content: bytes | bytearray, w
     """One chunk whose content is packed already."""
     offsets = {topic.channel: form.message_offsets(topic, len(wall_ns)) for topic in form.topics}
     file.chunk(content, wall_ns, offsets)
+
+
+def write_pictures(file: McapFile, content: bytes) -> None:
+    """One chunk for viewers, as ``Viewers.contents`` makes them."""
+    channel, wall_ns, starts = places_in(content)
+    file.chunk(content, wall_ns, {channel: starts})
 
 
 def finish_file(file: McapFile, ledger: LedgerSummary) -> None:

@@ -22,7 +22,8 @@ from daq.acquisition.ledger import LedgerSummary, Loss, LossReason
 from daq.acquisition.rows import Rows
 from daq.recording.mcap_file.writer import Progress, as_json
 from daq.recording.messages.row_format import Layout, format_of
-from daq.recording.parts import Attachments, Derivatives, finish_file, open_file, write_chunk
+from daq.recording.messages.viewers import Viewers
+from daq.recording.parts import Attachments, Derivatives, finish_file, open_file, write_chunk, write_pictures
 
 CHUNK_BYTES = 1 << 20
 """Before compression, at most: what fits into a processor's cache is written and read fastest."""
@@ -69,7 +70,11 @@ class Recorder:
         self.layout = layout
         self._live, self._chunk_seconds, self._queue_rows = live, chunk_seconds, queue_rows
         self._format = format_of(layout.to_json())
-        self._file = open_file(path, self._format, attachments.files(), live=True)
+        self._file = open_file(
+            path, self._format, attachments.files(), live=True, viewers=attachments.chain is not None
+        )
+        chain = attachments.chain
+        self._viewers = None if chain is None else Viewers(self._format, chain, layout.joints)
         self._chunk_rows = max(1, CHUNK_BYTES // len(self._format.template))
         self._derive = Derivatives(layout)
         self._change = threading.Condition()
@@ -219,6 +224,10 @@ class Recorder:
             except OSError as error:
                 with self._change:
                     self._lose(piece["number"], LossReason.DISK, str(error.strerror))
+        if self._viewers is not None:
+            with contextlib.suppress(OSError):  # rows that met the same disk are counted above; pictures are not data
+                for content in self._viewers.contents(columns["q"], columns["wall_ns"]):
+                    write_pictures(self._file, content)
         # A disk that refuses to sync will refuse the end of the file, too, and is reported there.
         with contextlib.suppress(OSError):
             self._file.sync()

@@ -20,7 +20,7 @@ from daq.recording.mcap_file.checksums import verify
 from daq.recording.mcap_file.pages import ACTIVE
 from daq.recording.mcap_file.writer import as_json, being_written
 from daq.recording.messages.row_format import format_of
-from daq.recording.parts import finish_file, open_file, write_content
+from daq.recording.parts import finish_file, open_file, write_content, write_pictures
 
 
 @dataclass(frozen=True)
@@ -67,12 +67,14 @@ def recover(path: str | Path, out: str | Path | None = None, *, replace: bool = 
     ledger, sure = contents.ledger()
     damages = verify(contents.data).damages
     notes = (*contents.notes(sure), *(damage.sentence for damage in damages))
-    file = open_file(out, format_of(contents.layout.to_json()), {}, replace=replace)
+    file = open_file(out, format_of(contents.layout.to_json()), {}, replace=replace, viewers=contents.pictures)
     try:
         for part in mcap_walk.walk(contents.data):
             match part:
                 case mcap_walk.File() if part.name not in ("ledger.json", "recovery.json", CHECKSUMS):
                     file.attach(part.name, part.media_type, part.data)
+                case mcap_walk.Pictures():
+                    write_pictures(file, part.content)
                 case mcap_walk.Rows() if part.form.layout == contents.layout:
                     write_content(file, part.form, part.content, part.rows["times1"][:, 0].astype(np.int64))
         report = {"from": path.name, "at": datetime.now(UTC).isoformat(timespec="seconds"), "notes": notes}

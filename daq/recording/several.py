@@ -76,9 +76,10 @@ def extent_of(path: Path) -> Extent:
                 summary = None
     except (InputError, OSError):  # reported when it is read
         return Extent(0, 1, 0.0)
-    layouts = [c.metadata["layout"] for c in summary.channels.values() if "layout" in c.metadata] if summary else []
-    if summary is None or summary.statistics is None or not layouts:
+    rows_of = [channel for channel in summary.channels.values() if "layout" in channel.metadata] if summary else []
+    if summary is None or summary.statistics is None or not rows_of:
         return Extent(size // BYTES, 1, 0.0)
     seen = summary.statistics
-    rows, joints = seen.message_count // max(seen.channel_count, 1), len(format_of(layouts[0]).layout.joints)
+    rows = seen.channel_message_counts.get(rows_of[0].id, 0)
+    joints = len(format_of(rows_of[0].metadata["layout"]).layout.joints)
     return Extent(rows, joints, (seen.message_end_time - seen.message_start_time) * 1e-9)

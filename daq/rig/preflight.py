@@ -21,14 +21,22 @@ ChainReader = Callable[[Path], Chain]
 
 
 def chain_of(rig: Rig, read_chain: ChainReader | None) -> Chain | None:
-    """The links of a rig's arm where its file has a ``[space]`` that they must keep clear of.
+    """The links of a rig's arm: to keep clear of a ``[space]``, and for viewers.
 
-    InputError where the model has another number of joints.
+    InputError where the rig has a space, and its model cannot be read or has another number of joints; without a space
+    None then.
     """
-    if rig.space is None or rig.model_path is None or read_chain is None:
+    if rig.model_path is None or read_chain is None:
         return None
-    chain = read_chain(rig.model_path)
+    try:
+        chain = read_chain(rig.model_path)
+    except InputError:
+        if rig.space is None:
+            return None
+        raise
     if len(chain) != rig.joints:
+        if rig.space is None:
+            return None
         raise InputError(rig.name, f"space: the rig has {rig.joints} joints, its model {len(chain)}")
     return chain
 

@@ -6,15 +6,19 @@ serves live and recorded data alike.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arm_clearance import Chain
+from arm_clearance.viewing import link_names, relative_poses, viewer_urdf
 from arm_io import DeviceFault
 from daq.recording.messages import ros2_messages
 from daq.recording.messages.cdr import Message, fillable, stamps
 from daq.recording.messages.row_format import JOINT_TOPICS, POINT_TOPIC
+from daq.recording.messages.viewers import DESCRIPTION_TOPIC, TF_TOPIC
 from daq.service.row_block import Columns
 
 if TYPE_CHECKING:
@@ -23,12 +27,17 @@ if TYPE_CHECKING:
 HOST = "127.0.0.1"
 RATE = 200.0
 """Rows/s that are shown."""
+DESCRIBED = 2.0
+"""s between descriptions of the arm."""
 
 
 class LiveView:
-    """A server on ``port`` (0: any) that shows columns of rows of the named joints; ``port`` is then the one it has."""
+    """A server on ``port`` (0: any) that shows columns of rows of the named joints; ``port`` is then the one it has.
 
-    def __init__(self, name: str, joints: Sequence[str], *, port: int = 8765) -> None:
+    chain  the arm, shown in 3D: /robot_description, and /tf of each shown row
+    """
+
+    def __init__(self, name: str, joints: Sequence[str], *, port: int = 8765, chain: Chain | None = None) -> None:
         import foxglove
 
         self._context = foxglove.Context()
@@ -40,6 +49,7 @@ class LiveView:
         except (OSError, RuntimeError) as error:
             raise DeviceFault("view", f"cannot listen on {HOST}:{port}: {error}; --port takes another") from None
         self.port = self._server.port
+        self._frames = None if chain is None else _Frames(self._context, chain, self._joints)
 
     def show(self, columns: Columns) -> None:
         """Shows rows of a block, ``RATE`` a second of acquisition time; NaN is a gap."""
@@ -53,6 +63,8 @@ class LiveView:
             for name in (*JOINT_TOPICS, "xyz", "points"):
                 if name in columns:
                     self._topic(name).send(int(wall_ns[row]), columns[name][row])
+            if self._frames is not None and np.isfinite(columns["q"][row]).all():
+                self._frames.send(int(wall_ns[row]), columns["q"][row])
 
     def close(self) -> None:
         """Ends the server."""
@@ -73,10 +85,7 @@ class LiveView:
 
 class _Topic:
     def __init__(self, context: foxglove.Context, topic: str, kind: str, message: Message, field: str) -> None:
-        import foxglove
-
-        schema = foxglove.Schema(name=kind, encoding="ros2msg", data=ros2_messages.DEFINITIONS[kind].encode())
-        self._channel = foxglove.Channel(topic, schema=schema, message_encoding="cdr", context=context)
+        self._channel = _channel(context, topic, kind)
         self._data, self._numbers = fillable(message)
         self._field = field
 
@@ -84,3 +93,34 @@ class _Topic:
         self._numbers["stamp"] = stamps(np.array([wall_ns]))
         self._numbers[self._field] = values
         self._channel.log(bytes(self._data), log_time=wall_ns)
+
+
+class _Frames:
+    """The arm in 3D: its description, sent again every ``DESCRIBED`` s for who comes late, and where its links are."""
+
+    def __init__(self, context: foxglove.Context, chain: Chain, joints: Sequence[str]) -> None:
+        self._chain = chain
+        self._tf = _channel(context, TF_TOPIC, ros2_messages.TF)
+        self._description = _channel(context, DESCRIPTION_TOPIC, ros2_messages.STRING)
+        self._urdf = ros2_messages.text(viewer_urdf(chain, "arm", joints))
+        self._data, self._numbers = fillable(ros2_messages.transforms(link_names(chain)))
+        self._described = 0.0
+
+    def send(self, wall_ns: int, q: np.ndarray) -> None:
+        """Transforms of the arm at q (n,)."""
+        if time.monotonic() - self._described > DESCRIBED:
+            self._described = time.monotonic()
+            self._description.log(self._urdf, log_time=wall_ns)
+        shifts, turns = relative_poses(self._chain, q[None])
+        stamp = stamps(np.array([wall_ns]))
+        for number, pose in enumerate(np.concatenate([shifts[0], turns[0]], axis=1), 1):
+            self._numbers[f"stamp{number}"] = stamp
+            self._numbers[f"pose{number}"] = pose
+        self._tf.log(bytes(self._data), log_time=wall_ns)
+
+
+def _channel(context: foxglove.Context, topic: str, kind: str) -> foxglove.Channel:
+    import foxglove
+
+    schema = foxglove.Schema(name=kind, encoding="ros2msg", data=ros2_messages.DEFINITIONS[kind].encode())
+    return foxglove.Channel(topic, schema=schema, message_encoding="cdr", context=context)

@@ -151,6 +151,7 @@ class Run:
             experiment=self.request.text,
             calibration=bench.calibration.as_table(),
             provenance=provenance("measured", devices=identities, columns=bench.columns.as_table()),
+            chain=bench.guard.chain,
         )
         return Recorder(
             self.request.out,

@@ -18,6 +18,7 @@ import pytest
 from tests.house.test_arrows import MAY_IMPORT
 
 PUBLIC = {
+    "arm_clearance": ("viewing",),
     "arm_io": ("dates", "files", "handles", "optional", "plain_data", "table", "toml", "types"),
     "arm_report": ("palette",),
     "arm_model": ("collision", "friction_split", "geometry", "sensing", "servo", "tracking", "urdf", "urdf_update"),

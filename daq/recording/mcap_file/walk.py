@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from daq.recording.mcap_file.checksums import MAGIC
 from daq.recording.mcap_file.pages import WINDOW, release
 from daq.recording.messages.row_format import RowFormat, format_of
+from daq.recording.messages.viewers import VIEWERS
 
 LARGEST_CHUNK = 1 << 30
 """Content of a chunk, bytes; more is a broken length."""
@@ -82,7 +83,14 @@ class End:
     """The rows end here, and the summary follows: the file was finished."""
 
 
-Part = Rows | File | Metadata | Channel | Damage | End
+@dataclass(frozen=True)
+class Pictures:
+    """The content of an intact chunk for viewers (``daq.recording.messages.viewers``)."""
+
+    content: bytes
+
+
+Part = Rows | Pictures | File | Metadata | Channel | Damage | End
 
 
 R = TypeVar("R", bound=McapRecord)
@@ -188,7 +196,7 @@ def _end(data: memoryview, summary: int) -> End:
     return End()
 
 
-def _chunk(body: memoryview) -> Rows:
+def _chunk(body: memoryview) -> Rows | Pictures:
     *_, checksum, name = struct.unpack_from("<QQQI8s", body)
     (length,) = struct.unpack_from("<Q", body, 36)
     if name != b"\x04\x00\x00\x00zstd" or length != len(body) - 44:
@@ -204,7 +212,10 @@ def _chunk(body: memoryview) -> Rows:
     opcode, length = struct.unpack_from("<BQ", content)
     if opcode != Opcode.CHANNEL:
         raise _BrokenRecord("a chunk was not written by armscope")
-    form = format_of(_simple(Channel, memoryview(content)[9 : 9 + length]).metadata["layout"])
+    metadata = _simple(Channel, memoryview(content)[9 : 9 + length]).metadata
+    if metadata.get("armscope") == VIEWERS:
+        return Pictures(content)
+    form = format_of(metadata["layout"])
     return Rows(form, form.unpack(content), content)
 
 

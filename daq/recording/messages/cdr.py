@@ -63,6 +63,11 @@ class Message:
             self.template += bytes(np.dtype(form).itemsize * length)
         return self
 
+    def length(self, count: int) -> Message:
+        """The length of a sequence of messages, which follow one by one."""
+        self._length(count)
+        return self
+
     def _length(self, length: int) -> None:
         self._align(4)
         self.template += length.to_bytes(4, "little")

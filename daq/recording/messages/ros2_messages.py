@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from daq.recording.messages.cdr import Message
 
@@ -10,6 +11,8 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 POINT_STAMPED = "geometry_msgs/msg/PointStamped"
 ROW = "armscope_msgs/msg/Row"
 TABLE_ROW = "armscope_msgs/msg/TableRow"
+TF = "tf2_msgs/msg/TFMessage"
+STRING = "std_msgs/msg/String"
 
 _TIME = "int32 sec\nuint32 nanosec\n"
 _HEADER = "builtin_interfaces/Time stamp\nstring frame_id\n"
@@ -32,6 +35,17 @@ DEFINITIONS: dict[str, str] = {
         geometry_msgs__Point="float64 x\nfloat64 y\nfloat64 z\n",
         builtin_interfaces__Time=_TIME,
     ),
+    TF: _definition(
+        "geometry_msgs/TransformStamped[] transforms\n",
+        geometry_msgs__TransformStamped="std_msgs/Header header\nstring child_frame_id\n"
+        "geometry_msgs/Transform transform\n",
+        std_msgs__Header=_HEADER,
+        builtin_interfaces__Time=_TIME,
+        geometry_msgs__Transform="geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
+        geometry_msgs__Vector3="float64 x\nfloat64 y\nfloat64 z\n",
+        geometry_msgs__Quaternion="float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
+    ),
+    STRING: "string data\n",
     ROW: _definition(
         "# One trigger: what the devices said, before calibration.\n"
         "builtin_interfaces/Time stamp  # wall time of the trigger\n"
@@ -75,6 +89,24 @@ def point_stamped(frame: str, field: str) -> Message:
         del message.fields[axis]
     message.fields[field] = (("<f8", (3,)), offset)
     return message
+
+
+def transforms(frames: Sequence[str]) -> Message:
+    """tf2_msgs/TFMessage: each frame in the one before it.
+
+    Fields ``stamp1``, ``pose1`` (7,): x y z m, quaternion x y z w; and so on for all frames but the first.
+    """
+    message = Message().length(len(frames) - 1)
+    for number, (parent, child) in enumerate(pairwise(frames), 1):
+        message.stamp(f"stamp{number}").string(parent).string(child).number(f"pose{number}", "<f8")
+        message.fields[f"pose{number}"] = (("<f8", (7,)), message.fields[f"pose{number}"][1])
+        message.template += bytes(48)
+    return message
+
+
+def text(value: str) -> bytes:
+    """std_msgs/String."""
+    return bytes(Message().string(value).template)
 
 
 def row(counters: int, inputs: int, quality: int) -> Message:

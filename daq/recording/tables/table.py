@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,8 @@ from daq.acquisition.ledger import LedgerSummary
 from daq.recording.contents import Columns
 from daq.recording.mcap_file.writer import McapFile, Progress
 from daq.recording.messages.row_format import JOINT_TOPICS, Layout, RowFormat, format_of
-from daq.recording.parts import Attachments, Derivatives, finish_file, open_file, write_chunk
+from daq.recording.messages.viewers import Viewers
+from daq.recording.parts import Attachments, Derivatives, finish_file, open_file, write_chunk, write_pictures
 from daq.recording.tables.columns import Table
 
 CHUNK_BYTES = 1 << 20
@@ -56,15 +57,19 @@ def write_table(
 
 
 def write_blocks(
-    path: str | Path, first: Table, others: Iterable[Table], attachments: Attachments, *, joints: Sequence[str] = ()
+    path: str | Path,
+    first: Table,
+    others: Iterable[Table],
+    attachments: Attachments,
+    *,
+    joints: Sequence[str] = (),
 ) -> LedgerSummary:
     """``write_table`` of a table that comes block by block; only one of them is in memory."""
     layout = _layout(first, joints, ())
     origin = -float(first.t[0]) if first.t[0] < 0 else 0.0
     start_ns = first.start_ns or 0
-    return _write(
-        path, layout, attachments, (_columns(layout, table, origin, start_ns) for table in chain([first], others))
-    )
+    columns = (_columns(layout, table, origin, start_ns) for table in itertools.chain([first], others))
+    return _write(path, layout, attachments, columns)
 
 
 def _layout(table: Table, joints: Sequence[str], effort: Sequence[float]) -> Layout:
@@ -96,9 +101,11 @@ def _columns(layout: Layout, table: Table, origin: float, start_ns: int) -> Colu
 def _write(path: str | Path, layout: Layout, attachments: Attachments, blocks: Iterable[Columns]) -> LedgerSummary:
     """Writes the file, whole or not at all."""
     form = format_of(layout.to_json())
-    file = open_file(path, form, attachments.files(), replace=True)
+    file = open_file(path, form, attachments.files(), replace=True, viewers=attachments.chain is not None)
+    chain = attachments.chain
+    viewers = None if chain is None else Viewers(form, chain, layout.joints)
     try:
-        rows = _write_rows(file, form, blocks)
+        rows = _write_rows(file, form, blocks, viewers)
         ledger = LedgerSummary(rows, rows, rows)
         finish_file(file, ledger)
     except OSError as error:
@@ -110,7 +117,7 @@ def _write(path: str | Path, layout: Layout, attachments: Attachments, blocks: I
     return ledger
 
 
-def _write_rows(file: McapFile, form: RowFormat, blocks: Iterable[Columns]) -> int:
+def _write_rows(file: McapFile, form: RowFormat, blocks: Iterable[Columns], viewers: Viewers | None) -> int:
     """The rows, numbered from 0; how many there are."""
     size, rows, last_ns = max(1, CHUNK_BYTES // len(form.template)), 0, 0
     derive = Derivatives(form.layout)
@@ -120,6 +127,8 @@ def _write_rows(file: McapFile, form: RowFormat, blocks: Iterable[Columns]) -> i
         for start in range(0, count, size):
             piece = {name: values[start : start + size] for name, values in columns.items()}
             write_chunk(file, form, piece | derive(piece))
+            for content in viewers.contents(piece["q"], piece["wall_ns"]) if viewers is not None else ():
+                write_pictures(file, content)
         rows += count
         last_ns = int(columns["wall_ns"][-1]) if count else last_ns
     file.progress(Progress(rows, 0, rows - 1, last_ns))
