@@ -94,8 +94,14 @@ def _shape(link: ElementTree.Element, tag: str, pose: Array, **sizes: float) -> 
 
 
 def _origin(pose: Array) -> dict[str, str]:
-    rpy = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz")
-    return {"xyz": " ".join(map(repr, pose[:3, 3].tolist())), "rpy": " ".join(map(repr, rpy.tolist()))}
+    r = pose[:3, :3]
+    level = float(np.hypot(r[0, 0], r[1, 0]))
+    if level > 1e-9:
+        roll, yaw = np.arctan2(r[2, 1], r[2, 2]), np.arctan2(r[1, 0], r[0, 0])
+    else:  # the axis of roll is that of yaw
+        roll, yaw = np.arctan2(-r[1, 2], r[1, 1]), 0.0
+    rpy = [float(angle) for angle in (roll, np.arctan2(-r[2, 0], level), yaw)]
+    return {"xyz": " ".join(map(repr, pose[:3, 3].tolist())), "rpy": " ".join(map(repr, rpy))}
 
 
 def _pose(rotation: Array, translation: Array) -> Array:
