@@ -17,7 +17,11 @@ from daq.recording import Recording
 from identification.preprocessing.grid import on_grid
 
 EVEN = 0.02
-"""Of a period: stamps this close to equal spacing are taken for it."""
+"""Of a period, rms: stamps this close to equal spacing are taken for it.
+
+Interpolation costs the steps of the encoders, from which the noise is known; the largest error of a stamp grows with
+the length of a recording and says nothing of the rest.
+"""
 TORN = 2.5
 """Periods between two rows that are no mere jitter: rows are missing, and a grid would invent them."""
 SPLINED = ("q", "i", "ql")
@@ -30,7 +34,7 @@ def grid_of(t: Array) -> Array | None:
     if len(t) < 3:
         return None
     grid, steps = np.linspace(t[0], t[-1], len(t)), np.diff(t)
-    if steps.max() > TORN * np.median(steps) or np.abs(t - grid).max() < EVEN * (grid[1] - grid[0]):
+    if steps.max() > TORN * np.median(steps) or np.sqrt(np.mean((t - grid) ** 2)) < EVEN * (grid[1] - grid[0]):
         return None
     return grid
 
