@@ -20,7 +20,7 @@ from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
 from diagnosis.measurements.currents.causes import from_axis, of_candidate
 from diagnosis.measurements.currents.columns import candidates
-from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of, dataset_with, free_columns
+from diagnosis.measurements.currents.design_matrix import bounded, columns_of, dataset_of, dataset_with, free_columns
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
@@ -105,6 +105,7 @@ def _searched(
         terms = extend(base, of_axis).effects[len(arm.effects) :]
         data = _datasets(runs, first, parts).map(lambda part: replace(part, y=dataset_with(part, terms)))
     free = [Split(*pair) for pair in zip(free_columns(data.fit, arm), free_columns(data.held_out, arm))]
+    data, free = bounded(data, free)
     searched, ripples = (library, ripples) if axis is None else ({}, ())
     model = Currents(arm, data, searched, free, ripples, excluded)
     found, causes = _tenable(model, recordings.held_out, runs[first:], progress)

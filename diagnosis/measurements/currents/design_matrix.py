@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from diagnosis.measurements.currents.columns import at_own_joint, columns
 from diagnosis.residual.run import Run, merged, residual_with
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset
+from identification.selection import Split
 
 
 def dataset_of(runs: Sequence[Run]) -> Dataset:
@@ -47,6 +49,32 @@ def columns_of(candidate: Candidate, side: Dataset) -> Columns:
         return Columns(np.ascontiguousarray(x[:, candidate.joint - 1]), side.of(candidate.joint))
     flat = x.transpose(1, 0, 2).reshape(-1, x.shape[2])
     return Columns(flat, slice(0, len(flat)))
+
+
+SHARPEST, IMPOSSIBLE = 0.5, 2.0
+"""Coefficients of ``free_columns``: 0.5 makes friction a step at rest, to first order; what is above 2 by more than
+SURE standard deviations is no smoothing, but a hump of friction, or another effect."""
+SURE = 5.0
+
+
+def bounded(data: Split[Dataset], free: Sequence[Split[Columns]]) -> tuple[Split[Dataset], list[Split[Columns]]]:
+    """Data and free columns without those that would have to be sharper than a step to explain the data.
+
+    In their place, the step is taken out of the data.
+    """
+    kept = []
+    for pair in free:
+        x, y = pair.fit.x[:, 0], data.fit.y[pair.fit.where]
+        size = float(x @ x)
+        if size == 0.0 or (x @ y) / size - SURE / np.sqrt(size) < IMPOSSIBLE:
+            kept.append(pair)
+            continue
+        fit, held_out = (
+            replace(side, y=side.y - columns.spread(np.array([SHARPEST]), len(side.y)))
+            for side, columns in zip(data, pair)
+        )
+        data = Split(fit, held_out, data.two_fold)
+    return data, kept
 
 
 def free_columns(side: Dataset, arm: Arm) -> list[Columns]:
