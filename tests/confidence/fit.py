@@ -8,14 +8,19 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import isotonic_regression
+from scipy.optimize import isotonic_regression, minimize
 
 from diagnosis.confidence import features
 from tests.confidence.bank import Name
 
 PENALTY = 0.05
 """Of squared weights per name: with few names, none of them may decide."""
-LEAST = 20
+SIGNS = (1, -1, 1, -1, -1)
+"""Of the weights: more gain and sureness speak for a name; more left, more names, more unexplained against it.
+
+A small bank must not turn that round.
+"""
+LEAST = 8
 """Names per step of the table."""
 Array = np.ndarray
 
@@ -42,17 +47,19 @@ def fitted(names: Sequence[Name]) -> dict[str, Any]:
 
 
 def _logistic(x: Array, right: Array) -> tuple[float, Array]:
-    """Constant and weights by Newton's steps, the weights penalised in units of each feature's spread."""
+    """Constant and weights of the largest likelihood, penalised in units of each feature's spread, with known signs."""
     spread = np.maximum(x.std(axis=0), 1e-9)
     design = np.column_stack([np.ones(len(x)), x / spread])
-    penalty = PENALTY * len(x) * np.diag([0.0, *np.ones(x.shape[1])])
-    at = np.zeros(design.shape[1])
-    for _ in range(50):
-        p = 1.0 / (1.0 + np.exp(-design @ at))
-        slope = design.T @ (right - p) - penalty @ at
-        at = at + np.linalg.solve(
-            design.T @ (design * (p * (1 - p))[:, None]) + penalty + 1e-9 * np.eye(len(at)), slope
-        )
+
+    def cost(at: Array) -> tuple[float, Array]:
+        odds = design @ at
+        p = 1.0 / (1.0 + np.exp(-odds))
+        penalty = PENALTY * len(x)
+        value = np.sum(np.logaddexp(0.0, odds) - right * odds) + 0.5 * penalty * np.sum(at[1:] ** 2)
+        return float(value), design.T @ (p - right) + penalty * np.append(0.0, at[1:])
+
+    bounds = [(None, None), *((0.0, None) if sign > 0 else (None, 0.0) for sign in SIGNS)]
+    at = minimize(cost, np.zeros(design.shape[1]), jac=True, method="L-BFGS-B", bounds=bounds).x
     return float(at[0]), at[1:] / spread
 
 

@@ -1,1 +1,1 @@
-"""Arms that nobody here made: random ones through every command, and six in MuJoCo in which effects are hidden."""
+"""Arms from elsewhere: random ones through every command, and six in MuJoCo in which effects are hidden."""

@@ -127,7 +127,7 @@ LOADED = {"load_friction", "backlash", "joint_zero_offset", "link_inertia"}
 """Hidden at joints with a changing load of gravity only."""
 TURNING = {"gear_ripple", "backlash", "joint_compliance", "encoder_ripple", "joint_zero_offset"}
 """Hidden at revolute joints only."""
-UNCOUPLED = {"backlash", "joint_compliance", "joint_zero_offset", "gear_ripple", "encoder_ripple"}
+UNCOUPLED = {"backlash", "joint_compliance", "joint_zero_offset", "gear_ripple", "encoder_ripple", "gravity_spring"}
 """Not hidden at the joints of a coupling."""
 SENSED = {"mains_hum", "time_skew", "dropped_trigger", "encoder_ripple", "missed_counts"}
 """Defects of the log, of which the arm knows nothing: ``compare`` is not asked for them."""
