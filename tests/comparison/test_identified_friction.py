@@ -1,0 +1,58 @@
+"""Identifications whose friction is a curve are compared at speeds that all of them know."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from arm_model import Arm, Joint
+from comparison.identified_friction import POINTS, curved_joints, friction_points, is_replaced
+
+ARM = Arm("arm", (Joint(mass=1.0), Joint(mass=1.0)))
+
+
+def identification(
+    low: float, high: float, level: float, directions: tuple[str, ...] = ("both",), curve: bool = True
+) -> dict[str, Any]:
+    speed = np.geomspace(low, high, 12)
+    torque = (level + 2.0 * speed).tolist()
+    bands = [
+        {"joint": 2, "direction": d, "curve": curve, "speed": speed.tolist(), "torque": torque, "std": [0.1] * 12}
+        for d in directions
+    ]
+    return {"friction_curves": bands}
+
+
+def test_friction_is_compared_within_the_range_that_both_know() -> None:
+    tables = [identification(0.01, 1.0, 5.0), identification(0.02, 0.7, 6.0)]
+    assert curved_joints(tables) == {2}
+    quantities, entries = friction_points(ARM, tables, {2})
+    assert len(quantities) == POINTS
+    assert all(0.02 <= abs(quantity.speed or 0.0) <= 0.7 + 1e-9 for quantity in quantities)
+    for quantity in quantities:
+        (before, std, unit), (after, _, _) = (entry[quantity.name] for entry in entries)
+        assert (std, unit) == (0.1, "N m")
+        np.testing.assert_allclose(after - before, 1.0, atol=1e-9)
+
+
+def test_a_curve_for_both_directions_is_compared_with_one_for_each() -> None:
+    tables = [identification(0.01, 1.0, 5.0), identification(0.01, 1.0, 5.0, ("positive", "negative"))]
+    quantities, entries = friction_points(ARM, tables, {2})
+    assert len(quantities) == 2 * POINTS
+    assert all(quantity.name in entry for quantity in quantities for entry in entries)
+
+
+def test_only_friction_of_those_joints_is_replaced() -> None:
+    assert is_replaced("joint2.coulomb", {2})
+    assert is_replaced("joint2.viscous_positive", {2})
+    assert is_replaced("joint2.curve3", {2})
+    assert not is_replaced("joint1.coulomb", {2})
+    assert not is_replaced("joint2.offset", {2})
+    assert curved_joints([identification(0.01, 1.0, 5.0, curve=False), {}]) == set()
+
+
+def test_a_result_without_friction_over_speed_shares_none() -> None:
+    quantities, entries = friction_points(ARM, [identification(0.01, 1.0, 5.0), {}], {2})
+    assert quantities == []
+    assert entries == [{}, {}]
