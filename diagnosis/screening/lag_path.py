@@ -34,6 +34,9 @@ PRICE = 60.0
 """Fall of the normalised squared error that a change of lag must bring."""
 OTHERS = 16.0
 """Part of that fall which the joints other than the one that shows it best must bring."""
+BEFORE = 1.0
+"""Fall that the part before a change must show at those joints for its own lag: a joint that is wrong in another way
+chooses any lag while the others rest."""
 WORSE = 0.05
 """Of that part, how much worse one joint may become."""
 LEFT = 0.6
@@ -64,10 +67,12 @@ def lag_steps(run: Run) -> list[Step]:
     scale = np.median(errors.min(axis=0), axis=0) / PIECE + np.mean(run.instruments**2, axis=0)
     path = _cheapest(errors / (scale * COLOURED)) - longest
     steps = []
-    for start, at, end in _changes(path):
+    for begin, start, at, end in _changes(path):
         before, after = int(path[start]), int(path[at])
         without, with_it = (errors[lag + longest, at:end].sum(axis=0) / (scale * COLOURED) for lag in (before, after))
-        if abs(after - before) > 1 and _agreed(without, with_it):
+        other, own = (errors[lag + longest, begin : start + 1].sum(axis=0) for lag in (after, before))
+        held = _of_others((other - own) / (scale * COLOURED)) > BEFORE
+        if abs(after - before) > 1 and held and _agreed(without, with_it):
             lags = before / ROWS_PER_SECOND, after / ROWS_PER_SECOND
             edge = float(run.t[pieces[at]])
             time, _ = instant(run, lags, (edge - 3 * PIECE / ROWS_PER_SECOND, edge + 3 * PIECE / ROWS_PER_SECOND))
@@ -75,11 +80,14 @@ def lag_steps(run: Run) -> list[Step]:
     return steps
 
 
-def _changes(path: Index) -> list[tuple[int, int, int]]:
-    """(piece before, piece after, end of the part after) of every change; a piece in the middle of one is skipped."""
+def _changes(path: Index) -> list[tuple[int, int, int, int]]:
+    """(begin of the part before, its last piece, piece after, end of the part after) of every change.
+
+    A piece in the middle of one is skipped.
+    """
     edges = [0, *(np.flatnonzero(np.diff(path)) + 1).tolist(), len(path)]
     parts = [(a, b) for a, b in itertools.pairwise(edges) if b - a > 1]
-    return [(one[1] - 1, two[0], two[1]) for one, two in itertools.pairwise(parts)]
+    return [(one[0], one[1] - 1, two[0], two[1]) for one, two in itertools.pairwise(parts)]
 
 
 def _agreed(without: Array, with_it: Array) -> bool:
@@ -88,9 +96,14 @@ def _agreed(without: Array, with_it: Array) -> bool:
     Rows lost by a device shift all its currents alike; an error of one joint alone has another cause.
     """
     fall = without - with_it
-    others = float(np.sum(fall) - fall.max())
+    others = _of_others(fall)
     explained = float(np.sum(with_it)) < LEFT * float(np.sum(without))
     return others > OTHERS and float(fall.min()) > -WORSE * others and explained
+
+
+def _of_others(fall: Array) -> float:
+    """Sum of what joints (n,) gain, without the joint that gains most."""
+    return float(np.sum(fall) - fall.max())
 
 
 def put_back(values: Array, t: Array, steps: Sequence[Step]) -> Array:
