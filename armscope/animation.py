@@ -11,6 +11,7 @@ import numpy as np
 
 from arm_io import InputError, check_file, whole_path
 from arm_io.types import Array
+from arm_report.palette import AFTER, AXIS, BEFORE
 
 if TYPE_CHECKING:
     from matplotlib.animation import AbstractMovieWriter
@@ -28,7 +29,7 @@ TRAIL = 400
 """Instants for which the way of the tool stays visible."""
 FINE = 1000
 """Instants, at least, that the line of the differences joins."""
-MEASURED, OTHER, TRACKER = "#1f77b4", "#d62728", "#2ca02c"
+MEASURED, OTHER, TRACKER = AFTER, BEFORE, AXIS
 
 
 def check_animation(path: Path) -> None:
