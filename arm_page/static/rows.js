@@ -68,6 +68,7 @@ export class DevicesPanel {
         else delete this.identities[name];
         if (found.problems.length) this.problems[name] = found.problems;
       }
+      this.checked = this.last;
       this.says = Object.keys(this.problems).length ? "" : "all well";
     } catch (error) {
       this.says = "";
@@ -78,19 +79,27 @@ export class DevicesPanel {
 
   /** `idle`: whether devices can be checked; doubtful channels of the last second; last: the result of the last run. */
   show(idle, doubtful, last) {
-    const changed = JSON.stringify([idle, doubtful, last?.ending]);
+    const changed = JSON.stringify([idle, doubtful, last?.file]);
     if (changed === this.shown) return;
     this.shown = changed;
     this.doubtful = doubtful;
     this.button.disabled = !(idle && this.steer);
-    if (last?.ending.fault && idle && last !== this.last) this.identify();
-    this.last = last;
+    const ended = last?.file !== this.last?.file;
+    if (ended) this.last = last;
+    if (ended && last?.ending.fault && idle) this.identify();
     this.draw();
+  }
+
+  /** The device that ended the last run is marked until the devices were checked, or another run ended. */
+  _ended(name) {
+    const ending = this.last?.ending;
+    const named = ending?.fault && new RegExp(`\\b${name}\\b`).test(ending.sentence);
+    return named && this.last !== this.checked ? [`ended the last run: ${ending.sentence}`] : [];
   }
 
   draw() {
     const rows = this.devices.map((device) => {
-      const identity = this.identities[device.name], problems = this.problems[device.name] ?? [];
+      const identity = this.identities[device.name], problems = [...(this.problems[device.name] ?? []), ...this._ended(device.name)];
       const doubts = this.doubtful.filter((one) => one.channel.split(".")[0] === device.name);
       // A tracker may sample less often than the rig: its other rows are without a point, which is no fault.
       const sparse = (one) => !one.channel.includes(".") && one.doubt === "missing" && one.share < 0.99;

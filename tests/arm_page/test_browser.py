@@ -50,6 +50,17 @@ def page(browser: Any, room: Room) -> Iterator[Any]:
     assert errors == []
 
 
+@pytest.fixture(scope="module")
+def failing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Room]:
+    """A rig that loses five rows, and whose counter1 loses its plug while the file ``plug`` is there."""
+    folder = tmp_path_factory.mktemp("failing")
+    table = rig_table("page failing")
+    table["device"][0] |= {"driver": "tests.arm_page.pluggable", "plug": str(folder / "plug")}
+    table["simulation"]["fault"] = [{"kind": "lost_row", "device": "counter2", "number": 300, "count": 5}]
+    with open_room(folder, table) as room:
+        yield room
+
+
 def ours(url: str, room: Room) -> bool:
     return url.startswith((room.watch, "data:", "blob:"))
 
@@ -152,3 +163,30 @@ def test_who_only_watches_sees_the_run_and_has_no_way_to_steer(browser: Any, pag
         state(watcher, "armed")
         page.click("text=Disarm")
         state(watcher, "idle")
+
+
+def test_losses_are_shown_as_they_happen_and_a_lost_device_is_named(browser: Any, failing: Room) -> None:
+    with browser.new_context() as context:
+        page = context.new_page()
+        page.set_default_timeout(SECONDS)
+        page.goto(failing.steer)
+        state(page, "idle")
+        preview(page, "long")
+        page.click("text=Arm")
+        state(page, "armed")
+        page.click("text=Start")
+        state(page, "running")
+        page.wait_for_selector("#rows .wrong >> text=lost 5 from trigger 300")
+        (failing.folder / "plug").touch()
+        state(page, "idle")
+        page.wait_for_selector("#rows .wrong >> text=ended because")
+        assert page.wait_for_selector("[data-device=counter1] .wrong").inner_text() == "fault"
+        page.click("#devices button")
+        page.wait_for_selector("[data-device=counter2] .good")
+        assert page.inner_text("[data-device=counter1] .wrong") == "fault"
+        assert page.locator("#devices .wrong >> text=does not answer; check its plug").count() == 1
+        # Plugged in again, and looked at again.
+        (failing.folder / "plug").unlink()
+        page.click("#devices button")
+        page.wait_for_selector("#devices >> text=all well")
+        assert page.locator("#devices .wrong").count() == 0
