@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import subprocess
 import sys
 import traceback
 from pathlib import Path
@@ -22,6 +23,9 @@ def command(
         Path | None,
         typer.Option(metavar="DIR", help="recordings go only here; required where the rig's endpoint is not loopback"),
     ] = None,
+    page: Annotated[
+        bool, typer.Option("--page", help="serve the page of the rig too, as 'armscope page' does")
+    ] = False,
 ) -> None:
     if recordings is not None:
         make_folder(recordings)
@@ -35,15 +39,23 @@ def command(
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, end)
     service.open()
+    shown = None
     try:
         _say(f"rig {service.rig.name} is open on {service.rig.zenoh.endpoint}; Ctrl-C or SIGTERM ends it")
+        # A process of its own: what it draws takes no time from the sampler, and may fail without it.
+        command = [sys.executable, "-m", "armscope", "page", str(rig)]
+        shown = subprocess.Popen(command, start_new_session=True) if page else None
         while not told_to_end:
             service.step(1.0)
             if service.bug is not None:
                 traceback.print_exception(service.bug)
                 service.bug = None
     finally:
+        if shown is not None:
+            shown.terminate()
         service.close()
+        if shown is not None:
+            shown.wait()
     _say(f"rig {service.rig.name} is closed")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import json
 import os
 import signal
@@ -16,6 +18,7 @@ from typing import Annotated, Any
 import typer
 
 from arm_io import DeviceFault, InputError, check_folder, make_folder, read_toml, write_toml
+from armscope.display import has_display
 from armscope.shipped import shipped_folder
 from daq.rig import Rig, read_rig
 from daq.service import Subscriber, keys_of, open_session
@@ -52,6 +55,7 @@ def command(
         _say("   " + listener.end())
     _identify_and_compare(folder, runs[fit], runs[held_out])
     _diagnose_worn(folder, (fit, held_out))
+    _open_page(folder, rig_file)
 
 
 def _identify_and_compare(folder: Path, fit: Path, held_out: Path) -> None:
@@ -91,6 +95,19 @@ def _diagnose_worn(folder: Path, experiments: tuple[str, str]) -> None:
         "The faults, and each joint's error before and after:",
     )
     print((verdict / "report.html").resolve())
+
+
+def _open_page(folder: Path, rig_file: Path) -> None:
+    """The page of the demo's rig, until Ctrl-C, where somebody can see it; else how to open it."""
+    arguments = ["page", str(rig_file), "--recordings", str(folder), "--port", "0"]
+    if not (has_display() and sys.stdout.isatty() and importlib.util.find_spec("uvicorn")):
+        _say(f"The same rig in a browser, seen and steered: armscope page {rig_file} --recordings {folder}")
+        return
+    _say(
+        "9. The same rig in a browser: choose an experiment, arm, start; open what was recorded above. Ctrl-C ends it."
+    )
+    with contextlib.suppress(KeyboardInterrupt):
+        subprocess.run(_command(*arguments))
 
 
 def _write_rig(folder: Path) -> Path:

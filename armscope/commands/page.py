@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -18,6 +17,7 @@ import typer
 from arm_io import DeviceFault, make_folder
 from arm_page import Page
 from armscope.commands.options import RigArgument
+from armscope.display import has_display
 from armscope.page_analyses import ANALYSES
 from armscope.shipped import shipped_folder
 from daq.rig import Rig, read_rig
@@ -59,11 +59,6 @@ def _ready(name: str, steer: str, watch: str, browser: bool) -> None:
         print(f"armscope page: to watch only: {watch}; Ctrl-C ends it", file=sys.stderr, flush=True)
     if browser and has_display():
         webbrowser.open(steer)
-
-
-def has_display() -> bool:
-    """Whether a browser could show something."""
-    return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 @contextmanager
