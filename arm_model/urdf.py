@@ -48,16 +48,16 @@ def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
     if robot.tag != "robot":
         raise InputError(path, f"is <{robot.tag}>, not a URDF <robot>")
     links = {link.get("name", ""): link for link in robot.findall("link")}
-    chain = _chain(path, robot, links, tip)
+    chain = serial_chain(path, robot, links, tip)
     joints: list[Joint] = []
     gears = _gears(path, robot)
     offset = np.eye(4)  # of the next joint's parent in the last moving link's frame
     lump = np.zeros(10)
-    root = _attribute(path, chain[0], "parent", "link") if chain else ""
+    root = attribute(path, chain[0], "parent", "link") if chain else ""
     shapes = [_capsules(path, links[root])] if chain else []
     for element in chain:
-        pose = offset @ _origin(path, element)
-        link = links[_attribute(path, element, "child", "link")]
+        pose = offset @ origin_of(path, element)
+        link = links[attribute(path, element, "child", "link")]
         inertial, shape = _inertial(path, link), _capsules(path, link)
         kind = element.get("type", "")
         if kind == "fixed":
@@ -88,10 +88,10 @@ def _capsules(path: str | Path, link: xml.Element) -> Capsules:
         shape = None if geometry is None or not len(geometry) else geometry[0]
         if shape is None or shape.tag not in _SIZES:
             return None
-        sizes = [_numbers(path, shape, name, "", count) for name, count in _SIZES[shape.tag].items()]
+        sizes = [numbers_of(path, shape, name, "", count) for name, count in _SIZES[shape.tag].items()]
         if not all(size > 0 for size in sum(sizes, ())):
             raise InputError(path, f"link {link.get('name')!r}: the <{shape.tag}> of <collision> needs sizes above 0")
-        found.append(of_geometry(shape.tag, sum(sizes, ()), _origin(path, collision)))
+        found.append(of_geometry(shape.tag, sum(sizes, ()), origin_of(path, collision)))
     return tuple(found) or None
 
 
@@ -105,18 +105,20 @@ def _pose(matrix: Array) -> Pose:
     return rows[0], rows[1], rows[2], (0.0, 0.0, 0.0, 1.0)  # type: ignore[return-value]
 
 
-def _chain(path: str | Path, robot: xml.Element, links: dict[str, xml.Element], tip: str | None) -> list[xml.Element]:
+def serial_chain(
+    path: str | Path, robot: xml.Element, links: dict[str, xml.Element], tip: str | None
+) -> list[xml.Element]:
     """Joints from root to tip, in order."""
     parent_of: dict[str, xml.Element] = {}
     for joint in robot.findall("joint"):
-        child = _attribute(path, joint, "child", "link")
-        for end in (child, _attribute(path, joint, "parent", "link")):
+        child = attribute(path, joint, "child", "link")
+        for end in (child, attribute(path, joint, "parent", "link")):
             if end not in links:
                 raise InputError(path, f"joint {joint.get('name')!r}: no link {end!r}")
         if child in parent_of:
             raise InputError(path, f"link {child!r} has two parents; expected a tree")
         parent_of[child] = joint
-    parents = {_attribute(path, joint, "parent", "link") for joint in parent_of.values()}
+    parents = {attribute(path, joint, "parent", "link") for joint in parent_of.values()}
     tips = [name for name in links if name not in parents]
     if tip is None and len(tips) != 1:
         raise InputError(
@@ -128,18 +130,20 @@ def _chain(path: str | Path, robot: xml.Element, links: dict[str, xml.Element], 
     chain: list[xml.Element] = []
     while link in parent_of and len(chain) <= len(parent_of):
         chain.append(parent_of[link])
-        link = _attribute(path, chain[-1], "parent", "link")
+        link = attribute(path, chain[-1], "parent", "link")
     return chain[::-1]
 
 
-def _attribute(path: str | Path, element: xml.Element, child: str, name: str) -> str:
+def attribute(path: str | Path, element: xml.Element, child: str, name: str) -> str:
+    """Attribute ``name`` of the child ``child`` of an element; InputError where there is none."""
     found = element.find(child)
     if found is None or found.get(name) is None:
         raise InputError(path, f"<{element.tag} name={element.get('name')!r}> needs <{child} {name}=...>")
     return str(found.get(name))
 
 
-def _numbers(path: str | Path, element: xml.Element | None, name: str, default: str, count: int) -> tuple[float, ...]:
+def numbers_of(path: str | Path, element: xml.Element | None, name: str, default: str, count: int) -> tuple[float, ...]:
+    """(count,) numbers of an attribute, else of ``default``; InputError where they are others."""
     text = default if element is None else element.get(name, default)
     try:
         values = tuple(float(part) for part in text.split())
@@ -150,11 +154,12 @@ def _numbers(path: str | Path, element: xml.Element | None, name: str, default: 
     return values
 
 
-def _origin(path: str | Path, element: xml.Element) -> Array:
+def origin_of(path: str | Path, element: xml.Element) -> Array:
+    """(4, 4) pose of an element's <origin> in its parent; the identity without one."""
     origin = element.find("origin")
-    roll, pitch, yaw = _numbers(path, origin, "rpy", "0 0 0", 3)
+    roll, pitch, yaw = numbers_of(path, origin, "rpy", "0 0 0", 3)
     pose = roll_pitch_yaw((roll, pitch, yaw))
-    pose[:3, 3] = _numbers(path, origin, "xyz", "0 0 0", 3)
+    pose[:3, 3] = numbers_of(path, origin, "xyz", "0 0 0", 3)
     return pose
 
 
@@ -163,12 +168,12 @@ def _inertial(path: str | Path, link: xml.Element) -> Array:
     inertial = link.find("inertial")
     if inertial is None:
         return np.zeros(10)
-    mass = _numbers(path, inertial.find("mass"), "value", "0", 1)[0]
+    mass = numbers_of(path, inertial.find("mass"), "value", "0", 1)[0]
     tensor = inertial.find("inertia")
-    entries = tuple(_numbers(path, tensor, name, "0", 1)[0] for name in ("ixx", "iyy", "izz", "ixy", "iyz", "ixz"))
+    entries = tuple(numbers_of(path, tensor, name, "0", 1)[0] for name in ("ixx", "iyy", "izz", "ixy", "iyz", "ixz"))
     if problem := unphysical(mass, entries):
         raise InputError(path, f"link {link.get('name')!r}: {problem}")
-    return transform(barycentric(mass, (0.0, 0.0, 0.0), entries), _origin(path, inertial))
+    return transform(barycentric(mass, (0.0, 0.0, 0.0), entries), origin_of(path, inertial))
 
 
 def _gears(path: str | Path, robot: xml.Element) -> dict[str, float]:
@@ -199,11 +204,11 @@ def _joint(path: str | Path, element: xml.Element, pose: Array, gear: float) -> 
         allowed = ", ".join([*_MOVING, "fixed"])
         raise InputError(path, f"joint {element.get('name')!r} is of type {kind!r}; expected one of {allowed}")
     limit, dynamics = element.find("limit"), element.find("dynamics")
-    lower, upper = (_numbers(path, limit, name, "0", 1)[0] for name in _LIMITS)
-    effort = _numbers(path, limit, "effort", "0", 1)[0]
-    speed = _numbers(path, limit, "velocity", "0", 1)[0]
-    axis = _numbers(path, element.find("axis"), "xyz", "1 0 0", 3)
-    damping, friction = (_numbers(path, dynamics, name, "0", 1)[0] for name in ("damping", "friction"))
+    lower, upper = (numbers_of(path, limit, name, "0", 1)[0] for name in _LIMITS)
+    effort = numbers_of(path, limit, "effort", "0", 1)[0]
+    speed = numbers_of(path, limit, "velocity", "0", 1)[0]
+    axis = numbers_of(path, element.find("axis"), "xyz", "1 0 0", 3)
+    damping, friction = (numbers_of(path, dynamics, name, "0", 1)[0] for name in ("damping", "friction"))
     ratio = abs(gear)
     return Joint(
         name=element.get("name", ""),
@@ -236,7 +241,7 @@ def _text(values: Array | tuple[float, ...] | list[float]) -> str:
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
-def _origin_of(pose: Array) -> dict[str, str]:
+def _text_of_origin(pose: Array) -> dict[str, str]:
     return {"xyz": _text(pose[:3, 3]), "rpy": _text(rpy_of(pose))}
 
 
@@ -282,7 +287,7 @@ def write_urdf(path: str | Path, arm: Arm) -> None:
     fixed = xml.SubElement(robot, "joint", name="flange", type="fixed")
     xml.SubElement(fixed, "parent", link=parent)
     xml.SubElement(fixed, "child", link="tool")
-    xml.SubElement(fixed, "origin", _origin_of(pose @ np.array(arm.tool)))
+    xml.SubElement(fixed, "origin", _text_of_origin(pose @ np.array(arm.tool)))
     xml.SubElement(robot, "link", name="tool")
     xml.indent(robot)
     write_text(path, xml.tostring(robot, encoding="utf-8", xml_declaration=True).decode())
@@ -293,7 +298,7 @@ def _write_joint(robot: xml.Element, joint: Joint, name: str, parent: str, child
     element = xml.SubElement(robot, "joint", name=joint.name or name, type=kind)
     xml.SubElement(element, "parent", link=parent)
     xml.SubElement(element, "child", link=child)
-    xml.SubElement(element, "origin", _origin_of(origin))
+    xml.SubElement(element, "origin", _text_of_origin(origin))
     xml.SubElement(element, "axis", xyz="0 0 1")
     lower, upper = joint.limits or (0.0, 0.0)
     speed = (joint.motor_speed_limit or 0.0) / joint.ratio
@@ -317,7 +322,7 @@ def _write_link(robot: xml.Element, joint: Joint, name: str, after: Array) -> No
     inertial = xml.SubElement(link, "inertial")
     centre = after.copy()
     centre[:3, 3] = after[:3, :3] @ np.array(joint.com) + after[:3, 3]
-    xml.SubElement(inertial, "origin", _origin_of(centre))
+    xml.SubElement(inertial, "origin", _text_of_origin(centre))
     xml.SubElement(inertial, "mass", value=repr(float(joint.mass)))
     names = ("ixx", "iyy", "izz", "ixy", "iyz", "ixz")
     xml.SubElement(inertial, "inertia", {key: repr(float(value)) for key, value in zip(names, joint.inertia)})

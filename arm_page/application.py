@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,6 +45,7 @@ class Parts:
     """What the page shows and moves."""
 
     scene: Table
+    meshes: Sequence[Path]
     link: RigLink
     access: Access
     experiments: Experiments
@@ -66,6 +67,7 @@ class Server:
             Route("/", lambda request: FileResponse(STATIC / "index.html")),
             Route("/api/login", self._login, methods=["POST"]),
             Route("/api/rig", self._rig),
+            Route("/api/mesh/{number:int}", self._mesh),
             Route("/api/experiments", self._experiments),
             Route("/api/preview/{name}", self._preview),
             Route("/api/command/{verb}", self._command, methods=["POST"]),
@@ -114,6 +116,15 @@ class Server:
         analyses = [{"name": a.name, "title": a.title, "help": a.help, "needs_points": a.needs_points} for a in known]
         log_in = self._parts.access.passwords is not None
         return JSONResponse(self._parts.scene | {"role": role, "login": log_in, "analyses": analyses})
+
+    async def _mesh(self, request: Request) -> Response:
+        """The file of a mesh of the scene, by its number there."""
+        number = request.path_params["number"]
+        if self._parts.access.role(_token(request)) is None:
+            return _refusal(InputError("login", "is required"), 401)
+        if number >= len(self._parts.meshes):
+            return _refusal(InputError("mesh", "there is none of that number"), 404)
+        return FileResponse(self._parts.meshes[number])
 
     async def _experiments(self, request: Request) -> Response:
         return await self._answer(request, Role.WATCH, self._parts.experiments.list)

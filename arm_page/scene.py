@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from arm_clearance import Chain
 from arm_io import InputError
 from arm_model.collision import read_chain
+from arm_model.visuals import Visual
 from daq.rig import Rig
 
 Table = dict[str, Any]
@@ -22,7 +24,7 @@ def chain_of_rig(rig: Rig) -> Chain | None:
     return chain
 
 
-def scene_of(rig: Rig, chain: Chain | None) -> Table:
+def scene_of(rig: Rig, chain: Chain | None, visuals: Sequence[Visual] = ()) -> Table:
     """Rig and arm as plain data: rad, m, A; matrices row by row, in the base frame of the model."""
     limits = rig.limits
     joints = [
@@ -48,6 +50,10 @@ def scene_of(rig: Rig, chain: Chain | None) -> Table:
         "tracker": None if tracker is None else {"target": list(tracker.target), "placed": _placed(rig)},
         "space": None if rig.space is None else rig.space.model_dump(),
         "arm": None if chain is None else _arm(chain),
+        "meshes": [
+            {"link": one.link, "kind": one.file.suffix.lower(), "scale": list(one.scale), "pose": one.pose.tolist()}
+            for one in visuals
+        ],
     }
 
 

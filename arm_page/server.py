@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from arm_io import DeviceFault, InputError, read_file
+from arm_model.visuals import read_visuals
 from arm_page.access import Access, hosts_of
 from arm_page.analyses import Analyses, Analysis
 from arm_page.experiments import Experiments
@@ -58,11 +59,13 @@ class Page:
 
         rig = read_rig(self.rig, drivers=False)
         chain = chain_of_rig(rig)
+        visuals = read_visuals(rig.model_path) if rig.model_path is not None else ()
         link = RigLink(rig)
         access = _access(rig)
         recordings, experiments = Recordings(self.recordings), Experiments(self.experiments)
         parts = Parts(
-            scene=scene_of(rig, chain),
+            scene=scene_of(rig, chain, visuals),
+            meshes=[visual.file for visual in visuals],
             link=link,
             access=access,
             experiments=experiments,

@@ -5,6 +5,7 @@ import {
   Group, HemisphereLight, Line, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshStandardMaterial, OrbitControls,
   PerspectiveCamera, Scene, SphereGeometry, Vector3, WebGLRenderer,
 } from "./vendor/three.js";
+import { loadMeshes } from "./meshes.js";
 import { colour, whenThemeChanges } from "./page.js";
 
 const matrix = (rows) => new Matrix4().set(...rows.flat());
@@ -14,6 +15,7 @@ const UP = new Vector3(0, 1, 0);
 class Figure {
   constructor(arm, material, parent, thickness = 1) {
     this.arm = arm;
+    this.material = material;
     this.root = fixed(arm.base);
     this.turning = [];
     this.links = [this.root];
@@ -26,7 +28,8 @@ class Figure {
       this.turning.push(moving);
       this.links.push((last = after));
     });
-    arm.bodies.forEach((body) => this.links[body.link].add(capsule(body, material, thickness)));
+    this.capsules = arm.bodies.map((body) => [body.link, capsule(body, material, thickness)]);
+    this.capsules.forEach(([link, mesh]) => this.links[link].add(mesh));
     this.root.visible = false;
     parent.add(this.root);
   }
@@ -38,6 +41,10 @@ class Figure {
       else this.turning[joint].rotation.z = angle;
     });
     this.root.visible = true;
+  }
+
+  hideCapsules(number) {
+    for (const [link, mesh] of this.capsules) if (link === number) mesh.visible = false;
   }
 
   /** m in the base frame: a point of the last link. */
@@ -102,6 +109,8 @@ export class ArmView {
     whenThemeChanges(() => this._recolour());
     new ResizeObserver(() => this._resize()).observe(place);
     this.draw();
+    const solid = [this.measured, this.previewed];
+    loadMeshes(description.meshes, solid, fixed, () => this.draw()).then((shown) => (place.dataset.meshes = shown));
   }
 
   /** Measured and demanded joints (null: not known), tracker's point in the base frame; returns their distance, m. */

@@ -34,6 +34,12 @@ export async function ask(path, body) {
   return answer;
 }
 
+/** The bytes of a file of the server; null where there are none. */
+export async function bytesOf(path) {
+  const response = await fetch(path, { headers: token ? { authorization: `Bearer ${token}` } : {} }).catch(() => null);
+  return response?.ok ? response.arrayBuffer() : null;
+}
+
 export async function logIn(user, password) {
   token = (await ask("/api/login", { user, password })).token;
   sessionStorage.setItem(KEY, token);

@@ -92,16 +92,16 @@ def _diagnose_worn(folder: Path, experiments: tuple[str, str]) -> None:
     _show("diagnose", "--model", model, "--fit", runs[0], "--held-out", runs[1], "--out", verdict)
     _say(
         f"   What was hidden: {shipped_folder() / 'models/puma560_worn.toml'}",
+        f"   The first arm in a browser, seen and steered: armscope page {folder / 'rig.toml'} --recordings {folder}",
         "The faults, and each joint's error before and after:",
     )
     print((verdict / "report.html").resolve())
 
 
 def _open_page(folder: Path, rig_file: Path) -> None:
-    """The page of the demo's rig, until Ctrl-C, where somebody can see it; else how to open it."""
+    """The page of the demo's rig, until Ctrl-C, where somebody can see it."""
     arguments = ["page", str(rig_file), "--recordings", str(folder), "--port", "0"]
     if not (has_display() and sys.stdout.isatty() and importlib.util.find_spec("uvicorn")):
-        _say(f"The same rig in a browser, seen and steered: armscope page {rig_file} --recordings {folder}")
         return
     _say(
         "9. The same rig in a browser: choose an experiment, arm, start; open what was recorded above. Ctrl-C ends it."

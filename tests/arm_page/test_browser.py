@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from arm_model import read_model
+from arm_model.urdf import write_urdf
 from daq.recording import open_recording
 from tests.arm_page.room import CHROMIUM, SWITCHES, Room, open_room, rig_table
+from tests.conftest import ROOT
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytestmark = [
@@ -59,6 +65,14 @@ def failing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Room]:
     table["simulation"]["fault"] = [{"kind": "lost_row", "device": "counter2", "number": 300, "count": 5}]
     with open_room(folder, table) as room:
         yield room
+
+
+def tetrahedron(size: float) -> bytes:
+    """A binary STL file."""
+    corners = size * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+    faces = np.zeros(4, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("flags", "<u2")]))
+    faces["corners"] = [corners[[k for k in range(4) if k != left]] for left in range(4)]
+    return bytes(80) + (4).to_bytes(4, "little") + faces.tobytes()
 
 
 def ours(url: str, room: Room) -> bool:
@@ -190,3 +204,17 @@ def test_losses_are_shown_as_they_happen_and_a_lost_device_is_named(browser: Any
         page.click("#devices button")
         page.wait_for_selector("#devices >> text=all well")
         assert page.locator("#devices .wrong").count() == 0
+
+
+def test_meshes_of_a_urdf_file_are_shown(browser: Any, tmp_path: Path) -> None:
+    write_urdf(tmp_path / "arm.urdf", read_model(ROOT / "config/models/puma560.toml"))
+    text = (tmp_path / "arm.urdf").read_text()
+    link = re.findall(r'<link name="([^"]+)"', text)[2]
+    mesh = '<visual><geometry><mesh filename="upper.stl" scale="0.001 0.001 0.001"/></geometry></visual>'
+    (tmp_path / "arm.urdf").write_text(re.sub(rf'(<link name="{link}">)', rf"\1{mesh}", text))
+    (tmp_path / "upper.stl").write_bytes(tetrahedron(300.0))
+    with open_room(tmp_path, rig_table("page meshes", model="arm.urdf")) as room, browser.new_context() as context:
+        page = context.new_page()
+        page.set_default_timeout(SECONDS)
+        page.goto(room.watch)
+        page.wait_for_selector("#arm[data-meshes='1']")

@@ -1,0 +1,82 @@
+"""The meshes of a URDF file: which files show which link of the arm, and where.
+
+Links are numbered as ``arm_model.urdf.read_urdf`` numbers them, which makes the frame of each link that of its URDF
+link; what is fixed to a link belongs to it.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as xml  # noqa: N813
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from arm_io import InputError, read_file
+from arm_io.types import Array
+from arm_model.urdf import attribute, numbers_of, origin_of, serial_chain
+
+FORMATS = (".stl", ".obj", ".dae")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Visual:
+    """A mesh of link ``link`` (0: the base): ``file``, times ``scale`` (3,), at ``pose`` (4, 4) in the link's frame."""
+
+    link: int
+    file: Path
+    scale: tuple[float, ...]
+    pose: Array
+
+
+def read_visuals(path: str | Path) -> tuple[Visual, ...]:
+    """The meshes of a model file: of a URDF file with one serial chain those whose files are there; of others none.
+
+    InputError as ``read_urdf``.
+    """
+    path = Path(path)
+    if path.suffix != ".urdf":
+        return ()
+    try:
+        robot = xml.fromstring(read_file(path))
+    except (ValueError, LookupError, xml.ParseError) as error:
+        raise InputError(path, f"cannot be read as URDF: {error}") from None
+    links = {link.get("name", ""): link for link in robot.findall("link")}
+    chain = serial_chain(path, robot, links, None)
+    found: list[Visual] = []
+    number, pose = 0, np.eye(4)
+    if chain:
+        found += _of_link(path, links[attribute(path, chain[0], "parent", "link")], number, pose)
+    for joint in chain:
+        if joint.get("type") == "fixed":
+            pose = pose @ origin_of(path, joint)
+        else:
+            number, pose = number + 1, np.eye(4)
+        found += _of_link(path, links[attribute(path, joint, "child", "link")], number, pose)
+    return tuple(found)
+
+
+def _of_link(path: Path, link: xml.Element, number: int, pose: Array) -> list[Visual]:
+    found = []
+    for visual in link.findall("visual"):
+        mesh = visual.find("geometry/mesh")
+        file = None if mesh is None else _file(path, mesh.get("filename", ""))
+        if mesh is not None and file is not None:
+            scale = numbers_of(path, mesh, "scale", "1 1 1", 3)
+            found.append(Visual(link=number, file=file, scale=scale, pose=pose @ origin_of(path, visual)))
+    return found
+
+
+def _file(path: Path, name: str) -> Path | None:
+    """The file of a mesh: beside the URDF file, or in a ROS package among the folders above it; None: it is not there.
+
+    package://NAME/REST means REST in the nearest folder NAME above the URDF file, or beside one of those.
+    """
+    kind, _, rest = name.rpartition("://")
+    if not rest or Path(rest).suffix.lower() not in FORMATS:
+        return None
+    folder = path.resolve().parent
+    places = [folder / rest]
+    if kind == "package":
+        places = [place for above in (folder, *folder.parents) for place in (above / rest, above.parent / rest)]
+    return next((place for place in places if place.is_file()), None)
