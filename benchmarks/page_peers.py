@@ -3,7 +3,7 @@
 Two arms of six joints in 3D, twelve numbers, and twelve curves of 500 points (NiceGUI and viser: 10 times per second,
 since they send a whole curve each time; ours appends). Start: process to first answer. CPU: of the server's process,
 per frame and browser, so that a busy machine makes it no smaller. Without NiceGUI or viser (``pip install
-nicegui viser``) their figures are left out. Decision: docs/decisions/0030-the-page.md.
+nicegui viser``) their figures are left out. Decision: docs/decisions/0031-the-page.md.
 """
 
 from __future__ import annotations
