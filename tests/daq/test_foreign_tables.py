@@ -317,3 +317,19 @@ def test_other_commands_say_what_a_bag_is(name: str, tmp_path: Path, capsys: pyt
         shutil.copy(tmp_path / "bag/bag.mcap", tmp_path / name)
     assert run(["info", str(tmp_path / name)]) == 2
     assert re.fullmatch(r"error: .*bag.*'armscope import' .*\n", capsys.readouterr().err)
+
+
+def test_row_groups_of_parquet_are_read_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Asked for all at once, pyarrow keeps those that have passed: memory would grow with the length of the file."""
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    t = np.arange(5000) * 1e-3
+    parquet.write_table(arrow.table({"t": t, "q1": t, "i1": t}), tmp_path / "log.parquet", row_group_size=1000)
+    asked, whole = [], parquet.ParquetFile.iter_batches
+
+    def listened(self: object, *args: object, **options: object) -> object:
+        asked.append(options["row_groups"])
+        return whole(self, *args, **options)
+
+    monkeypatch.setattr(parquet.ParquetFile, "iter_batches", listened)
+    rows = sum(len(block) for block in read_blocks(open_source(tmp_path / "log.parquet")))
+    assert rows == 5000 and asked == [[group] for group in range(5)]

@@ -39,7 +39,7 @@ class ParquetSource:
         """All rows in their order."""
         row = 0
         try:
-            for batch in self._file().iter_batches(ROWS, columns=list(dict.fromkeys(needed))):
+            for batch in self._batches(list(dict.fromkeys(needed))):
                 arrays = {name: self._numbers(name, batch.column(name)) for name in needed}
                 numbers = {name: values.astype(float) for name, values in arrays.items()}
                 yield Chunk(range(row + 1, row + 1 + len(batch)), numbers, Exact(arrays[time]))
@@ -57,6 +57,12 @@ class ParquetSource:
             return Exact(self._numbers(time, last[-1:].combine_chunks()))[0] if len(last) else ""
         except (self._arrow.ArrowException, OSError) as error:
             raise self._broken(error) from None
+
+    def _batches(self, columns: list[str]) -> Iterator[Any]:
+        """All rows, one row group after the other: read at once, pyarrow holds on to those that have passed."""
+        file = self._file()
+        for group in range(file.num_row_groups):
+            yield from file.iter_batches(ROWS, row_groups=[group], columns=columns)
 
     def _numbers(self, name: str, column: Any) -> Any:
         """(n,) int64 of instants and whole numbers without gaps, else float64 with NaN for nulls."""
