@@ -119,7 +119,11 @@ def _long(
     skew = -mean_lag(part_of(aligned, -np.inf, steps[k].time + before))
     lags = before + skew, before + skew + count * period
     edges = [0.0, *(one.time for one in steps), np.inf]
-    time, time_std = instant(run, lags, (edges[k], min(edges[k + 2], run.t[-1] - abs(lags[1]))))
+    near = edges[k], min(edges[k + 2], run.t[-1] - abs(lags[1]))
+    if not np.any((run.t >= near[0]) & (run.t < near[1])):
+        # a step at the end, with no row left to judge it by
+        return []
+    time, time_std = instant(run, lags, near)
     row = round((time + before) / period)
     return [DroppedTriggers(index, row, time_std / period, count, max(std / period, 0.05), period)]
 
