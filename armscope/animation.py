@@ -222,7 +222,7 @@ class _Scene:
 
 
 def _write_gif(place: Path, scene: _Scene, when: Instants, progress: Callable[[float], None]) -> None:
-    """Frames of 256 colours, drawn as pillow asks for them: what is kept of each is where it differs from the last."""
+    """Frames of 128 colours (of 64, thin lines lose theirs), drawn as pillow asks for them: what is kept of each is where it differs from the last."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -234,7 +234,7 @@ def _write_gif(place: Path, scene: _Scene, when: Instants, progress: Callable[[f
             scene.show(instant)
             canvas.draw()
             progress((instant + 1) / len(when.t))
-            yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(64)
+            yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(128)
 
     drawn = frames()
     next(drawn).save(place, "GIF", save_all=True, append_images=drawn, duration=round(1000 / when.fps), loop=0)

@@ -110,18 +110,28 @@ class Cause:
         return self.signal is Signal.TRACKER
 
 
+NO_VARIABLE = "no single variable"
+"""``Structure.against`` of a residual above the noise that no variable predicts."""
+
+
 @dataclass(frozen=True)
 class Structure:
     """Unexplained structure: the share of the variance of a held-out residual that is predictable from a variable.
 
     joint    from 1; None: of tracked points
-    against  name of the variable
+    against  name of the variable alone; "no single variable" where none predicts the residual
+    size     its size in words, ``4 mm in 12 s``; empty where the share says enough
     """
 
     signal: Signal
     joint: int | None
     against: str
     share: float
+    size: str = ""
+
+    def words(self) -> str:
+        """``time (4 mm in 12 s)``."""
+        return f"{self.against} ({self.size})" if self.size else self.against
 
 
 @dataclass(frozen=True)

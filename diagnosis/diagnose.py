@@ -20,7 +20,7 @@ from arm_model import Arm
 from arm_model.effects import dissipative
 from daq.recording import Recording
 from diagnosis.against_noise import ratios
-from diagnosis.cause import Cause, Signal, Structure, Undetectable, extend, merge
+from diagnosis.cause import NO_VARIABLE, Cause, Signal, Structure, Undetectable, extend, merge
 from diagnosis.closed_loop.comparison import Compared, along_motion, compare, faithful, with_smoothing_velocities
 from diagnosis.confidence import stated
 from diagnosis.find_causes import Named, Progress, Recordings, has_dynamics, named_causes
@@ -250,7 +250,7 @@ def _structures(measured: Measured, named: Named) -> list[Structure]:
 def _of_fit(left: Array, fit: Dataset, structures: Sequence[Structure]) -> list[Structure]:
     """Residuals above the noise in the fitted recordings alone: no held-out one shows on what they depend."""
     return [
-        Structure(Signal.CURRENT, joint, f"no single variable ({ratio:.1f} times the noise, in fitted recordings)", 0.0)
+        Structure(Signal.CURRENT, joint, NO_VARIABLE, 0.0, f"{ratio:.1f} times the noise, in fitted recordings")
         for joint, ratio in _above_in_fit(left, fit, structures).items()
     ]
 

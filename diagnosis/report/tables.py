@@ -142,7 +142,12 @@ def left(table: dict[str, Any]) -> str:
     if not table["unexplained"]:
         return "<p>None: position, velocity, load, time and the other joints predict nothing of the residual.</p>"
     rows = [
-        (escape(place(one["signal"], one["joint"])), escape(one["against"]), f"{one['share']:.0%}")
+        (
+            escape(place(one["signal"], one["joint"])),
+            escape(one["against"]),
+            f"{one['share']:.0%}",
+            escape(one["size"] or ""),
+        )
         for one in table["unexplained"]
     ]
     note = (
@@ -150,4 +155,4 @@ def left(table: dict[str, Any]) -> str:
         "estimates one parameter as"
         " time-varying and shows what it correlates with.</p>"
     )
-    return arm_report.table(rows, ("signal", "against", "share of the residual variance"), (2,)) + note
+    return arm_report.table(rows, ("signal", "against", "share of the residual variance", "size"), (2,)) + note

@@ -51,7 +51,7 @@ def _judged(result: Diagnosis) -> str:
     causes = ("; " if grouped else ", ").join(map(either, result.causes))
     if result.verdict == "explained":
         return f"Explained: {causes}."
-    places = ", ".join(against(one.signal, one.joint, one.against) for one in result.unexplained)
+    places = ", ".join(against(one.signal, one.joint, one.words()) for one in result.unexplained)
     structure = f"structure in {places} that no effect of the catalogue explains."
     return f"Explained in part: {causes}. There remains {structure}" if causes else f"Unexplained: {structure}"
 

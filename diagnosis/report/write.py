@@ -64,7 +64,13 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
             for one in result.not_visible
         ],
         "unexplained": [
-            {"signal": one.signal, "joint": one.joint, "against": one.against, "share": round(one.share, 4)}
+            {
+                "signal": one.signal,
+                "joint": one.joint,
+                "against": one.against,
+                "share": round(one.share, 4),
+                "size": one.size or None,
+            }
             for one in result.unexplained
         ],
         "too_short": [str(result.shortage)] if result.shortage else [],

@@ -104,6 +104,7 @@ def _readable(equations: str, every: int = 1) -> int:
     """The number of lines of an align*; matplotlib's own TeX reader understands them (ValueError if not), slowly."""
     from matplotlib.mathtext import MathTextParser
 
+    equations, _, _ = equations.partition("\n\n")
     head, *lines, tail = equations.strip().split("\n")
     assert (head, tail) == (r"\begin{align*}", r"\end{align*}")
     for line in lines[::-every]:
@@ -111,11 +112,24 @@ def _readable(equations: str, every: int = 1) -> int:
     return len(lines)
 
 
+def _commented(printed: str) -> dict[str, float]:
+    """Name -> value of the comments below an align*, which TeX passes over."""
+    _, _, below = printed.partition("\n\n")
+    title, *lines = below.strip().split("\n")
+    assert title.startswith("% with the values of the model")
+    assert all(line.startswith("% ") for line in lines)
+    pairs = [line.removeprefix("% ").split(" = ") for line in lines]
+    return {name: float(value) for name, value in pairs}
+
+
 def test_latex(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["model", str(root / "config/models/underwater.toml"), "--equations", "latex"]) == 0
     printed = capsys.readouterr().out
     assert r"\ddot\theta_{2} &= " in printed and r"\dot\theta_{1} + \dot\theta_{2}" in printed
     assert _readable(printed) > 8
+    # the viscous friction of both joints as the model file states it
+    values = _commented(printed)
+    assert values["viscous_mean1"] == values["viscous_mean2"] == 0.3
 
 
 @pytest.mark.parametrize("by", ["newton-euler", "lagrange", "kane"])
@@ -143,6 +157,8 @@ def test_torques_as_source(root: Path, by: str, capsys: pytest.CaptureFixture[st
     printed = capsys.readouterr().out
     assert r"\tau_{2} &= " in printed and r"\ddot q_{1}" in printed
     _readable(printed, every=3)
+    assert {name.replace(".", "_"): value for name, value in _commented(printed).items()} == pytest.approx(known)
+    assert space["VALUES"] == pytest.approx(known)
     assert run(["model", model, "--by", by]) == 2
     assert "--equations" in capsys.readouterr().err
 

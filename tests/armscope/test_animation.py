@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
 from arm_model import read_model
 from arm_model.collision import chain_of
 from arm_model.rigid_body.kinematics import forward
-from armscope.animation import instants, movements, sticks
+from armscope.animation import MEASURED, OTHER, instants, movements, sticks
 from armscope.cli import run
 from daq.recording import Attachments, open_long, write_table
 
@@ -76,8 +77,12 @@ def test_files_have_their_frames(ending: str, recordings: tuple[Path, Path], tmp
         ]
         assert len(pictures) == 3
     assert all(np.abs(one - other).max() > 100 for one, other in itertools.pairwise(pictures))
-    blue = (pictures[0][..., 2] - pictures[0][..., 0]) > 100
-    assert blue[:, : blue.shape[1] // 2].sum() > 500
+    height, width = pictures[0].shape[:2]
+    for colour, half in ((MEASURED, slice(width // 2)), (OTHER, slice(width // 2, None))):
+        # a thick line, in the colours that a GIF has
+        panel = pictures[0][: 3 * height // 4, half]
+        near = np.abs(panel - 255 * np.array(to_rgb(colour))).max(axis=-1) < 32
+        assert near.sum() > 500
 
 
 @pytest.mark.parametrize(

@@ -43,16 +43,25 @@ def executed(name: str, root: Path, folder: Path) -> str:
 def test_a_notebook_runs(name: str, root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request) -> None:
     if name == "emps":
         monkeypatch.setenv("ARMSCOPE_EMPS", str(request.getfixturevalue("shared") / "data/emps"))
+    before = _files(root / "examples")
     outputs = executed(name, root, tmp_path)
+    assert _files(root / "examples") == before, "a notebook writes where it runs"
     assert [word for word in SHOWN[name] if word not in outputs] == []
 
 
-def test_examples_hold_notebooks_and_programs_only(root: Path) -> None:
-    """What a notebook wrote where it ran is not kept."""
+def _files(folder: Path) -> set[Path]:
+    return {path for path in folder.rglob("*") if "__pycache__" not in path.parts}
+
+
+def test_examples_hold_notebooks_programs_and_the_files_of_the_first_hour_only(root: Path) -> None:
+    """What a notebook wrote where it ran is not kept; examples/own_arm is input, of docs/first-hour-own-arm.md."""
     if not (root / ".git").exists():
         pytest.skip("not a checkout")
     listed = subprocess.run(["git", "ls-files", "examples"], cwd=root, capture_output=True, text=True, check=True)
-    assert {Path(line).suffix for line in listed.stdout.splitlines()} == {".py", ".ipynb"}
+    paths = [Path(line) for line in listed.stdout.splitlines()]
+    inputs = {path.name for path in paths if path.parent.name == "own_arm"}
+    assert inputs == {"arm.urdf", *(f"{day}_{run}.csv" for day in ("healthy", "today") for run in (1, 2))}
+    assert {path.suffix for path in paths if path.parent.name != "own_arm"} == {".py", ".ipynb"}
 
 
 def test_every_notebook_is_tested_and_kept_without_outputs(root: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from diagnosis.cause import Signal, Structure
+from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.diagnose import _of_fit, not_held_out
 from diagnosis.selection.design import Dataset
 
@@ -28,7 +28,7 @@ def test_a_joint_that_only_the_fitted_recordings_find_loud_is_told() -> None:
 
     (structure,) = _of_fit(left.ravel(), _side(), [])
     assert (structure.joint, structure.share) == (2, 0.0)
-    assert "in fitted recordings" in structure.against
+    assert structure.against == NO_VARIABLE and "in fitted recordings" in structure.size
     (said,) = not_held_out(left.ravel(), _side(), [])
 
     assert "joint 2" in said and "hold out" in said

@@ -61,7 +61,9 @@ def test_a_tripod_that_rings_is_unexplained_with_its_frequency(
     assert found.causes == []
     (left,) = found.unexplained
     assert left.signal == "tracker"
-    assert left.against.startswith("a wave of 7.3 Hz")
+    assert left.against == "a wave of 7.3 Hz"
+    # a sine of one noise std along a unit direction
+    assert float(left.size.removesuffix(" mm rms")) == pytest.approx(1e3 * NOISE * np.sqrt(0.98 / 2), rel=0.2)
 
 
 def test_a_tracker_that_drifts_is_unexplained_against_time(arm: Arm, puma: Puma, tmp_path: Path) -> None:
@@ -70,7 +72,7 @@ def test_a_tracker_that_drifts_is_unexplained_against_time(arm: Arm, puma: Puma,
     runs = _runs(puma, tmp_path, *ways)
     found = tracked_causes(arm, runs[:2], runs[2:])
     assert found.causes == []
-    assert [left.against.split(" (")[0] for left in found.unexplained] == ["time"]
+    assert [(left.against, left.size) for left in found.unexplained] == [("time", "0.2 mm in 12 s")]
 
 
 FAST = {

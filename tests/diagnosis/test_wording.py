@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from arm_model.model_file import read_model
-from diagnosis.cause import Estimate, Signal, Structure
+from diagnosis.cause import NO_VARIABLE, Estimate, Signal, Structure
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.shortage import Shortage
@@ -88,7 +88,7 @@ def test_a_short_recording_says_how_much_more_is_needed() -> None:
 def test_what_is_left_is_said_with_its_place() -> None:
     left = [
         Structure(Signal.CURRENT, 3, "position", 0.8),
-        Structure(Signal.CURRENT, 1, "no single variable (4.0 times the noise)", 0.0),
+        Structure(Signal.CURRENT, 1, NO_VARIABLE, 0.0, "4.0 times the noise"),
     ]
     said = sentence(cast(Diagnosis, Verdict("unexplained", [], left)))
     assert "the current of joint 3 against position, the current of joint 1, no single variable" in said

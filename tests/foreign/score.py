@@ -84,7 +84,7 @@ class Outcome:
         shown = lambda effect, joint: f"{effect}@{joint or '-'}"  # noqa: E731
         hidden = shown(*self.hidden[:2]) if self.hidden else "nothing"
         named = ", ".join(f"{shown(e, j)} {c:.2f}" for e, j, c, _ in self.named) or "nothing"
-        left = "".join(f"; left {s}@{j} by {a}" for s, j, a, _ in self.unexplained)
+        left = "".join(f"; left {s}@{j} by {a}{f' ({size})' if size else ''}" for s, j, a, _, size in self.unexplained)
         asked = "" if self.changed is None else f"; compare: {'changed' if self.changed else 'nothing'}"
         if self.compare is not None:
             asked += " (right)" if self.compare else " (elsewhere)" if self.changed else ""
@@ -113,7 +113,7 @@ def outcome(case: Case, hidden: Hidden | None, strength: float, results: Results
 
 def _score_diagnosis(one: Outcome, hidden: Hidden | None, table: Mapping[str, Any]) -> None:
     one.verdict = "too short" if table["too_short"] else table["verdict"]
-    one.unexplained = [[s["signal"], s["joint"], s["against"], s["share"]] for s in table["unexplained"]]
+    one.unexplained = [[s["signal"], s["joint"], s["against"], s["share"], s["size"]] for s in table["unexplained"]]
     for cause in table["causes"]:
         was_right = hidden is not None and not one.found and right(cause, hidden)
         one.found |= was_right

@@ -17,7 +17,7 @@ from scipy import stats
 
 from arm_io.types import Array
 from arm_model import Arm
-from diagnosis.cause import Signal, Structure
+from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.noise import quiet_noise
@@ -70,7 +70,7 @@ def _most_likely(shapes: Sequence[Shape], fitted: Fitted, held_out: Dataset, joi
     significant = [(p_value(gain), k) for k, gain in enumerate(gains) if gain.sum() > LIMITS.likely_share * before]
     p, best = min(significant, default=(1.0, 0))
     if p > LIMITS.likely_p:
-        return Structure(Signal.CURRENT, joint, f"no single variable ({ratio:.1f} times the noise)", 0.0)
+        return Structure(Signal.CURRENT, joint, NO_VARIABLE, 0.0, f"{ratio:.1f} times the noise")
     return Structure(Signal.CURRENT, joint, shapes[best].name, float(gains[best].sum()) / before)
 
 

@@ -17,7 +17,7 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, Instrument
 from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from daq.recording import Recording
-from diagnosis.cause import MAX_CONFIDENCE, Cause, EffectKey, Estimate, Signal, Structure, confidence_of
+from diagnosis.cause import MAX_CONFIDENCE, NO_VARIABLE, Cause, EffectKey, Estimate, Signal, Structure, confidence_of
 from diagnosis.measurements.link_encoders.by_recording import CHANCE, alone, chance_of, contradicted
 from diagnosis.measurements.link_encoders.columns import LinkCandidate, Rows, late, orders, standing_orders, turns
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders, link_encoders
@@ -329,8 +329,7 @@ def _structure(chosen: Chosen, model: LinkEncoders) -> list[Structure]:
             structures.append(Structure(Signal.LINK_ANGLE, joint, name, shares[name]))
         else:
             times = float(np.sqrt(np.mean(residuals[1][:, k] ** 2))) / model.rows.fit.noise[k]
-            nothing = f"no single variable ({times:.0f} times the noise)"
-            structures.append(Structure(Signal.LINK_ANGLE, joint, nothing, 0.0))
+            structures.append(Structure(Signal.LINK_ANGLE, joint, NO_VARIABLE, 0.0, f"{times:.0f} times the noise"))
     return structures
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE, Instrument, observed_by
-from diagnosis.cause import EffectKey, Signal, Structure, Undetectable
+from diagnosis.cause import NO_VARIABLE, EffectKey, Signal, Structure, Undetectable
 from diagnosis.measurements.tracker.columns import State, TrackedCandidate
 from diagnosis.measurements.tracker.model import LIMITS
 from diagnosis.measurements.tracker.over_time import over_time
@@ -134,7 +134,7 @@ def _against(sides: Sequence[Side], residuals: Sequence[Array], level: float) ->
                 best = Structure(Signal.TRACKER, None, name, share)
     ratio = float(np.sqrt(np.mean(held_out**2))) / level
     if best is None and ratio > LIMITS.far_above_noise:
-        best = Structure(Signal.TRACKER, None, f"no single variable ({ratio:.1f} times the noise)", 0.0)
+        best = Structure(Signal.TRACKER, None, NO_VARIABLE, 0.0, f"{ratio:.1f} times the noise")
     return [best] if best else []
 
 

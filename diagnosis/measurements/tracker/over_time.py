@@ -7,6 +7,7 @@ and a wave smaller than the noise of one point is far above the noise of thousan
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage, signal
@@ -33,19 +34,28 @@ def over_time(side: Side, residual: Array, level: float) -> list[Structure]:
     level: m, noise of a coordinate.
     """
     keep = good(residual)
-    energy, found = float(np.sum(residual[keep] ** 2)), list[tuple[float, str]]()
+    energy, found = float(np.sum(residual[keep] ** 2)), list[_Found]()
     for recording in np.unique(side.of):
         own = keep & (side.of == recording)
         if own.sum() > 2 * NEIGHBOURS:
             found += [*_waves(side.t[own], residual[own], level), *_drifts(side.t[own], residual[own], level)]
-    strongest = {name: max((one for one in found if one[1].startswith(name)), default=None) for name in ("a ", "time")}
+    kinds = [[one for one in found if one.drifts == drifts] for drifts in (False, True)]
     return [
-        Structure(Signal.TRACKER, None, words, min(1.0, its_energy / energy))
-        for its_energy, words in filter(None, strongest.values())
+        Structure(Signal.TRACKER, None, one.against, min(1.0, one.energy / energy), one.size)
+        for one in (max(kind, key=lambda each: each.energy) for kind in kinds if kind)
     ]
 
 
-def _waves(t: Array, residual: Array, level: float) -> Iterator[tuple[float, str]]:
+class _Found(NamedTuple):
+    """Energy, m^2, of a wave or a drift of a recording; its name and its size as in ``Structure``."""
+
+    energy: float
+    against: str
+    size: str
+    drifts: bool
+
+
+def _waves(t: Array, residual: Array, level: float) -> Iterator[_Found]:
     """Energy and name of the strongest line above the spectrum beside it, all coordinates together."""
     step = float(np.median(np.diff(t)))
     even = np.arange(t[0], t[-1], step)
@@ -58,11 +68,11 @@ def _waves(t: Array, residual: Array, level: float) -> Iterator[tuple[float, str
     near = slice(max(0, top - 2), top + 3)
     rms = float(np.sqrt(np.sum((power - floor)[near].clip(0.0)) * frequency[1]))
     if over[top] > OVER_FLOOR and rms > LEAST * level:
-        yield rms**2 * len(t), f"a wave of {frequency[top]:.1f} Hz, {1e3 * rms:.2g} mm rms"
+        yield _Found(rms**2 * len(t), f"a wave of {frequency[top]:.1f} Hz", f"{1e3 * rms:.2g} mm rms", drifts=False)
 
 
-def _drifts(t: Array, residual: Array, level: float) -> Iterator[tuple[float, str]]:
-    """Energy and name of a straight line over time that blocks of one second confirm."""
+def _drifts(t: Array, residual: Array, level: float) -> Iterator[_Found]:
+    """Energy and size of a straight line over time that blocks of one second confirm."""
     x, residual = t - t.mean(), residual - residual.mean(axis=0)
     slope = residual.T @ x / (x @ x)
     block = (t // BLOCK_SECONDS).astype(int)
@@ -72,7 +82,6 @@ def _drifts(t: Array, residual: Array, level: float) -> Iterator[tuple[float, st
     std = np.sqrt(np.sum(scores**2, axis=1)) / (x @ x)
     rms = float(np.sqrt(np.sum(slope**2) * np.mean(x**2)))
     if np.max(np.abs(slope) / np.maximum(std, 1e-300)) > SHARP and rms > LEAST * level:
-        yield (
-            rms**2 * len(t),
-            f"time ({1e3 * float(np.linalg.norm(slope)) * (t[-1] - t[0]):.2g} mm in {t[-1] - t[0]:.0f} s)",
-        )
+        seconds = t[-1] - t[0]
+        way = 1e3 * float(np.linalg.norm(slope)) * seconds
+        yield _Found(rms**2 * len(t), "time", f"{way:.2g} mm in {seconds:.0f} s", drifts=True)
