@@ -222,7 +222,10 @@ class _Scene:
 
 
 def _write_gif(place: Path, scene: _Scene, when: Instants, progress: Callable[[float], None]) -> None:
-    """Frames of 128 colours (of 64, thin lines lose theirs), drawn as pillow asks for them: what is kept of each is where it differs from the last."""
+    """Frames, drawn as pillow asks for them: what is kept of each is where it differs from the last.
+
+    Each has 128 colours; of 64, the thin lines' are mixed with others.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 

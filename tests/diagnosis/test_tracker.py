@@ -5,6 +5,7 @@ The arm that hides it shares no code with the finder.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,7 +73,11 @@ def test_a_tracker_that_drifts_is_unexplained_against_time(arm: Arm, puma: Puma,
     runs = _runs(puma, tmp_path, *ways)
     found = tracked_causes(arm, runs[:2], runs[2:])
     assert found.causes == []
-    assert [(left.against, left.size) for left in found.unexplained] == [("time", "0.2 mm in 12 s")]
+    (left,) = found.unexplained
+    assert left.against == "time"
+    # two recordings drift 0.4 mm apart, the base frame takes what is common to them
+    size = re.fullmatch(r"([0-9.]+) mm in 12 s", left.size)
+    assert size is not None and 0.15 < float(size[1]) < 0.4
 
 
 FAST = {

@@ -12,6 +12,7 @@ from tests.foreign.commands import called, through_every_command, unrendered
 from tests.foreign.random_arms import stranger
 
 
+@pytest.mark.filterwarnings("error::UserWarning")
 @pytest.mark.parametrize("seed", [37, 38])
 def test_an_arm_goes_through_every_command(seed: int, tmp_path: Path) -> None:
     with unrendered():

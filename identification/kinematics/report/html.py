@@ -236,8 +236,9 @@ def error_figure(calibration: Calibration, gravity: Gravity | None) -> Figure:
         axes = figure.add_subplot(len(panels), 1, k + 1)
         for run in shown:
             _draw_distances(axes, calibration, run, gravity)
-        noise = calibration.fit.noise / (shown[0].lever or 1.0)
-        axes.axhline(1e3 * 1.6 * noise, color=MEASURED, lw=1, ls="--")
+        noise = 1e3 * 1.6 * calibration.fit.noise / (shown[0].lever or 1.0)
+        _limit(axes, noise)
+        axes.axhline(noise, color=MEASURED, lw=1, ls="--")
         axes.grid(color=GRID)
         several = f", {len(shown)} reflectors" if len(shown) > 1 else ""
         axes.set_title(f"{_name_of(shown)} ({words}{several})", loc="left", fontsize=10)
@@ -249,6 +250,15 @@ def error_figure(calibration: Calibration, gravity: Gravity | None) -> Figure:
             names = ["nominal", "calibrated", "noise (mean distance)"]
             figure.legend(marks, names, loc="outside upper right", fontsize=8, ncol=3)
     return figure
+
+
+def _limit(axes: Any, noise: float) -> None:
+    """Limits about all points and the noise; matplotlib's own warn where the points are equal but for rounding."""
+    drawn = np.concatenate([*(line.get_ydata() for line in axes.lines), [noise]])
+    drawn = drawn[np.isfinite(drawn) & (drawn > 0.0)]
+    axes.set_autoscaley_on(False)
+    if len(drawn):
+        axes.set_ylim(float(drawn.min()) / 1.5, float(drawn.max()) * 1.5)
 
 
 def _draw_distances(axes: Any, calibration: Calibration, run: Run, gravity: Gravity | None) -> None:
