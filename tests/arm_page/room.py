@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import signal
@@ -56,10 +57,14 @@ class Room:
 
 
 def rig_table(name: str, **changes: Any) -> dict[str, Any]:
-    """The simulated Puma under another name; its watchdog is patient, because the machine of a test may be busy."""
+    """The simulated Puma under a name of this process; its watchdog is patient: the machine of a test may be busy."""
     table = read_toml(ROOT / "config/puma560_sim.toml")
     model = str(ROOT / "config/models/puma560.toml")
-    return table | {"name": name, "watchdog": 20.0, "model": model, "zenoh": {"endpoint": free_endpoint()}} | changes
+    return (
+        table
+        | {"name": f"{name} {os.getpid()}", "watchdog": 20.0, "model": model, "zenoh": {"endpoint": free_endpoint()}}
+        | changes
+    )
 
 
 def short_move(seconds: float = 1.2, **changes: Any) -> dict[str, Any]:

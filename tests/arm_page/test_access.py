@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import os
 import ssl
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,6 +24,13 @@ pytestmark = pytest.mark.xdist_group("page")
 def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Room]:
     with open_room(tmp_path_factory.mktemp("access"), rig_table("page access")) as room:
         yield room
+
+
+def test_one_server_serves_the_tests_of_a_group(request: pytest.FixtureRequest) -> None:
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        pytest.skip("one test process: nothing to group")
+    # This is how pytest-xdist keeps a group in one process; where it cannot, each process starts servers of its own.
+    assert request.node.nodeid.endswith("@page")
 
 
 STEERING = [*(f"/api/command/{verb}" for verb in ("arm", "start", "stop", "disarm", "zero", "reset", "check"))]

@@ -19,7 +19,7 @@ from tests.conftest import ROOT
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine; .ci/run installs it"),
-    pytest.mark.xdist_group("page"),
+    pytest.mark.xdist_group("browser"),
 ]
 SECONDS = 40_000
 """ms for anything to happen: the machine may be busy."""
@@ -58,9 +58,14 @@ def page(browser: Any, room: Room) -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def failing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Room]:
-    """A rig that loses five rows, and whose counter1 loses its plug while the file ``plug`` is there."""
+    """A rig that loses five rows, and whose counter1 loses its plug while the file ``plug`` is there.
+
+    Its model is a URDF file with one mesh.
+    """
     folder = tmp_path_factory.mktemp("failing")
-    table = rig_table("page failing")
+    write_meshed(folder)
+    table = rig_table("page failing", model="arm.urdf")
+    table["simulation"]["model"] = str(ROOT / "config/models/puma560.toml")
     table["device"][0] |= {"driver": "tests.arm_page.pluggable", "plug": str(folder / "plug")}
     table["simulation"]["fault"] = [{"kind": "lost_row", "device": "counter2", "number": 300, "count": 5}]
     with open_room(folder, table) as room:
@@ -73,6 +78,16 @@ def tetrahedron(size: float) -> bytes:
     faces = np.zeros(4, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("flags", "<u2")]))
     faces["corners"] = [corners[[k for k in range(4) if k != left]] for left in range(4)]
     return bytes(80) + (4).to_bytes(4, "little") + faces.tobytes()
+
+
+def write_meshed(folder: Path) -> None:
+    """arm.urdf, whose third link has the mesh upper.stl."""
+    write_urdf(folder / "arm.urdf", read_model(ROOT / "config/models/puma560.toml"))
+    text = (folder / "arm.urdf").read_text()
+    link = re.findall(r'<link name="([^"]+)"', text)[2]
+    mesh = '<visual><geometry><mesh filename="upper.stl" scale="0.001 0.001 0.001"/></geometry></visual>'
+    (folder / "arm.urdf").write_text(re.sub(rf'(<link name="{link}">)', rf"\1{mesh}", text))
+    (folder / "upper.stl").write_bytes(tetrahedron(300.0))
 
 
 def ours(url: str, room: Room) -> bool:
@@ -94,6 +109,8 @@ def test_a_run_is_previewed_armed_started_recorded_and_opened(page: Any, room: R
     preview(page, "short")
     facts = page.inner_text("#run")
     assert "Within the limits" in facts and "1 waist" in facts and "2 shoulder" not in facts
+    # A key does not wait, as a click does, until its button is enabled.
+    page.click("text=Arm", trial=True)
     page.keyboard.press("a")
     state(page, "armed")
     page.click("text=Start")
@@ -206,17 +223,9 @@ def test_losses_are_shown_as_they_happen_and_a_lost_device_is_named(browser: Any
         assert page.locator("#devices .wrong").count() == 0
 
 
-def test_meshes_of_a_urdf_file_are_shown(browser: Any, tmp_path: Path) -> None:
-    write_urdf(tmp_path / "arm.urdf", read_model(ROOT / "config/models/puma560.toml"))
-    text = (tmp_path / "arm.urdf").read_text()
-    link = re.findall(r'<link name="([^"]+)"', text)[2]
-    mesh = '<visual><geometry><mesh filename="upper.stl" scale="0.001 0.001 0.001"/></geometry></visual>'
-    (tmp_path / "arm.urdf").write_text(re.sub(rf'(<link name="{link}">)', rf"\1{mesh}", text))
-    (tmp_path / "upper.stl").write_bytes(tetrahedron(300.0))
-    table = rig_table("page meshes", model="arm.urdf")
-    table["simulation"]["model"] = str(ROOT / "config/models/puma560.toml")
-    with open_room(tmp_path, table) as room, browser.new_context() as context:
+def test_meshes_of_a_urdf_file_are_shown(browser: Any, failing: Room) -> None:
+    with browser.new_context() as context:
         page = context.new_page()
         page.set_default_timeout(SECONDS)
-        page.goto(room.watch)
+        page.goto(failing.watch)
         page.wait_for_selector("#arm[data-meshes='1']")
