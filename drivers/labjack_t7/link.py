@@ -98,15 +98,17 @@ class T7Link:
         return b"".join(pieces)
 
     def _exchange(self, request: Callable[[int], bytes]) -> modbus.Frame:
-        if self._command is None:
+        # Another thread, the guard's, may close the link meanwhile: the socket is then closed, and an OSError says so.
+        connection = self._command
+        if connection is None:
             raise LinkLost("not connected")
         self._transaction = (self._transaction + 1) & 0xFFFF
         deadline = time.monotonic() + self._timeout
         try:
-            self._command.sendall(request(self._transaction))
+            connection.sendall(request(self._transaction))
             while (left := deadline - time.monotonic()) > 0:
-                self._command.settimeout(left)
-                data = self._command.recv(4096)
+                connection.settimeout(left)
+                data = connection.recv(4096)
                 if not data:
                     break
                 for frame in self._frames.feed(data):

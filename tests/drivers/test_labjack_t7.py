@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from arm_io import DeviceFault
-from drivers import RigContext
+from drivers import RigContext, modbus_tcp
 from drivers.blocks import join
 from drivers.counting import extend
 from drivers.labjack_t7 import device as driver
 from drivers.labjack_t7 import protocol as t7
+from drivers.labjack_t7.link import LinkLost
 from drivers.protocols import Block, CounterMode, EdgeSource, Plan, Quality
 from sim_backend.protocol import labjack_t7 as simulator
 from sim_backend.protocol.wires import Wires
@@ -236,6 +237,26 @@ def test_a_reply_to_another_request_is_passed_over() -> None:
         assert link.read_float(t7.PRODUCT_ID) == 7.0 and link.strays == 1
         link.close()
         thread.join()
+
+
+def test_a_link_closed_by_another_thread_during_an_exchange_is_lost() -> None:
+    """As where the guard's thread makes safe while the sampler's thread has given the T7 up."""
+    with socket.create_server(("127.0.0.1", 0)) as server, socket.create_server(("127.0.0.1", 0)) as stream:
+        link = driver.T7Link("127.0.0.1", server.getsockname()[1], stream.getsockname()[1], timeout=2.0)
+        link.connect()
+        connection, _ = server.accept()
+
+        class ClosedMeanwhile(modbus_tcp.Frames):
+            def feed(self, data: bytes) -> list[modbus_tcp.Frame]:
+                link.close()
+                return super().feed(data)
+
+        link._frames = ClosedMeanwhile()
+        # The beginning of a reply only, so that more is waited for.
+        connection.sendall(bytes(3))
+        with pytest.raises(LinkLost):
+            link.write_float(t7.DAC, 0.0)
+        connection.close()
 
 
 def test_garbage_on_the_stream_ends_the_connection_not_the_truth(rig) -> None:
