@@ -62,7 +62,9 @@ class SimulatedArm:
 
 
 def read_arm(path: Path, known: Path | None, hold: float) -> SimulatedArm:
-    """The arm in a model file, with the servos that the model ``known`` (None: itself) asks for.
+    """The arm in a model file, with the servos that the model ``known`` asks for.
+
+    Where ``known`` is None or has no controller, as a URDF file has none, the servos are those of the file itself.
 
     ``hold``: see ``Servoed``.
 
@@ -76,10 +78,14 @@ def read_arm(path: Path, known: Path | None, hold: float) -> SimulatedArm:
     for number, joint in enumerate(arm.joints, 1):
         if joint.encoder_lines is None:
             raise InputError(path, f"joint[{number}].encoder_lines: is missing; the simulated encoder needs it")
-    tuned = fixed_gains(arm if known is None or arm.controller.kind != "bandwidth" else read_model(known))
-    if len(tuned) != len(arm):
-        raise InputError(path, f"has {len(arm)} joints; the rig's own model, {known}, has {len(tuned)}")
-    return SimulatedArm(replace(arm, controller=tuned.controller), hold)
+    tuned = arm
+    if known is not None and arm.controller.kind == "bandwidth":
+        nominal = read_model(known)
+        if len(nominal) != len(arm):
+            raise InputError(path, f"has {len(arm)} joints; the rig's own model, {known}, has {len(nominal)}")
+        if nominal.controller is not None:
+            tuned = nominal
+    return SimulatedArm(replace(arm, controller=fixed_gains(tuned).controller), hold)
 
 
 def with_payload(arm: Arm, payload: Payload) -> Arm:

@@ -2,16 +2,35 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from arm_model import read_model
+from arm_model.urdf import write_urdf
+from experiment import read_experiment
 from sim_backend.arm.history import History
+from sim_backend.arm.plant import read_arm
 from sim_backend.electronics import noise
 from sim_backend.rig.faults import ExtraEdge, LostEdge, LostRow
 from sim_backend.rig.trigger_line import TriggerLine, seen
+from tests.conftest import ROOT
+
+
+def test_servos_are_the_arms_own_where_the_rigs_model_has_no_controller(tmp_path: Path) -> None:
+    """A URDF file has none; the motion on the wires must be that of the arm alone."""
+    model = ROOT / "config/models/puma560.toml"
+    urdf = tmp_path / "arm.urdf"
+    write_urdf(urdf, read_model(model))
+    experiment = read_experiment(ROOT / "config/experiments/excitation.toml")
+    alone, beside = (
+        read_arm(model, known, 0.1).moving(experiment).advance() for known in (None, tmp_path / "arm.urdf")
+    )
+    assert np.array_equal(alone.motor, beside.motor) and np.array_equal(alone.current, beside.current)
 
 
 def test_noise_is_normal_white_and_unrelated_between_streams() -> None:
