@@ -175,6 +175,7 @@ def test_what_the_guard_would_refuse_cannot_be_armed(page: Any, room: Room) -> N
     assert status == 409 and "joint 1 goes to 2.9" in answer["what"]
 
 
+@pytest.mark.slow
 def test_who_only_watches_sees_the_run_and_has_no_way_to_steer(browser: Any, page: Any, room: Room) -> None:
     with browser.new_context() as context:
         watcher = context.new_page()
