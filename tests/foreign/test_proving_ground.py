@@ -93,12 +93,15 @@ def test_an_effect_is_as_strong_as_said(monkeypatch: pytest.MonkeyPatch) -> None
 OPEN = pytest.mark.xfail(reason="a dropped trigger is named beside a large payload since gaps are found by lags")
 
 
-@pytest.mark.parametrize(("arm", "effect"), [pytest.param("two_link", "payload", marks=OPEN), ("scara", None)])
+@pytest.mark.parametrize(
+    ("arm", "effect"), [pytest.param("two_link", "payload", marks=[OPEN, pytest.mark.slow]), ("scara", None)]
+)
 def test_what_is_hidden_is_named(arm: str, effect: str | None, tmp_path: Path) -> None:
     one = judged(_case("first", "singles" if effect else "nothing", arm, effect, None), None, tmp_path)
     assert one.good, one.line()
 
 
+@pytest.mark.slow
 def test_more_friction_on_the_second_day_is_told_by_compare(tmp_path: Path) -> None:
     one = judged(_case("second", "singles", "two_link", "coulomb_friction", 1), None, tmp_path)
     assert not one.crashes and one.compare, one.line()

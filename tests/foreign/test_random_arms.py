@@ -13,7 +13,7 @@ from tests.foreign.random_arms import stranger
 
 
 @pytest.mark.filterwarnings("error::UserWarning")
-@pytest.mark.parametrize("seed", [37, 38])
+@pytest.mark.parametrize("seed", [37, pytest.param(38, marks=pytest.mark.slow)])
 def test_an_arm_goes_through_every_command(seed: int, tmp_path: Path) -> None:
     with unrendered():
         several = list(through_every_command(seed, tmp_path))

@@ -18,8 +18,8 @@ def straight(v: np.ndarray) -> np.ndarray:
     return np.array([9.0, 10.0, 5.0]) + np.array([8.0, 9.0, 5.0]) * v
 
 
-def _identified(folder: Path, law: Law) -> armscope.Identification:
-    fit, held_out = (recording(folder / f"{seed}.mcap", law, seed, seconds=24.0) for seed in (1, 3))
+def _identified(folder: Path, law: Law, seconds: float = 16.0) -> armscope.Identification:
+    fit, held_out = (recording(folder / f"{seed}.mcap", law, seed, seconds=seconds) for seed in (1, 3))
     return armscope.identify(fit, stranger(folder / "model.toml"), held_out=held_out)
 
 
@@ -84,7 +84,7 @@ def test_a_curve_in_the_model_is_identified_again_to_the_same(curved: tuple[arms
 
 
 def test_straight_friction_stays_straight(tmp_path: Path) -> None:
-    result = _identified(tmp_path, straight)
+    result = _identified(tmp_path, straight, seconds=12.0)
     assert not any(band.curve for band in result.friction_bands)
     assert all(joint.friction_curve is None for joint in result.arm.joints)
     assert "friction of joint 1: Coulomb and viscous (a curve is not justified" in str(result)

@@ -56,7 +56,20 @@ def poses(tmp_path_factory: pytest.TempPathFactory) -> tuple[foreign.TrueArm, Pa
     return arm, tmp_path_factory.mktemp("poses"), (q, arm.measured(points)), unseen
 
 
+FOUND: dict[tuple[Path, bool, tuple[int, ...]], armscope.Calibration] = {}
+"""What several tests look at is calibrated once per folder of the module."""
+
+
 def held_out(folder: Path, masses: bool, fitted: tuple, unseen: tuple, reflectors: list[int]) -> armscope.Calibration:
+    key = folder, masses, tuple(reflectors)
+    if key not in FOUND:
+        FOUND[key] = _calibrated(folder, masses, fitted, unseen, reflectors)
+    return FOUND[key]
+
+
+def _calibrated(
+    folder: Path, masses: bool, fitted: tuple, unseen: tuple, reflectors: list[int]
+) -> armscope.Calibration:
     (folder / "arm.urdf").write_text(foreign.urdf("KR 6 R900", masses))
     (q, xyz), (u, truth) = fitted, unseen
     return foreign.calibrated(folder / "arm.urdf", folder, q, xyz[:, reflectors], (u, truth[:, reflectors]))
