@@ -18,11 +18,13 @@ from diagnosis.residual.run_setup import loaded, setup_of
 from diagnosis.screening.current_limit import current_limits
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
 from diagnosis.screening.event import Event, Gain
-from diagnosis.screening.lost_triggers import dropped_triggers, event_of, realigned_rows, unmeasured
+from diagnosis.screening.lost_triggers import MOST_ROWS, dropped_triggers, event_of, realigned_rows, unmeasured
 from diagnosis.screening.mains_hum import mains_hum, without_hum
 
 Samples = tuple[Array, Array, Array]
 
+MATTERS = 0.7
+"""Share of its error that a recording may keep when a long gap is put right: its currents were far from their rows."""
 OWN_LIMIT = 0.02
 """Relative difference below which an observed limit is the model's own."""
 
@@ -113,7 +115,10 @@ def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
         realigned_run = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=sight.still)
         runs[k] = unmeasured(realigned_run, here)
     most = losses[0].recording
-    event = replace(event_of(losses, runs), gain=_gain_of_realignment(before[most], runs[most], terms))
+    gain = _gain_of_realignment(before[most], runs[most], terms)
+    if any(abs(loss.count) > MOST_ROWS for loss in losses) and gain.after > MATTERS * gain.before:
+        return sight
+    event = replace(event_of(losses, runs), gain=gain)
     return replace(sight, events=[*sight.events, event], runs=runs, samples=samples)
 
 

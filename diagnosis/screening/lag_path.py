@@ -39,12 +39,14 @@ BEFORE = 1.0
 chooses any lag while the others rest."""
 WORSE = 0.05
 """Of that part, how much worse one joint may become."""
+EMERGED = 4.0
+"""Ratio of the squared errors after and before, as lags in s2, both at the lag before: other errors do not emerge."""
 LEFT = 0.6
 """Share of its squared error that may be left of a part after the change: other errors follow a lag a little, too."""
 MOST = 0.6
 """Share of a piece's rows that must lie within the recording at a lag."""
-STILL = 3.0
-"""Std of the noise within which a current stays as it is."""
+QUIET = 0.05
+"""Mean square rate of a current in a piece, in that of the recording, below which the piece tells no lag."""
 SEEN = 3.0
 """Whitened residual, rms of the worst piece, below which no change of lag is looked for."""
 
@@ -59,12 +61,14 @@ class Step:
 
 def lag_steps(run: Run) -> list[Step]:
     """The changes of lag of a run by at least two rows at ROWS_PER_SECOND, in time; several or none."""
-    pieces = np.arange(0, _lasting(run) - PIECE + 1, PIECE)
+    pieces = np.arange(0, len(run.t) - PIECE + 1, PIECE)
     longest = min(int(LONGEST * ROWS_PER_SECOND), len(run.t) // 4)
     if len(pieces) < 4 or not _worth_looking(run, pieces):
         return []
+    moving = _moving(run, pieces)
     errors = _errors(run, pieces, longest)  # (K, p, n)
     scale = np.median(errors.min(axis=0), axis=0) / PIECE + np.mean(run.instruments**2, axis=0)
+    errors *= moving
     path = _cheapest(errors / (scale * COLOURED)) - longest
     steps = []
     for begin, start, at, end in _changes(path):
@@ -72,7 +76,10 @@ def lag_steps(run: Run) -> list[Step]:
         without, with_it = (errors[lag + longest, at:end].sum(axis=0) / (scale * COLOURED) for lag in (before, after))
         other, own = (errors[lag + longest, begin : start + 1].sum(axis=0) for lag in (after, before))
         held = _of_others((other - own) / (scale * COLOURED)) > BEFORE
-        if abs(after - before) > 1 and held and _agreed(without, with_it):
+        parts = pieces[begin], pieces[start] + PIECE, pieces[at], pieces[end - 1] + PIECE
+        size = [float(np.sum(run.current_rate[a:b] ** 2 / scale)) for a, b in (parts[:2], parts[2:])]
+        fitted, lagged = float(np.sum(own / scale)) / size[0], float(np.sum(without)) * COLOURED / size[1]
+        if abs(after - before) > 1 and held and lagged > EMERGED * fitted and _agreed(without, with_it):
             lags = before / ROWS_PER_SECOND, after / ROWS_PER_SECOND
             edge = float(run.t[pieces[at]])
             time, _ = instant(run, lags, (edge - 3 * PIECE / ROWS_PER_SECOND, edge + 3 * PIECE / ROWS_PER_SECOND))
@@ -113,10 +120,11 @@ def put_back(values: Array, t: Array, steps: Sequence[Step]) -> Array:
     return np.stack([np.interp(t, belongs[order], column[order]) for column in values.T], axis=1)
 
 
-def _lasting(run: Run) -> int:
-    """Rows until the currents of all joints stay as they are at the end: padded, or at rest; they tell no lag."""
-    moved = np.abs(run.current - run.current[-1]) > STILL * run.noise
-    return int(np.flatnonzero(moved.any(axis=1)).max(initial=-1)) + 1
+def _moving(run: Run, pieces: Index) -> NDArray[np.bool_]:
+    """(p, n) whether a current changes enough in a piece: at rest, an offset would look like a lag."""
+    energy = np.add.reduceat(run.current_rate[: pieces[-1] + PIECE] ** 2, pieces, axis=0)
+    moving: NDArray[np.bool_] = energy > QUIET * energy.mean(axis=0)
+    return moving
 
 
 def _worth_looking(run: Run, pieces: Index) -> bool:
@@ -127,6 +135,7 @@ def _worth_looking(run: Run, pieces: Index) -> bool:
 def _errors(run: Run, pieces: Index, longest: int) -> Array:
     """(2 longest + 1, p, n) A2: squared error of each piece by the lag at which currents are compared.
 
+    The mean of each piece is taken out: a load that the model has not would shift it as a lag does.
     A lag that leads most rows of a piece out of the recording counts as the nearest that does not.
     """
     rows, lags = np.arange(pieces[-1] + PIECE), np.arange(-longest, longest + 1)
@@ -135,7 +144,10 @@ def _errors(run: Run, pieces: Index, longest: int) -> Array:
         known = (rows + lag >= 0) & (rows + lag < len(run.t))
         apart = run.current[rows] - run.expected[np.where(known, rows + lag, 0)]
         share = np.add.reduceat(known.astype(float), pieces) / PIECE
-        errors[index] = np.add.reduceat(apart**2 * known[:, None], pieces, axis=0) / np.maximum(share, MOST)[:, None]
+        apart *= known[:, None]
+        rows_known = PIECE * np.maximum(share, MOST)[:, None]
+        mean = np.add.reduceat(apart, pieces, axis=0) / rows_known
+        errors[index] = PIECE * (np.add.reduceat(apart**2, pieces, axis=0) / rows_known - mean**2)
     lead = int((1 - MOST) * PIECE)
     nearest = np.clip(lags[:, None], -pieces - lead, len(run.t) - PIECE - pieces + lead)
     return errors[nearest + longest, np.arange(len(pieces))]

@@ -23,8 +23,10 @@ from diagnosis.screening.lag_path import Step, instant, lag_steps, put_back
 
 SURE = 7.0
 """Std of a short change that it must exceed: it is the largest of all instants, in data with other errors."""
-WHOLE, SHARE = 0.3, 0.1
-"""Rows, or share of its rows, by which a short change of lag may miss a whole number."""
+WHOLE = 0.3
+"""Rows by which a short change of lag may miss a whole number."""
+PLACED = 1.0
+"""s: largest std of the instant of a change; an error that grows slowly has none."""
 MOST_ROWS = 12
 """Rows of a change that the first-order effect shows."""
 NO_WEIGHT = 1e6
@@ -94,9 +96,11 @@ def _short(index: int, run: Run, change: Change, period: float) -> list[DroppedT
     rows = -change.step / period
     count = round(rows)
     off = abs(rows - count)
-    if count == 0 or off > max(WHOLE, SHARE * abs(count)) or abs(count) > MOST_ROWS:
+    if count == 0 or off > WHOLE or abs(count) > MOST_ROWS:
         return []
     time, time_std = instant_of(run, replace(change, step=-count * period))
+    if time_std > PLACED:
+        return []
     row, count_std = round(time / period), max(change.std / period, off, 0.05)
     return [DroppedTriggers(index, row, time_std / period, count, count_std, period)]
 
@@ -124,6 +128,8 @@ def _long(
         # a step at the end, with no row left to judge it by
         return []
     time, time_std = instant(run, lags, near)
+    if time_std > PLACED:
+        return []
     row = round((time + before) / period)
     return [DroppedTriggers(index, row, time_std / period, count, max(std / period, 0.05), period)]
 
