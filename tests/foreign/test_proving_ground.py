@@ -90,9 +90,8 @@ def test_an_effect_is_as_strong_as_said(monkeypatch: pytest.MonkeyPatch) -> None
     assert change[1] > 2.5 * case.logger.deviation(case.arm)[1] > change[0]
 
 
-@pytest.mark.parametrize(
-    ("arm", "effect"), [pytest.param("two_link", "payload", marks=pytest.mark.slow), ("scara", None)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("arm", "effect"), [("two_link", "payload"), ("scara", None)])
 def test_what_is_hidden_is_named(arm: str, effect: str | None, tmp_path: Path) -> None:
     one = judged(_case("first", "singles" if effect else "nothing", arm, effect, None), None, tmp_path)
     assert one.good, one.line()

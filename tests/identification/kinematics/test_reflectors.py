@@ -68,6 +68,7 @@ def model_error(found: armscope.Calibration, arm: ForeignArm, q: np.ndarray, nam
     return float(np.sqrt(np.mean((at @ pose[:3, :3].T + pose[:3, 3] - truth) ** 2)))
 
 
+@pytest.mark.slow
 def test_three_reflectors_beat_one(tmp_path: Path) -> None:
     """The same poses; error of the model against the true arm at each reflector, on poses that nobody fitted."""
     alone, together = [], []

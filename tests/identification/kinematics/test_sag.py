@@ -106,6 +106,7 @@ def test_without_masses_the_shape_of_the_gravity_torque_is_identified(poses) -> 
     assert float(np.sqrt(np.mean(residual**2))) == pytest.approx(reached, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_better_than_a_product_of_exponentials_and_three_reflectors_better_still(poses) -> None:
     _, folder, fitted, unseen = poses
     theirs = foreign.by_screws(foreign.fit_screws("KR 6 R900", fitted[0], fitted[1][:, 0]), unseen[0]) - unseen[1][:, 0]
