@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from tests.foreign.arms import ForeignArm, urdf
+from tests.foreign.arms import ForeignArm
+from tests.foreign.urdf import urdf
 
 STEP = 0.001
 """s: of MuJoCo and of the servo."""

@@ -79,6 +79,7 @@ def _recorded(case: Case, cache: Path | None) -> Days:
         return cases.recorded(case)
     cache.mkdir(parents=True, exist_ok=True)
     source = "".join(Path(str(one.__file__)).read_text() for one in (arms, plant, motions, log, hide, cases))
+    source += arms.TABLE.read_text()
     kept = cache / f"{case.name}-{'-'.join(map(str, case.key))}-{hashlib.sha1(source.encode()).hexdigest()[:8]}.pickle"
     if not kept.exists():
         kept.write_bytes(pickle.dumps(cases.recorded(case)))

@@ -14,12 +14,13 @@ import pytest
 
 from arm_model.rigid_body.numeric import rigid_torque
 from arm_model.urdf import read_urdf
-from tests.foreign.arms import ARMS, urdf
+from tests.foreign.arms import ARMS
 from tests.foreign.cases import Case, cases, logger, recorded, worn_in
 from tests.foreign.log import Defects, logged
 from tests.foreign.motions import targets
 from tests.foreign.plant import STEP, compiled, healthy, run
 from tests.foreign.proving_ground import judged
+from tests.foreign.urdf import urdf
 
 
 @pytest.mark.parametrize("name", ARMS)

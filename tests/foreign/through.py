@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from arm_io import write_toml
-from tests.foreign.arms import ForeignArm, Joint, urdf
+from tests.foreign.arms import ForeignArm, Joint
 from tests.foreign.cases import Case, Days
 from tests.foreign.commands import Ended, called
 from tests.foreign.log import write_csv
+from tests.foreign.urdf import urdf
 
 CAD = 0.05
 """Relative error of masses and inertias in the URDF file of the second protocol; of a centre of mass, of 0.1 m."""
