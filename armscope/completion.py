@@ -16,7 +16,7 @@ def options_of(command: Any) -> dict[str, str]:
         for parameter in command.params
         for option in parameter.opts
         if option.startswith("--")
-    } | {"--help": "show the options and examples", "--no-color": "no colours"}
+    } | {"--help": "show the options and examples"}
 
 
 def bash(commands: Mapping[str, str], options: Options) -> str:
@@ -50,11 +50,18 @@ def zsh(commands: Mapping[str, str], options: Options) -> str:
 
 def fish(commands: Mapping[str, str], options: Options) -> str:
     """A completion for fish, with descriptions."""
-    lines = ["# completion of armscope for fish: keep it in ~/.config/fish/completions/armscope.fish"]
+    lines = [
+        "# completion of armscope for fish: keep it in ~/.config/fish/completions/armscope.fish",
+        # the second word only: 'plot' is also an action of 'archive'
+        "function __armscope_command",
+        "    set -l words (commandline -opc)",
+        '    test "$words[2]" = "$argv[1]"',
+        "end",
+    ]
     for name, text in commands.items():
-        lines.append(f"complete -c armscope -n __fish_use_subcommand -f -a {name} -d {_quoted(text)}")
+        lines.append(f"complete -c armscope -n '__armscope_command \"\"' -f -a {name} -d {_quoted(text)}")
         lines += [
-            f"complete -c armscope -n '__fish_seen_subcommand_from {name}' -l {option[2:]} -d {_quoted(said)}"
+            f"complete -c armscope -n '__armscope_command {name}' -l {option[2:]} -d {_quoted(said)}"
             for option, said in options[name].items()
         ]
     return "\n".join(lines) + "\n"

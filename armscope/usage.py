@@ -1,6 +1,38 @@
-"""Examples of every command, shown at the end of its ``--help``: complete command lines."""
+"""What the commands do, one line each, and examples of each: complete command lines at the end of its ``--help``."""
 
 from __future__ import annotations
+
+COMMANDS: dict[str, str] = {
+    "init": "a commented starter project: rig, model, experiments, and what to edit",
+    "doctor": "check every device of a rig and suggest a remedy for each fault",
+    "daemon": "run the service of a rig: open its devices, sample, publish over Zenoh, answer commands",
+    "record": "run one experiment and record it to one file, through a running daemon or an embedded one",
+    "status": "show the state of a rig's daemon",
+    "stop": "end the run of a daemon and keep the rows recorded so far; disarm an armed daemon",
+    "disarm": "return an armed daemon to idle",
+    "fetch": "copy a recording from a daemon on another machine, or list its recordings",
+    "page": "serve the control room of a rig to a browser: see it live, run experiments, open results",
+    "replay": "publish a recording over Zenoh in real time or faster",
+    "view": "serve a live view to Foxglove and PlotJuggler, of a running daemon or of a recording",
+    "info": "summarise a recording: rows, losses, gaps, calibration, provenance",
+    "recover": "recover all readable rows of an unfinished or damaged recording, and list the losses",
+    "import": "convert measured data (CSV, Parquet, .mat, ROS 2 bag) to a recording",
+    "export": "convert a recording to CSV, Parquet, .mat or a ROS 2 bag",
+    "plot": "plot or animate one recording, or several overlaid, or an experiment before it runs",
+    "model": "summarise a model file, print its equations (text, LaTeX, Python, C), convert from and to URDF",
+    "simulate": "simulate a model on an experiment, or on the demands of a recording",
+    "excite": "design an exciting motion for identification, as an experiment to record",
+    "identify": "estimate the parameters of an arm from recordings, with uncertainty and held-out error",
+    "diagnose": "detect and isolate errors of a model, extend the model, report the gain on held-out recordings",
+    "compare": "detect what changed in an arm between two recordings, results, or groups of them",
+    "trend": "detect what moved over many results of an arm, since when, how fast, and when it reaches a limit",
+    "archive": "index the recordings and results in a folder; find, compare, plot and open them",
+    "calibrate": "estimate kinematic parameters from tracker data, plan poses, correct targets",
+    "completion": "print the script with which bash, zsh or fish completes commands and options",
+    "sim-devices": "simulate every device of a rig on its own protocol, until stopped",
+    "demo": "run through everything without hardware: record a simulated Puma, identify it, diagnose a worn one",
+}
+"""Command -> one line of help, in the order in which they are listed."""
 
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "init": ("armscope init my_arm --like csv",),

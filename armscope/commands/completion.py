@@ -23,9 +23,10 @@ def command(
     shell: Annotated[Shell, typer.Argument(help="the shell; the script goes to standard output")],
     as_json: Json = False,
 ) -> None:
-    from armscope.cli import COMMANDS, parser_of
+    from armscope.application import command_of
     from armscope.completion import SHELLS, options_of
+    from armscope.usage import COMMANDS
 
-    options = {name: options_of(parser_of(name)) for name in COMMANDS}
+    options = {name: options_of(command_of(name)) for name in COMMANDS}
     script = SHELLS[shell](COMMANDS, options)
     print(json.dumps({"shell": shell, "script": script}) if as_json else script, end="\n" if as_json else "")

@@ -26,7 +26,8 @@ from arm_io import InputError, check_plain, check_table, toml_of
 from arm_model.description import EffectTerm, Joint
 from arm_model.model_file import arm_of, read_model
 from arm_model.urdf import read_urdf, write_urdf
-from armscope.cli import COMMANDS, run
+from armscope.cli import run
+from armscope.usage import COMMANDS
 from daq.recording.tables.csv_reader import read_csv
 from daq.rig.rig_file import Rig, read_rig
 from drivers.registry import check_config

@@ -8,22 +8,57 @@ from pathlib import Path
 
 import pytest
 
-from armscope.cli import COMMANDS, run, spread
+from armscope.application import spread
+from armscope.cli import run
+from armscope.usage import COMMANDS
+
+HEAVY = {"numpy", "scipy", "matplotlib", "zenoh", "llvmlite", "mcap", "pydantic", "rich", "tomllib", "tomli_w"}
 
 
-def test_help_lists_every_command_and_imports_nothing_heavy(root: Path) -> None:
+def imported_by(root: Path, *arguments: str) -> tuple[str, set[str]]:
+    """Standard output of a command line in a process of its own, and the modules that it imported."""
     code = (
-        "import sys; from armscope.cli import run; run(['--help'])\n"
-        "heavy = {'numpy', 'scipy', 'pydantic', 'typer', 'rich', 'zenoh', 'tomllib', 'tomli_w'} & set(sys.modules)\n"
-        "sys.exit(str(sorted(heavy)) if heavy else 0)"
+        "import sys; from armscope.cli import run; status = run(sys.argv[1:])\n"
+        "print('\\n'.join(sorted(sys.modules)), file=sys.stderr); sys.exit(status)"
     )
-    shown = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True)
+    shown = subprocess.run([sys.executable, "-c", code, *arguments], cwd=root, capture_output=True, text=True)
     assert shown.returncode == 0, shown.stderr
-    assert all(f"  {name} " in shown.stdout for name in COMMANDS)
+    return shown.stdout, set(shown.stderr.split())
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["-h"], ["--version"], []])
+def test_the_list_of_commands_imports_no_command_and_nothing_heavy(arguments: list[str], root: Path) -> None:
+    shown, modules = imported_by(root, *arguments)
+    assert arguments == ["--version"] or all(f"  {name} " in shown for name in COMMANDS)
+    assert not modules & HEAVY and not {name for name in modules if name.startswith("armscope.commands")}
+
+
+def test_a_command_imports_no_other(root: Path) -> None:
+    _, modules = imported_by(root, "identify", "--help")
+    commands = {name for name in modules if name.startswith("armscope.commands.")}
+    assert commands == {"armscope.commands.identify", "armscope.commands.options"}
+    assert not modules & HEAVY
+
+
+def test_every_command_has_a_file_and_every_file_a_command(root: Path) -> None:
+    files = {path.stem for path in (root / "armscope/commands").glob("*.py")} - {"__init__", "options"}
+    assert {name.rstrip("_").replace("_", "-") for name in files} == set(COMMANDS)
 
 
 @pytest.mark.parametrize(
-    "arguments", [["juggle"], ["record"], ["info"], ["info", "a", "b"], ["replay", "a", "--speed", "fast"]]
+    "arguments",
+    [
+        ["juggle"],
+        ["--juggle"],
+        ["record"],
+        ["info"],
+        ["info", "a", "b"],
+        ["info", "a", "--juggle"],
+        ["--no-color", "info", "a"],
+        ["identify", "a", "--model", ""],
+        ["replay", "a", "--speed", "fast"],
+        ["replay", "a", "--speed", "nan"],
+    ],
 )
 def test_a_wrong_command_line_is_one_line_and_exit_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert run(arguments) == 2

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armscope.cli import COMMANDS, run
+from armscope.cli import run
+from armscope.usage import COMMANDS
 from daq.acquisition.ledger import Loss, LossReason
 from daq.acquisition.rows import Rows
 from daq.recording import open_recording

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from armscope.cli import run, with_shipped
+from armscope.application import with_shipped
+from armscope.cli import run
 from armscope.shipped import found, shipped_file, shipped_folder
 
 

@@ -14,9 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from armscope.cli import COMMANDS, parser_of, run, spread
+from armscope.application import command_of
+from armscope.cli import run
 from armscope.completion import SHELLS, options_of
-from armscope.usage import EXAMPLES
+from armscope.usage import COMMANDS, EXAMPLES
 from tests.arm_archive.lab import record
 
 COLOUR = re.compile(r"\x1b\[[0-9;]*[349][0-7][;m]")
@@ -24,7 +25,6 @@ SERVICES = {"daemon", "page", "sim-devices", "view"}
 """Commands that run until they are stopped; they have no result to print."""
 NO_RESULT = {*SERVICES, "demo"}
 """The demo shows the outputs of other commands."""
-MANY = {"identify": ("--held-out",), "diagnose": ("--fit", "--held-out"), "compare": ("--before", "--after")}
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -41,17 +41,17 @@ def test_help_shows_examples_within_80_columns(name: str, capsys: pytest.Capture
 def test_examples_are_command_lines_that_parse(line: str) -> None:
     program, name, *arguments = shlex.split(line.partition(" > ")[0])
     assert program == "armscope" and line in EXAMPLES[name]
-    parser_of(name).make_context(name, spread(arguments, MANY.get(name, ())))
+    command_of(name).make_context(name, arguments)
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS.keys() - NO_RESULT))
 def test_every_result_is_also_json(name: str) -> None:
-    assert "--json" in options_of(parser_of(name))
+    assert "--json" in options_of(command_of(name))
 
 
 @pytest.fixture(scope="module")
 def completion() -> dict[str, str]:
-    options = {name: options_of(parser_of(name)) for name in COMMANDS}
+    options = {name: options_of(command_of(name)) for name in COMMANDS}
     return {shell: write(COMMANDS, options) for shell, write in SHELLS.items()}
 
 
@@ -76,6 +76,69 @@ def test_bash_completes(words: list[str], expected: set[str], completion: dict[s
     )
     shown = subprocess.run(["bash", "-c", code], cwd=tmp_path, capture_output=True, text=True)
     assert shown.stderr == "" and set(shown.stdout.split()) == expected
+
+
+@pytest.mark.parametrize(
+    ("line", "expected", "other"),
+    [
+        ("armscope arch", {"archive"}, {"trend"}),
+        ("armscope trend --li", {"--limit"}, {"--arm"}),
+        ("armscope archive lab plot --ver", {"--verdict"}, {"--animate"}),
+        ("armscope archive lab plot --an", set(), {"--animate"}),
+        ("armscope info ru", {"run.mcap"}, {"record"}),
+    ],
+)
+def test_fish_completes(
+    line: str, expected: set[str], other: set[str], completion: dict[str, str], tmp_path: Path
+) -> None:
+    if shutil.which("fish") is None:
+        pytest.skip("there is no fish")
+    (tmp_path / "run.mcap").touch()
+    (tmp_path / "script").write_text(completion["fish"])
+    code = f'source ./script; complete -C "{line}"'
+    shown = subprocess.run(["fish", "--no-config", "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    words = {one.split("\t")[0] for one in shown.stdout.splitlines()}
+    assert shown.stderr == "" and expected <= words and not words & other
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [
+        ("armscope arch", "armscope archive"),
+        ("armscope trend --li", "armscope trend --limit"),
+        ("armscope info ru", "armscope info run.mcap"),
+    ],
+)
+def test_zsh_completes(typed: str, completed: str, completion: dict[str, str], tmp_path: Path) -> None:
+    if shutil.which("zsh") is None:
+        pytest.skip("there is no zsh")
+    (tmp_path / "run.mcap").touch()
+    (tmp_path / "script").write_text(completion["zsh"])
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "HOME": str(tmp_path)}
+    zsh = subprocess.Popen(
+        ["zsh", "-f", "-i"], cwd=tmp_path, stdin=theirs, stdout=theirs, stderr=theirs, env=environment
+    )
+    os.close(theirs)
+    try:
+        # the line that is completed becomes the argument of print
+        os.write(ours, b"PS1='> '; autoload -Uz compinit; compinit -u; source ./script; print rea''dy\n")
+        until(ours, "ready")
+        os.write(ours, f"{typed}\t\x01print -r -- \x05 >said; print do''ne\n".encode())
+        until(ours, "done")
+        assert (tmp_path / "said").read_text().strip() == completed
+    finally:
+        zsh.kill()
+        zsh.wait()
+        os.close(ours)
+
+
+def until(terminal: int, text: str) -> str:
+    """What a terminal shows until a text has come."""
+    shown = ""
+    while text not in shown:
+        shown += os.read(terminal, 65536).decode(errors="replace")
+    return shown
 
 
 def test_every_shell_knows_every_command_and_option(completion: dict[str, str]) -> None:

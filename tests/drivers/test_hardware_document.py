@@ -68,7 +68,7 @@ def test_the_rigs_of_the_document_are_right(root: Path, name: str) -> None:
 
 
 def test_every_command_of_the_document_exists(root: Path) -> None:
-    from armscope.cli import COMMANDS
+    from armscope.usage import COMMANDS
 
     text = (root / "docs" / "hardware.md").read_text()
     named = set(re.findall(r"^\s+armscope ([a-z-]+)", text, re.MULTILINE))
