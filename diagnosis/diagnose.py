@@ -17,7 +17,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.effects import dissipative
+from arm_model.effects import Instrument, dissipative
 from daq.recording import Recording
 from diagnosis.against_noise import ratios
 from diagnosis.cause import NO_VARIABLE, Cause, Signal, Structure, Undetectable, extend, merge
@@ -33,6 +33,7 @@ from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
 from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
+from diagnosis.origins import Suspect, evidence_of, suspects
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Screened, check, screened
@@ -85,6 +86,27 @@ class Diagnosis:
         if self.unexplained:
             return "unexplained"
         return "explained" if self.causes else "consistent"
+
+    @property
+    def origins(self) -> list[Suspect]:
+        """Physical origins of the causes, per joint and of the arm; none where unexplained structure remains."""
+        places = evidence_of(
+            self.causes, self.arm, self._searched, {(one.effect, one.joint) for one in self.not_visible}
+        )
+        unexplained = {one.joint for one in self.unexplained}
+        return suspects([place for place in places if place.joint not in unexplained])
+
+    @property
+    def _searched(self) -> set[Instrument]:
+        """Instruments whose effects would have been found."""
+        found = {Instrument.RAW}
+        if self.judged:
+            found |= {Instrument.SINGLE_AXIS} if self.axis else {Instrument.CURRENT, Instrument.LAG}
+        if self.link:
+            found.add(Instrument.LINK_ENCODER)
+        if self.tracked and self.tracked.rms:
+            found.add(Instrument.TRACKER)
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)

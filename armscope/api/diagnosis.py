@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from daq.recording import Recording
     from diagnosis import Cause
     from diagnosis import Diagnosis as Details
+    from diagnosis.origins import Suspect
 
 MOST_NUMBERS = 21_600_000
 """Rows times joints that are read of each signal: an hour of six joints at 1 kHz.
@@ -54,6 +55,14 @@ class Diagnosis:
     def causes(self) -> list[Cause]:
         """The accepted causes, strongest first, with parameters, confidence, gain and ambiguity group."""
         return list(self.details.causes)
+
+    @property
+    def origins(self) -> list[Suspect]:
+        """Physical origins of the causes, per joint and of the arm: likelihood, check and source of each.
+
+        Likelihoods are engineering judgement, not measured frequencies; they order what to check first.
+        """
+        return self.details.origins
 
     @property
     def extended(self) -> Arm:

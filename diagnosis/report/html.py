@@ -16,6 +16,7 @@ from arm_report import image, note, page, verdict, warning
 from daq.recording import Recording
 from diagnosis.cause import Cause, Signal, in_words
 from diagnosis.diagnose import Diagnosis
+from diagnosis.report.origins import origins_table
 from diagnosis.report.plots import overview as plots
 from diagnosis.report.plots.link_encoders import link_overview
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
@@ -35,6 +36,7 @@ def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recordin
         verdict(sentence(result)),
         *map(warning, result.warnings),
         summary(result),
+        origins_table(table),
         f"<p>{_next(result, table)}</p>",
         *_overview(result),
     ]

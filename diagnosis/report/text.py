@@ -6,11 +6,12 @@ from typing import Any
 
 from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
+from diagnosis.report.origins import origin_lines
 from diagnosis.report.wording import gain, sentence, title, values_of
 
 
 def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
-    """Verdict, warnings, and every cause with its parameters and gain; ``table`` is what diagnosis.json holds."""
+    """Verdict, warnings, every cause with its parameters and gain, origins; ``table`` is what diagnosis.json holds."""
     lines = [sentence(result), *(f"warning: {warning}" for warning in result.warnings)]
     lines += _over_noise(table)
     for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
@@ -22,6 +23,7 @@ def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
         if len(cause.group) > 1:
             others, by = ", ".join(map(in_words, cause.group[1:])), row["separate_by"]
             lines.append(f"   indistinguishable here from {others}" + (f"; discriminated by: {by}" if by else ""))
+    lines += origin_lines(table)
     if hidden := len(table["not_visible"]):
         lines += ["", f"{hidden} effects could not have been detected in these recordings"]
     return "\n".join(lines)

@@ -26,8 +26,10 @@ from diagnosis.measurements.demands import wrist_coupling
 from diagnosis.measurements.link_encoders import model as link_encoders
 from diagnosis.measurements.single_axis import model as single_axis
 from diagnosis.measurements.tracker import model as tracker
+from diagnosis.origins import JUDGEMENT
 from diagnosis.remaining import remaining
 from diagnosis.report.html import report
+from diagnosis.report.origins import of_cause, origin_row
 from diagnosis.units import unit_at
 from experiment import Experiment, write_experiment
 from identification.experiment_design import Limits
@@ -47,6 +49,7 @@ LIMITS: dict[str, Thresholds] = {
 
 def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording]) -> dict[str, Any]:
     """The content of diagnosis.json."""
+    suspected = result.origins
     return {
         "schema": SCHEMA,
         "verdict": result.verdict,
@@ -58,7 +61,9 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
             {"joint": one.joint, "verdict": one.verdict, "noise_ratio": one.along, "closed_loop": one.in_loop}
             for one in remaining(result)
         ],
-        "causes": [_cause(cause) for cause in result.causes],
+        "causes": [_cause(cause) | {"origins": of_cause(cause, suspected)} for cause in result.causes],
+        "origins": [origin_row(one) for one in suspected],
+        "origins_are": JUDGEMENT,
         "not_visible": [
             {"effect": one.effect, "joint": one.joint, "why": one.why, "experiment": one.experiment}
             for one in result.not_visible

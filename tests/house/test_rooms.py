@@ -43,6 +43,7 @@ ROOMS = {
         "closed_loop",
         "experiments",
         "distortion",
+        "origins",
         "report.plots",
         "report",
     ),

@@ -1,0 +1,84 @@
+"""Physical origins of the causes as JSON, text and a table of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+import arm_report
+from diagnosis.cause import Cause
+from diagnosis.origins import Suspect
+
+IN_TEXT = 2
+"""Origins per place that are printed; diagnosis.json and the report have all."""
+
+
+def origin_row(one: Suspect) -> dict[str, Any]:
+    """One origin as diagnosis.json has it."""
+    return {
+        "joint": one.joint,
+        "origin": one.origin.name,
+        "title": one.origin.title,
+        "likelihood": round(one.likelihood, 2),
+        "supported_by": list(one.supported_by),
+        "contradicted_by": list(one.contradicted_by),
+        "missing": list(one.missing),
+        "check": one.origin.check,
+        "source": list(one.sources),
+    }
+
+
+def of_cause(cause: Cause, suspected: Sequence[Suspect]) -> list[dict[str, Any]]:
+    """The origins that a cause supports, at its own place and of the arm."""
+    own = [one for one in suspected if one.joint in (cause.joint, None) and cause.effect in one.supported_by]
+    keys = ("origin", "title", "likelihood", "check")
+    return [{key: origin_row(one)[key] for key in keys} for one in sorted(own, key=lambda one: -one.likelihood)]
+
+
+def origin_lines(table: dict[str, Any]) -> list[str]:
+    """The most likely origins of every place, each with its check; ``table`` is what diagnosis.json holds."""
+    lines: list[str] = []
+    for place, rows in _by_place(table).items():
+        for row in rows[:IN_TEXT]:
+            lines += [
+                f"   {place}: {row['title']} (likelihood {row['likelihood']:.2f}: {_speaking(row)})",
+                f"      check: {row['check']}",
+            ]
+    return ["", f"likely origins ({table['origins_are']}):", *lines] if lines else []
+
+
+def origins_table(table: dict[str, Any]) -> str:
+    """The origins as a table of the report; empty where there are none."""
+    rows, sources = [], list[str]()
+    for place, several in _by_place(table).items():
+        for k, row in enumerate(several):
+            sources += [source for source in row["source"] if source not in sources]
+            numbers = ", ".join(str(sources.index(source) + 1) for source in row["source"])
+            title = f"{escape(row['title'])} [{numbers}]"
+            likelihood = f"{row['likelihood']:.2f}"
+            rows.append(("" if k else place, title, likelihood, escape(_speaking(row)), escape(row["check"])))
+    if not rows:
+        return ""
+    head = ("where", "likely origin", "likelihood", "signs", "check")
+    said = f"{table['origins_are'][:1].upper()}{table['origins_are'][1:]}."
+    named = "; ".join(f"[{k}] {escape(source)}" for k, source in enumerate(sources, 1))
+    return (
+        f"<h2>Where to look first</h2>{arm_report.table(rows, head, (2,))}<p class=note>{escape(said)} "
+        f"Sources of mechanisms and checks: {named}.</p>"
+    )
+
+
+def _by_place(table: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    places: dict[str, list[dict[str, Any]]] = {}
+    for row in table["origins"]:
+        places.setdefault(f"joint {row['joint']}" if row["joint"] else "arm and rig", []).append(row)
+    return places
+
+
+def _speaking(row: dict[str, Any]) -> str:
+    """``backlash, gear ripple; against it: cogging; not found: load friction``."""
+    parts = (("", "supported_by"), ("against it: ", "contradicted_by"), ("not found: ", "missing"))
+    return "; ".join(
+        f"{word}{', '.join(name.replace('_', ' ') for name in row[key])}" for word, key in parts if row[key]
+    )
