@@ -10,7 +10,6 @@ can do at once in C.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import subprocess
 import sys
@@ -19,7 +18,6 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -28,8 +26,8 @@ from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.simulation.engine import cores
 from arm_model.simulation.simulation import references, row_times, servo_period, simulate, simulate_batch
-from benchmarks import pendulum
 from benchmarks import simulation_peers as peers
+from benchmarks.pendulum import double_pendulum, timed
 from benchmarks.report import report
 
 MODELS = Path(__file__).resolve().parent.parent / "config" / "models"
@@ -49,17 +47,6 @@ def move(n: int) -> Callable[[Array], Array]:
     """Back and forth, all joints, a second each way."""
     reach = np.array([0.8, 0.6, -0.7, 0.5, 0.4, -0.6])[:n]
     return lambda t: np.outer((1 - np.cos(np.pi * t)) / 2, reach)
-
-
-def timed(work: Callable[[], Any], repeats: int = 5) -> tuple[float, Any]:
-    """Shortest of ``repeats`` wall times, after one run that is not counted, and the result."""
-    result = work()
-    times = []
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        result = work()
-        times.append(time.perf_counter() - begin)
-    return min(times), result
 
 
 def variations(sets: int) -> dict[str, Array]:
@@ -165,32 +152,6 @@ def ready(figures: dict[str, float]) -> None:
             environment = {**os.environ, "ARMSCOPE_CACHE": folder, "PYTHONPATH": os.pathsep.join(sys.path)}
             done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
             figures[name] = float(done.stdout)
-
-
-def double_pendulum(figures: dict[str, float]) -> None:
-    """Table 3.1; the thesis had 84.9 s for AUTOLEV, 24.8 s for SD/FAST and 8.99 s for its own interface."""
-    arm = read_model(MODELS / "cart_double_pendulum.toml")
-    free = np.array([pendulum.DURATION])
-
-    def own() -> Array:
-        nothing = lambda t: np.zeros((len(t), 3))  # noqa: E731
-        return simulate(arm, nothing, duration=pendulum.DURATION, rate=1, times=free, start=pendulum.START).q[0]
-
-    figures["double_pendulum_ours_s"], mine = timed(own)
-    begin = time.perf_counter()
-    rates = pendulum.lagrange()
-    figures["double_pendulum_sympy_generation_s"] = time.perf_counter() - begin
-    runs: dict[str, Callable[[], Array]] = {
-        "sympy_lambdify": lambda: pendulum.runge_kutta(rates),
-        "scipy": lambda: pendulum.scipy(rates),
-    }
-    with contextlib.suppress(ImportError):
-        runs["mujoco"] = pendulum.mujoco(arm)
-    for name, run in runs.items():
-        seconds, end = timed(run, 1)
-        figures[f"double_pendulum_{name}_s"] = seconds
-        figures[f"double_pendulum_ours_vs_{name}"] = seconds / figures["double_pendulum_ours_s"]
-        figures[f"double_pendulum_differs_{name}"] = float(np.abs(end - mine).max())
 
 
 def main() -> None:

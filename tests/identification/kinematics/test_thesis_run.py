@@ -13,7 +13,7 @@ import pytest
 
 from arm_model import EffectTerm, read_model, write_model
 from armscope.cli import run
-from benchmarks.kinematics import thesis_arm
+from benchmarks.thesis_kinematics import thesis_arm
 from tests.ports import free_endpoint
 
 
