@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
-import subprocess
 import sys
 import traceback
 from pathlib import Path
@@ -14,6 +14,7 @@ import typer
 from arm_io import make_folder
 from arm_model.collision import read_chain
 from armscope.commands.options import RigOption
+from armscope.starter import Attached, start_attached, when_starter_ends
 from daq.service import Service
 
 
@@ -26,6 +27,7 @@ def command(
     page: Annotated[
         bool, typer.Option("--page", help="serve the page of the rig too, as 'armscope page' does")
     ] = False,
+    attached: Attached = False,
 ) -> None:
     if recordings is not None:
         make_folder(recordings)
@@ -38,13 +40,14 @@ def command(
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, end)
+    if attached:
+        when_starter_ends(lambda: end(signal.SIGTERM, None))
     service.open()
     shown = None
     try:
         _say(f"rig {service.rig.name} is open on {service.rig.zenoh.endpoint}; Ctrl-C or SIGTERM ends it")
         # A process of its own: what it draws takes no time from the sampler, and may fail without it.
-        command = [sys.executable, "-m", "armscope", "page", str(rig)]
-        shown = subprocess.Popen(command, start_new_session=True) if page else None
+        shown = start_attached(["page", str(rig)]) if page else None
         while not told_to_end:
             service.step(1.0)
             if service.bug is not None:
@@ -60,4 +63,6 @@ def command(
 
 
 def _say(line: str) -> None:
-    print(f"armscope daemon: {line}", file=sys.stderr, flush=True)
+    # Who started it, and read its standard error, may be gone.
+    with contextlib.suppress(OSError):
+        print(f"armscope daemon: {line}", file=sys.stderr, flush=True)

@@ -20,6 +20,7 @@ import typer
 from arm_io import DeviceFault, InputError, check_folder, make_folder, read_toml, write_toml
 from armscope.display import has_display
 from armscope.shipped import shipped_folder
+from armscope.starter import start_attached
 from daq.rig import Rig, read_rig
 from daq.service import Subscriber, keys_of, open_session
 
@@ -133,9 +134,7 @@ class _Daemon:
 
     def __init__(self, rig_file: Path) -> None:
         self.rig = read_rig(rig_file, drivers=False)
-        self._process = subprocess.Popen(
-            _command("daemon", "--rig", str(rig_file)), stderr=subprocess.PIPE, text=True, start_new_session=True
-        )
+        self._process = start_attached(["daemon", "--rig", str(rig_file)], stderr=subprocess.PIPE)
         assert self._process.stderr is not None
         line = self._process.stderr.readline()
         if "is open" not in line:

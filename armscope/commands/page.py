@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from armscope.commands.options import RigArgument
 from armscope.display import has_display
 from armscope.page_analyses import ANALYSES
 from armscope.shipped import shipped_folder
+from armscope.starter import Attached, start_attached, when_starter_ends
 from daq.rig import Rig, read_rig
 from daq.service import holder_of
 
@@ -37,6 +39,7 @@ def command(
         typer.Option(metavar="DIR", help="folder of experiments to choose from; default: those beside the rig file"),
     ] = None,
     browser: Annotated[bool, typer.Option(help="open the page where there is a display")] = True,
+    attached: Attached = False,
 ) -> None:
     checked = read_rig(rig, drivers=False)
     make_folder(recordings)
@@ -47,6 +50,8 @@ def command(
         analyses=ANALYSES,
         port=port,
     )
+    if attached:
+        when_starter_ends(lambda: os.kill(os.getpid(), signal.SIGTERM))
     with _daemon(rig, checked):
         page.serve(lambda steer, watch: _ready(checked.name, steer, watch, browser))
 
@@ -67,8 +72,7 @@ def _daemon(path: Path, rig: Rig) -> Iterator[None]:
     if holder_of(rig.name) is not None or not rig.zenoh.loopback:
         yield
         return
-    arguments = [sys.executable, "-m", "armscope", "daemon", "--rig", str(path)]
-    process = subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    process = start_attached(["daemon", "--rig", str(path)], stderr=subprocess.PIPE)
     assert process.stderr is not None
     line = process.stderr.readline()
     if "is open" not in line:

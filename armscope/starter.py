@@ -1,0 +1,34 @@
+"""A process that another one starts, and that must not outlive it, however that one ends.
+
+The starter holds the other end of the standard input. It is closed when the starter ends, also by SIGKILL, on every
+system; what was started reads it and ends by itself.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+
+Attached = Annotated[bool, typer.Option("--attached", help="end when standard input does: with who started it")]
+
+
+def start_attached(arguments: list[str], **options: Any) -> subprocess.Popen[str]:
+    """An armscope command with ``--attached``, in a session of its own: a Ctrl-C at our terminal is not its."""
+    command = [sys.executable, "-m", "armscope", *arguments, "--attached"]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, text=True, start_new_session=True, **options)
+
+
+def when_starter_ends(end: Callable[[], None]) -> None:
+    """Calls ``end`` on a thread once standard input is closed."""
+
+    def wait() -> None:
+        while sys.stdin.buffer.read(4096):
+            pass
+        end()
+
+    threading.Thread(target=wait, name="starter", daemon=True).start()
