@@ -118,6 +118,10 @@ class Analyses:
         for job in list(self._jobs.values()):
             self.stop(job.id)
 
+    def holds(self, job_id: str) -> bool:
+        """Whether there is a job of that name."""
+        return job_id in self._jobs
+
     def report(self, job_id: str) -> Path:
         """The report of a job. InputError: there is none."""
         job = self._jobs.get(job_id)

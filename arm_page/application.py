@@ -21,6 +21,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from arm_io import DeviceFault, InputError
 from arm_page.access import Access, Role
 from arm_page.analyses import Analyses
+from arm_page.archive import FolderArchive
 from arm_page.experiments import Experiments
 from arm_page.link import RigLink
 from arm_page.live import Viewers
@@ -50,6 +51,7 @@ class Parts:
     access: Access
     experiments: Experiments
     recordings: Recordings
+    archive: FolderArchive
     analyses: Analyses
     steering: Steering
 
@@ -74,6 +76,9 @@ class Server:
             Route("/api/devices", self._devices),
             Route("/api/recordings", self._recordings),
             Route("/api/recordings/{name}", self._recording),
+            Route("/api/archive", self._archive),
+            Route("/api/archive/entry", self._entry),
+            Route("/api/archive/history", self._history),
             Route("/api/analyses", self._begin, methods=["POST"]),
             Route("/api/analyses/{job}/stop", self._stop_analysis, methods=["POST"]),
             Route("/reports/{job}", self._report),
@@ -156,6 +161,19 @@ class Server:
         name = request.path_params["name"]
         return await self._answer(request, Role.WATCH, lambda: self._parts.recordings.details(name))
 
+    async def _archive(self, request: Request) -> Response:
+        query = dict(request.query_params)
+        return await self._answer(request, Role.WATCH, lambda: self._parts.archive.rows(query))
+
+    async def _entry(self, request: Request) -> Response:
+        path = request.query_params.get("path", "")
+        return await self._answer(request, Role.WATCH, lambda: self._parts.archive.entry(path))
+
+    async def _history(self, request: Request) -> Response:
+        query = dict(request.query_params)
+        name = query.pop("parameter", "")
+        return await self._answer(request, Role.WATCH, lambda: self._parts.archive.history(name, query))
+
     async def _begin(self, request: Request) -> Response:
         def begun() -> Table:
             known = self._parts.recordings
@@ -175,9 +193,11 @@ class Server:
         return await self._answer(request, Role.STEER, lambda: self._parts.analyses.stop(job))
 
     async def _report(self, request: Request) -> Response:
-        """Opened in a frame, which sends no token: the unguessable name of the job is the permission."""
+        """Opened in a frame, which sends no token: the unguessable name of job or report is the permission."""
+        name = request.path_params["job"]
         try:
-            path = self._parts.analyses.report(request.path_params["job"])
+            analysed = self._parts.analyses.holds(name)
+            path = self._parts.analyses.report(name) if analysed else self._parts.archive.report(name)
         except InputError as error:
             return _refusal(error, 404)
         return FileResponse(path, headers={"content-security-policy": REPORT_POLICY})

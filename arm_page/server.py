@@ -18,6 +18,7 @@ from arm_io import DeviceFault, InputError, read_file
 from arm_model.visuals import read_visuals
 from arm_page.access import Access, hosts_of
 from arm_page.analyses import Analyses, Analysis
+from arm_page.archive import FolderArchive
 from arm_page.experiments import Experiments
 from arm_page.link import RigLink
 from arm_page.recordings import Recordings
@@ -70,6 +71,7 @@ class Page:
             access=access,
             experiments=experiments,
             recordings=recordings,
+            archive=FolderArchive(recordings),
             analyses=Analyses(self.analyses, rig.model_path, recordings.folder / "results"),
             steering=Steering(link, experiments, recordings, chain, hashlib.sha256(read_file(self.rig)).hexdigest()),
         )

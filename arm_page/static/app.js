@@ -1,5 +1,6 @@
 // The page: who is here, what the rig does now, and which of its parts shows it.
 
+import { ArchiveView } from "./archive.js";
 import { ArmView } from "./arm.js";
 import { JointCharts } from "./charts.js";
 import { JointTable } from "./joints.js";
@@ -43,6 +44,7 @@ async function begin() {
     rows: new RowsPanel($("rows"), rig.rate),
     devices: new DevicesPanel($("devices"), rig.devices, { steer, fail }),
     recordings: new RecordingsView($("list"), $("details"), { joints: rig.joints, analyses: rig.analyses, steer, fail }),
+    archive: new ArchiveView($("entries"), $("entry"), { fail }),
   };
   follow(take, (code) => {
     if (code === 4401) login();
@@ -135,13 +137,14 @@ async function stop() {
 }
 
 $("stop").onclick = stop;
-for (const name of ["live", "recordings"])
+const VIEWS = ["live", "recordings", "archive"];
+for (const name of VIEWS)
   $(`tab-${name}`).onclick = () => {
-    for (const other of ["live", "recordings"]) {
+    for (const other of VIEWS) {
       $(other).hidden = other !== name;
       $(`tab-${other}`).setAttribute("aria-selected", String(other === name));
     }
-    if (name === "recordings") parts?.recordings.list();
+    if (name !== "live") parts?.[name].list();
   };
 
 // One key stops, wherever the cursor is. The others do nothing while something is typed or chosen.
@@ -152,7 +155,7 @@ addEventListener("keydown", (event) => {
     return;
   }
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select, textarea, dialog")) return;
-  const act = { a: () => parts?.run.command("arm"), s: () => parts?.run.command("start"), l: () => $("tab-live").click(), r: () => $("tab-recordings").click() }[event.key.toLowerCase()];
+  const act = { a: () => parts?.run.command("arm"), s: () => parts?.run.command("start"), l: () => $("tab-live").click(), r: () => $("tab-recordings").click(), h: () => $("tab-archive").click() }[event.key.toLowerCase()];
   act?.();
 }, { capture: true });
 

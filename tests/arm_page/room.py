@@ -50,7 +50,8 @@ class Room:
             request.add_header("Authorization", f"Bearer {token}")
         try:
             with urllib.request.urlopen(request, timeout=30) as answer:
-                return answer.status, json.loads(answer.read())
+                text = answer.read()
+                return answer.status, text if text.startswith(b"<") else json.loads(text)
         except urllib.error.HTTPError as error:
             text = error.read()
             return error.code, json.loads(text) if text.startswith(b"{") else text

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from arm_archive import Filters, open_archive
 from arm_model import read_model
 from arm_model.urdf import write_urdf
 from daq.recording import open_recording
+from tests.arm_archive.lab import diagnosis, identification, record
 from tests.arm_page.room import CHROMIUM, SWITCHES, Room, open_room, rig_table
 from tests.conftest import ROOT
 
@@ -230,3 +232,57 @@ def test_meshes_of_a_urdf_file_are_shown(browser: Any, failing: Room) -> None:
         page.set_default_timeout(SECONDS)
         page.goto(failing.watch)
         page.wait_for_selector("#arm[data-meshes='1']")
+
+
+@pytest.fixture(scope="module")
+def laboratory(room: Room) -> Path:
+    """A folder of the page's recordings: three months of one parameter, a recording with losses."""
+    older = room.folder / "recordings/older"
+    for month in range(3):
+        record(older / f"{month}/fit{month}.mcap", day=30.0 * month, lost=7 * (month == 1), arm="Old Puma")
+        identification(
+            older / f"{month}/identified",
+            {"joint1.coulomb": (5.0 + month, 0.1)},
+            fit=[f"fit{month}.mcap"],
+        )
+    diagnosis(older / "2/diagnosed", 1e-3)
+    return older
+
+
+def test_the_archive_is_a_table_with_filters_reports_and_parameters_over_time(
+    page: Any, room: Room, laboratory: Path
+) -> None:
+    page.keyboard.press("h")
+    page.fill("#entries input[name=arm]", "oldpuma")
+    rows = page.locator("#entries tr.choice")
+    sync_api.expect(rows).to_have_count(3, timeout=SECONDS)
+    page.fill("#entries input[name=lost]", "0")
+    sync_api.expect(rows).to_have_count(2, timeout=SECONDS)
+    for name in ("arm", "lost"):
+        page.fill(f"#entries input[name={name}]", "")
+    page.select_option("#entries select[aria-label=Kind]", "identification")
+    sync_api.expect(rows).to_have_count(3, timeout=SECONDS)
+
+    page.select_option("#entries select[aria-label=Parameter]", "joint1.coulomb")
+    page.wait_for_selector("#entry .plot[data-results='3'] canvas")
+    rows.first.click()
+    report = page.frame_locator("#entry iframe")
+    assert report.locator("p").inner_text() == "report"
+
+
+def test_the_archive_answers_as_the_command_does_and_leads_nowhere_else(room: Room, laboratory: Path) -> None:
+    status, answer = room.ask("/api/archive?arm=old+puma&since=2026-01-15", key="")
+    assert status == 200
+    with open_archive(room.folder / "recordings") as archive:
+        assert answer["rows"] == archive.rows(Filters(arm="old puma", since="2026-01-15"))[::-1]
+        name = "joint1.coulomb"
+        assert room.ask(f"/api/archive/history?parameter={name}")[1] == archive.history(name)
+    for query in ("since=yesterday", "kind=song", "lost=-1", "colour=red"):
+        status, answer = room.ask(f"/api/archive?{query}")
+        assert status == 409 and "\n" not in answer["what"]
+    for path in ("../rig.toml", "/etc/passwd", "", "older/0/fit"):
+        assert room.ask(f"/api/archive/entry?path={path}")[0] == 409
+    _, entry = room.ask("/api/archive/entry?path=older/2/fit2.mcap")
+    (made,) = entry["reports"]
+    assert made["path"] == "older/2/identified/identification.json"
+    assert room.ask(made["report"])[1] == b"<p>report</p>" and room.ask("/reports/guessed")[0] == 404

@@ -1,0 +1,107 @@
+"""The archive of the page's recordings and results: the same index and filters as ``armscope archive``."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from arm_archive import Archive, Filters, open_archive
+from arm_io import InputError
+from arm_page.recordings import Recordings
+
+Table = dict[str, Any]
+MOST_ROWS = 1000
+"""Newest entries that a browser is sent; the filters find the others."""
+MOST_TICKETS = 200
+
+
+class FolderArchive:
+    """What is in the folder that the daemon records to, and below it; every answer is read from its index anew."""
+
+    def __init__(self, recordings: Recordings) -> None:
+        self._recordings = recordings
+        self._tickets: dict[str, Path] = {}
+
+    def rows(self, query: Mapping[str, str]) -> Table:
+        """Entries that meet the filters, the newest first, and the names of all parameters.
+
+        InputError for a filter that is none, or whose value is none.
+        """
+        filters = filters_of(query)
+        with self._opened() as archive:
+            found = archive.rows(filters)[::-1]
+            return {
+                "folder": str(archive.folder),
+                "entries": len(archive),
+                "found": len(found),
+                "rows": found[:MOST_ROWS],
+                "parameters": archive.parameters(),
+                "notes": archive.notes,
+            }
+
+    def history(self, parameter: str, query: Mapping[str, str]) -> list[Table]:
+        """Every value of a parameter by date, with its standard deviation; InputError where no result holds it."""
+        filters = filters_of(query)
+        with self._opened() as archive:
+            return archive.history(parameter, filters)
+
+    def entry(self, path: str) -> Table:
+        """One entry, its parameters, the results made from it, and a place for each report.
+
+        InputError: there is none of that path.
+        """
+        with self._opened() as archive:
+            row = next((row for row in archive.rows() if row["path"] == path), None)
+            if row is None:
+                raise InputError(path, "is not in the archive; reload the list")
+            made = archive.used_in(row) if row["kind"] == "recording" else []
+            reports = [
+                {
+                    "path": one["path"],
+                    "kind": one["kind"],
+                    "verdict": one["verdict"],
+                    "report": self._ticket(one["report"]),
+                }
+                for one in (row, *made)
+                if one["report"]
+            ]
+            return {"entry": row, "parameters": archive.parameters(path), "reports": reports}
+
+    def report(self, ticket: str) -> Path:
+        """The file of a report. InputError: there is none of that name."""
+        path = self._tickets.get(ticket)
+        if path is None or not path.is_file():
+            raise InputError("report", "there is none of that name")
+        return path
+
+    def _ticket(self, name: str) -> str | None:
+        """An unguessable address of a report: a frame sends no token. None: it is gone, or is outside the folder."""
+        folder = self._recordings.folder.resolve()
+        path = (folder / name).resolve()
+        if not path.is_relative_to(folder) or not path.is_file():
+            return None
+        known = next((ticket for ticket, other in self._tickets.items() if other == path), None)
+        ticket = known or secrets.token_urlsafe(18)
+        self._tickets[ticket] = path
+        for old in list(self._tickets)[:-MOST_TICKETS]:
+            del self._tickets[old]
+        return f"/reports/{ticket}"
+
+    def _opened(self) -> Archive:
+        return open_archive(self._recordings.folder)
+
+
+def filters_of(query: Mapping[str, str]) -> Filters:
+    """Filters from the query of a request; empty values count as none."""
+    given = {name: value for name, value in query.items() if value.strip()}
+    known = {field.name for field in fields(Filters)}
+    for name in given:
+        if name not in known:
+            raise InputError(name, f"is no filter; there are {', '.join(sorted(known))}")
+    lost = given.pop("lost", None)
+    if lost is not None and not (lost.strip().isascii() and lost.strip().isdigit()):
+        raise InputError("--lost", f"must be a number of rows, 0 or more (is {lost!r})")
+    return Filters(**given, lost=None if lost is None else int(lost))
