@@ -16,6 +16,8 @@ Conventions (all SI, angles rad; prismatic joints m and N where revolute ones ha
   drives the joint in the positive direction: joint torque = abs(gear) torque_constant i.
 * rotor_inertia, viscous, coulomb and offset are at the MOTOR; at the joint they are gear^2, gear^2, abs(gear) and
   abs(gear) times as large. For a drive without a gear (gear 1) both are the same. A friction_curve is at the joint.
+  All of these follow the motion of the drive. link_viscous and link_coulomb are at the joint and follow the motion of
+  the link: friction of the joint's own axis, which other motors turn too where joints are coupled.
 """
 
 from __future__ import annotations
@@ -119,8 +121,10 @@ class Joint:
     com: Vector = (0.0, 0.0, 0.0)
     inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     name: str = ""
-    # what the link moves in
-    drag: NotNegative | None = None  # N m s2/rad2 (N s2/m2) at the joint; absent: nothing is said about it
+    # what the link moves in, and on; absent: nothing is said about it
+    drag: NotNegative | None = None  # N m s2/rad2 (N s2/m2) at the joint
+    link_viscous: NotNegative | None = None  # N m s/rad (N s/m) against the motion of the link itself
+    link_coulomb: NotNegative | None = None  # N m (N), likewise
     cylinder: Cylinder | None = None
     # what the link may collide with things by; absent: assumed (``arm_model.collision``); empty: nothing
     capsule: tuple[Capsule, ...] | None = None

@@ -9,6 +9,7 @@ joint{j}.coulomb_positive .coulomb_negative .coulomb       likewise (N m)
 joint{j}.curve{k}_positive .curve{k}_negative .curve{k}    likewise: of its friction curve at the k-th speed, from 1
 link{j}.drag_coefficient .added_mass_coefficient .buoyancy  of its cylinder in water (1), where the model describes one
 joint{j}.drag                                              N m s2/rad2
+joint{j}.link_viscous .link_coulomb                        N m s/rad, N m: of the joint's own axis
 joint{j}.theta .d .a .alpha .beta .torque_constant .torque_limit .sign_velocity    as the model file has them
 joint{j}.EFFECT.PARAMETER, EFFECT.PARAMETER                of an effect term of that joint, of the whole arm
 """
@@ -23,9 +24,21 @@ from arm_io import InputError
 from arm_model.description import Arm, Cylinder, Joint
 from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
 from arm_model.rigid_body.inertia import PARAMETERS, about_com, barycentric
+from arm_model.rigid_body.link_friction import LINK_FRICTION
 from arm_model.servo import fixed_gains
 
-_DIRECT = ("drag", "theta", "d", "a", "alpha", "beta", "torque_constant", "torque_limit", "sign_velocity")
+_DIRECT = (
+    "drag",
+    *LINK_FRICTION,
+    "theta",
+    "d",
+    "a",
+    "alpha",
+    "beta",
+    "torque_constant",
+    "torque_limit",
+    "sign_velocity",
+)
 _DRIVE = {"rotor_inertia": 2, "offset": 1}  # powers of the gear ratio from motor to joint
 _DIRECTED = {"viscous": 2, "coulomb": 1}  # likewise; (positive, negative) each
 

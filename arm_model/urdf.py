@@ -246,7 +246,10 @@ def _text_of_origin(pose: Array) -> dict[str, str]:
 
 
 def not_in_urdf(arm: Arm) -> list[str]:
-    """One sentence per joint whose friction URDF cannot express, and one that names the effects it has no place for."""
+    """One sentence per joint whose friction URDF cannot express, and one that names the effects it has no place for.
+
+    Friction of a drive and of the joint's own axis are one in URDF: without couplings, both follow the same motion.
+    """
     found = []
     for number, joint in enumerate(arm.joints, 1):
         _, _, off = nearest_line(joint)

@@ -19,12 +19,14 @@ WORDS = {
     "rotor_inertia": "rotor inertia of joint {n}",
     "inertia": "inertia about joint {n}",
     "drag": "drag of joint {n}",
+    "link_viscous": "viscous friction of the axis of joint {n}",
+    "link_coulomb": "Coulomb friction of the axis of joint {n}",
     "mass": "mass of link {n}",
     "mx": "first moment x of link {n}",
     "my": "first moment y of link {n}",
     "mz": "first moment z of link {n}",
 }
-FRICTION = ("coulomb", "viscous", "offset", "drag")
+FRICTION = ("coulomb", "viscous", "offset", "drag", "link")
 
 
 def in_words(expression: str) -> str:

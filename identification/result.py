@@ -314,7 +314,7 @@ def unit_of(name: str, arm: Arm) -> str:
         return "kg" if rest == "mass" else "kg m" if rest in ("mx", "my", "mz") else "kg m2"
     number = head.removeprefix("joint")
     revolute = not number.isdigit() or arm.joints[int(number) - 1].revolute
-    kind = rest.partition("_")[0]
+    kind = rest.removeprefix("link_").partition("_")[0]
     if kind in ("rotor", "inertia"):
         return "kg m2" if revolute else "kg"
     if kind == "viscous":

@@ -5,7 +5,7 @@ from arm_model.effects.coefficients import solved, units
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
 from arm_model.effects.dissipation import dissipative, driven, effect_friction, speeds, total_friction
 from arm_model.effects.observation import Excitation, Instrument, Observation, Scale, Span, Variable
-from arm_model.effects.terms import check_terms, described
+from arm_model.effects.terms import check_terms, coupled, described
 
 __all__ = [
     "CATALOGUE",
@@ -21,6 +21,7 @@ __all__ = [
     "Values",
     "Variable",
     "check_terms",
+    "coupled",
     "described",
     "dissipative",
     "driven",

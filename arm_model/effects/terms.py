@@ -5,13 +5,14 @@ Checked, and those that are another description carried out.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from arm_io import InputError
 from arm_io.toml import one_line
-from arm_model.description import Arm, EffectTerm
+from arm_model.description import Arm, Coupling, EffectTerm
 from arm_model.effects.catalogue import CATALOGUE, values_of
 from arm_model.effects.definition import Effect, Parameter
 
@@ -82,3 +83,16 @@ def described(arm: Arm) -> Arm:
                 arm.name, f"effect[{number}]: {term.name} makes {where} impossible: {one_line(error)}"
             ) from None
     return bent
+
+
+def coupled(arm: Arm) -> Arm:
+    """The arm with the turns of axes by other motors that its effects make, as entries of its coupling matrix."""
+    entries = {(entry.joint, entry.by): entry.ratio for entry in arm.coupling}
+    for term in arm.effects:
+        for name, value in term.parameters.items() if CATALOGUE[term.name].coupling else ():
+            place = int(name[1]), int(name[2])  # cij
+            if max(place) <= len(arm) and value != 0.0:
+                entries[place] = entries.get(place, 0.0) + value
+    if len(entries) == len(arm.coupling) and all(entries[e.joint, e.by] == e.ratio for e in arm.coupling):
+        return arm
+    return replace(arm, coupling=tuple(Coupling(*place, ratio) for place, ratio in entries.items()))

@@ -70,7 +70,8 @@ def unit_torques(speed: Sequence[float], v: Array, sign: Array) -> tuple[Array, 
 def nearest_line(joint: Joint) -> tuple[float, float, float]:
     """Coulomb N m (N) and viscous N m s/rad (N s/m) friction at the joint nearest to all of a joint's friction.
 
-    The third: by how much it is off at most, N m (N), at the speeds of its curve; both directions are taken together.
+    That of its own axis (``link_viscous``, ``link_coulomb``) included. The third: by how much the line is off at most,
+    N m (N), at the speeds of its curve; both directions are taken together.
     """
     level, slope = joint.ratio * sum(joint.coulomb) / 2, joint.ratio**2 * sum(joint.viscous) / 2
     curve = joint.friction_curve
@@ -78,7 +79,8 @@ def nearest_line(joint: Joint) -> tuple[float, float, float]:
     own = total_at(joint, speed)
     if curve is not None:
         level, slope = line_through(speed) @ ((own[0] + own[1]) / 2)
-    return float(level), float(slope), float(max(np.abs(each - level - slope * speed).max() for each in own))
+    off = float(max(np.abs(each - level - slope * speed).max() for each in own))
+    return float(level) + (joint.link_coulomb or 0.0), float(slope) + (joint.link_viscous or 0.0), off
 
 
 def total_at(joint: Joint, speed: Array) -> tuple[Array, Array]:

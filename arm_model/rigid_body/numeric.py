@@ -18,6 +18,7 @@ from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
 from arm_model.rigid_body.friction_curve import curve_level
 from arm_model.rigid_body.inertia import barycentric, transform
 from arm_model.rigid_body.kinematics import link_frames
+from arm_model.rigid_body.link_friction import link_friction
 
 BLOCK = 4096  # rows
 
@@ -98,7 +99,7 @@ def stacked(columns: list[Any], shape: tuple[int, ...]) -> Array:
 
 
 def rigid_torque(arm: Arm, q: Array, qd: Array, qdd: Array, *, gravity: bool = True) -> Array:
-    """(N, n) torque of the rigid links and the water round them: no rotors, no friction, no effects."""
+    """(N, n) torque of the rigid links, the water round them and their own friction: no drives, no effects."""
     return in_blocks(partial(_rigid_torque, arm, gravity), *samples(arm, q, qd, qdd))
 
 
@@ -111,7 +112,7 @@ def _rigid_torque(arm: Arm, gravity: bool, q: Array, qd: Array, qdd: Array) -> A
         total = total + stacked(hydrodynamics.torques(chain, wet, *state), q.shape[:1])
     if any(joint.drag for joint in arm.joints):
         total = total + np.array([joint.drag or 0.0 for joint in arm.joints]) * np.abs(qd) * qd
-    return total
+    return total + link_friction(arm, qd)
 
 
 def mass_matrix(arm: Arm, q: Array, *, rotors: bool = True) -> Array:

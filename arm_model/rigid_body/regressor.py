@@ -17,6 +17,7 @@ from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
 from arm_model.rigid_body.friction_curve import unit_torques
 from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
 from arm_model.rigid_body.inertia import PARAMETERS, transform_matrix
+from arm_model.rigid_body.link_friction import LINK_FRICTION, unit_link_friction
 from arm_model.rigid_body.numeric import in_blocks, link_parameters, samples, stacked, turns
 
 Friction = Literal["asymmetric", "symmetric"]
@@ -25,7 +26,7 @@ Friction = Literal["asymmetric", "symmetric"]
 def parameter_names(arm: Arm, *, friction: Friction = "asymmetric") -> list[str]:
     """Names in the order of the regressor's columns.
 
-    Ten a link, then the drive's of each joint, then what water and what friction curves there are.
+    Ten a link, then the drive's of each joint, then what water, friction of links and friction curves there are.
     """
     directions = ("_positive", "_negative") if friction == "asymmetric" else ("",)
     rubbing = [f"{kind}{direction}" for kind in ("viscous", "coulomb") for direction in directions]
@@ -38,17 +39,21 @@ def parameter_names(arm: Arm, *, friction: Friction = "asymmetric") -> list[str]
         for direction in directions
         for k in range(1, 1 + len(joint.friction_curve.speed if joint.friction_curve else ()))
     ]
-    return links + drives + [name for name, _ in _described_water(arm)] + curves
+    return links + drives + [name for name, _ in _described_on_links(arm)] + curves
 
 
-def _described_water(arm: Arm) -> Iterator[tuple[str, float]]:
-    """Names and values of the water's parameters: only what the model describes has any."""
+def _described_on_links(arm: Arm) -> Iterator[tuple[str, float]]:
+    """Names and values of the water's parameters and of the links' own friction, where the model describes any."""
     for number, joint in enumerate(arm.joints, 1):
         if joint.cylinder is not None:
             yield from ((f"link{number}.{name}", getattr(joint.cylinder, name)) for name in COEFFICIENTS)
     for number, joint in enumerate(arm.joints, 1):
         if joint.drag is not None:
             yield f"joint{number}.drag", joint.drag
+    for name in LINK_FRICTION:
+        for number, joint in enumerate(arm.joints, 1):
+            if (value := getattr(joint, name)) is not None:
+                yield f"joint{number}.{name}", value
 
 
 def parameter_vector(arm: Arm, *, friction: Friction = "asymmetric") -> Array:
@@ -64,8 +69,8 @@ def parameter_vector(arm: Arm, *, friction: Friction = "asymmetric") -> Array:
         if friction == "symmetric":
             rubbing = rubbing.mean(axis=1, keepdims=True)
         values.append(np.array([n**2 * joint.rotor_inertia, *rubbing.ravel(), n * joint.offset]))
-    water = [value for _, value in _described_water(arm)]
-    return np.concatenate([*values, water, *(_curve_values(joint.friction_curve, friction) for joint in arm.joints)])
+    on_links = [value for _, value in _described_on_links(arm)]
+    return np.concatenate([*values, on_links, *(_curve_values(joint.friction_curve, friction) for joint in arm.joints)])
 
 
 def _curve_values(curve: FrictionCurve | None, friction: Friction) -> Array:
@@ -90,7 +95,7 @@ def regressor(
     blocks = [
         _felt_by_drives(arm, in_blocks(partial(_link_columns, arm), *links)),
         *(_drive_columns(arm, j, qd[:, j], qdd[:, j], friction) for j in range(len(arm))),
-        _felt_by_drives(arm, _water_columns(arm, *links)),
+        _felt_by_drives(arm, np.concatenate([_water_columns(arm, *links), unit_link_friction(arm, links[1])], axis=2)),
         *(curve_columns(arm, j, qd[:, j], friction) for j in range(len(arm))),
     ]
     return np.concatenate(blocks, axis=2), parameter_names(arm, friction=friction)

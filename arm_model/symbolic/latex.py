@@ -34,6 +34,8 @@ _OF_JOINT = {
     "added": r"\rho C_a\pi R^2_{{{}}}",
     "displaced": "m_{{w,{}}}",
     "drag": "D_{{q,{}}}",
+    "link_viscous": "B_{{q,{}}}",
+    "link_coulomb": "F_{{q,{}}}",
     "internal": "z_{{{}}}",
     "damping": "c_{{{}}}",
 }

@@ -22,7 +22,7 @@ import numpy as np
 from arm_model.description import Arm
 from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
 from arm_model.symbolic.tape import Expr, Tape
-from arm_model.system.mechanics import Drag, Joints, Matrix, Mechanics
+from arm_model.system.mechanics import Drag, Joints, Matrix, Mechanics, Shape
 from arm_model.system.step_size import without_rotor
 
 
@@ -84,8 +84,17 @@ def rigid_links(arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Joints)
     matrix = [[tape.expr(a) + b for a, b in zip(*rows)] for rows in zip(rigid, added)]
     drag = [symbol(f"drag{j}") * abs(shape.qd[j]) * shape.qd[j] for j in range(n)]
     acting = mechanics.link_torques(joints)
-    torque = [tape.expr(bias[j]) + water[j] + drag[j] + acting[j] for j in range(n)]
+    torque = [tape.expr(bias[j]) + water[j] + drag[j] + _own_friction(symbol, shape, j) + acting[j] for j in range(n)]
     return Links(shape.pulled(torque), shape.congruent(matrix))
+
+
+def _own_friction(symbol: Symbols, shape: Shape, j: int) -> Expr:
+    """Friction of the axis of joint j itself (``arm_model.rigid_body.link_friction``)."""
+    coulomb, speed = symbol(f"link_coulomb{j}"), shape.qd[j]
+    viscous = symbol(f"link_viscous{j}") * speed
+    if coulomb.value == 0.0:
+        return viscous
+    return viscous + coulomb * scalar.smooth_sign(speed, symbol(f"sign_velocity{j}"))
 
 
 def _cylinders(arm: Arm, symbol: Symbols, chain: newton_euler.Chain) -> hydrodynamics.Bodies:

@@ -7,6 +7,7 @@ Joints and effects are counted from 0 here. All drive quantities are at the join
     body{j}.{k}  regrouped inertial parameters in the joint frame     gravity{k}   m/s2, base frame
     resistance{j} added{j} displaced{j}   the water's, of link j (``arm_model.rigid_body.hydrodynamics``); drag{j} of
                                           the whole link, N m s2/rad2
+    link_viscous{j} link_coulomb{j}       of the joint's own axis (``arm_model.rigid_body.link_friction``)
     rotor{j} offset{j} viscous_mean{j} viscous_difference{j} coulomb_mean{j} coulomb_difference{j} sign_velocity{j}
                  of the directions: mean, and half of positive less negative (coulomb with the friction curve at rest)
     curve{j}.speed{k} curve{j}.positive{k} curve{j}.negative{k}    rad/s (m/s), and by how much the slope of joint j's
@@ -32,6 +33,7 @@ from arm_model.rigid_body import newton_euler
 from arm_model.rigid_body.friction_curve import bends
 from arm_model.rigid_body.hydrodynamics import unit_water
 from arm_model.rigid_body.inertia import transform
+from arm_model.rigid_body.link_friction import LINK_FRICTION
 from arm_model.rigid_body.regressor import parameter_names, parameter_vector
 from arm_model.rigid_body.regroup import regrouped
 from arm_model.servo import servo_gains
@@ -85,6 +87,9 @@ def _linear(arm: Arm, variations: Mapping[str, Array], lanes: int) -> dict[str, 
             found[f"{kind}_difference{j}"] = (forwards - backwards) / 2
     rest = dict(zip(names[16 * n :], p[:, 16 * n :].T))
     found |= _water(bent, rest, lanes)
+    found |= {
+        f"{kind}{j}": rest.get(f"joint{j + 1}.{kind}", np.zeros(lanes)) for kind in LINK_FRICTION for j in range(n)
+    }
     for j in range(n):
         _add_curve(found, bent, j, rest)
     found |= {name: np.full(lanes, float(value)) for name, value in _constants(arm, bent).items()}

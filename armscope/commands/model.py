@@ -148,6 +148,8 @@ def _summary(arm: Arm) -> dict[str, Any]:
             "coulomb": [joint.ratio * value for value in joint.coulomb],
             "friction_curve": None if joint.friction_curve is None else asdict(joint.friction_curve),
             "drag": joint.drag,
+            "link_viscous": joint.link_viscous,
+            "link_coulomb": joint.link_coulomb,
             "cylinder": None if joint.cylinder is None else asdict(joint.cylinder),
         }
         for number, joint in enumerate(arm.joints, 1)
@@ -192,6 +194,11 @@ def _text(summary: dict[str, Any]) -> str:
             )
         if joint["drag"]:
             lines.append(f"joint {joint['joint']}: drag {joint['drag']:g} N m s2/rad2")
+        if joint["link_viscous"] or joint["link_coulomb"]:
+            lines.append(
+                f"joint {joint['joint']}: friction of its own axis {joint['link_coulomb'] or 0.0:g} N m, "
+                f"{joint['link_viscous'] or 0.0:g} N m s/rad"
+            )
     for term in summary["effects"]:
         values = ", ".join(f"{name} {value:g}" for name, value in term["parameters"].items())
         where = "arm" if term["joint"] is None else f"joint {term['joint']}"

@@ -23,10 +23,11 @@ from arm_io.types import Array, Progress
 from arm_model import Arm
 from arm_model.simulation import simulate
 from daq.recording import Recording
+from identification.methods.solved import settled
 from identification.preprocessing.demands import demand_of_run
-from identification.preprocessing.signals import Motion, equation_rows, smooth_motion
+from identification.preprocessing.signals import Motion, smooth_motion
 from identification.regression.conclusion import conclude, physical_values, with_values
-from identification.regression.equations import Equations, filtered_columns, with_effects
+from identification.regression.equations import Equations, described_rows, with_effects
 from identification.regression.least_squares import Fit, joint_noise, least_squares, weighted
 from identification.regression.problem import Problem
 from identification.regression.uncertainty import uncertainty
@@ -36,7 +37,6 @@ from identification.result import Identification
 ClosedLoopMethod = Literal["iv", "didim"]
 
 ITERATIONS = 8
-SETTLED = 0.1  # standard deviations: a step smaller than this in all parameters ends the iteration
 ASTRAY = 0.5  # of the measured range: a simulated motion further off is not that of this run
 
 
@@ -74,7 +74,7 @@ def identify_closed_loop(
         else:
             fit = weighted(simulated, of_simulated, weight)
             spread = uncertainty(simulated, problem.rows, fit)
-        if np.all(np.abs(fit.values - before) < SETTLED * spread.std):
+        if settled(before, fit, spread):
             break
     # What is reported is the same measure for every method: the inverse dynamics on the measured motion.
     solved = Fit(fit.values, fit.weight, torque - columns @ fit.values, fit.scaled)
@@ -121,12 +121,8 @@ def simulated_motion(arm: Arm, recording: Recording, motion: Motion) -> Motion:
 
 def simulated_rows(problem: Problem, arm: Arm) -> Equations:
     """The measured torques with the regressor on the simulated motions, for the rows that the measured ones keep."""
-    moved, parts = [], []
-    for recording, motion in zip(problem.fit, problem.motions):
-        moved.append(simulated_motion(arm, recording, motion))
-        joint, row = np.nonzero(equation_rows(motion)[1].T)
-        parts.append(filtered_columns(arm, motion, moved[-1], problem.friction)[row, joint])
-    rows = replace(problem.rows, columns=np.concatenate(parts))
+    moved = [simulated_motion(arm, recording, motion) for recording, motion in zip(problem.fit, problem.motions)]
+    rows = replace(problem.rows, columns=described_rows(arm, problem.motions, moved, problem.friction))
     return with_effects(rows, arm, problem.arm, problem.motions, problem.friction, problem.base, moved)
 
 

@@ -55,18 +55,27 @@ def solved(problem: Problem, method: Method, progress: Progress) -> Solved:
         spread = uncertainty(problem.rows.columns[:, problem.columns], problem.rows, best, prior=weighed)
         if method != "ols":  # which is the textbook's
             best, held = held_to_the_model(problem, best, spread.information)
-        if not arm.effects or (before is not None and np.all(np.abs(best.values - before) < SETTLED * spread.std)):
+        if not arm.effects or settled(before, best, spread):
             break
         before, values = (
             best.values,
             _towards(problem, values, physical_values(problem, best, spread.information), best),
         )
-        problem = problem.around(with_values(problem, values))
+        problem, known = problem.around(with_values(problem, values)), len(problem.excited)
+        if len(problem.excited) > known:
+            prior, scale = _prior(problem, method)
     else:
         problem.warnings.append(
             f"the effects did not settle in {STEPS} steps; is one of them far from what the model says?"
         )
     return Solved(problem, best, spread, held, lambda rows: fitted(rows)[0], scale)
+
+
+def settled(before: Array | None, fit: Fit, spread: Uncertainty) -> bool:
+    """Whether no value has moved by more than a trace of its deviation; never where others were fitted ``before``."""
+    if before is None or len(before) != len(fit.values):
+        return False
+    return bool(np.all(np.abs(fit.values - before) < SETTLED * spread.std))
 
 
 def _prior(problem: Problem, method: Method) -> tuple[tuple[Array, Joints, Array] | None, float | None]:

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model import Arm, parameter, with_parameters
+from arm_model import Arm, with_parameters
 from arm_model.effects import driven
 from arm_model.friction_split import completed
 from arm_model.servo import fixed_gains
@@ -21,17 +21,16 @@ from identification.preprocessing.signals import parallel_filter, sliding_rows, 
 from identification.preprocessing.spectrum import Band
 from identification.regression.effect_columns import is_effect, shown_torque
 from identification.regression.equations import Equations, model_values, shown_rows
+from identification.regression.identifiability import named
 from identification.regression.least_squares import Fit, least_squares, relative_error
 from identification.regression.physical_consistency import consistent_parameters, friction_rows
 from identification.regression.problem import Problem
 from identification.regression.uncertainty import Uncertainty, uncertainty
-from identification.result import Identification, Prediction, Value, unit_of
+from identification.result import Identification, Prediction
 
 UNCONSTRAINED = "least squares alone, not an arm that could exist"
 """Name of the fit itself beside the arm that is written."""
 SPLIT = 0.7  # share of the time that is fitted where no recording is held out
-CERTAIN = 0.3  # of the value: a parameter with a larger standard deviation counts as not identifiable
-FELT = 0.02  # of the torque: unless the uncertainty is no more than this share of what the joints do
 
 
 def physical_values(problem: Problem, fit: Fit, information: Array) -> Array:
@@ -111,7 +110,7 @@ def conclude(
     predictions, compared, held_names = _predictions(problem, best, identified, spread, solve, warnings)
     warnings += _unexplained_channels(problem, best)
     predictions = _accounted_for(problem, predictions, identified, spread)
-    base, parameters = _named(problem, best, spread, physical)
+    base, parameters = named(problem, best, spread, physical)
     weak = [value.name for value in base if not value.identifiable]
     if weak:
         warnings.append(
@@ -258,56 +257,3 @@ def _residual(problem: Problem, rows: Equations, fit: Fit) -> Array:
 def _error(problem: Problem, rows: Equations, fit: Fit) -> float:
     """Relative error of the fitted values themselves."""
     return relative_error(rows.torque, _residual(problem, rows, fit))
-
-
-def _named(problem: Problem, best: Fit, spread: Uncertainty, physical: Array) -> tuple[list[Value], list[Value]]:
-    """Base and standard parameters: identified alone with their uncertainty, else from the consistent arm."""
-    base = problem.base
-    estimated: dict[int, Value] = {}
-    for k, row in enumerate(problem.excited):
-        column = int(base.kept[row])
-        mine = problem.rows.columns[:, column]
-        touched = mine != 0
-        felt = spread.std[k] * float(np.sqrt(np.mean(mine[touched] ** 2))) if touched.any() else np.inf
-        torque = float(np.sqrt(np.mean(problem.rows.torque[touched] ** 2))) if touched.any() else 1.0
-        certain = spread.std[k] <= CERTAIN * abs(best.values[k]) or felt <= FELT * torque
-        why = "" if certain else f"known to {spread.std[k]:.2g} only: these runs excite it too little"
-        estimated[int(row)] = Value(
-            base.expression(int(row)),
-            float(best.values[k]),
-            float(spread.std[k]),
-            float(spread.std_formula[k]),
-            unit_of(base.names[column], problem.arm),
-            bool(certain),
-            why,
-            float(spread.std_bootstrap[k]),
-        )
-    parameters = []
-    standing = {int(base.kept[row]): int(row) for row in range(len(base))}
-    silent = set(range(len(base))) - set(estimated)
-    resting = {f"joint{j + 1}" for j in range(len(problem.arm))} - {f"joint{j + 1}" for j in problem.rows.joint}
-    grouped = np.flatnonzero(np.any(base.grouping != 0, axis=0))
-    for column, name in enumerate(base.names):
-        row = standing.get(column)
-        unit = unit_of(name, problem.arm)
-        if row is not None and row in estimated and base.alone(row):
-            parameters.append(replace(estimated[row], name=name))
-            continue
-        value = float(physical[column])
-        if row in silent and not is_effect(name) and (joint := name.partition(".")[0]) in resting:
-            why = (
-                f"{joint} rests: friction holds it, bears any torque up to its own, and hides offset and "
-                "rotor; from the model"
-            )
-            value = parameter(problem.arm, name)
-        elif row in silent:
-            why = "not excited by these runs; from the model"
-        elif column in grouped:
-            why = (
-                "only in sums with others (base_parameters); this share of them is the physically "
-                "consistent one nearest the model"
-            )
-        else:
-            why = "moves no torque of this arm; from the model"
-        parameters.append(Value(name, value, None, None, unit, False, why))
-    return [estimated[int(row)] for row in problem.excited], parameters

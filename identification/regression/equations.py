@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array
 from arm_model import Arm, parameter
+from arm_model.effects import coupled
 from arm_model.friction_split import departures, follows
 from arm_model.rigid_body.regressor import parameter_names, parameter_vector, regressor
 from identification.preprocessing.aliased_ripple import drifting
@@ -31,6 +32,7 @@ from identification.preprocessing.signals import (
 )
 from identification.regression.base_parameters import BaseParameters, base_parameters
 from identification.regression.effect_columns import effect_columns, effect_parameters, shown_torque
+from identification.regression.generic_arm import generic_arms
 
 Friction = Literal["symmetric", "asymmetric"]
 
@@ -95,14 +97,14 @@ def model_columns(
 
 
 def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Friction) -> Array:
-    """(N, n, p - e) columns of links and drives, whose motions are equal.
+    """(N, n, p - e) columns of links and drives, these with the couplings that effects of the arm make.
 
-    A Gauss-Newton step needs no others.
+    Of other effects a Gauss-Newton step needs nothing here: links and drives move alike.
 
     With symmetric friction, the offset of a joint whose Coulomb friction the model has by direction is half of that
     difference, and goes through zero with the velocity: sign^2 instead of 1.
     """
-    full, names = regressor(arm, q, qd, qdd, friction=friction)
+    full, names = regressor(coupled(arm), q, qd, qdd, friction=friction)
     for j, joint in enumerate(arm.joints if friction == "symmetric" else ()):
         if joint.coulomb[0] != joint.coulomb[1]:
             sign = full[:, j, names.index(f"joint{j + 1}.coulomb")]
@@ -163,7 +165,10 @@ def freed_rotors(arm: Arm) -> list[int]:
 
 
 def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int = 0, seed: int = 1) -> BaseParameters:
-    """What any motion of this arm could show: base parameters from random states within its limits."""
+    """What any motion of this arm could show: base parameters from random states within its limits.
+
+    Columns of effects depend on the other parameters, so that arms with other bodies decide too (``generic_arms``).
+    """
     # Where friction only turns about, Coulomb's magnitudes and an offset are not the same: let it turn at once.
     arm = replace(arm, joints=tuple(replace(joint, sign_velocity=1e-7) for joint in arm.joints))
     names = column_names(arm, friction)
@@ -176,8 +181,9 @@ def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int =
         if joint.friction_curve is not None:  # most of its speeds are low
             speed = np.array([0.0, *joint.friction_curve.speed, 2 * joint.friction_curve.speed[-1]])
             qd[:, j] = np.sign(qd[:, j]) * np.interp(random.uniform(size=count), np.linspace(0, 1, len(speed)), speed)
-    columns = model_columns(arm, q, qd, qdd, friction, random.uniform(0.0, 60.0, count))
-    return base_parameters(columns.reshape(-1, len(names)), names)
+    t = random.uniform(0.0, 60.0, count)
+    columns = [model_columns(one, q, qd, qdd, friction, t) for one in generic_arms(arm, random)]
+    return base_parameters(np.concatenate(columns).reshape(-1, len(names)), names)
 
 
 def equations(
@@ -241,17 +247,21 @@ def _run_equations(
     return found
 
 
-def filtered_columns(arm: Arm, motion: Motion, moved: Motion, friction: Friction) -> Array:
-    """(k, n, p - e) ``described_columns`` of the positions of ``moved`` through the parallel filter of ``motion``.
-
-    It has its grid.
-    """
-    (columns,) = _filtered(arm, [motion], moved, friction)
-    return columns
+def described_rows(arm: Arm, motions: Sequence[Motion], moved: Sequence[Motion], friction: Friction) -> Array:
+    """(rows, p - e) ``described_columns`` of ``equations`` of ``motions``, for positions ``moved`` on their grids."""
+    parts = []
+    for motion, other in zip(motions, moved):
+        (columns,) = _filtered(arm, [motion], other, friction)
+        joint, row = np.nonzero(equation_rows(motion)[1].T)
+        parts.append(columns[row, joint])
+    return np.concatenate(parts)
 
 
 def _filtered(arm: Arm, views: Sequence[Motion], moved: Motion, friction: Friction) -> list[Array]:
-    """``filtered_columns`` for each of some views of one run. A stretch at a time, to save memory."""
+    """(k, n, p - e) ``described_columns`` of the positions of ``moved`` through the parallel filter of some views.
+
+    The views are of one run. A stretch at a time, to save memory.
+    """
     motion = views[0]
     window, step = parallel_window(motion)
     weights = [equation_weight(view)[..., None] for view in views]

@@ -25,6 +25,7 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, effect_friction, speeds
 from arm_model.friction_split import unit_departure
 from arm_model.rigid_body.inertia import PARAMETERS
+from arm_model.rigid_body.link_friction import LINK_FRICTION
 from identification.regression.effect_columns import definition, is_effect
 
 REGULARISATION = 1e-2  # a divergence of 1 (a mass 2.1 times the prior's) weighs like a tenth of a standard deviation
@@ -33,8 +34,12 @@ OF_ONE_SPEED = 0.04  # weight of the friction at one speed: the 25 of a directio
 SMALLEST = (
     1e-6  # of the arm's mean link: what a massless or sizeless prior is given, so that it can be written as a body
 )
-NEVER_NEGATIVE = ("rotor_inertia",)
-"""Parameters of a drive that must not be negative, each for itself."""
+NEVER_NEGATIVE = ("rotor_inertia", *LINK_FRICTION)
+"""Parameters of a joint that must not be negative, each for itself."""
+BODY, RADIUS = 0.05, 0.05
+"""Of the arm's mean link, and m: body of a link that the model has without one, if the data contradict that."""
+CONTRADICTED = 20.0
+"""Squared deviations (of one covariance) by which a body for such a link must reduce the misfit: two per parameter."""
 
 
 def pseudo_inertia(parameters: Array) -> Array:
@@ -78,20 +83,35 @@ def consistent_parameters(
 
     Its inverse covariance is ``information`` (b, b).
 
-    ``prior`` (p,): of ``names``; links without mass or inertia get a small one. ``friction`` (k, p): ``friction_rows``,
+    ``prior`` (p,): of ``names``; links without mass or inertia get a small one, or where the data contradict that,
+    begin from a body. ``friction`` (k, p): ``friction_rows``,
     whose product with the parameters must not be negative. Parameters that are neither of a link nor friction are free,
     held to the prior only where no base parameter speaks of them; so are signed parameters of effects, while those that
     have no sign (an amplitude, a share) stay positive.
     """
     friction = np.empty((0, len(names))) if friction is None else friction
-    problem = _Problem(grouping, base, information, np.array(prior, float), names, friction)
+    priors = [np.array(prior, float)]
+    if (embodied := _with_bodies(priors[0], names)) is not None:
+        priors.append(embodied)
+    found = [
+        _nearest(
+            _Problem(grouping, base, information, one.copy(), names, friction), np.array(prior, float), regularisation
+        )
+        for one in priors
+    ]
+    misfit = [float((off := grouping @ delta - base) @ information @ off) for delta in found]
+    return found[0] if misfit[0] < misfit[-1] + CONTRADICTED else found[-1]
+
+
+def _nearest(problem: _Problem, prior: Array, regularisation: float) -> Array:
+    """(p,) the minimum of a problem; what no base parameter speaks of is the ``prior``'s (p,)."""
     delta = problem.centre
     # From a path well inside the cone of bodies towards its wall, where the data may lie beyond it.
     for factor in 10.0 ** np.arange(6, -1, -1):
         delta = _newton(problem, delta, regularisation * factor, BARRIER * factor)
     # What acts in none of these sums is the prior's, to the last digit, though it were no friction at all.
-    untold = np.setdiff1d(np.flatnonzero(~np.any(grouping != 0, axis=0)), problem.inertial)
-    delta[untold] = np.asarray(prior, float)[untold]
+    untold = np.setdiff1d(np.flatnonzero(~np.any(problem.grouping != 0, axis=0)), problem.inertial)
+    delta[untold] = prior[untold]
     return delta
 
 
@@ -101,6 +121,7 @@ class _Problem:
     def __init__(
         self, grouping: Array, base: Array, information: Array, centre: Array, names: Sequence[str], friction: Array
     ) -> None:
+        self.grouping = grouping
         of_effects = np.array([is_effect(name) for name in names], bool)
         self.links = [k for k, name in enumerate(names) if name.endswith(".mass") and not of_effects[k]]
         single = np.array([k for k, name in enumerate(names) if _never_negative(name)], np.intp)
@@ -225,6 +246,21 @@ def _fill_friction(parameters: Array, rows: Array, names: Sequence[str]) -> None
             mine = rows[rows[:, k] > 0]
             short = 1e-3 - (mine @ parameters).min(initial=np.inf)
             parameters[k] += max(float(short), 0.0)
+
+
+def _with_bodies(parameters: Array, names: Sequence[str]) -> Array | None:
+    """The parameters with a body of BODY of the mean mass in every link without mass; None where all have some."""
+    links = [k for k, name in enumerate(names) if name.endswith(".mass") and not is_effect(name)]
+    massless = [k for k in links if parameters[k] <= 0.0]
+    if not massless:
+        return None
+    masses = parameters[links]
+    mass = BODY * (float(masses[masses > 0].mean()) if (masses > 0).any() else 1.0)
+    filled = parameters.copy()
+    for k in massless:
+        filled[k] = mass
+        filled[[k + PARAMETERS.index(name) for name in ("ixx", "iyy", "izz")]] = 2.0 * mass * RADIUS**2
+    return filled
 
 
 def _fill_bodies(parameters: Array, links: Sequence[int]) -> None:

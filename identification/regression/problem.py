@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from arm_io.types import Array, Progress
 from arm_model import Arm
+from arm_model.effects import coupled
 from arm_model.friction_split import split_arm
 from daq.recording import Recording
 from identification.preprocessing import checks
@@ -22,6 +23,7 @@ from identification.regression.effect_columns import left_to_the_model, repeated
 from identification.regression.equations import (
     Equations,
     Friction,
+    described_rows,
     equations,
     equations_of,
     freed_rotors,
@@ -78,12 +80,24 @@ class Problem:
         return np.asarray(torque if rows.rest is None else torque + rows.rest)
 
     def around(self, arm: Arm) -> Problem:
-        """The same equations with effects taken at the values of ``arm``."""
-        common = self.friction, self.base
-        rows = with_effects(self.rows, arm, self.arm, self.motions, *common)
-        judged = with_effects(self.judged, arm, self.arm, list(map(with_reversals, self.motions)), *common)
-        held = None if self.held is None else with_effects(self.held, arm, self.arm, self.held_motions, *common)
-        return replace(self, rows=rows, judged=judged, held=held)
+        """The same equations with effects taken at the values of ``arm``.
+
+        Base parameters that show only there (what a coupling turns had no mass in the model) are excited from then on.
+        """
+        still = coupled(arm) == arm and coupled(self.arm) == self.arm
+
+        def at(rows: Equations, motions: list[Motion]) -> Equations:
+            if not still:
+                rows = replace(rows, columns=described_rows(arm, motions, motions, self.friction))
+            return with_effects(rows, arm, self.arm, motions, self.friction, self.base)
+
+        rows, judged = at(self.rows, self.motions), at(self.judged, list(map(with_reversals, self.motions)))
+        held = None if self.held is None else at(self.held, self.held_motions)
+        moved, excited = replace(self, rows=rows, judged=judged, held=held), excited_of(rows, self.base, self.arm)
+        if len(excited) <= len(self.excited):
+            return moved
+        told = [warning for warning in self.warnings if warning not in unexcited(self.base, self.excited)]
+        return replace(moved, excited=excited, warnings=told + unexcited(self.base, excited))
 
 
 def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
@@ -168,15 +182,21 @@ def prepare(
     if len(rows) < (1 if sparse else 2) * len(base):
         raise checks.too_short([recording.path for recording in fit], len(rows), len(base))
     excited = excited_of(rows, base, arm)
-    silent = [base.expression(int(k)) for k in np.setdiff1d(np.arange(len(base)), excited)]
-    if silent and not sparse:
-        warnings.append(
-            f"{len(silent)} of {len(base)} base parameters are not excited by these runs, and taken from the model: "
-            f"{', '.join(silent)}"
-        )
+    warnings += [] if sparse else unexcited(base, excited)
     return Problem(
         arm, friction, fit, held_out, motions, held_motions, rows, judged, held, base, excited, warnings, runs
     )
+
+
+def unexcited(base: BaseParameters, excited: NDArray[np.intp]) -> list[str]:
+    """A warning that names the base parameters that are not among the ``excited``; none where all are."""
+    silent = [base.expression(int(k)) for k in np.setdiff1d(np.arange(len(base)), excited)]
+    if not silent:
+        return []
+    return [
+        f"{len(silent)} of {len(base)} base parameters are not excited by these runs, and taken from the model: "
+        f"{', '.join(silent)}"
+    ]
 
 
 def excited_of(rows: Equations, base: BaseParameters, arm: Arm) -> NDArray[np.intp]:
