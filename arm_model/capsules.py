@@ -1,4 +1,4 @@
-"""Capsules round the primitive shapes of URDF, and capsules seen from another frame."""
+"""Capsules round the primitive shapes of URDF and round points, and capsules seen from another frame."""
 
 from __future__ import annotations
 
@@ -26,6 +26,71 @@ def of_geometry(shape: str, sizes: tuple[float, ...], pose: Array) -> Capsule:
     found = moved((capsule,), pose)
     assert found is not None
     return found[0]
+
+
+def round_points(points: Array) -> Capsule:
+    """The capsule of least volume found round points (k, 3): their convex hull, with the mesh between them, is inside.
+
+    Its axis is searched from the principal directions of the hull; whatever the search finds encloses every point.
+    """
+    from scipy.optimize import minimize
+
+    hull = _hull(points)
+    centre = hull.mean(axis=0)
+    size = max(float(np.abs(hull - centre).max()), 1e-9)
+    _, _, axes = np.linalg.svd((hull - centre) / size)
+    best: tuple[float, tuple[Array, Array]] | None = None
+    for frame in (axes, np.roll(axes, 1, axis=0), np.roll(axes, 2, axis=0)):
+        found = minimize(
+            lambda x, frame: _volume(*_along(hull, *_line(centre, size, frame, x))),
+            np.zeros(4),
+            (frame,),
+            method="Nelder-Mead",
+            options={"maxfev": 400, "xatol": 1e-4},
+        )
+        if best is None or found.fun < best[0]:
+            best = float(found.fun), _line(centre, size, frame, found.x)
+    assert best is not None
+    start, end, radius = _along(points, *best[1])
+    # rounding must not leave a point outside
+    return Capsule(_vector(start), _vector(end), max(radius * (1.0 + 1e-9), 1e-9))
+
+
+def _hull(points: Array) -> Array:
+    """The points on the convex hull; all of them where they lie in a plane."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return np.asarray(points[ConvexHull(points).vertices], float)
+    except (QhullError, ValueError):
+        return points
+
+
+def _line(centre: Array, size: float, frame: Array, x: Array) -> tuple[Array, Array]:
+    """A point (3,) and a direction (3,): the first axis of a frame (3, 3), tilted and shifted along the others.
+
+    x (4,): two tangents, and two shifts in units of ``size``.
+    """
+    direction = frame[0] + x[:2] @ frame[1:]
+    return centre + size * (x[2:] @ frame[1:]), direction / np.linalg.norm(direction)
+
+
+def _volume(start: Array, end: Array, radius: float) -> float:
+    """Of a capsule, over pi."""
+    return float(np.linalg.norm(end - start)) * radius**2 + 4 / 3 * radius**3
+
+
+def _along(points: Array, on_axis: Array, axis: Array) -> tuple[Array, Array, float]:
+    """Ends and radius of the shortest capsule round points about the line through ``on_axis`` along ``axis``."""
+    along = (points - on_axis) @ axis
+    off = np.linalg.norm(points - on_axis - along[:, None] * axis, axis=1)
+    radius = float(off.max())
+    cap = np.sqrt(np.maximum(radius**2 - off**2, 0.0))
+    low, high = float((along + cap).min()), float((along - cap).max())
+    if low > high:  # a sphere is enough
+        low = high = (low + high) / 2
+        radius = float(np.linalg.norm(points - on_axis - low * axis, axis=1).max())
+    return on_axis + low * axis, on_axis + high * axis, radius
 
 
 def moved(capsules: tuple[Capsule, ...] | None, pose: Array) -> tuple[Capsule, ...] | None:

@@ -17,8 +17,9 @@ import numpy as np
 
 from arm_io import InputError, read_file, write_text
 from arm_io.types import Array
-from arm_model.capsules import moved, of_geometry
+from arm_model.capsules import moved, of_geometry, round_points
 from arm_model.description import Arm, Capsule, Joint, Pose
+from arm_model.meshes import mesh_file, vertices_of
 from arm_model.rigid_body.friction_curve import nearest_line
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
 from arm_model.rigid_body.kinematics import placement, roll_pitch_yaw, rpy_of
@@ -77,15 +78,19 @@ def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
 
 
 Capsules = tuple[Capsule, ...] | None
-"""Of a link; None where the file does not say, or says it by a mesh."""
+"""Of a link; None where the file does not say, or says it by a mesh whose file is missing."""
 
 
 def _capsules(path: str | Path, link: xml.Element) -> Capsules:
-    """Capsules round the primitives of a link's <collision>; None where it has none, or one is a mesh."""
+    """Capsules round the shapes of a link's <collision>; None where it has none, or the file of a mesh is missing."""
     found: list[Capsule] = []
     for collision in link.findall("collision"):
         geometry = collision.find("geometry")
         shape = None if geometry is None or not len(geometry) else geometry[0]
+        if shape is not None and shape.tag == "mesh" and (file := mesh_file(Path(path), shape.get("filename", ""))):
+            scale = np.array(numbers_of(path, shape, "scale", "1 1 1", 3))
+            found.append(_round_mesh(file, tuple(scale.tolist()), origin_of(path, collision)))
+            continue
         if shape is None or shape.tag not in _SIZES:
             return None
         sizes = [numbers_of(path, shape, name, "", count) for name, count in _SIZES[shape.tag].items()]
@@ -93,6 +98,20 @@ def _capsules(path: str | Path, link: xml.Element) -> Capsules:
             raise InputError(path, f"link {link.get('name')!r}: the <{shape.tag}> of <collision> needs sizes above 0")
         found.append(of_geometry(shape.tag, sum(sizes, ()), origin_of(path, collision)))
     return tuple(found) or None
+
+
+def _round_mesh(file: Path, scale: tuple[float, ...], pose: Array) -> Capsule:
+    """The capsule round a mesh at ``pose`` (4, 4)."""
+    capsules = moved((round_points(vertices_of(file) * scale),), pose)
+    assert capsules is not None
+    return capsules[0]
+
+
+def missing_meshes(path: str | Path) -> list[str]:
+    """Names of the files of collision meshes that a URDF file names and that are not there, as it names them."""
+    robot = xml.fromstring(read_file(path))
+    named = [mesh.get("filename", "") for mesh in robot.iterfind("link/collision/geometry/mesh")]
+    return [name for name in dict.fromkeys(named) if mesh_file(Path(path), name) is None]
 
 
 def _both(one: Capsules, other: Capsules) -> Capsules:

@@ -14,9 +14,8 @@ import numpy as np
 
 from arm_io import InputError, read_file
 from arm_io.types import Array
+from arm_model.meshes import mesh_file
 from arm_model.urdf import attribute, numbers_of, origin_of, serial_chain
-
-FORMATS = (".stl", ".obj", ".dae")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,23 +59,8 @@ def _of_link(path: Path, link: xml.Element, number: int, pose: Array) -> list[Vi
     found = []
     for visual in link.findall("visual"):
         mesh = visual.find("geometry/mesh")
-        file = None if mesh is None else _file(path, mesh.get("filename", ""))
+        file = None if mesh is None else mesh_file(path, mesh.get("filename", ""))
         if mesh is not None and file is not None:
             scale = numbers_of(path, mesh, "scale", "1 1 1", 3)
             found.append(Visual(link=number, file=file, scale=scale, pose=pose @ origin_of(path, visual)))
     return found
-
-
-def _file(path: Path, name: str) -> Path | None:
-    """The file of a mesh: beside the URDF file, or in a ROS package among the folders above it; None: it is not there.
-
-    package://NAME/REST means REST in the nearest folder NAME above the URDF file, or beside one of those.
-    """
-    kind, _, rest = name.rpartition("://")
-    if not rest or Path(rest).suffix.lower() not in FORMATS:
-        return None
-    folder = path.resolve().parent
-    places = [folder / rest]
-    if kind == "package":
-        places = [place for above in (folder, *folder.parents) for place in (above / rest, above.parent / rest)]
-    return next((place for place in places if place.is_file()), None)

@@ -9,12 +9,14 @@ if TYPE_CHECKING:
     from arm_model.rigid_body.gravity_level import gravity_levels
     from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
     from arm_model.rigid_body.kinematics import forward, jacobian, link_frames, placement
+    from arm_model.rigid_body.link_friction import LINK_FRICTION
     from arm_model.rigid_body.numeric import drive_mass_matrix, drive_rigid_torque, mass_matrix, rigid_torque
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
     "COEFFICIENTS",
+    "LINK_FRICTION",
     "curve_at",
     "curve_level",
     "drive_mass_matrix",

@@ -69,7 +69,7 @@ def command(
     from arm_clearance import pairs_of
     from arm_model import read_model
     from arm_model.collision import chain_of
-    from armscope.motion import clearance_in_words, clearance_of, draw, space_of
+    from armscope.motion import clearance_in_words, clearance_of, draw, report_missing_meshes, space_of
     from armscope.picture import check_picture
     from daq.rig import read_rig
     from experiment import check_trajectory, demand_of, write_experiment, write_trajectory
@@ -78,7 +78,9 @@ def command(
     if plot is not None:
         check_picture(plot)
     checked = None if rig is None else read_rig(rig, drivers=False)
-    arm = read_model(_model_path(model, checked))
+    source = _model_path(model, checked)
+    arm = read_model(source)
+    report_missing_meshes(source)
     for path in trajectory or []:
         check_trajectory(path, len(arm))
     series, limits, chain = Series(duration, fundamental, harmonics), _limits(arm, checked), chain_of(arm)

@@ -72,6 +72,9 @@ def command(
         _write(out, arm)
         if model.suffix == ".urdf" and out.suffix == ".toml":
             print(f"note: {_motors(out, arm)}", file=sys.stderr)
+            from armscope.motion import report_missing_meshes
+
+            report_missing_meshes(model)
     if by is not None and equations is None:
         raise InputError("--by", "needs --equations text, latex, python or c")
     if equations is not None:

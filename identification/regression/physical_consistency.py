@@ -24,8 +24,8 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, effect_friction, speeds
 from arm_model.friction_split import unit_departure
+from arm_model.rigid_body import LINK_FRICTION
 from arm_model.rigid_body.inertia import PARAMETERS
-from arm_model.rigid_body.link_friction import LINK_FRICTION
 from identification.regression.effect_columns import definition, is_effect
 
 REGULARISATION = 1e-2  # a divergence of 1 (a mass 2.1 times the prior's) weighs like a tenth of a standard deviation
