@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from arm_io.types import Array
@@ -42,9 +44,8 @@ def round_points(points: Array) -> Capsule:
     best: tuple[float, tuple[Array, Array]] | None = None
     for frame in (axes, np.roll(axes, 1, axis=0), np.roll(axes, 2, axis=0)):
         found = minimize(
-            lambda x, frame: _volume(*_along(hull, *_line(centre, size, frame, x))),
+            partial(_volume_along, hull, centre, size, frame),
             np.zeros(4),
-            (frame,),
             method="Nelder-Mead",
             options={"maxfev": 400, "xatol": 1e-4},
         )
@@ -75,8 +76,9 @@ def _line(centre: Array, size: float, frame: Array, x: Array) -> tuple[Array, Ar
     return centre + size * (x[2:] @ frame[1:]), direction / np.linalg.norm(direction)
 
 
-def _volume(start: Array, end: Array, radius: float) -> float:
-    """Of a capsule, over pi."""
+def _volume_along(points: Array, centre: Array, size: float, frame: Array, x: Array) -> float:
+    """Volume over pi of the shortest capsule round points about a line (``_line``)."""
+    start, end, radius = _along(points, *_line(centre, size, frame, x))
     return float(np.linalg.norm(end - start)) * radius**2 + 4 / 3 * radius**3
 
 
