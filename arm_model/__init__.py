@@ -1,6 +1,6 @@
 """What an arm is: kinematics, dynamics, effects; and its simulation, fast."""
 
-from arm_model.description import Arm, Controller, Coupling, EffectTerm, FrictionCurve, Joint, Pose
+from arm_model.description import Arm, Controller, Coupling, EffectTerm, FrictionCurve, GearStage, Joint, Pose
 from arm_model.model_file import arm_of, read_model, write_model
 from arm_model.motion import Motion
 from arm_model.parameters import parameter, with_parameters
@@ -11,6 +11,7 @@ __all__ = [
     "Coupling",
     "EffectTerm",
     "FrictionCurve",
+    "GearStage",
     "Joint",
     "Motion",
     "Pose",

@@ -23,6 +23,7 @@ Conventions (all SI, angles rad; prismatic joints m and N where revolute ones ha
 from __future__ import annotations
 
 from dataclasses import field, replace
+from math import prod
 from typing import Annotated, Literal
 
 import numpy as np
@@ -108,6 +109,23 @@ class FrictionCurve:
 
 
 @dataclass(frozen=True, config=STRICT)
+class GearStage:
+    """One stage of a gear.
+
+    ratio  turns of its shaft at the motor's side per turn of that at the joint's side
+    teeth  engagements per turn of the shaft at the joint's side: the teeth of the wheel on it (of a planet carrier:
+           those of the ring); absent: not known
+    """
+
+    ratio: Positive
+    teeth: Annotated[int, Field(gt=0)] | None = None
+
+
+STAGES_AND_GEAR = 0.02
+"""Largest relative difference between the product of the ratios of a gear's stages and the ratio of the gear."""
+
+
+@dataclass(frozen=True, config=STRICT)
 class Joint:
     """One joint, the link behind it and the drive that moves it.
 
@@ -141,6 +159,7 @@ class Joint:
     limits: tuple[float, float] | None = None  # rad or m
     # the drive
     gear: float = 1.0
+    gear_stage: tuple[GearStage, ...] = ()  # from the motor to the joint
     rotor_inertia: float = 0.0  # kg m2 at the motor
     viscous: Directions = (0.0, 0.0)  # (positive, negative) motion, or one number for both: N m s/rad at the motor
     coulomb: Directions = (0.0, 0.0)  # likewise, magnitudes, N m at the motor
@@ -157,6 +176,11 @@ class Joint:
     def _placed_consistently(self) -> Joint:
         if self.gear == 0.0:
             raise ValueError("gear: must not be 0")
+        product = prod(stage.ratio for stage in self.gear_stage)
+        if self.gear_stage and self.revolute and abs(product / self.ratio - 1.0) > STAGES_AND_GEAR:
+            raise ValueError(
+                f"gear_stage: the ratios multiply to {product:g}; must be that of the gear, {self.ratio:g}"
+            )
         if self.convention == "placed":
             if np.linalg.norm(self.axis) < 1e-9:
                 raise ValueError("axis: needs a direction, is zero")

@@ -25,12 +25,12 @@ from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import impossible
-from diagnosis.measurements.currents.ripple_orders import order_of
+from diagnosis.measurements.currents.ripple_orders import of_shafts, order_of
 from diagnosis.measurements.currents.search import Found, search, without
 from diagnosis.measurements.currents.shortage import Shortage, shortage
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
 from diagnosis.residual.run import Run
-from diagnosis.screening.cleaned import Residuals, Screened, realigned, residuals_of
+from diagnosis.screening.cleaned import Residuals, Screened, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
 from identification.selection import Split
@@ -75,13 +75,16 @@ def named_causes(
     named = _searched(arm, sight, recordings, excluded, progress)
     if (behind := realigned(sight, named.found.state.terms)) is not sight:
         named = _searched(arm, behind, recordings, excluded, progress)
+    if (as_recorded := confirmed(named.sight, named.found.state.terms)) is not named.sight:
+        named = _searched(arm, as_recorded, recordings, excluded, progress)
     progress("searching for transmission resonances in closed loop")
     found = _resonance(named, recordings) if has_dynamics(model) else None
     if found is None:
         return named
     # the others are searched for again, with the resonance in the model
     arm = extend(model, [*known, found])
-    sight = realigned(residuals_of(arm, screened, progress), named.found.state.terms)
+    terms = named.found.state.terms
+    sight = confirmed(realigned(residuals_of(arm, screened, progress), terms), terms)
     excluded |= {(effect, found.joint) for effect in resonance.transmissions()}
     return replace(_searched(arm, sight, recordings, excluded, progress), resonance=found)
 
@@ -92,7 +95,8 @@ def _searched(
     """Names causes in the residuals of recordings, those held out last; none of ``excluded``."""
     first, parts = len(recordings.fit), recordings.two_fold
     progress("computing the columns of every effect")
-    every = tuple(c for c in candidates(arm) if c.key not in excluded) if has_dynamics(arm) else ()
+    every = (*candidates(arm), *of_shafts(arm)) if has_dynamics(arm) else ()
+    every = tuple(c for c in every if c.key not in excluded)
     ripples = tuple(c for c in every if order_of(c) is not None)
     runs, data = sight.runs, _datasets(sight.runs, first, parts)
     library = {c: data.map(partial(columns_of, c)) for c in every if order_of(c) is None}

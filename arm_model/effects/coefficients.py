@@ -12,19 +12,26 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 
-from arm_model.effects.definition import Effect, Values
+from arm_model.effects.definition import Effect, Parameter, Values
 from arm_model.effects.observation import Span
 
 
-def units(effect: Effect, held: Mapping[str, float]) -> list[Values]:
-    """Parameter values, one set per column: each linear parameter at 1 in turn, a spanned one at each of its values.
+def sizes(effect: Effect, amplitude: str = "") -> tuple[Parameter, ...]:
+    """The linear parameters that coefficients stand for: all; of a wave, its ``amplitude``, by default the first."""
+    if effect.span is None:
+        return effect.linear
+    return (effect[amplitude] if amplitude else effect.linear[0],)
+
+
+def units(effect: Effect, held: Mapping[str, float], amplitude: str = "") -> list[Values]:
+    """Parameter values, one set per column: each of the ``sizes`` at 1 in turn, a spanned one at each of its values.
 
     ``held``: all others.
     """
     spanned = [(p.name, p.span.values) for p in effect.nonlinear if p.span is not None and p.span.values]
     sets = []
     for values in itertools.product(*(values for _, values in spanned)):
-        for one in effect.linear or (None,):
+        for one in sizes(effect, amplitude) or (None,):
             chosen = (
                 {p.name: 0.0 for p in effect.linear} | dict(held) | dict(zip((name for name, _ in spanned), values))
             )
@@ -34,21 +41,24 @@ def units(effect: Effect, held: Mapping[str, float]) -> list[Values]:
     return sets
 
 
-def solved(effect: Effect, held: Mapping[str, float], coefficients: Sequence[float]) -> dict[str, float]:
-    """Parameter values (SI) that the coefficients (k,) of an effect's columns stand for.
+def solved(
+    effect: Effect, held: Mapping[str, float], coefficients: Sequence[float], amplitude: str = ""
+) -> dict[str, float]:
+    """Parameter values (SI) that the coefficients (k,) of the columns at ``units`` stand for.
 
     ``held``: of parameters that are no coefficient.
     """
     c = [float(value) for value in coefficients]
     if effect.delay is not None:
         return {effect.parameters[0].name: c[0]}
-    found = {**held, **{p.name: value for p, value in zip(effect.linear, c)}}
+    linear = sizes(effect, amplitude)
+    found = {**held, **{p.name: value for p, value in zip(linear, c)}}
     if (spanned := effect.span) is not None and spanned.span is not None:
-        found[effect.linear[0].name], found[spanned.name] = spanned.span.solve(*c)
+        found[linear[0].name], found[spanned.name] = spanned.span.solve(*c)
     moments = [p for p in effect.parameters if p.span is Span.MOMENT]
-    first = c[len(effect.linear) :][: len(moments)]
+    first = c[len(linear) :][: len(moments)]
     found |= {p.name: value / c[0] if c[0] else 0.0 for p, value in zip(moments, first)}
-    about_origin = c[len(effect.linear) + len(moments) :]
+    about_origin = c[len(linear) + len(moments) :]
     if moments and about_origin:
         names = [p.name for p in effect.parameters if p.span is Span.INERTIA]
         found |= dict(zip(names, _about_centre(c[0], first, about_origin)))

@@ -4,7 +4,8 @@ The law of an effect is written once, with the functions of ``arm_model.rigid_bo
 evaluates recorded data, with nodes of the expression tape it becomes part of the compiled simulation, with sympy
 symbols it becomes the printed equation.
 
-An effect has exactly one law, and which one says where in the chain it sits:
+An effect has exactly one law, and which one says where in the chain it sits (a gear ripple has two, one for each of its
+amplitudes: an uneven wheel displaces the link, or binds):
 
 torque      torque(p, s): what the drive must provide in addition, N m (N) at the joint. With ``rate`` it has an
             internal state ``s.state`` whose rate is rate(p, s); at standstill the state is 0.
@@ -72,7 +73,7 @@ class Parameter:
 
     typical        magnitudes of a Puma-sized geared arm, in ``unit``
     signed         may be negative
-    whole          an integer
+    whole          an integer; of a wave, cycles per turn: an integer for turns of the motor
     search         values that a search begins with; (): it is a coefficient, is spanned, or is derived
     fixed          the recordings hardly show it: it stays at its first search value and is not reported
     span           why no search is needed: see ``Span``

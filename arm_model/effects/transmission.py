@@ -133,7 +133,17 @@ GEAR_RIPPLE = Effect(
     place=Place.TRANSMISSION,
     parameters=(
         Parameter("amplitude", "rad", (1e-5, 2e-3), True, "amplitude of the link's position error"),
-        Parameter("order", "1", (1, 60), False, "cycles per motor revolution", whole=True, search=integers(1, 60)),
+        Parameter("torque", "N m", (0.05, 5.0), True, "amplitude of a torque at the joint, in the place of that error"),
+        Parameter(
+            "order",
+            "1",
+            (1, 60),
+            False,
+            "cycles per motor revolution; of a wave of another shaft: its cycles per turn times that shaft's turns per "
+            "turn of the motor",
+            whole=True,
+            search=integers(1, 60),
+        ),
         Parameter(
             "phase",
             "rad",
@@ -144,8 +154,8 @@ GEAR_RIPPLE = Effect(
             span=Span.PHASE,
         ),
     ),
-    equation="q_motor - q = -A sin(n q_motor + phi)",
-    shows="a fixed order of the motor angle at any speed, growing with the square of speed",
+    equation="q_motor - q = -A sin(n q_motor + phi), or tau = T sin(n q_motor + phi)",
+    shows="a fixed order of the angle of the motor or of a gear wheel, at any speed",
     confused_with={
         "cogging": "two speeds",
         "mains_hum": "two speeds: hum is fixed in time",
@@ -161,6 +171,7 @@ GEAR_RIPPLE = Effect(
     },
     excited_by=Excitation.SPEED,
     deflection=lambda p, s: -p.amplitude * scalar.sin(p.order * s.motor + p.phase),
+    torque=lambda p, s: p.torque * scalar.sin(p.order * s.motor + p.phase),
 )
 
 EFFECTS = (BACKLASH, JOINT_COMPLIANCE, GEAR_RIPPLE)

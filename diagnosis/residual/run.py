@@ -214,7 +214,9 @@ def kept(rate: float) -> slice:
 
 def passed(frequency: Array) -> Array:
     """Share of an oscillation at ``frequency`` Hz that passes the filters of motion and comparison."""
-    share: Array = 1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) / (1.0 + (frequency / MOTION_BAND) ** 8)
+    # the eighth power by squaring: numpy's takes ten times as long
+    compare, motion = (np.square(np.square(np.square(frequency / band))) for band in (COMPARE_BAND, MOTION_BAND))
+    share: Array = 1.0 / (1.0 + compare) / (1.0 + motion)
     return share
 
 

@@ -36,6 +36,7 @@ class Residuals:
     runs, samples  every recording without its events, as residual and as t (k,) s, q (k, n) rad, i (k, n) A
     periods        s between rows
     still          (n,) A: std of the currents at standstill
+    as_recorded    the same before dropped triggers were corrected; None: none were
     """
 
     events: list[Event]
@@ -43,6 +44,7 @@ class Residuals:
     samples: list[Samples]
     periods: list[float]
     still: Array
+    as_recorded: Residuals | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +121,16 @@ def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
     if any(abs(loss.count) > MOST_ROWS for loss in losses) and gain.after > MATTERS * gain.before:
         return sight
     event = replace(event_of(losses, runs), gain=gain)
-    return replace(sight, events=[*sight.events, event], runs=runs, samples=samples)
+    return replace(sight, events=[*sight.events, event], runs=runs, samples=samples, as_recorded=sight)
+
+
+def confirmed(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
+    """The recordings as recorded if, with the effects ``terms``, nothing in them shows dropped triggers any more.
+
+    An effect that is not in the model may look like a change of lag until it is known.
+    """
+    before = sight.as_recorded
+    return sight if before is None or realigned(before, terms) is not before else before
 
 
 def _gain_of_realignment(original: Run, corrected: Run, terms: Sequence[EffectTerm]) -> Gain:

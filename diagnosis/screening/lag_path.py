@@ -84,7 +84,19 @@ def lag_steps(run: Run) -> list[Step]:
             edge = float(run.t[pieces[at]])
             time, _ = instant(run, lags, (edge - 3 * PIECE / ROWS_PER_SECOND, edge + 3 * PIECE / ROWS_PER_SECOND))
             steps.append(Step(time, lags[1] - lags[0]))
-    return steps
+    return steps if in_order(steps) else []
+
+
+def in_order(steps: Sequence[Step]) -> bool:
+    """Whether steps follow one another in time, among the currents and among the angles, from the first row on.
+
+    Those of lost rows do. Lags that another error of the currents chooses, piece by piece, need not. Where angles were
+    lost, the instant among them is that of the first one after the loss.
+    """
+    shifts = itertools.accumulate((step.step for step in steps), initial=0.0)
+    places = [0.0, *(step.time + shift + min(step.step, 0.0) for step, shift in zip(steps, shifts))]
+    times = [0.0, *(step.time for step in steps)]
+    return all(a < b for several in (times, places) for a, b in itertools.pairwise(several))
 
 
 def _changes(path: Index) -> list[tuple[int, int, int, int]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
-from arm_model.effects import CATALOGUE, Effect, Values, solved, units
+from arm_model.effects import CATALOGUE, Effect, Values, sizes, solved, units
 from diagnosis.cause import EffectKey
 
 
@@ -15,13 +15,15 @@ from diagnosis.cause import EffectKey
 class Candidate:
     """One effect at one joint, with values for its nonlinear parameters that are not spanned by columns.
 
-    joint: from 1; None: of the whole arm. body: with an inertia of its own (a payload), not a mass point.
+    joint: from 1; None: of the whole arm. body: with an inertia of its own (a payload), not a mass point. amplitude: of
+    a wave with several, the name of the one that it has; "": the first.
     """
 
     effect: str
     joint: int | None
     shape: tuple[tuple[str, float], ...] = ()
     body: bool = False
+    amplitude: str = ""
 
     @property
     def definition(self) -> Effect:
@@ -40,7 +42,7 @@ class Candidate:
 
     def largest(self, k: int) -> float:
         """Largest typical magnitude of coefficient k: the std of one that the data says nothing of."""
-        linear = self.definition.linear
+        linear = sizes(self.definition, self.amplitude)
         if self.definition.link_parameters:
             return CATALOGUE[self.definition.body or self.effect].linear[k].typical[1]
         return linear[k].typical[1] if k < len(linear) else linear[0].typical[1] if linear else 1.0
@@ -62,9 +64,16 @@ class Candidate:
 
     def units(self) -> list[Values]:
         """Parameter values, one set per column: each linear parameter at 1, each spanned one at its two values."""
-        return [Values(self.shape)] if self.unit_amplitude else units(self.definition, dict(self.shape))
+        held = dict(self.shape)
+        return [Values(held)] if self.unit_amplitude else units(self.definition, held, self.amplitude)
 
     def parameters(self, coefficients: Sequence[float]) -> dict[str, float]:
         """Parameter values (SI) that the coefficients (k,) of its columns stand for; see ``units`` for their order."""
         held = dict(self.shape)
-        return held if self.unit_amplitude else solved(self.definition, held, coefficients)
+        return held if self.unit_amplitude else solved(self.definition, held, coefficients, self.amplitude)
+
+    @property
+    def is_torque(self) -> bool:
+        """Whether its law is a torque at its joint: of an effect with two laws, by its amplitude."""
+        effect = self.definition
+        return effect.torque is not None and (effect.deflection is None or bool(self.amplitude))

@@ -5,21 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm_model.effects import CATALOGUE, Effect, Signals, Span, Values, solved, units
+from arm_model.effects import CATALOGUE, Effect, Signals, Span, Values, sizes, solved, units
 
 
-def _law(effect: Effect):
-    """The law over signals that is linear in coefficients."""
+def _law(effect: Effect, amplitude: str = ""):
+    """The law over signals that is linear in coefficients; of a wave with two amplitudes, that of one of them."""
+    if effect.torque and effect.deflection:
+        return effect.torque if amplitude else effect.deflection
     return effect.torque or effect.current or effect.angle or effect.bend or effect.late or effect.deflection
 
 
-LINEAR = [name for name, effect in CATALOGUE.items() if effect.linear and _law(effect)]
+LINEAR = [(name, "") for name, effect in CATALOGUE.items() if effect.linear and _law(effect)]
 
 
-@pytest.mark.parametrize("name", LINEAR)
-def test_law_at_solved_parameters_is_the_sum_of_columns(name: str) -> None:
+@pytest.mark.parametrize(("name", "amplitude"), [*LINEAR, ("gear_ripple", "torque")])
+def test_law_at_solved_parameters_is_the_sum_of_columns(name: str, amplitude: str) -> None:
     effect, generator = CATALOGUE[name], np.random.default_rng(len(name))
-    law, held = _law(effect), {p.name: float(generator.uniform(*p.typical)) for p in effect.nonlinear}
+    law, held = _law(effect, amplitude), {p.name: float(generator.uniform(*p.typical)) for p in effect.nonlinear}
     v, n = generator.normal(size=60), 60
     signals = Signals(
         q=generator.normal(size=n),
@@ -33,19 +35,20 @@ def test_law_at_solved_parameters_is_the_sum_of_columns(name: str) -> None:
         state=generator.uniform(size=n),
         driver=generator.normal(size=n),
     )
-    columns = [law(values, signals) for values in units(effect, held)]
+    columns = [law(values, signals) for values in units(effect, held, amplitude)]
+    assert not amplitude or all(np.any(column) for column in columns)
     for _ in range(10):
         c = generator.normal(size=len(columns))
-        whole = law(Values(solved(effect, held, c)), signals)
+        whole = law(Values(solved(effect, held, c, amplitude)), signals)
         np.testing.assert_allclose(whole, sum(k * x for k, x in zip(c, columns)), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE.keys())
 def test_spans_one_plane_of_one_size(effect: Effect) -> None:
-    """A phase or a shift belongs to one linear parameter; more than one spanned parameter has no closed form."""
+    """A phase or a shift belongs to one size; more than one spanned parameter has no closed form."""
     spanned = [p for p in effect.parameters if p.span is not None and p.span.values]
     assert len(spanned) <= 1
-    assert not spanned or len(effect.linear) == 1
+    assert not spanned or all(len(sizes(effect, p.name)) == 1 for p in effect.linear)
 
 
 def test_first_moments_give_the_centre_of_a_payload() -> None:

@@ -6,7 +6,7 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-from arm_model.description import Capsule, Controller, Coupling, Cylinder, EffectTerm, FrictionCurve, Joint
+from arm_model.description import Capsule, Controller, Coupling, Cylinder, EffectTerm, FrictionCurve, GearStage, Joint
 from arm_model.model_file import _ModelFile
 
 
@@ -17,6 +17,7 @@ def test_every_key_is_documented(root: Path) -> None:
     for heading, described in (
         ("`[[joint]]`", Joint),
         ("`[joint.friction_curve]`", FrictionCurve),
+        ("`[[joint.gear_stage]]`", GearStage),
         ("`[joint.cylinder]`", Cylinder),
         ("`[[joint.capsule]]`", Capsule),
         ("`[[coupling]]`", Coupling),

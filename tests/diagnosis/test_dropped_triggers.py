@@ -14,7 +14,8 @@ import pytest
 from arm_model.description import EffectTerm
 from arm_model.model_file import read_model
 from diagnosis.residual.run import Run, residual_run
-from diagnosis.screening.cleaned import Residuals, realigned
+from diagnosis.screening.cleaned import Residuals, confirmed, realigned
+from diagnosis.screening.lag_path import Step, in_order
 from diagnosis.screening.lost_triggers import DroppedTriggers, dropped_triggers, event_of, realigned_rows
 from tests.blind.hide import Hidden
 from tests.blind.laboratory import Laboratory
@@ -85,10 +86,21 @@ def test_lost_edges_are_found_behind_an_effect_that_hides_them(root: Path) -> No
     t, q = run.raw
     sight = Residuals([], [run], [(t, q, np.zeros_like(q))], [PERIOD], np.zeros(6))
     assert realigned(sight, []) is sight
-    (event,) = realigned(sight, [EffectTerm("payload", None, payload)]).events
+    terms = [EffectTerm("payload", None, payload)]
+    found = realigned(sight, terms)
+    (event,) = found.events
     values = {p.name: p for p in event.parameters}
     assert values["count"].value == 2
     assert abs(values["row"].value - 4975) < 3 * values["row"].std
+    # and the other way round: without the payload nothing shows, and the recording stays as it was
+    assert confirmed(found, terms) is found and confirmed(found, []) is sight
+
+
+def test_steps_of_lost_rows_follow_one_another() -> None:
+    assert in_order([Step(2.5, 0.03), Step(5.0, 0.06), Step(8.2, -0.01)])
+    # what friction that the model had too much of chose in a recording of 125 Hz
+    assert not in_order([Step(3.68, -4.57), Step(2.70, 4.80)])
+    assert in_order([Step(3.4, -1.5), Step(3.6, 0.5)]) and not in_order([Step(1.0, -1.5)])
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import numpy as np
 
 from tests.foreign.cases import LEAST, Case
 from tests.foreign.hide import SENSED, Hidden
+from tests.foreign.plant import Plant
 from tests.foreign.through import Results
 
 SAME = (
@@ -22,6 +23,8 @@ SAME = (
 
 Either name is right if the hidden one is in its group.
 """
+NEXT = 2.0
+"""Cycles per turn of a joint by which the order of a ripple may miss: motions cover a part of a turn."""
 SYNONYMS = {"gear_ripple": {"cogging"}}
 """Hidden effect -> other names of the same torque."""
 FRICTION = {
@@ -45,6 +48,7 @@ class Outcome:
     compare      None where compare was not asked; else whether its surest change is where the effect is
     changed      whether compare called anything changed
     inside       [parameter, true, value, std, within two std] of the hidden effect
+    own          names of ripples that the healthy arm has and its model lacks: neither right nor superfluous
     crashes      commands that ended in an exception, or did not end well; seconds: of all commands
     """
 
@@ -61,6 +65,7 @@ class Outcome:
     found: bool = False
     in_group: bool = False
     superfluous: int = 0
+    own: int = 0
     declared: bool = False
     unexplained: list[list[Any]] = field(default_factory=list)
     compare: bool | None = None
@@ -76,7 +81,7 @@ class Outcome:
         if self.crashes:
             return False
         if self.kind == "nothing":
-            return not self.named and self.changed is not True
+            return not self.superfluous and self.changed is not True
         return self.found and not self.superfluous
 
     def line(self) -> str:
@@ -103,7 +108,7 @@ def outcome(case: Case, hidden: Hidden | None, strength: float, results: Results
     one = Outcome(case.name, case.protocol, case.kind, case.arm.name, vars(case.logger), key, strength)
     one.crashes = [f"{ended.command}\n{ended.said}".strip() for ended in results.failed]
     if results.diagnosis is not None:
-        _score_diagnosis(one, hidden, results.diagnosis)
+        _score_diagnosis(one, hidden, results.diagnosis, case.plant)
     if results.comparison is not None:
         one.changed, one.compared = bool(results.comparison["changed"]), results.comparison["verdict"]
         if hidden is not None and hidden.effect not in SENSED:
@@ -111,14 +116,16 @@ def outcome(case: Case, hidden: Hidden | None, strength: float, results: Results
     return one
 
 
-def _score_diagnosis(one: Outcome, hidden: Hidden | None, table: Mapping[str, Any]) -> None:
+def _score_diagnosis(one: Outcome, hidden: Hidden | None, table: Mapping[str, Any], plant: Plant) -> None:
     one.verdict = "too short" if table["too_short"] else table["verdict"]
     one.unexplained = [[s["signal"], s["joint"], s["against"], s["share"], s["size"]] for s in table["unexplained"]]
     for cause in table["causes"]:
         was_right = hidden is not None and not one.found and right(cause, hidden)
         one.found |= was_right
         one.in_group |= hidden is not None and (was_right or _in_group(cause, hidden))
-        one.superfluous += not was_right
+        its_own = not was_right and of_the_arm(cause, plant)
+        one.own += its_own
+        one.superfluous += not was_right and not its_own
         one.named.append([cause["effect"], cause["joint"], cause["confidence"], was_right])
         one.supports.append(cause.get("support"))
         if was_right and hidden is not None and cause["effect"] == hidden.effect:
@@ -133,6 +140,16 @@ def right(cause: Mapping[str, Any], hidden: Hidden) -> bool:
     if cause["joint"] == hidden.joint and cause["effect"] in {hidden.effect} | SYNONYMS.get(hidden.effect, set()):
         return True
     return any({cause["effect"], hidden.effect} <= same for same in SAME) and _in_group(cause, hidden)
+
+
+def of_the_arm(cause: Mapping[str, Any], plant: Plant) -> bool:
+    """Whether a cause is the ripple that a joint of the healthy arm has, by its order; ``identify`` has no ripples."""
+    values = cause["parameters"]
+    order = next((values[name]["value"] for name in ("order", "pole_pairs") if name in values), None)
+    if order is None or cause["joint"] is None or not plant.ripple[cause["joint"] - 1]:
+        return False
+    cycles = order * plant.arm.joints[cause["joint"] - 1].gear
+    return bool(abs(cycles - plant.cycles[cause["joint"] - 1]) <= NEXT * max(1.0, cycles / 50.0))
 
 
 def _in_group(cause: Mapping[str, Any], hidden: Hidden) -> bool:
@@ -173,6 +190,7 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
         table["singles_named"] = _mean(o.found for o in singles)
         table["singles_named_or_in_group"] = _mean(o.in_group for o in singles)
         table["superfluous_names_per_case"] = _mean(o.superfluous for o in singles)
+        table["own_ripples_named"] = sum(o.own for o in outcomes)
         table["missed_and_declared_not_visible"] = sum(o.declared for o in singles if not o.found)
         asked = [o for o in singles if o.compare is not None]
         if asked:
@@ -181,7 +199,7 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
             table["diagnose_right_in_these"] = _mean(o.found for o in asked)
     if nothing:
         table["nothing_cases"] = len(nothing)
-        table["nothing_named"] = sum(bool(o.named) for o in nothing)
+        table["nothing_named"] = sum(bool(o.superfluous) for o in nothing)
         table["nothing_called_unexplained"] = sum(o.verdict == "unexplained" for o in nothing)
         compared = [o for o in nothing if o.changed is not None]
         if compared:

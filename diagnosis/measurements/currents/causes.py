@@ -13,6 +13,7 @@ from arm_model.effects import CATALOGUE, Instrument
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import State
+from diagnosis.measurements.currents.ripple_orders import in_words
 from diagnosis.measurements.single_axis.causes import AxisCause
 from diagnosis.screening.event import Event, Gain
 from diagnosis.selection.aliasing import confusability, span_of
@@ -43,11 +44,13 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
         f"of joint {candidate.joint}" if candidate.joint else "of all joints",
         model.arm.joints[joint - 1].current_unit,
     )
+    turn = in_words(candidate, model.arm.joints[joint - 1])
+    of_wheel = f" ({turn})" if turn else ""
+    falls = f"falls from {before:.3g} to {after:.3g} {unit} rms"
+    better, compared = (int(np.sum(blocks)) for blocks in (conditional.blocks > 0, conditional.blocks != 0))
     sentence = (
-        f"{definition.shows}: with it, the held-out current error of joint {joint} falls from {before:.3g} to "
-        f"{after:.3g} {unit} rms, "
-        f"in {int(np.sum(conditional.blocks > 0))} of {int(np.sum(conditional.blocks != 0))} one-second blocks "
-        f"{where}"
+        f"{definition.shows}{of_wheel}: with it, the held-out current error of joint {joint} {falls}, in {better} of "
+        f"{compared} one-second blocks {where}"
     )
     separate = None
     if len(group) > 1:

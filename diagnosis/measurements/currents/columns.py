@@ -37,7 +37,7 @@ def at_own_joint(candidate: Candidate, arm: Arm) -> bool:
     effect = candidate.definition
     if effect.link_side and arm.coupling:
         return False
-    return effect.torque is not None or effect.current is not None or effect.own_joint
+    return candidate.is_torque or effect.current is not None or effect.own_joint
 
 
 def columns(candidate: Candidate, run: Run) -> Array:
@@ -57,13 +57,14 @@ def columns(candidate: Candidate, run: Run) -> Array:
         return -run.current_rate[..., None]
     assert joint is not None
     s = signals_of(run, arm, joint, link_side=effect.link_side)
-    return np.stack([_law(run, arm, effect, joint, unit, s) for unit in candidate.units()], axis=-1)
+    return np.stack([_law(run, arm, candidate, unit, s) for unit in candidate.units()], axis=-1)
 
 
-def _law(run: Run, arm: Arm, effect: Effect, joint: int, p: Values, s: Signals) -> Array:
-    j = joint - 1
+def _law(run: Run, arm: Arm, candidate: Candidate, p: Values, s: Signals) -> Array:
+    effect, j = candidate.definition, (candidate.joint or 1) - 1
     change = np.zeros_like(run.current)
-    if effect.torque is not None:
+    if candidate.is_torque:
+        assert effect.torque is not None
         if effect.rate is not None:
             s = replace(s, state=_states(effect, p, s, run))
         torque = np.asarray(effect.torque(p, s))

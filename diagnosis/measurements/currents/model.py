@@ -23,7 +23,7 @@ from diagnosis.measurements.currents.design_matrix import columns_of, dataset_wi
 from diagnosis.measurements.currents.limits import LIMITS, CurrentLimits, leakage, matters
 from diagnosis.measurements.currents.pairs import pair_of
 from diagnosis.measurements.currents.refinement import is_physical, refined
-from diagnosis.measurements.currents.ripple_orders import detectable_orders, order_of
+from diagnosis.measurements.currents.ripple_orders import detectable
 from diagnosis.measurements.currents.unexplained import joints_above_noise
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
@@ -198,12 +198,10 @@ class Currents(MeasurementModel[Candidate, State]):
 
     def _add_ripples(self, residual: Array) -> None:
         """Adds the strongest ripples of the whitened residual of the fit set to the library."""
-        highest = max((order_of(c) or 0 for c in self.ripples), default=0)
         for joint in sorted({c.joint for c in self.ripples if c.joint}):
-            orders = detectable_orders(self.data.fit, residual, self.arm, joint, highest)
-            for c in self.ripples:
-                if c.joint == joint and order_of(c) in orders:
-                    self.columns(c)
+            own = [c for c in self.ripples if c.joint == joint]
+            for c in detectable(self.data.fit, residual, self.arm, joint, own):
+                self.columns(c)
 
 
 def terms(chosen: Sequence[Candidate], coefficients: Sequence[Array]) -> list[EffectTerm]:

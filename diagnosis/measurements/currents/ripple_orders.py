@@ -1,11 +1,19 @@
-"""Orders of the motor angle at which a residual is strongest: of sixty per joint, ripples are candidates at these."""
+"""Orders at which a residual is strongest over the angles of a drive's shafts: ripples are candidates at these.
+
+Waves repeat with a turn of the motor, of the joint (teeth of the last wheel, periods of an encoder there), or of a
+shaft between. All orders are cycles per turn of the motor; those of other shafts are fractions.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_io.types import Array
-from arm_model import Arm
+from arm_model import Arm, GearStage, Joint
+from arm_model.effects import CATALOGUE, Instrument
 from diagnosis.residual.run import passed
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
@@ -13,33 +21,122 @@ from diagnosis.selection.design import Dataset
 STRONGEST = 5
 """Orders kept for each way in which a ripple acts: as a torque, by the acceleration of the link, by the load it lifts.
 """
+STRONGEST_OF_SHAFTS, LEAST_GAIN = 3, 0.05
+"""Of those per turn of the joint and of shafts between: how many are kept, and what each must gain at its joint at
+least, as a share of the noise; half of what a cause must gain (``LIMITS.min_gain``).
+"""
 FEW = 4
 """Effects of so few orders are candidates at all of them."""
+TEETH = (10, 100)
+"""Orders per turn of the joint, and of a shaft between whose teeth are not known: those of wheels."""
+RUN_OUT = (1, 2)
+"""Orders of a shaft that is bent, or of an encoder that sits eccentric or tilted on its shaft."""
+HARMONICS, SIDE_BANDS = 3, 2
+"""Of the engagements of known teeth: multiples, and side bands on each side, by whole turns of either wheel."""
+LEAST_CYCLES = 1.5
+"""Cycles that a motion must cover: less of a wave is a smooth function of the position."""
 
 
-def order_of(candidate: Candidate) -> int | None:
-    """The order of a ripple over motor angle with many possible orders; None for all other candidates."""
+def order_of(candidate: Candidate) -> float | None:
+    """The order of a ripple of many possible orders, in cycles per turn of the motor; None for all other candidates."""
     for parameter in candidate.definition.parameters:
-        if parameter.whole and parameter.name in dict(candidate.shape) and np.ptp(parameter.typical) > FEW:
-            return round(dict(candidate.shape)[parameter.name])
+        if parameter.whole and parameter.name in (shape := dict(candidate.shape)):
+            order = shape[parameter.name]
+            if np.ptp(parameter.typical) > FEW or (candidate.definition.wave and not order.is_integer()):
+                return order
     return None
 
 
-def detectable_orders(side: Dataset, residual: Array, arm: Arm, joint: int, highest: int) -> set[int]:
-    """The strongest orders 1..highest at a joint in ``residual`` (n * rows,), whitened.
+def of_shafts(arm: Arm) -> Iterator[Candidate]:
+    """Ripples per turn of a joint and of the shafts of its gear, of all waves that a wheel or an encoder there makes.
+
+    A torque of such an order is the gear's: magnets are on the motor.
+    """
+    for number, joint in enumerate(arm.joints, 1):
+        for effect in CATALOGUE.values():
+            if (
+                not effect.wave
+                or Instrument.CURRENT not in effect.observed_by
+                or not (effect.deflection or effect.angle)
+            ):
+                continue
+            name = next(p.name for p in effect.parameters if p.whole)
+            orders = (
+                _teeth(joint) if effect.deflection else _of_joint(joint, (*RUN_OUT, *range(TEETH[0], TEETH[1] + 1)))
+            )
+            amplitudes = ["", *(p.name for p in effect.linear[1:])]
+            for order in orders:
+                for amplitude in amplitudes:
+                    yield Candidate(effect.name, number, ((name, order),), amplitude=amplitude)
+
+
+def _teeth(joint: Joint) -> list[float]:
+    """Orders of a gear that are none of the motor: per turn of the joint, and of the shafts of its stages."""
+    orders = set(_of_joint(joint, range(TEETH[0], TEETH[1] + 1)))
+    shafts = _shafts(joint)
+    for number, (stage, own, before) in enumerate(shafts, 1):
+        if number < len(shafts):
+            orders |= {k * own for k in (RUN_OUT if stage.teeth else range(1, TEETH[1] + 1))}
+        for mesh in (n * stage.teeth * own for n in range(1, HARMONICS + 1) if stage.teeth):
+            apart = [k * shaft for shaft in (own, before) for k in range(1, SIDE_BANDS + 1)]
+            orders |= {mesh, *(mesh + side * by for side in (-1, 1) for by in apart)}
+    return sorted(order for order in orders if order > 0.0 and not _of_motor(order))
+
+
+def _of_joint(joint: Joint, cycles: Iterable[int]) -> list[float]:
+    """Cycles per turn of a joint that turns, as orders; without those that are orders of the motor."""
+    orders = [n / joint.ratio for n in cycles] if joint.revolute else []
+    return [order for order in orders if not _of_motor(order)]
+
+
+def _shafts(joint: Joint) -> list[tuple[GearStage, float, float]]:
+    """Each stage of a gear, with the turns of its shafts per turn of the motor: at the joint's side, at the motor's."""
+    turns = np.cumprod([1.0, *(1.0 / stage.ratio for stage in joint.gear_stage)]).tolist()
+    return [(stage, turns[number + 1], turns[number]) for number, stage in enumerate(joint.gear_stage)]
+
+
+def _of_motor(order: float) -> bool:
+    return abs(order - round(order)) < 1e-6 * order
+
+
+def in_words(candidate: Candidate, joint: Joint) -> str:
+    """``45 cycles per turn of the joint, 0.45 of the motor``; empty for a candidate that is no ripple of a wheel."""
+    order = order_of(candidate)
+    if order is None or _of_motor(order):
+        return ""
+    found = [f"{order * joint.ratio:.4g} cycles per turn of the joint"] if joint.revolute else []
+    for number, (_, own, _) in enumerate(_shafts(joint)[:-1], 1):
+        if _of_motor(cycles := order / own):
+            found.append(f"{cycles:.4g} of the shaft behind stage {number} of the gear")
+    return ", ".join([*found, f"{order:.4g} of the motor"])
+
+
+def detectable(side: Dataset, residual: Array, arm: Arm, joint: int, ripples: Sequence[Candidate]) -> list[Candidate]:
+    """Those of the ripples at a joint with the strongest orders in ``residual`` (n * rows,), whitened.
 
     The gain of a column w sin(k motor + phase) is |sum r w exp(i k motor)|^2 / (sum w^2 / 2), with w the factor of the
     sine in the effect's law, attenuated by the filters.
     """
+    orders = np.array(sorted({order for c in ripples if (order := order_of(c)) is not None}))
+    q, v = side.at_joint("q", joint), side.at_joint("v", joint)
     ratio = arm.joints[joint - 1].ratio
-    over, v = 1.0 / side.at_joint("deviation", joint), side.at_joint("v", joint)
+    over = 1.0 / side.at_joint("deviation", joint)
     weights = np.stack([over, over * v**2, over * side.at_joint("rigid", joint)], axis=1)
     weighted = residual[side.of(joint)][:, None] * weights
-    turn = np.exp(1j * ratio * side.at_joint("q", joint))
-    power, wave = np.zeros((highest + 1, weights.shape[1])), np.ones_like(turn)
-    for order in range(1, highest + 1):
-        wave = wave * turn
-        through = passed(order * ratio * np.abs(v) / (2 * np.pi))[:, None]
+    power = np.zeros((len(orders), weights.shape[1]))
+    cycles = orders * ratio * np.ptp(q) / (2 * np.pi)
+    for row in np.flatnonzero((cycles > LEAST_CYCLES) | _whole(orders)):
+        through = passed(orders[row] * ratio * np.abs(v) / (2 * np.pi))[:, None]
         size = np.sum((weights * through) ** 2, axis=0)
-        power[order] = np.abs(wave @ (weighted * through)) ** 2 / np.maximum(size, 1e-300)
-    return {int(order) for column in power.T for order in np.argsort(column)[-STRONGEST:] if order > 0}
+        power[row] = np.abs(np.exp(1j * orders[row] * ratio * q) @ (weighted * through)) ** 2 / np.maximum(size, 1e-300)
+    kept: set[float] = set()
+    of_motor = _whole(orders)
+    families = (of_motor, STRONGEST, 0.0), (~of_motor, STRONGEST_OF_SHAFTS, LEAST_GAIN * side.rows / 2)
+    for family, count, least in families:
+        for column in np.where(family[:, None], power, 0.0).T:
+            kept |= {float(orders[row]) for row in np.argsort(column)[-count:] if column[row] > least}
+    return [c for c in ripples if order_of(c) in kept]
+
+
+def _whole(orders: Array) -> NDArray[np.bool_]:
+    return np.asarray(orders == np.rint(orders))

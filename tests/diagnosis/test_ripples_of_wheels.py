@@ -1,0 +1,82 @@
+"""Ripples and encoder errors per turn of the joint and of the shafts of a gear have their names and orders."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_model import Arm, GearStage
+from arm_model.rigid_body.numeric import rigid_torque
+from daq.recording import Attachments, Recording, open_recording, write_table
+from diagnosis.diagnose import diagnose
+from diagnosis.measurements.currents.ripple_orders import in_words, of_shafts, order_of
+from tests.comparison.second_day import motion, puma
+
+TEETH, TORQUE, MISREAD = 45, 0.8, 4e-4
+"""Cycles per turn of joint 1; N m and rad."""
+
+
+def _recorded(path: Path, arm: Arm, seed: int, torque: float, misread: float) -> Recording:
+    rng, t = np.random.default_rng(seed), np.arange(3000) / 250.0
+    q, qd, qdd = motion(t, 2, seed, 0.8)
+    needed = rigid_torque(arm, q, qd, qdd)
+    for j, joint in enumerate(arm.joints):
+        v = qd[:, j]
+        dry = joint.ratio * np.where(v > 0, joint.coulomb[0], joint.coulomb[1])
+        needed[:, j] += dry * v / np.hypot(v, joint.sign_velocity) + joint.ratio**2 * joint.viscous[0] * v
+        needed[:, j] += joint.ratio**2 * joint.rotor_inertia * qdd[:, j]
+    wave = np.sin(TEETH * q[:, 0] + 0.4)
+    needed[:, 0] += torque * wave
+    i = needed / arm.joint_array("drive_constant") + 0.02 * rng.standard_normal(q.shape)
+    read = q + misread * wave[:, None] * (np.arange(2) == 0)
+    write_table(path, t, {"q": np.round(read / 1e-5) * 1e-5, "i": i}, Attachments())
+    return open_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("effect", "amplitude", "torque", "misread"),
+    [("gear_ripple", "torque", TORQUE, 0.0), ("encoder_ripple", "amplitude", 0.0, MISREAD)],
+)
+def test_a_wave_per_turn_of_the_joint_is_named_with_its_order(
+    effect: str, amplitude: str, torque: float, misread: float, tmp_path: Path, root: Path
+) -> None:
+    arm = puma(root, 2)
+    runs = [_recorded(tmp_path / f"{seed}.mcap", arm, seed, torque, misread) for seed in (1, 2, 3)]
+    found = diagnose(arm, runs[:2], runs[2:])
+    (cause,) = found.causes
+    assert cause.key == (effect, 1) and found.verdict == "explained"
+    values = {p.name: p for p in cause.parameters}
+    assert values["order"].value * arm.joints[0].ratio == pytest.approx(TEETH)
+    assert abs(values[amplitude].value - (torque or misread)) < 3 * values[amplitude].std
+    assert f"{TEETH} cycles per turn of the joint" in cause.evidence
+    (term,) = found.extended.effects
+    assert set(term.parameters) == {amplitude, "order", "phase"}
+
+
+def test_stages_have_the_orders_of_their_teeth_side_bands_and_shafts(root: Path) -> None:
+    """Two spur stages, 6 and 5, with 72 and 95 teeth on the driven wheels."""
+    arm = puma(root, 2)
+    joint = replace(arm.joints[0], gear=-30.0, gear_stage=(GearStage(6.0, 72), GearStage(5.0, 95)))
+    arm = replace(arm, joints=(joint, *arm.joints[1:]))
+    orders = {order_of(c): c for c in of_shafts(arm) if c.joint == 1 and c.effect == "gear_ripple"}
+    per_joint_turn = np.array([order for order in orders if order is not None]) * 30.0
+
+    def there(*values: float) -> bool:
+        return all(np.abs(per_joint_turn - value).min() < 1e-6 for value in values)
+
+    # the first mesh is 72 x 5 = 360 per turn of the joint, the 12th order of the motor, which is searched already
+    assert not there(360.0) and there(355.0, 365.0, 350.0, 370.0)
+    assert there(95.0, 190.0, 285.0, 94.0, 96.0, 100.0, 105.0)
+    # run-out of the shaft between, and what the joint has without stages
+    assert there(5.0, 10.0, 45.0)
+    words = in_words(orders[min(orders, key=lambda order: abs((order or 0.0) * 30.0 - 5.0))], joint)
+    assert words == "5 cycles per turn of the joint, 1 of the shaft behind stage 1 of the gear, 0.1667 of the motor"
+
+
+def test_stages_must_multiply_to_the_gear(root: Path) -> None:
+    joint = puma(root, 2).joints[0]
+    with pytest.raises(ValueError, match="must be that of the gear, 30"):
+        replace(joint, gear=30.0, gear_stage=(GearStage(6.0), GearStage(4.0)))
