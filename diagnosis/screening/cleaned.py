@@ -113,9 +113,14 @@ def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
         t, q, i = samples[k]
         for loss in here:
             i = realigned_rows(i, loss)
-        samples[k] = t, q, i
-        realigned_run = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=sight.still)
-        runs[k] = unmeasured(realigned_run, here)
+        again = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=sight.still)
+        again = unmeasured(again, here)
+        if _energy(again, terms) < _energy(before[k], terms):
+            samples[k], runs[k] = (t, q, i), again
+        else:  # another error, which follows a change of lag at some joints and contradicts it at others
+            losses = [loss for loss in losses if loss.recording != k]
+    if not losses:
+        return sight
     most = losses[0].recording
     gain = _gain_of_realignment(before[most], runs[most], terms)
     if any(abs(loss.count) > MOST_ROWS for loss in losses) and gain.after > MATTERS * gain.before:
@@ -131,6 +136,11 @@ def confirmed(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
     """
     before = sight.as_recorded
     return sight if before is None or realigned(before, terms) is not before else before
+
+
+def _energy(run: Run, terms: Sequence[EffectTerm]) -> float:
+    """Mean square of a run's whitened residual over all joints, with more effects."""
+    return float(np.mean((residual_with(run, terms) / run.deviation) ** 2))
 
 
 def _gain_of_realignment(original: Run, corrected: Run, terms: Sequence[EffectTerm]) -> Gain:

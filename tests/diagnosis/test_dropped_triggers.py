@@ -28,10 +28,16 @@ LABORATORY = Laboratory("singles")
 PERIOD = 1e-3
 
 
-def _seen(root: Path, *hidden: Hidden, seed: int = 3) -> Run:
+def _sight(root: Path, *hidden: Hidden, seed: int = 3) -> Residuals:
     what = truth(fourier("run", seed, 0.12, 0.9, 10.0), hidden, LABORATORY)
     rows = recorded(what, LABORATORY, seed)
-    return residual_run("run", read_model(root / "config" / "models" / "puma560.toml"), what.signals.t, rows.q, rows.i)
+    samples = what.signals.t, rows.q, rows.i
+    run = residual_run("run", read_model(root / "config" / "models" / "puma560.toml"), *samples)
+    return Residuals([], [run], [samples], [PERIOD], np.zeros(6))
+
+
+def _seen(root: Path, *hidden: Hidden, seed: int = 3) -> Run:
+    return _sight(root, *hidden, seed=seed).runs[0]
 
 
 def _found(*runs: Run) -> list[DroppedTriggers]:
@@ -82,9 +88,7 @@ def test_lost_edges_beside_a_lag(root: Path) -> None:
 def test_lost_edges_are_found_behind_an_effect_that_hides_them(root: Path) -> None:
     loss = {"row": 4975, "count": 2}
     payload = {"mass": 0.6, "x": 0.015, "y": 0.0, "z": 0.05}
-    run = _seen(root, Hidden("payload", None, payload), Hidden("dropped_trigger", None, loss))
-    t, q = run.raw
-    sight = Residuals([], [run], [(t, q, np.zeros_like(q))], [PERIOD], np.zeros(6))
+    sight = _sight(root, Hidden("payload", None, payload), Hidden("dropped_trigger", None, loss))
     assert realigned(sight, []) is sight
     terms = [EffectTerm("payload", None, payload)]
     found = realigned(sight, terms)
@@ -94,6 +98,14 @@ def test_lost_edges_are_found_behind_an_effect_that_hides_them(root: Path) -> No
     assert abs(values["row"].value - 4975) < 3 * values["row"].std
     # and the other way round: without the payload nothing shows, and the recording stays as it was
     assert confirmed(found, terms) is found and confirmed(found, []) is sight
+
+
+def test_steps_that_make_the_residual_larger_are_no_lost_rows(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a search proposes for the lag is judged by what it leaves, at all joints together."""
+    sight = _sight(root)
+    made_up = [DroppedTriggers(0, 4000.0, 10.0, 300, 1.0, PERIOD)]
+    monkeypatch.setattr("diagnosis.screening.cleaned.dropped_triggers", lambda runs, periods: made_up)
+    assert realigned(sight, []) is sight
 
 
 def test_steps_of_lost_rows_follow_one_another() -> None:
