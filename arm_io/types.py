@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_io.progress import Progress as Progress
+
 Array = NDArray[np.float64]
 """Numbers; the docstring that takes or returns them says their shape and unit."""
-
-Progress = Callable[[str], None]
-"""Told in a few words what is being done."""

@@ -7,6 +7,19 @@ from arm_report.image import image
 from arm_report.inline import inline
 from arm_report.page import note, page, verdict, warning
 from arm_report.table import table
-from arm_report.text_table import line_width, text_table
+from arm_report.text_table import cut, line_width, text_table
+from arm_report.wrapped import wrapped
 
-__all__ = ["image", "inline", "line_width", "note", "page", "table", "text_table", "verdict", "warning"]
+__all__ = [
+    "cut",
+    "image",
+    "inline",
+    "line_width",
+    "note",
+    "page",
+    "table",
+    "text_table",
+    "verdict",
+    "warning",
+    "wrapped",
+]

@@ -11,11 +11,12 @@ NARROW = 80
 _GAP = "  "
 _LEAST = 6
 """Letters that a shortened column keeps."""
+_OF_A_NUMBER = frozenset("0123456789.")
 
 
 def line_width() -> int:
-    """Columns of a line of standard output: the terminal's, at least ``NARROW``; of a pipe or a file ``NARROW``."""
-    return max(NARROW, shutil.get_terminal_size((NARROW, 24)).columns) if sys.stdout.isatty() else NARROW
+    """Columns of a line of standard output: of a terminal its own, of a pipe or a file ``NARROW``."""
+    return max(20, shutil.get_terminal_size((NARROW, 24)).columns) if sys.stdout.isatty() else NARROW
 
 
 def text_table(
@@ -24,29 +25,58 @@ def text_table(
     *,
     numbers: Collection[int] = (),
     shorten: Sequence[int] = (),
+    keep: Collection[int] | None = (0,),
     width: int | None = None,
 ) -> list[str]:
-    """Lines of a table, the head first.
+    """Lines of a table, the head first. A table that is too wide continues below itself, by whole columns.
 
     numbers  columns (from 0) that are set flush right and never cut
-    shorten  columns of words that may be shortened ("Coulomb fri..."), the widest first, until a line fits; a table
-             whose other columns are wider than a line is wider than it
-    width    columns of a line; None: ``line_width()``
+    shorten  columns of words that may be shortened ("Coulomb fri..."), the widest first, until a line fits
+    keep     columns that stand in every part of a table that continues: names of rows, units; None: the table never
+             continues, a line that is too long stays so, such as one with a path at its end
+    width    columns of a line; None: ``line_width()``. Only where ``keep`` and one more column are wider, a line is
     """
+    width = line_width() if width is None else width
     widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
-    excess = sum(widths) + len(_GAP) * (len(head) - 1) - (line_width() if width is None else width)
+    excess = _total(widths, range(len(head))) - width
     while excess > 0 and (wide := [k for k in shorten if widths[k] > max(_LEAST, len(head[k]))]):
         widest = max(wide, key=lambda k: widths[k])
         widths[widest] -= 1
         excess -= 1
-    return [
-        _GAP.join(
-            cell.rjust(widths[k]) if k in numbers else _cut(cell, widths[k]).ljust(widths[k])
-            for k, cell in enumerate(row)
-        ).rstrip()
-        for row in (head, *rows)
-    ]
+    lines: list[str] = []
+    for part in _parts(widths, keep, width):
+        lines += [""] * bool(lines)
+        lines += [
+            _GAP.join(
+                row[k].rjust(widths[k]) if k in numbers else cut(row[k], widths[k]).ljust(widths[k]) for k in part
+            ).rstrip()
+            for row in (head, *rows)
+        ]
+    return lines
 
 
-def _cut(cell: str, width: int) -> str:
-    return cell if len(cell) <= width else f"{cell[: width - 3]}..."
+def cut(cell: str, width: int) -> str:
+    """A cell of at most ``width`` letters, with "..." for what is left out; a number in it is whole or left out."""
+    if len(cell) <= width:
+        return cell
+    kept = cell[: width - 3]
+    if kept and {kept[-1], cell[len(kept)]} <= _OF_A_NUMBER:
+        kept = kept.rstrip("0123456789.")
+    return f"{kept}..."
+
+
+def _total(widths: Sequence[int], columns: Collection[int]) -> int:
+    return sum(widths[k] for k in columns) + len(_GAP) * (len(columns) - 1)
+
+
+def _parts(widths: Sequence[int], keep: Collection[int] | None, width: int) -> list[list[int]]:
+    """Columns of each part of a table: those of ``keep``, and as many others as fit."""
+    if keep is None or _total(widths, range(len(widths))) <= width:
+        return [list(range(len(widths)))]
+    parts: list[list[int]] = []
+    for column in (k for k in range(len(widths)) if k not in keep):
+        if parts and _total(widths, [*parts[-1], column]) <= width:
+            parts[-1].append(column)
+        else:
+            parts.append([*keep, column])
+    return [sorted(part) for part in parts]

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io import InputError
+from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm
 from comparison.change import Estimate, Quantity
 from comparison.circumstances import circumstances
 from comparison.outcome import Comparison
 from comparison.quantities import friction_maps, values_quantities
-from comparison.regression import Fitted, Structure, fit, rows_of, shown_by, structure_of
+from comparison.regression import Fitted, Rows, Structure, fit, rows_of, shown_by, structure_of
 from comparison.significance import changes
 from comparison.summary import summaries
 from daq.recording import Recording
@@ -75,15 +76,15 @@ def _fits(
     structure: Structure, recordings: Sequence[Recording], motions: Sequence[Motion], progress: Progress
 ) -> tuple[list[Fitted], NDArray[np.bool_]]:
     """One fit per recording, and (recordings, c) what each shows."""
-    data = []
+    data: list[Rows] = []
     for recording, motion in zip(recordings, motions):
-        progress(f"equations of {recording.path.name}")
+        progress(Step("equations", len(data), len(recordings), detail=recording.path.name))
         data.append(rows_of(structure, motion, loaded(structure.arm, setup_of(recording).payload)))
     shown = np.array([shown_by(rows, structure) for rows in data])
     model = structure.model()
-    fits = []
+    fits: list[Fitted] = []
     for recording, rows, mine in zip(recordings, data, shown):
-        progress(f"regression of {recording.path.name}")
+        progress(Step("regression", len(fits), len(recordings), detail=recording.path.name))
         if len(rows.y) < 2 * (int(mine.sum()) + rows.own.shape[1]):
             raise InputError(
                 recording.path,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from arm_io import InputError, read_text
-from arm_io.types import Array
+from arm_io.types import Array, Progress
 from arm_model import Arm, EffectTerm, Motion, write_model
 from arm_model.collision import chain_of
 from arm_model.effects.description_errors import PAYLOAD
@@ -153,6 +153,7 @@ def simulate(
     like: Source | None = None,
     rate: float | None = None,
     target: Point | None = None,
+    progress: Progress = lambda _: None,
 ) -> Simulation:
     """The arm in closed loop with the position controller of its model.
 
@@ -161,6 +162,7 @@ def simulate(
     like        a recording whose demanded positions it is asked to follow
     rate        rows/s; None: the experiment's, else 1000; as the recording has them
     target      (3,) m: a tracker's target in the frame of the last link; adds ``xyz``
+    progress    is called with each stage in words
     Raises InputError where the joints differ in number, demands are missing, or the simulation diverges.
     """
     if (experiment is None) == (like is None):
@@ -173,6 +175,7 @@ def simulate(
     else:
         assert like is not None
         task = _of_recording(arm, open_recording(like), rate)
+    progress(f"simulating {task.times[-1]:.4g} s")
     began = time.perf_counter()
     motion = _run(task)
     seconds = time.perf_counter() - began

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from arm_io import InputError
+from arm_io.progress import Step
 from armscope.api.comparison import Comparable, stored_result
 
 if TYPE_CHECKING:
     from arm_archive import Filters
+    from comparison import Stored
     from comparison.trend import Limit, Trend
 
 RESULTS = ("identification.json", "diagnosis.json")
@@ -36,9 +38,9 @@ def trend(
     listed = list(results) if isinstance(results, Sequence) and not isinstance(results, str) else [results]
     found = [one for each in listed for one in _expanded(each, filters)]
     given = [Limit(name, value) for name, value in limits.items()] if isinstance(limits, Mapping) else list(limits)
-    stored = []
-    for number, one in enumerate(found, 1):
-        progress(f"result {number} of {len(found)}")
+    stored: list[Stored] = []
+    for one in found:
+        progress(Step("reading results", len(stored), len(found)))
         stored.append(stored_result(one))
     return trend_of(stored, given, progress=progress)
 

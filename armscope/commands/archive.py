@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from arm_io import InputError
+from arm_io.progress import Step
 from armscope.commands.options import Json
 from armscope.picture import check_picture, save_picture
+from armscope.progress import shown
 
 if TYPE_CHECKING:
     from arm_archive import Archive, Filters
@@ -80,7 +82,7 @@ def command(
         calibration=calibration,
         state=state,
     )
-    with _opened(folder) as archive:
+    with _opened(folder, as_json) as archive:
         if action is Action.LIST:
             _list(archive, filters, as_json)
         elif action is Action.PARAMETERS:
@@ -94,19 +96,14 @@ def command(
 
 
 @contextmanager
-def _opened(folder: Path) -> Iterator[Archive]:
+def _opened(folder: Path, as_json: bool) -> Iterator[Archive]:
     """The archive, with progress and the time left while its index is brought up to date."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
     from arm_archive import open_archive
 
-    console = Console(stderr=True, quiet=not sys.stderr.isatty())
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("index", total=None)
+    with shown(as_json) as progress:
+        progress("indexing")
         archive = open_archive(
-            folder, progress=lambda done, of, path: bar.update(task, completed=done, total=of, description=path)
+            folder, progress=lambda done, of, path: progress(Step("indexing", done, of or None, detail=path))
         )
     with archive:
         for note in archive.notes:
@@ -115,7 +112,7 @@ def _opened(folder: Path) -> Iterator[Archive]:
 
 
 def _list(archive: Archive, filters: Filters, as_json: bool) -> None:
-    from arm_report import text_table
+    from arm_report import text_table, wrapped
 
     rows = archive.rows(filters)
     if as_json:
@@ -135,7 +132,7 @@ def _list(archive: Archive, filters: Filters, as_json: bool) -> None:
         )
         for row in rows
     ]
-    print("\n".join(text_table(cells, head, numbers=(3, 4, 5), shorten=(1, 2, 6))))
+    print(wrapped("\n".join(text_table(cells, head, numbers=(3, 4, 5), shorten=(1, 2, 6), keep=None))))
     wrong = [row for row in rows if row["note"]]
     for row in wrong:
         print(f"note: {row['path']}: {row['note']}", file=sys.stderr)
@@ -152,19 +149,19 @@ def _error(row: dict[str, Any]) -> str:
 
 
 def _parameters(archive: Archive, as_json: bool) -> None:
-    from arm_report import text_table
+    from arm_report import text_table, wrapped
 
     rows = archive.parameters()
     if as_json:
         print(json.dumps(rows, indent=1))
         return
     cells = [(row["name"], row["unit"], str(row["results"])) for row in rows]
-    print("\n".join(text_table(cells, ("parameter", "unit", "results"), numbers=(2,))))
+    print(wrapped("\n".join(text_table(cells, ("parameter", "unit", "results"), numbers=(2,), keep=None))))
 
 
 def _plot(archive: Archive, filters: Filters, name: str, out: Path | None, as_json: bool) -> None:
     from arm_archive import history_figure
-    from arm_report import text_table
+    from arm_report import text_table, wrapped
 
     if out is not None:
         check_picture(out)
@@ -184,17 +181,25 @@ def _plot(archive: Archive, filters: Filters, name: str, out: Path | None, as_js
         )
         for row in rows
     ]
-    print("\n".join(text_table(cells, ("date (UTC)", name, "2 std", "unit", "path"), numbers=(1, 2))))
+    print(
+        wrapped(
+            "\n".join(text_table(cells, ("date (UTC)", name, "2 std", "unit", "path"), numbers=(1, 2), keep=(0, 3)))
+        )
+    )
     print(out or "give --out PICTURE.png to draw it")
 
 
 def _compare(archive: Archive, names: list[str], model: Path | None, out: Path | None, as_json: bool) -> None:
+    from arm_report import wrapped
     from armscope.api.comparison import compare
 
     before, after = (archive.folder / archive.find(name)["path"] for name in names)
     result = compare(before, after, model)
     table = result.to_json() if out is None else result.write(out)
-    print(json.dumps(table) if as_json else str(result) if out is None else f"{result}\n{out / 'compare.html'}")
+    if as_json:
+        print(json.dumps(table))
+    else:
+        print(wrapped(str(result) if out is None else f"{result}\n{out / 'compare.html'}"))
 
 
 def _open(archive: Archive, name: str, as_json: bool) -> None:

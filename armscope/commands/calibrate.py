@@ -12,6 +12,7 @@ import typer
 
 from arm_io import InputError, check_folder, make_folder
 from arm_io.plain_data import point_of
+from armscope.progress import shown
 
 if TYPE_CHECKING:
     from arm_model import Arm
@@ -85,14 +86,12 @@ def command(
     cube: Cube = False,
     as_json: Annotated[bool, typer.Option("--json", help="print kinematics.json and nothing else")] = False,
 ) -> None:
-    from rich.console import Console
-
     from armscope.api.calibration import Tracker, calibrate, in_last_link, nominal_arm
 
     check_folder(out)
     arm, last_link = nominal_arm(model)
     places = _checked(run, target, target_std, planned=poses is not None or cube)
-    with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
+    with shown(as_json) as progress:
         calibration = None
         if run:
             calibration = calibrate(
@@ -101,10 +100,10 @@ def command(
                 held_out=held_out or [],
                 tracker=Tracker(tracker or [], places, target_std, unknown_frame),
                 geometry_only=geometry_only,
-                progress=status.update,
+                progress=progress,
             )
             _refuse_failures(run, calibration)
-            status.update("report")
+            progress("report")
         place = None if poses is None else in_last_link(last_link, places.get("") or _target_of(calibration))
         make_folder(out)
         written = {} if calibration is None else calibration.write(out)
@@ -147,10 +146,11 @@ def _refuse_failures(run: list[Path], calibration: Calibration) -> None:
 def _say(out: Path, calibration: Calibration | None, written: dict[str, Any], poses: bool, cube: bool) -> None:
     names: list[str] = []
     if calibration is not None:
+        from arm_report import wrapped
         from identification.kinematics.report import summary
 
         names = ["kinematics.json", "report.html", "model.toml"]
-        print(summary(written))
+        print(wrapped(summary(written)))
         for line in written["warnings"] + [str(shift) for shift in calibration.details.shifts]:
             print(f"note: {line}", file=sys.stderr)
     names += [name for name, there in (("poses.toml", poses), ("iso_cube.toml", cube)) if there]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from arm_io import InputError
+from armscope.progress import shown
 
 if TYPE_CHECKING:
     from comparison import Change
@@ -50,9 +51,8 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="print compare.json and nothing else")] = False,
 ) -> int:
     """Compares two states of an arm."""
-    from rich.console import Console
-
     from arm_io import check_folder
+    from arm_report import wrapped
     from armscope.api.comparison import compare
     from comparison import Threshold
 
@@ -60,10 +60,13 @@ def command(
     threshold = None if fail_above is None else Threshold.of(fail_above)
     if out is not None:
         check_folder(out)
-    with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
-        result = compare(*sides, model, progress=status.update)
+    with shown(as_json) as progress:
+        result = compare(*sides, model, progress=progress)
         table = result.to_json() if out is None else result.write(out)
-    print(json.dumps(table) if as_json else str(result) if out is None else f"{result}\n{out / 'compare.html'}")
+    if as_json:
+        print(json.dumps(table))
+    else:
+        print(wrapped(str(result) if out is None else f"{result}\n{out / 'compare.html'}"))
     return _DONE if threshold is None else _status(threshold.exceeded(result.changes), str(fail_above))
 
 

@@ -12,10 +12,9 @@ import typer
 
 from arm_io import InputError
 from armscope.commands.options import HeldOut, Json
+from armscope.progress import Display, shown
 
 if TYPE_CHECKING:
-    from rich.status import Status
-
     from arm_model import Arm
     from armscope.adaptive_diagnosis import Case
     from daq.recording import Recording
@@ -50,8 +49,6 @@ def command(
     as_json: Json = False,
 ) -> int:
     """Diagnoses recordings against a model."""
-    from rich.console import Console
-
     from arm_io import check_folder, make_folder
     from armscope.api.diagnosis import fit_and_held_out
     from armscope.api.reading import for_analysis, read_model
@@ -60,14 +57,14 @@ def command(
     arm = read_model(_model(model, rig))
     if distort is not None:
         return _distorted(arm, distort, for_analysis(fit)[0], out, as_json)
-    fitted, held, remarks = fit_and_held_out(fit, held_out or [])
-    with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
-        case = _case(arm, fitted, held, remarks, status)
+    with shown(as_json) as progress:
+        fitted, held, remarks = fit_and_held_out(fit, held_out or [])
+        case = _case(arm, fitted, held, remarks, progress)
         if rig is not None:
             make_folder(out)
-            table = _gone_on(arm, case, rig, out, yes, max_experiments, status)
+            table = _gone_on(arm, case, rig, out, yes, max_experiments, progress)
         else:
-            table = _kept(case, out, status)
+            table = _kept(case, out, progress)
     if not held_out:
         print(
             "warning: no recording is held out; the last 40 % of each is held out instead, a weaker test",
@@ -76,9 +73,10 @@ def command(
     if as_json:
         print(json.dumps(table))
     else:
+        from arm_report import wrapped
         from diagnosis.report import diagnosis_text
 
-        print(f"{diagnosis_text(case.result, table)}\n\n{out / 'report.html'}")
+        print(wrapped(f"{diagnosis_text(case.result, table)}\n\n{out / 'report.html'}"))
     return _SAMPLES_LOST if case.lost else _DONE
 
 
@@ -102,24 +100,26 @@ def _model(model: Path | None, rig: Path | None) -> Path:
     return path
 
 
-def _case(arm: Arm, fitted: list[Recording], held: list[Recording], remarks: tuple[str, ...], status: Status) -> Case:
+def _case(
+    arm: Arm, fitted: list[Recording], held: list[Recording], remarks: tuple[str, ...], progress: Display
+) -> Case:
     from armscope.adaptive_diagnosis import Case
     from diagnosis import diagnose
 
-    result = diagnose(arm, fitted, held, progress=status.update)
+    result = diagnose(arm, fitted, held, progress=progress)
     return Case(fitted, held, replace(result, warnings=(*remarks, *result.warnings)), {})
 
 
-def _kept(case: Case, out: Path, status: Status) -> dict[str, Any]:
+def _kept(case: Case, out: Path, progress: Display) -> dict[str, Any]:
     from diagnosis.experiments import separations
     from diagnosis.report import Experiments, write_diagnosis
 
-    case.separate = separations(case.result, progress=status.update)
+    case.separate = separations(case.result, progress=progress)
     experiments = Experiments(separate=case.separate)
-    return write_diagnosis(out, case.result, case.fit, case.held_out, experiments, status.update)
+    return write_diagnosis(out, case.result, case.fit, case.held_out, experiments, progress)
 
 
-def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, status: Status) -> dict[str, Any]:
+def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, progress: Display) -> dict[str, Any]:
     """The case decided as far as the rig's experiments can; every stage is written whole before the next begins."""
     from armscope.adaptive_diagnosis import Bench, go_on, limits_of, rig_of
     from diagnosis import diagnose
@@ -130,18 +130,18 @@ def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, s
     limits = limits_of(checked, arm.joint_array("drive_constant"))
 
     def say(line: str) -> None:
-        status.stop()
+        progress.hide()
         print(line, file=sys.stderr, flush=True)
 
     def judge(fitted: list[Recording], held: list[Recording]) -> Diagnosis:
-        status.start()
-        return diagnose(arm, fitted, held, progress=status.update)
+        progress.show()
+        return diagnose(arm, fitted, held, progress=progress)
 
     def keep(case: Case) -> None:
         table.clear()
         experiments = Experiments(separate=case.separate, recorded=case.experiments, limits=limits)
-        table.update(write_diagnosis(out, case.result, case.fit, case.held_out, experiments, status.update))
+        table.update(write_diagnosis(out, case.result, case.fit, case.held_out, experiments, progress))
 
     bench = Bench(rig, checked, out, yes, say, judge, keep)
-    go_on(bench, case, most, status.update)
+    go_on(bench, case, most, progress)
     return table

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -11,7 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from arm_io.progress import Step
 from armscope.commands.options import Json
+from armscope.progress import shown
 
 if TYPE_CHECKING:
     from arm_model import Arm
@@ -87,7 +88,13 @@ def command(
     around = space_of(checked, space, floor)
     pairs = None if around is None else pairs_of(chain, around)
     designed = _design(
-        arm, series, criterion=criterion.value, limits=replace(limits, pairs=pairs), candidates=candidates, seed=seed
+        arm,
+        series,
+        as_json,
+        criterion=criterion.value,
+        limits=replace(limits, pairs=pairs),
+        candidates=candidates,
+        seed=seed,
     )
     designed = _off_the_setpoints(arm, designed, checked)
     write_experiment(out, designed, heading=f"Excitation for {arm.name}, seed {seed}, {candidates} candidates.")
@@ -143,18 +150,11 @@ def _limits(arm: Arm, rig: Rig | None) -> Limits:
     return limits.within(arm, **rig.limits.model_dump())
 
 
-def _design(arm: Arm, series: Series, **search: Any) -> Experiment:
+def _design(arm: Arm, series: Series, as_json: bool, **search: Any) -> Experiment:
     """The best of the candidate motions, ``design_excitation``; shows progress on a terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     from identification.experiment_design import design_excitation
 
-    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
-        task = bar.add_task("designing", total=1.0)
+    with shown(as_json) as progress:
         return design_excitation(
-            arm,
-            series,
-            **search,
-            progress=lambda share, text: bar.update(task, completed=share, description=text),
+            arm, series, **search, progress=lambda share, text: progress(Step("designing", share, 1.0, detail=text))
         )

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from armscope.commands.options import Json
+from armscope.progress import shown
 from daq.recording import LongRecording, open_long, write_csv
 from daq.recording.tables import write_bag, write_matlab, write_parquet
 
@@ -39,8 +40,10 @@ def command(
     as_json: Json = False,
 ) -> None:
     form = to or Format(out.suffix[1:].lower() if out.suffix.lower() in (".parquet", ".mat") else "csv")
-    data = open_long(recording)
-    columns = _write(form, out, data)
+    with shown(as_json) as progress:
+        data = open_long(recording)
+        progress("writing")
+        columns = _write(form, out, data)
     if (
         data.layout.points == "tracker"
         and data.base_from_tracker is None

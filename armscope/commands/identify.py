@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armscope.commands.options import HeldOut, Json
+from armscope.progress import shown
 
 if TYPE_CHECKING:
     from identification.preprocessing import Readiness
@@ -79,9 +79,8 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Identifies an arm."""
-    from rich.console import Console
-
     from arm_io import InputError, check_folder
+    from arm_report import wrapped
     from armscope.api.identification import check, identify
 
     if out is None and not only_check:
@@ -93,57 +92,55 @@ def command(
         "method": method.value,
         "friction": None if friction is None else friction.value,
     }
-    with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
+    with shown(as_json) as progress:
         if out is None or only_check:
-            ready = check(run, model, **chosen, progress=status.update)
-            status.stop()
+            ready = check(run, model, **chosen, progress=progress)
+            progress.hide()
             _print_readiness(ready, as_json)
             return
-        result = identify(run, model, **chosen, shape=shape.value, progress=status.update)
-        status.update("report")
+        result = identify(run, model, **chosen, shape=shape.value, progress=progress)
+        progress("report")
         table = result.write(out)
-    print(json.dumps(table) if as_json else f"{result}\n{out / 'report.html'}, identification.json, model.toml")
+    if as_json:
+        print(json.dumps(table))
+    else:
+        print(wrapped(f"{result}\n{out / 'report.html'}, identification.json, model.toml"))
 
 
-WIDE = 160
-"""Columns of a table that no terminal shows."""
+_READINESS = (
+    "joint",
+    "travel",
+    "top speed",
+    "noise",
+    "rows used",
+    "torque delay",
+    "share of limit",
+    "rows excluded",
+)
 
 
 def _print_readiness(ready: Readiness, as_json: bool) -> None:
-    from rich.console import Console
-    from rich.table import Table
+    from arm_report import text_table, wrapped
 
     if as_json:
         print(json.dumps(ready.to_json()))
         return
-    # a file or a pipe has no width: nothing is cut there
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else WIDE)
+    lines = []
     for run in ready.runs:
-        console.print(f"{run.run}: {run.rows} rows of {run.period * 1e3:.4g} ms", markup=False, soft_wrap=True)
-        table = Table(box=None, pad_edge=False)
-        for heading in (
-            "joint",
-            "travel",
-            "top speed",
-            "noise",
-            "rows used",
-            "rows excluded",
-            "torque delay",
-            "share of limit",
-        ):
-            table.add_column(heading, justify="left" if heading == "rows excluded" else "right", no_wrap=True)
-        for joint in run.joints:
-            table.add_row(
+        lines.append(f"{run.run}: {run.rows} rows of {run.period * 1e3:.4g} ms")
+        cells = [
+            (
                 str(joint.joint),
                 f"{joint.travel:.3g}",
                 f"{joint.top_speed:.3g}",
                 f"{joint.noise:.1g}",
                 f"{joint.used / run.rows:.0%}",
-                ", ".join(f"{reason} {rows / run.rows:.0%}" for reason, rows in joint.left_out.items()),
                 "" if joint.lag is None else f"{joint.lag * 1e3:.1f} ms",
                 "" if joint.torque is None else f"{joint.torque:.0%}",
+                ", ".join(f"{reason} {rows / run.rows:.0%}" for reason, rows in joint.left_out.items()),
             )
-        console.print(table)
-    for warning in ready.warnings:
-        console.print(f"warning: {warning}", markup=False, soft_wrap=True)
-    console.print(ready.sentence, markup=False, soft_wrap=True)
+            for joint in run.joints
+        ]
+        lines += text_table(cells, _READINESS, numbers=range(7))
+    lines += [f"warning: {warning}" for warning in ready.warnings]
+    print(wrapped("\n".join([*lines, ready.sentence])))

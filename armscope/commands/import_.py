@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from arm_io import InputError, read_text, write_text
+from arm_io.progress import Step
 from armscope.commands.options import Json, RecordingOut
+from armscope.progress import shown
 from daq.recording import Attachments, Table, TimeUnit, write_blocks
 from daq.recording.provenance import file_identity, provenance
 from daq.recording.tables import Mapping, guessed, open_source, read_blocks, read_mapping
@@ -75,7 +77,9 @@ def command(
         provenance=provenance("imported", source=_identity(table), **details),
         chain=_chain(model, first.joints),
     )
-    write_blocks(out, first, blocks, attachments, joints=names or getattr(source, "joints", ()))
+    with shown(as_json) as progress:
+        progress(Step("importing rows", blocks.rows))
+        write_blocks(out, first, blocks, attachments, joints=names or getattr(source, "joints", ()))
     rows, seconds = blocks.rows, blocks.last - float(first.t[0])
     if as_json:
         print(json.dumps({"file": str(out), "rows": rows, "joints": first.joints, "duration": seconds, "lost": 0}))

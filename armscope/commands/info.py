@@ -7,7 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from arm_report import line_width, text_table, wrapped
 from armscope.commands.options import Json, RecordingArgument
+from armscope.progress import shown
 from daq.recording import open_long
 from daq.recording.summary import summary, verification_table
 
@@ -20,10 +22,12 @@ def command(
     verify: Annotated[bool, typer.Option("--verify", help="verify the checksum of every record")] = False,
     as_json: Json = False,
 ) -> int:
-    table = summary(open_long(recording, damaged=True))
-    if verify:
-        table["verification"] = verification_table(recording)
-    print(json.dumps(table, indent=1) if as_json else _text(table))
+    with shown(as_json) as progress:
+        table = summary(open_long(recording, damaged=True))
+        if verify:
+            progress("verifying checksums")
+            table["verification"] = verification_table(recording)
+    print(json.dumps(table, indent=1) if as_json else wrapped(_text(table)))
     damaged = verify and table["verification"]["damages"]
     return 4 if table["ledger"]["lost"] or table["notes"] or damaged else 0
 
@@ -48,15 +52,7 @@ def _text(table: dict[str, Any]) -> str:
     )
     lines += [f"  ! {damage}" for damage in table.get("verification", {}).get("damages", ())]
     lines += _losses(table)
-    lines += ["", f"  {'signal':<8}{'unit':<6}{'missing':>9}{'min':>13}{'max':>13}{'rms':>13}"]
-    for row in table["signals"]:
-        numbers = "".join(
-            f"{'-' if row[name] is None else format(row[name], '.5g'):>13}" for name in ("min", "max", "rms")
-        )
-        lines.append(
-            f"  {row['signal']}{row['joint'] or '':<{8 - len(row['signal'])}}{row['unit']:<6}"
-            f"{row['missing']:>9}{numbers}"
-        )
+    lines += ["", *(f"  {line}".rstrip() for line in _signals(table["signals"]))]
     flags = {name: count for name, count in (table["quality_flags"] or {}).items() if count}
     if flags:
         lines += [
@@ -71,6 +67,20 @@ def _text(table: dict[str, Any]) -> str:
         lines += ["", f"  calibration {table['calibration'].get('hash', '')}"]
     made = {key: value for key, value in table["provenance"].items() if isinstance(value, str) and key != "kind"}
     return "\n".join(lines + ["", "  provenance"] + [f"    {key:<10}{value}" for key, value in made.items()])
+
+
+def _signals(rows: list[dict[str, Any]]) -> list[str]:
+    cells = [
+        (
+            f"{row['signal']}{row['joint'] or ''}",
+            row["unit"],
+            str(row["missing"]),
+            *("-" if row[name] is None else format(row[name], ".5g") for name in ("min", "max", "rms")),
+        )
+        for row in rows
+    ]
+    head = ("signal", "unit", "missing", "min", "max", "rms")
+    return text_table(cells, head, numbers=range(2, 6), keep=(0, 1), width=line_width() - 2)
 
 
 def _entries(**entries: str | None) -> list[str]:

@@ -16,7 +16,12 @@ import typer
 from arm_io import InputError
 from arm_model import Arm, read_model, write_model
 from arm_model.symbolic import Expr, Tape
+from arm_report import text_table, wrapped
 from armscope.commands.options import Json
+from armscope.progress import shown
+
+HEADS = ("joint", "name", "type", "mass", "inertia at q = 0", "viscous + / -", "Coulomb + / -")
+"""Of the joints; the inertia is with the rotor."""
 
 
 class Form(StrEnum):
@@ -84,7 +89,7 @@ def command(
         _compare(arm, as_json)
         return
     summary = _summary(arm)
-    print(json.dumps(summary) if as_json else _text(summary))
+    print(json.dumps(summary) if as_json else wrapped(_text(summary)))
 
 
 def _motors(out: Path, arm: Arm) -> str:
@@ -174,14 +179,8 @@ def _text(summary: dict[str, Any]) -> str:
         f"{summary['name']}: {len(summary['joints'])} joints, controller: {summary['controller'] or 'none'}",
         f"{summary['operations']} operations for the rates of {summary['states']} states",
         "",
-        "joint  type         mass   inertia at q = 0 (rotor too)   viscous + / -    coulomb + / -",
+        *text_table([_row(joint) for joint in summary["joints"]], HEADS, numbers=(0, 3, 4, 5, 6), keep=(0, 1)),
     ]
-    for joint in summary["joints"]:
-        viscous, coulomb = (" / ".join(f"{value:.4g}" for value in joint[kind]) for kind in ("viscous", "coulomb"))
-        lines.append(
-            f"{joint['joint']:>5}  {joint['type']:<9} {joint['mass']:>7.4g} {joint['inertia_at_zero']:>18.4g}"
-            f" {viscous:>24}  {coulomb:>15}  {joint['name']}".rstrip()
-        )
     for joint in summary["joints"]:
         if body := joint["cylinder"]:
             coefficients = (
@@ -207,6 +206,12 @@ def _text(summary: dict[str, Any]) -> str:
         where = "arm" if term["joint"] is None else f"joint {term['joint']}"
         lines.append(f"effect {term['effect']} ({where}): {values}")
     return "\n".join(lines)
+
+
+def _row(joint: dict[str, Any]) -> tuple[str, ...]:
+    viscous, coulomb = (" / ".join(f"{value:.4g}" for value in joint[kind]) for kind in ("viscous", "coulomb"))
+    sizes = (f"{joint['mass']:.4g}", f"{joint['inertia_at_zero']:.4g}")
+    return str(joint["joint"]), joint["name"], joint["type"], *sizes, viscous, coulomb
 
 
 def _catalogue(as_json: bool) -> None:
@@ -258,11 +263,10 @@ def _catalogue(as_json: bool) -> None:
 
 
 def _compare(arm: Arm, as_json: bool) -> None:
-    from rich.console import Console
-
     from arm_model.formulations import SYMPY_JOINTS, compare
 
-    with Console(stderr=True).status("generating the equations, several ways"):
+    with shown(as_json) as progress:
+        progress("generating the equations, several ways")
         rows = compare(arm)
     if as_json:
         print(json.dumps({"name": arm.name, "formulations": [asdict(row) for row in rows]}))

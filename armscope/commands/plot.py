@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,9 +10,11 @@ import numpy as np
 import typer
 
 from arm_io import InputError
+from arm_io.progress import Step
 from armscope.commands.options import Json
 from armscope.motion import draw, space_of
 from armscope.picture import check_picture, save_picture
+from armscope.progress import shown
 from daq.recording import LongRecording, open_long, plot
 
 if TYPE_CHECKING:
@@ -70,18 +71,17 @@ def command(
         if not 1 <= number <= joints:
             raise InputError("--joint", f"there is no joint {number}; it must be 1 to {joints}")
     if animate is not None:
-        _animate(animate, data, model, fps, speed)
+        _animate(animate, data, model, fps, speed, as_json)
     if out is not None:
         save_picture(plot(data, joints=joint or []), out)
     written = [str(path) for path in (out, animate) if path is not None]
     print(json.dumps({"file": written[0], "files": written}) if as_json else "\n".join(written))
 
 
-def _animate(path: Path, data: list[LongRecording], model: Path | None, fps: float, speed: float) -> None:
+def _animate(
+    path: Path, data: list[LongRecording], model: Path | None, fps: float, speed: float, as_json: bool
+) -> None:
     """The first recording's arm beside the second's, or beside what was demanded of it."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     from armscope.animation import Movement, animate, check_animation, instants, movements
 
     check_animation(path)
@@ -96,9 +96,8 @@ def _animate(path: Path, data: list[LongRecording], model: Path | None, fps: flo
     other = None if demanded is None else Movement("demanded", demanded)
     if len(data) > 1:
         other, _ = movements(data[1], when.t, data[1].path.stem)
-    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty(), transient=True) as bar:
-        task = bar.add_task("drawing", total=1.0)
-        animate(path, chain, when, measured, other, progress=lambda share: bar.update(task, completed=share))
+    with shown(as_json) as progress:
+        animate(path, chain, when, measured, other, progress=lambda share: progress(Step("drawing", share, 1.0)))
 
 
 def _chain(recording: LongRecording, model: Path | None) -> Chain:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from armscope.commands.options import Json
+from armscope.progress import shown
 from daq.acquisition import SENTENCES
 from daq.recording import ledger_table
 from daq.recording.recover import recover
@@ -20,7 +21,8 @@ def command(
     force: Annotated[bool, typer.Option("--force", help="replace an existing file")] = False,
     as_json: Json = False,
 ) -> int:
-    result = recover(recording, out, replace=force)
+    with shown(as_json):
+        result = recover(recording, out, replace=force)
     if as_json:
         print(
             json.dumps(

@@ -11,6 +11,7 @@ import typer
 from arm_io import InputError
 from arm_io.plain_data import point_of
 from armscope.commands.options import Json, RecordingOut
+from armscope.progress import shown
 
 
 def command(
@@ -30,6 +31,8 @@ def command(
     if (experiment is None) == (like is None):
         raise InputError("simulate", "needs either --experiment or --like")
     point = None if target is None else point_of(target, "--target")
-    simulation = simulate(model, experiment, like=like, rate=rate, target=point)
-    simulation.write(out)
+    with shown(as_json) as progress:
+        simulation = simulate(model, experiment, like=like, rate=rate, target=point, progress=progress)
+        progress("writing")
+        simulation.write(out)
     print(json.dumps({"file": str(out)} | simulation.to_json()) if as_json else f"{out}: {simulation}")

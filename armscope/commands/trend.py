@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +10,7 @@ import typer
 
 from arm_io import check_folder
 from armscope.commands.options import Json
+from armscope.progress import shown
 
 MANY = ("--limit",)
 """Options that take several values."""
@@ -36,9 +36,8 @@ def command(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="folder for trend.json, trend.html")] = None,
     as_json: Json = False,
 ) -> None:
-    from rich.console import Console
-
     from arm_archive import Filters
+    from arm_report import wrapped
     from armscope.api.trend import trend
     from comparison.trend import Limit
 
@@ -46,10 +45,10 @@ def command(
     filters = Filters(kind=kind, arm=arm, path=path, since=since, until=until)
     if out is not None:
         check_folder(out)
-    with Console(stderr=True, quiet=not sys.stderr.isatty()).status("reading") as status:
-        result = trend(results, limits, filters=filters, progress=status.update)
+    with shown(as_json) as progress:
+        result = trend(results, limits, filters=filters, progress=progress)
         table = result.to_json() if out is None else result.write(out)
     if as_json:
         print(json.dumps(table, allow_nan=False))
     else:
-        print(result if out is None else f"{result}\n{out / 'trend.html'}")
+        print(wrapped(str(result) if out is None else f"{result}\n{out / 'trend.html'}"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from arm_report import cut, line_width, text_table
 from comparison.change import Change
 from comparison.report.wording import changed_sentences, percent, size, verdict
 
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from comparison.outcome import Comparison
 
 WIDEST = 56
+"""Letters of a quantity; longer ones stand whole in the report."""
 HEADS = ("quantity", "before", "after", "change", "2 std", "relative", "z", "p corr.", "unit")
 MOST = 12
 """Rows of the table that are printed; all stand in the report."""
@@ -36,24 +38,14 @@ def text(result: Comparison) -> str:
 
 
 def _table(changes: list[Change]) -> list[str]:
-    rows = [HEADS, *map(_row, changes)]
-    width = [max(len(row[column]) for row in rows) for column in range(len(HEADS))]
     last = len(HEADS) - 1
-    return [
-        "  ".join(
-            cell.rjust(width[column]) if 1 <= column < last else cell.ljust(width[column])
-            for column, cell in enumerate(row)
-        ).rstrip()
-        for row in rows
-    ]
+    return text_table([_row(one) for one in changes], HEADS, numbers=range(1, last), keep=(0, last))
 
 
 def _row(change: Change) -> tuple[str, ...]:
-    name = change.quantity.words
-    name = name if len(name) <= WIDEST else f"{name[: WIDEST - 3]}..."
     mark = "*" if change.significant else ""
     return (
-        name,
+        cut(change.quantity.words, min(WIDEST, line_width() - 30)),
         size(change.before),
         size(change.after),
         size(change.change),

@@ -18,7 +18,9 @@ HEADS = ("quantity", "first", "last", "change", "2 std", "since", "p corr.", "un
 def text(trend: Trend) -> str:
     """A table of what moved, a sentence about each, the limits, and the verdict."""
     moved = trend.moved
-    lines = text_table([_row(one, trend.histories) for one in moved], HEADS, numbers=range(1, 7), shorten=(0,))
+    lines = text_table(
+        [_row(one, trend.histories) for one in moved], HEADS, numbers=range(1, 7), shorten=(0,), keep=(0, 7)
+    )
     lines = lines if moved else []
     lines += [f"warning: {warning}" for warning in trend.histories.warnings]
     lines += [sentence(one, trend.histories) for one in moved]

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from arm_io.progress import Step
 from arm_model.effects import CATALOGUE
 from arm_model.rigid_body import drive_rigid_torque
 from diagnosis.cause import Cause, EffectKey, Signal, in_words
@@ -116,7 +117,7 @@ def _best(
             stage = stage_of(result, joints, rig, visited=False)
         for trial, distances in _tried(question, stage, joints, kind):
             tried += 1
-            progress(f"discriminating experiment: {tried} motions tried")
+            progress(Step("discriminating experiment", tried - 1, detail=f"motion {tried}"))
             far = [distance for distance in distances.values() if distance >= ENOUGH]
             together = tuple(pair for pair, distance in distances.items() if distance < ENOUGH)
             found = _Found(len(far), min(far or distances.values()), kind, visited, trial, together)

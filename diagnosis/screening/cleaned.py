@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm_io import InputError
+from arm_io.progress import Step
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from daq.recording import Recording
@@ -83,9 +84,9 @@ def screened(
 
 def residuals_of(arm: Arm, screened: Screened, progress: Callable[[str], None] = lambda sentence: None) -> Residuals:
     """The residuals of recordings under an arm."""
-    runs = []
+    runs: list[Run] = []
     for recording, samples in zip(screened.recordings, screened.samples):
-        progress(f"computing the residual of {recording.path.name}")
+        progress(Step("computing residuals", len(runs), len(screened.recordings), detail=recording.path.name))
         setup = setup_of(recording)
         of_run = loaded(arm, setup.payload)
         runs.append(

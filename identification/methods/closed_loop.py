@@ -19,6 +19,7 @@ import numpy as np
 from scipy import linalg
 
 from arm_io import InputError
+from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm
 from arm_model.simulation import simulate
@@ -61,7 +62,7 @@ def identify_closed_loop(
     taken = 0
     for number in range(ITERATIONS):
         taken = number + 1
-        progress(f"{method}: simulation {taken}")
+        progress(Step(method, number, detail=f"simulation {taken}"))
         arm = with_values(problem, physical_values(problem, fit, spread.information))
         if arm.effects:
             problem = problem.around(arm)

@@ -15,6 +15,7 @@ import numpy as np
 from scipy import linalg
 
 from arm_io import InputError
+from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm, parameter, with_parameters
 from arm_model.simulation import simulate_batch
@@ -83,7 +84,7 @@ def tune_friction(
     first = _relative(recordings, motions, arm, names, values)
     jacobian = np.zeros((len(error), len(names)))
     for number in range(iterations):
-        progress(f"friction: step {number + 1}, error {np.linalg.norm(error) / np.sqrt(len(error)):.4g}")
+        progress(Step("friction", number, detail=f"error {np.linalg.norm(error) / np.sqrt(len(error)):.4g}"))
         nudge = STEP * np.maximum(values, floor)
         lanes = values + np.concatenate([np.diag(nudge), -np.diag(nudge)])
         lanes = np.maximum(lanes, 0.0)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from arm_io import InputError
+from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm, with_parameters
 from arm_model.rigid_body import drive_rigid_torque
@@ -54,7 +55,7 @@ def identify_joints(
     for j in range(len(arm)):
         runs = [run for run in fitted_runs if own_run([run[1]], j) is not None]
         if runs:
-            progress(f"joint {j + 1}")
+            progress(Step("joints", j, len(arm), detail=f"joint {j + 1}"))
             own.warnings += _of_coupled(arm, j)
             _identify_joint(arm, j, runs, held_runs, own)
         else:

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io import InputError
+from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm
 from daq.recording import Recording
@@ -76,13 +77,13 @@ def _steps(problem: Problem, progress: Progress) -> tuple[Array, Array, list[str
     x, open_ = start / size, np.eye(len(base))
     covariance = np.zeros((len(base), len(base)))
     sentences = []
-    for j in reversed(range(len(problem.arm))):
+    for j in reversed(range(joints := len(problem.arm))):
         runs = [run for run, motion in enumerate(problem.motions) if own_run([motion], j) is not None]
         mine = rows.of(np.isin(rows.run, runs) & (rows.joint == j))
         if not len(mine):
             sentences.append(f"joint {j + 1} moves in no run; its step is left out")
             continue
-        progress(f"joint {j + 1}")
+        progress(Step("joints, tip first", joints - 1 - j, joints, detail=f"joint {j + 1}"))
         columns = mine.columns[:, base.kept] * size
         left, right = np.linalg.svd(columns @ open_, full_matrices=True)[1:]
         count = int(np.sum(left > SHOWN * left[0]))

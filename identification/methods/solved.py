@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from identification.regression.conclusion import physical_values, with_values
 from identification.regression.equations import Equations, model_values, shown_rows
@@ -49,7 +50,7 @@ def solved(problem: Problem, method: Method, progress: Progress) -> Solved:
     arm = problem.arm
     values, before, held = model_values(arm, problem.friction), None, 0
     for number in range(STEPS if arm.effects else 1):
-        progress(f"least squares, step {number + 1}" if arm.effects else "least squares")
+        progress(Step("least squares", number, None if arm.effects else 1))
         best, weighed = fitted(problem.rows)
         progress("uncertainty")
         spread = uncertainty(problem.rows.columns[:, problem.columns], problem.rows, best, prior=weighed)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm
 from arm_model.effects import coupled
@@ -136,8 +137,10 @@ def motions_of(
     """
     for recording in [*fit, *held_out]:
         checks.check_recording(recording, arm)
-    progress("smoothing")
-    seen = [motion_of(recording, arm) for recording in [*fit, *held_out]]
+    seen: list[tuple[Motion, RunReadiness]] = []
+    for recording in (every := [*fit, *held_out]):
+        progress(Step("smoothing", len(seen), len(every), detail=recording.path.name))
+        seen.append(motion_of(recording, arm))
     return (
         spared([motion for motion, _ in seen[: len(fit)]]),
         spared([with_reversals(motion) for motion, _ in seen[len(fit) :]]),

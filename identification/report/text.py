@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from arm_report import cut, line_width, text_table
 from identification.report.friction import sentences
 from identification.report.html import verdict
 
@@ -31,19 +32,16 @@ def text(result: Identification) -> str:
 
 
 def _table(values: Sequence[Value], what: str) -> list[str]:
-    rows = [(what, *HEADS, "unit", ""), *map(_row, values)]
-    width = [max(len(row[column]) for row in rows) for column in range(7)]
-    return [
-        "  ".join(
-            cell.rjust(width[column]) if 1 <= column <= 4 else cell.ljust(width[column])
-            for column, cell in enumerate(row)
-        ).rstrip()
-        for row in rows
-    ]
+    return text_table([_row(one) for one in values], (what, *HEADS, "unit", ""), numbers=range(1, 5), keep=(0, 5))
 
 
 def _row(value: Value) -> tuple[str, ...]:
-    name = value.name if len(value.name) <= WIDEST else f"{value.name[: WIDEST - 3]}..."
     stds = (value.std, value.std_bootstrap, value.std_formula)
     spreads = ("" if std is None else f"{2 * std:.2g}" for std in stds)
-    return name, f"{value.value:.5g}", *spreads, value.unit, "" if value.identifiable else "not identifiable here"
+    return (
+        cut(value.name, min(WIDEST, line_width() - 30)),
+        f"{value.value:.5g}",
+        *spreads,
+        value.unit,
+        "" if value.identifiable else "not identifiable here",
+    )

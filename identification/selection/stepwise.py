@@ -9,13 +9,14 @@ search ends is decided here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from scipy import stats
 
+from arm_io.progress import Progress, Step
 from arm_io.types import Array
 from identification.selection.limits import Limits
 
@@ -104,14 +105,11 @@ class MeasurementModel(Protocol[C, S]):
         return state
 
 
-Progress = Callable[[str], None]
-
-
 def select(model: MeasurementModel[C, S], progress: Progress = lambda sentence: None) -> S:
     """The candidates that explain the data together."""
     state = eliminated = model.start()
     for number in range(1, model.limits.max_causes + 1):
-        progress(f"looking for cause {number}")
+        progress(Step("looking for causes", number - 1, detail=f"cause {number}"))
         entered = forward(model, state)
         if entered is None and state is eliminated:
             break

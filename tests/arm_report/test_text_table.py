@@ -5,20 +5,36 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from arm_report import text_table
+from arm_report import cut, text_table
 
 word = st.text("abcdefgh", min_size=1, max_size=30)
 size = st.integers(-(10**9), 10**9).map(str)
+HEAD = ("name", "a", "words", "b", "unit")
 
 
-@given(rows=st.lists(st.tuples(word, size, word, size), min_size=1, max_size=5), width=st.integers(20, 120))
-def test_numbers_are_never_cut_and_columns_line_up(rows: list[tuple[str, str, str, str]], width: int) -> None:
-    lines = text_table(rows, ("name", "a", "words", "b"), numbers=(1, 3), shorten=(0, 2), width=width)
-    found = [line.split() for line in lines[1:]]
-    assert [(one[1], one[3]) for one in found] == [(row[1], row[3]) for row in rows]
-    assert len({len(line) for line in lines}) == 1
-    narrowest = sum(max(len(row[k]) for row in rows) for k in (1, 3)) + 6 + 6 + 6 + 2
-    assert len(lines[0]) <= max(width, narrowest)
-    for one, row in zip(found, rows):
-        for k in (0, 2):
-            assert one[k] == row[k] or (one[k].endswith("...") and row[k].startswith(one[k][:-3]))
+@given(rows=st.lists(st.tuples(word, size, word, size, word), min_size=1, max_size=5), width=st.integers(45, 120))
+def test_a_table_continues_below_itself_by_whole_columns(rows: list[tuple[str, ...]], width: int) -> None:
+    lines = text_table(rows, HEAD, numbers=(1, 3), shorten=(0, 2, 4), keep=(0, 4), width=width)
+    assert max(map(len, lines)) <= width
+    found: dict[str, list[str]] = {}
+    while lines:
+        part = lines[: 1 + len(rows)]
+        lines = lines[2 + len(rows) :]
+        assert part[0].split()[0] == "name" and part[0].split()[-1] == "unit"
+        for k, head in enumerate(part[0].split()):
+            found[head] = [line.split()[k] for line in part[1:]]
+    assert set(found) == set(HEAD)
+    for k, head in enumerate(HEAD):
+        for one, row in zip(found[head], rows):
+            assert one == row[k] or (k not in (1, 3) and one.endswith("...") and row[k].startswith(one[:-3]))
+
+
+@given(name=st.text("ab0123456789.+ ", min_size=1, max_size=40), width=st.integers(6, 40))
+def test_a_number_in_a_shortened_cell_is_whole_or_left_out(name: str, width: int) -> None:
+    shown = cut(name, width)
+    assert len(shown) <= width
+    if shown != name:
+        kept = shown.removesuffix("...")
+        assert name.startswith(kept)
+        numbers = set("0123456789.")
+        assert not kept or not (kept[-1] in numbers and name[len(kept)] in numbers)

@@ -19,12 +19,14 @@ from tests.house.test_arrows import MAY_IMPORT
 
 PUBLIC = {
     "arm_clearance": ("viewing",),
-    "arm_io": ("dates", "files", "handles", "optional", "plain_data", "table", "toml", "types"),
+    "arm_io": ("dates", "files", "handles", "optional", "plain_data", "progress", "table", "toml", "types"),
     "arm_report": ("palette",),
     "arm_model": (
         "collision",
         "friction_split",
         "geometry",
+        "mjcf",
+        "mjcf_update",
         "sensing",
         "servo",
         "tracking",

@@ -24,6 +24,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Header, McapRecord, Metadata, Schema
 from numpy.typing import NDArray
 
+from arm_io.progress import report
 from daq.recording.mcap_file.checksums import MAGIC
 from daq.recording.mcap_file.pages import WINDOW, release
 from daq.recording.messages.row_format import RowFormat, format_of
@@ -31,6 +32,9 @@ from daq.recording.messages.viewers import VIEWERS
 
 LARGEST_CHUNK = 1 << 30
 """Content of a chunk, bytes; more is a broken length."""
+
+REPORTED = 1 << 22
+"""Bytes between two reports of how far a file is read."""
 
 _LANDMARK = re.compile(
     rb"(?P<chunk>\x04\x00\x00\x00zstd)"
@@ -106,7 +110,7 @@ def walk(data: memoryview) -> Iterator[Part]:
     A stretch that cannot be read is one ``Damage``; the end of a file that was not finished is none, unless a record is
     cut in two there.
     """
-    place, held = len(MAGIC), 0
+    place, held, steps = len(MAGIC), 0, 0
     if data[:place] != MAGIC:
         yield Damage(0, place, "the file does not begin as an MCAP file does")
     while place < len(data):
@@ -121,6 +125,9 @@ def walk(data: memoryview) -> Iterator[Part]:
             return
         place = end
         held = release(data, held, place)
+        if place // REPORTED > steps:
+            steps = place // REPORTED
+            report("reading", place, len(data))
 
 
 def _is_chunk(data: memoryview, place: int, end: int) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.files import open_regular
+from arm_io.progress import report
 from arm_io.types import Array
 from daq.recording.tables.columns import Chunk, Table, read_blocks
 from daq.recording.tables.csv_header import read_header
@@ -93,7 +94,7 @@ class CsvSource:
 
     def _blocks(self, file: TextIO) -> Iterator[tuple[list[int], list[tuple[str, ...]], bool]]:
         """The number of each line with cells, the cells by column, and whether all of them read as they look."""
-        line, width = 1, len(self.names)
+        line, width, size = 1, len(self.names), os.fstat(file.fileno()).st_size
         while text := file.readlines(BLOCK_CHARACTERS):
             reader = csv.reader(text, delimiter=self._separator, skipinitialspace=self._separator == " ")
             rows = [(line + reader.line_num, row) for row in reader if row]
@@ -111,6 +112,7 @@ class CsvSource:
                     cells = [tuple(cell.replace(self._decimal, ".") for cell in column) for column in cells]
                 yield [number for number, _ in rows], cells, plain
             line += len(text)
+            report("reading", file.buffer.tell(), size)
 
 
 def _unreadable(path: str | Path, error: Exception) -> InputError:

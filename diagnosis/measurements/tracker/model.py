@@ -215,7 +215,7 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
 
 def selected(model: TrackedPoints, progress: Callable[[str], None]) -> State:
     """The candidates that matter and are significant conditional on all others."""
-    state = select(model, lambda sentence: progress(f"{sentence} in the tracker's points"))
+    state = select(model, progress)
     return eliminate(model, state, fdr=model.limits.final_fdr, tests=len(model.every))
 
 

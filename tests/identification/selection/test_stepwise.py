@@ -137,7 +137,7 @@ def test_the_search_ends() -> None:
 def test_progress_is_told_by_round() -> None:
     said: list[str] = []
     select(_regression(0, {"a": 1.0}), said.append)
-    assert said == ["looking for cause 1", "looking for cause 2"]
+    assert said == ["looking for causes: cause 1", "looking for causes: cause 2"]
 
 
 def test_two_parts_of_one_recording_are_predicted_from_each_other() -> None:
