@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from armscope.cli import DONE, UNUSABLE_INPUT, run
+from armscope.application import DONE
+from armscope.cli import UNUSABLE_INPUT, run
 from tests.foreign.random_arms import stranger
 
 METHODS = ("ols", "irls", "iv", "didim", "motor-link", "sequence", "friction")
