@@ -69,7 +69,7 @@ class Archive:
     def _repr_html_(self) -> str:
         rows = self.rows()
         shown = [name for name in COLUMNS if any(row[name] is not None for row in rows)]
-        cells = [["" if row[name] is None else escape(str(row[name])) for name in shown] for row in rows]
+        cells = [["" if row[name] is None else str(row[name]) for name in shown] for row in rows]
         return f"<p>{escape(repr(self))}</p>{table(cells, shown)}"
 
     def rows(self, filters: Filters = EVERYTHING) -> list[Row]:

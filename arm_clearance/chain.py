@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -48,6 +49,27 @@ class Chain:
 
     def __len__(self) -> int:
         return len(self.sliding)
+
+    def to_json(self) -> dict[str, Any]:
+        """What a page needs to draw the arm: rad, m, matrices row by row."""
+        return {
+            "base": self.base.tolist(),
+            "before": self.before.tolist(),
+            "after": self.after.tolist(),
+            "coupling": self.coupling.tolist(),
+            "sliding": [bool(one) for one in self.sliding],
+            "tool": self.tool.tolist(),
+            "bodies": [
+                {
+                    "link": body.link,
+                    "start": body.start.tolist(),
+                    "end": body.end.tolist(),
+                    "radius": body.radius,
+                    "assumed": body.assumed,
+                }
+                for body in self.bodies
+            ],
+        }
 
     def frames(self, q: Array) -> Array:
         """(k, n + 1, 4, 4) poses of the links in the base frame for q (k, n)."""

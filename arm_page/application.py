@@ -27,6 +27,7 @@ from arm_page.link import RigLink
 from arm_page.live import Viewers
 from arm_page.recordings import Recordings
 from arm_page.steering import Steering
+from arm_report.vendor import VENDOR
 
 Table = dict[str, Any]
 STATIC = Path(__file__).parent / "static"
@@ -83,6 +84,7 @@ class Server:
             Route("/api/analyses/{job}/stop", self._stop_analysis, methods=["POST"]),
             Route("/reports/{job}", self._report),
             WebSocketRoute("/api/live", self.viewers.serve),
+            Mount("/static/charts", StaticFiles(directory=VENDOR)),
             Mount("/static", StaticFiles(directory=STATIC)),
         ]
         self.application: ASGIApp = _Guarded(Starlette(routes=routes, lifespan=self._life), hosts, secure=secure)

@@ -49,7 +49,7 @@ def scene_of(rig: Rig, chain: Chain | None, visuals: Sequence[Visual] = ()) -> T
         "devices": [{"name": device.name, "driver": device.driver} for device in rig.device],
         "tracker": None if tracker is None else {"target": list(tracker.target), "placed": _placed(rig)},
         "space": None if rig.space is None else rig.space.model_dump(),
-        "arm": None if chain is None else _arm(chain),
+        "arm": None if chain is None else chain.to_json(),
         "meshes": [
             {"link": one.link, "kind": one.file.suffix.lower(), "scale": list(one.scale), "pose": one.pose.tolist()}
             for one in visuals
@@ -60,24 +60,3 @@ def scene_of(rig: Rig, chain: Chain | None, visuals: Sequence[Visual] = ()) -> T
 def _placed(rig: Rig) -> bool:
     """Whether points of the tracker can be given in the base frame."""
     return rig.tracker is not None and (rig.tracker.device is None or rig.tracker.base_from_tracker is not None)
-
-
-def _arm(chain: Chain) -> Table:
-    return {
-        "base": chain.base.tolist(),
-        "before": chain.before.tolist(),
-        "after": chain.after.tolist(),
-        "coupling": chain.coupling.tolist(),
-        "sliding": list(chain.sliding),
-        "tool": chain.tool.tolist(),
-        "bodies": [
-            {
-                "link": body.link,
-                "start": body.start.tolist(),
-                "end": body.end.tolist(),
-                "radius": body.radius,
-                "assumed": body.assumed,
-            }
-            for body in chain.bodies
-        ],
-    }

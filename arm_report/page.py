@@ -1,52 +1,113 @@
-"""The page itself: skeleton, style, and the sentences that are set apart from the text."""
+"""Pages from jinja2 templates: words are escaped, charts are drawn, and everything stands in one file."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from html import escape
+import json
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any
 
-STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #1d2733; max-width: 66rem; margin: 2rem auto; padding: 0 1.2rem }
-h1 { font-size: 1.5rem; margin-bottom: .2rem }
-h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #d8dee6 }
-table { border-collapse: collapse; margin: .6rem 0 } th { text-align: left; font-weight: 600; color: #51606f }
-th, td { padding: .18rem .9rem .18rem 0; border-bottom: 1px solid #edf0f4; vertical-align: top }
-td.n, th.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums } tr.weak td { color: #8b97a5 }
-td.u { white-space: nowrap } img { max-width: 100% } small, .note { color: #6b7886 }
-.verdict, .refuted { font-size: 1.1rem; padding: .7rem 1rem; background: #eef4fb; border-left: 4px solid #2f6fb0 }
-.refuted { background: #fbeeee; border-left-color: #b03a2f }
-.warning { background: #fdf3e3; border-left: 4px solid #d08a1c; padding: .35rem 1rem; margin: .35rem 0 }
-summary { cursor: pointer; margin: .5rem 0; color: #2f6fb0 } code { background: #f3f5f8; padding: .1rem .35rem }
-.wide { overflow-x: auto }
-@media (max-width: 40rem) { .wide img { max-width: none; width: 52rem } }
-@media print {
-  details::details-content { content-visibility: visible }
-  img, tr { break-inside: avoid } h2 { break-after: avoid }
-}
-"""
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup
+
+from arm_report.chart import Chart
+from arm_report.motion import Motion
+from arm_report.paper import still
+from arm_report.plain import plain_page, thinned
+
+SCRIPTS = ("data.js", "panel.js", "chart.js", "arm.js", "report.js")
+"""In the order in which they need each other; uPlot stands before them."""
 
 
-def page(title: str, body: Iterable[str]) -> str:
-    """A whole HTML document. ``title`` is text and also the heading; ``body`` is HTML."""
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{STYLE}</style></head><body>\n"
-        + "\n".join([f"<h1>{escape(title)}</h1>", *body])
-        + "</body></html>\n"
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """A page before it is one.
+
+    title     and heading
+    template  "PACKAGE/FILE": a file in the folder ``templates`` of a package, which extends "arm_report/page.html"
+    content   what the template names; its strings are text and are escaped, unless they are ``Markup``
+    joints    names of the arm's joints, which can be switched off and on; empty: there are none to choose from
+    motion    of the arm, shown where a chart is pointed at
+    """
+
+    title: str
+    template: str
+    content: Mapping[str, Any]
+    joints: Sequence[str] = ()
+    motion: Motion | None = None
+
+    def render(self) -> tuple[str, list[Chart]]:
+        """The whole HTML document, and the charts in it."""
+        charts: list[Chart] = []
+
+        def draw(chart: Chart) -> Markup:
+            charts.append(chart)
+            drawn = {"chart": chart, "number": len(charts) - 1, "every": thinned(chart), "still": still(chart)}
+            return Markup(_parts().module.chart(**drawn))
+
+        def scripts() -> Markup:
+            data = json.dumps(plain_page(charts, self.motion, list(self.joints)), separators=(",", ":"))
+            return _scripts(data) if charts else Markup()
+
+        template = environment().get_template(self.template)
+        content = {"title": self.title, "draw": draw, "scripts": scripts, **self.content}
+        return template.render(content), charts
+
+    def html(self) -> str:
+        """The whole HTML document."""
+        return self.render()[0]
+
+
+@cache
+def environment() -> Environment:
+    """Escapes whatever is not ``Markup``, and refuses names that nobody gave."""
+    made = Environment(
+        loader=FunctionLoader(_source), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    made.globals |= {"style": Markup(_text("vendor/uplot.css") + _text("report.css")), "table": table}
+    return made
+
+
+def _source(name: str) -> str:
+    package, _, file = name.partition("/")
+    return (files(package) / "templates" / file).read_text(encoding="utf-8")
+
+
+@cache
+def _text(name: str) -> str:
+    return (files("arm_report") / "static" / name).read_text(encoding="utf-8")
+
+
+def _parts() -> Any:
+    return environment().get_template("arm_report/parts.html")
+
+
+def _scripts(data: str) -> Markup:
+    """Data and scripts; what a reader could take for the end of a script is written otherwise."""
+    harmless = data.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+    module = _text("vendor/uplot.js").strip()
+    library = re.sub(r"export\s*\{\s*(\w+) as default\s*\};?$", r"return \1;", module)
+    own = "\n".join(map(_text, SCRIPTS))
+    return Markup(
+        f'<script type="application/json" id="data">{harmless}</script>\n'
+        f'<script>"use strict";(() => {{\nconst uPlot = (() => {{\n{library}\n}})();\n{own}\n}})();</script>'
     )
 
 
-def verdict(sentence: str, *, refuted: bool = False) -> str:
-    """The one sentence that a page is about; ``sentence`` is text."""
-    return f"<p class={'refuted' if refuted else 'verdict'}>{escape(sentence)}</p>"
+def table(
+    rows: Iterable[Sequence[Any]], head: Sequence[Any], numbers: Collection[int] = (), weak: Collection[int] = ()
+) -> Markup:
+    """A table; cells are text or ``Markup``. The last cell of a row shorter than ``head`` spans the columns left.
+
+    numbers  columns (from 0) that hold numbers, set flush right
+    weak     rows (from 0) in grey
+    """
+    return Markup(_parts().module.table(list(rows), list(head), list(numbers), list(weak)))
 
 
-def warning(sentence: str) -> str:
-    """What weakens the verdict; ``sentence`` is text."""
-    return f"<p class=warning>{escape(sentence)}</p>"
-
-
-def note(html: str) -> str:
-    """How to read what follows; ``html`` is HTML."""
-    return f"<p class=note>{html}</p>"
+def warning(sentence: str) -> Markup:
+    """What weakens a verdict; text."""
+    return Markup(_parts().module.warning(sentence))

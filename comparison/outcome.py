@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal
@@ -105,19 +105,21 @@ class Comparison:
         from arm_report import inline
         from comparison.report.html import report
 
-        return inline(report(self))
+        return inline(report(self).html())
 
     def plot(self) -> Figure:
         """Change over joint deviation of every quantity."""
+        from arm_report import figure
         from comparison.report.plots import overview
 
-        return overview(self)
+        return figure(overview(self))
 
-    def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
-        """Writes compare.json and compare.html into ``folder``; returns what compare.json says."""
-        from comparison.report.write import write_comparison
+    def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
+        """Writes compare.html, its charts as ``pictures`` ("png", "pdf") and compare.json; returns the latter."""
+        from arm_report import write_report
+        from comparison.report.html import report
 
-        return write_comparison(folder, self)
+        return write_report(folder, ("compare.html", "compare.json"), report(self), self.to_json(), pictures)
 
     def to_json(self) -> dict[str, Any]:
         """The content of compare.json."""

@@ -6,7 +6,7 @@ Numbers with their uncertainty, what they are worth on other data, and the arm t
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -24,6 +24,7 @@ from identification.regression.effect_columns import definition, is_effect
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from arm_report.motion import Clip
     from identification.regression.friction_band import FrictionBand
 
 # Times the expected rms: at constant speed the steps of an encoder make tones, which are no noise.
@@ -119,6 +120,7 @@ class Identification:
     smoothness  scale of that of friction curves, as a share of the joint's friction; None without a curve
     noise       errors of ``arm`` over the noise floor, of the held-out recordings or without any of the fitted ones;
                 None: not compared
+    clips       motion of the recordings, by their names: the report draws the arm; empty: it does not
     """
 
     method: str
@@ -140,6 +142,7 @@ class Identification:
     noise: list[JointNoise] | None = None
     friction_bands: list[FrictionBand] = field(default_factory=list)
     smoothness: float | None = None
+    clips: dict[str, Clip] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         fit, held_out = self.relative_error(False), self.relative_error(True)
@@ -158,23 +161,23 @@ class Identification:
         from arm_report import inline
         from identification.report.html import report
 
-        return inline(report(self))
+        return inline(report(self).html())
 
     def plot(self) -> Figure:
         """Measured and predicted torque of the first held-out run (or fitted one), joint by joint."""
+        from arm_report import figure
         from identification.report.plots import predictions
 
-        figure, _ = next(predictions(self))
-        return figure
+        return figure(next(predictions(self)))
 
-    def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
-        """Writes identification.json, report.html and model.toml into ``folder``.
+    def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
+        """Writes identification.json, report.html, model.toml and its charts as ``pictures`` ("png", "pdf").
 
         Returns what identification.json says.
         """
         from identification.report.write import write_identification
 
-        return write_identification(folder, self)
+        return write_identification(folder, self, pictures)
 
     def rows(self, held_out: bool) -> list[Prediction]:
         return [p for p in self.predictions if p.held_out == held_out]

@@ -1,6 +1,6 @@
 // Strip charts over time: positions with their demand, currents with every peak, limits as lines.
 
-import uPlot from "./vendor/uplot.js";
+import uPlot from "./charts/uplot.js";
 import { colour, el, jointColour, whenThemeChanges, words } from "./page.js";
 
 const KEPT = 1500;

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from arm_io import InputError, make_folder, write_text
+from arm_io import InputError, make_folder
 from armscope.api.reading import File, Source, open_recording, read_model
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from arm_io.types import Array
     from arm_model import Arm
+    from arm_report import Report
     from identification.kinematics.data import Tracked
     from identification.kinematics.estimation import Calibration as Estimate
 
@@ -70,7 +71,7 @@ class Calibration:
     def _repr_html_(self) -> str:
         from arm_report import inline
 
-        return inline(self._page(self.to_json()))
+        return inline(self._page(self.to_json()).html())
 
     def to_json(self) -> dict[str, Any]:
         """The content of kinematics.json."""
@@ -86,29 +87,31 @@ class Calibration:
 
     def plot(self) -> Figure:
         """Distance of every tracked point from the nominal and from the calibrated arm, run by run."""
+        from arm_report import figure
         from identification.kinematics.data import gravity_of
-        from identification.kinematics.report import error_figure
+        from identification.kinematics.report import error_chart
 
-        return error_figure(self.details, gravity_of(self.nominal))
+        return figure(error_chart(self.details, gravity_of(self.nominal)))
 
-    def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
-        """Writes kinematics.json, report.html and model.toml into ``folder``; returns what kinematics.json says."""
+    def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
+        """Writes kinematics.json, report.html, model.toml and its charts as ``pictures`` ("png", "pdf").
+
+        Returns what kinematics.json says.
+        """
         from arm_model import write_model
-        from identification.kinematics.report import write_json
+        from arm_report import write_report
 
         out, table = Path(folder), self.to_json()
         make_folder(out)
-        write_json(out / "kinematics.json", table)
-        write_text(out / "report.html", self._page(table))
         heading = f"{self.nominal.name}, kinematics calibrated by armscope"
         write_model(out / "model.toml", self.model, heading=heading)
-        return table
+        return write_report(out, ("report.html", "kinematics.json"), self._page(table), table, pictures)
 
-    def _page(self, table: dict[str, Any]) -> str:
+    def _page(self, table: dict[str, Any]) -> Report:
         from identification.kinematics.data import gravity_of
         from identification.kinematics.report import page
 
-        return page(self.nominal.name, table, self.details, gravity_of(self.nominal), self._cubes())
+        return page(self.nominal, table, self.details, gravity_of(self.nominal), self._cubes())
 
     def _cubes(self) -> list[Any]:
         """What the standstills of ISO cube runs show."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -83,7 +83,7 @@ class Diagnosis:
         from arm_report import inline
         from diagnosis.report import report
 
-        return inline(report(self.details, self.to_json(), self.held_out))
+        return inline(report(self.details, self.to_json(), self.held_out).html())
 
     def to_json(self) -> dict[str, Any]:
         """The content of diagnosis.json, without the discriminating experiments: ``write`` looks for them."""
@@ -93,19 +93,27 @@ class Diagnosis:
 
     def plot(self) -> Figure:
         """Held-out residual current of every joint over time, in units of the noise, before and after."""
+        from arm_report import figure
         from diagnosis.report import overview
 
-        figure, _ = overview(self.details)
-        return figure
+        return figure(overview(self.details))
 
-    def write(self, folder: str | PathLike[str], *, progress: Callable[[str], None] = lambda _: None) -> dict[str, Any]:
+    def write(
+        self,
+        folder: str | PathLike[str],
+        *,
+        progress: Callable[[str], None] = lambda _: None,
+        pictures: Collection[str] = (),
+    ) -> dict[str, Any]:
         """Writes diagnosis.json, report.html, model.toml and the discriminating experiments.
 
+        pictures  "png", "pdf": the charts as files of these kinds, too
         Returns what diagnosis.json says.
         """
         from diagnosis.report import write_diagnosis
 
-        return write_diagnosis(Path(folder), self.details, list(self.fit), list(self.held_out), progress=progress)
+        fit, held_out = list(self.fit), list(self.held_out)
+        return write_diagnosis(Path(folder), self.details, fit, held_out, progress=progress, pictures=pictures)
 
 
 def diagnose(

@@ -48,12 +48,14 @@ def identify(
     arm = read_model(model)
     fitted, held = for_analysis(recordings, held_out)
     # Imported last: these libraries take a second, for which a wrong file need not wait.
+    from arm_report.motion import clip_of
     from identification import identify_by, own_friction
 
     kind = friction or own_friction(arm)
     result = identify_by(method, fitted, arm, held_out=held, friction=kind, shape=shape, progress=progress)
     dates = [recording.date for recording in fitted if recording.date]
-    result = replace(result, extra={**result.extra, "recorded": min(dates, default=None)})
+    clips = {one.path.name: clip_of(one.t, one.q, one.path.name) for one in [*fitted, *held]}
+    result = replace(result, extra={**result.extra, "recorded": min(dates, default=None)}, clips=clips)
     progress("comparing with the noise of the instruments")
     return _against_noise(result, held or fitted, fitted if held else [])
 

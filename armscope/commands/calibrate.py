@@ -12,6 +12,7 @@ import typer
 
 from arm_io import InputError, check_folder, make_folder
 from arm_io.plain_data import point_of
+from armscope.commands.options import Pdf, Png, pictures
 from armscope.progress import shown
 
 if TYPE_CHECKING:
@@ -84,6 +85,8 @@ def command(
     poses: Poses = None,
     memory: Memory = None,
     cube: Cube = False,
+    png: Png = False,
+    pdf: Pdf = False,
     as_json: Annotated[bool, typer.Option("--json", help="print kinematics.json and nothing else")] = False,
 ) -> None:
     from armscope.api.calibration import Tracker, calibrate, in_last_link, nominal_arm
@@ -106,7 +109,7 @@ def command(
             progress("report")
         place = None if poses is None else in_last_link(last_link, places.get("") or _target_of(calibration))
         make_folder(out)
-        written = {} if calibration is None else calibration.write(out)
+        written = {} if calibration is None else calibration.write(out, pictures=pictures(png, pdf))
         if poses is not None and place is not None:
             _write_poses(out, arm, place, poses, memory, written)
         if cube:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from arm_io import InputError
+from armscope.commands.options import Pdf, Png, pictures
 from armscope.progress import shown
 
 if TYPE_CHECKING:
@@ -48,6 +49,8 @@ def command(
             help="exit status 5 if a significant change is above X joint deviations, or above X% of the value before",
         ),
     ] = None,
+    png: Png = False,
+    pdf: Pdf = False,
     as_json: Annotated[bool, typer.Option("--json", help="print compare.json and nothing else")] = False,
 ) -> int:
     """Compares two states of an arm."""
@@ -62,7 +65,7 @@ def command(
         check_folder(out)
     with shown(as_json) as progress:
         result = compare(*sides, model, progress=progress)
-        table = result.to_json() if out is None else result.write(out)
+        table = result.to_json() if out is None else result.write(out, pictures=pictures(png, pdf))
     if as_json:
         print(json.dumps(table))
     else:

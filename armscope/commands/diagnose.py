@@ -6,12 +6,12 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from arm_io import InputError
-from armscope.commands.options import HeldOut, Json
+from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
 from armscope.progress import Display, shown
 
 if TYPE_CHECKING:
@@ -24,6 +24,13 @@ if TYPE_CHECKING:
 MANY = ("--fit", "--held-out")
 """Options that take several values."""
 _DONE, _SAMPLES_LOST = 0, 4
+
+
+class Output(NamedTuple):
+    """The folder of the results, and kinds of pictures beside the report."""
+
+    folder: Path
+    pictures: tuple[str, ...]
 
 
 def command(
@@ -46,6 +53,8 @@ def command(
             help="instead: estimate this parameter (joint2.viscous) as time-varying and report what it correlates with",
         ),
     ] = None,
+    png: Png = False,
+    pdf: Pdf = False,
     as_json: Json = False,
 ) -> int:
     """Diagnoses recordings against a model."""
@@ -54,17 +63,17 @@ def command(
     from armscope.api.reading import for_analysis, read_model
 
     check_folder(out)
-    arm = read_model(_model(model, rig))
+    arm, kinds = read_model(_model(model, rig)), pictures(png, pdf)
     if distort is not None:
-        return _distorted(arm, distort, for_analysis(fit)[0], out, as_json)
+        return _distorted(arm, distort, for_analysis(fit)[0], Output(out, kinds), as_json)
     with shown(as_json) as progress:
         fitted, held, remarks = fit_and_held_out(fit, held_out or [])
         case = _case(arm, fitted, held, remarks, progress)
         if rig is not None:
             make_folder(out)
-            table = _gone_on(arm, case, rig, out, yes, max_experiments, progress)
+            table = _gone_on(arm, case, rig, Output(out, kinds), yes, max_experiments, progress)
         else:
-            table = _kept(case, out, progress)
+            table = _kept(case, Output(out, kinds), progress)
     if not held_out:
         print(
             "warning: no recording is held out; the last 40 % of each is held out instead, a weaker test",
@@ -80,14 +89,15 @@ def command(
     return _SAMPLES_LOST if case.lost else _DONE
 
 
-def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Path, as_json: bool) -> int:
+def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Output, as_json: bool) -> int:
     """One parameter that varies, in place of causes."""
     from diagnosis.distortion import distort, named_parameter, write_distortion
     from diagnosis.screening import residuals_of, screened
 
     named_parameter(arm, name)
-    table = write_distortion(out, distort(arm, name, residuals_of(arm, screened(arm, recordings)).runs, recordings))
-    print(json.dumps(table) if as_json else f"{table['verdict']}\n{out / 'distortion.html'}")
+    found = distort(arm, name, residuals_of(arm, screened(arm, recordings)).runs, recordings)
+    table = write_distortion(out.folder, found, out.pictures)
+    print(json.dumps(table) if as_json else f"{table['verdict']}\n{out.folder / 'distortion.html'}")
     return _DONE
 
 
@@ -110,16 +120,16 @@ def _case(
     return Case(fitted, held, replace(result, warnings=(*remarks, *result.warnings)), {})
 
 
-def _kept(case: Case, out: Path, progress: Display) -> dict[str, Any]:
+def _kept(case: Case, out: Output, progress: Display) -> dict[str, Any]:
     from diagnosis.experiments import separations
     from diagnosis.report import Experiments, write_diagnosis
 
     case.separate = separations(case.result, progress=progress)
     experiments = Experiments(separate=case.separate)
-    return write_diagnosis(out, case.result, case.fit, case.held_out, experiments, progress)
+    return write_diagnosis(out.folder, case.result, case.fit, case.held_out, experiments, progress, out.pictures)
 
 
-def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, progress: Display) -> dict[str, Any]:
+def _gone_on(arm: Arm, case: Case, rig: Path, out: Output, yes: bool, most: int, progress: Display) -> dict[str, Any]:
     """The case decided as far as the rig's experiments can; every stage is written whole before the next begins."""
     from armscope.adaptive_diagnosis import Bench, go_on, limits_of, rig_of
     from diagnosis import diagnose
@@ -140,8 +150,8 @@ def _gone_on(arm: Arm, case: Case, rig: Path, out: Path, yes: bool, most: int, p
     def keep(case: Case) -> None:
         table.clear()
         experiments = Experiments(separate=case.separate, recorded=case.experiments, limits=limits)
-        table.update(write_diagnosis(out, case.result, case.fit, case.held_out, experiments, progress))
+        table.update(write_diagnosis(out.folder, case.result, case.fit, case.held_out, experiments, progress, out.pictures))
 
-    bench = Bench(rig, checked, out, yes, say, judge, keep)
+    bench = Bench(rig, checked, out.folder, yes, say, judge, keep)
     go_on(bench, case, most, progress)
     return table

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armscope.commands.options import HeldOut, Json
+from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
 from armscope.progress import shown
 
 if TYPE_CHECKING:
@@ -76,6 +76,8 @@ def command(
         bool,
         typer.Option("--check", help="only say what identify and diagnose would do with the recordings"),
     ] = False,
+    png: Png = False,
+    pdf: Pdf = False,
     as_json: Json = False,
 ) -> None:
     """Identifies an arm."""
@@ -100,7 +102,7 @@ def command(
             return
         result = identify(run, model, **chosen, shape=shape.value, progress=progress)
         progress("report")
-        table = result.write(out)
+        table = result.write(out, pictures=pictures(png, pdf))
     if as_json:
         print(json.dumps(table))
     else:

@@ -14,9 +14,16 @@ RecordingArgument = Annotated[Path, typer.Argument(metavar="RUN.mcap", help="the
 RecordingOut = Annotated[
     Path, typer.Option(metavar="RUN.mcap", help="the recording to write; an existing file is replaced")
 ]
+Png = Annotated[bool, typer.Option("--png", help="also write the report's charts as DIR/pictures/*.png")]
+Pdf = Annotated[bool, typer.Option("--pdf", help="also write the report's charts as DIR/pictures/*.pdf")]
 HeldOut = Annotated[
     list[Path] | None,
     typer.Option(
         "--held-out", metavar="B.mcap ...", help="held-out recordings; default: the last part of each fitted recording"
     ),
 ]
+
+
+def pictures(png: bool, pdf: bool) -> tuple[str, ...]:
+    """Kinds of picture files that are asked for."""
+    return (*(["png"] if png else []), *(["pdf"] if pdf else []))

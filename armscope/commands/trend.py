@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from arm_io import check_folder
-from armscope.commands.options import Json
+from armscope.commands.options import Json, Pdf, Png, pictures
 from armscope.progress import shown
 
 MANY = ("--limit",)
@@ -34,6 +34,8 @@ def command(
     since: Annotated[str | None, typer.Option(metavar="DATE", help="of a folder: as in armscope archive")] = None,
     until: Annotated[str | None, typer.Option(metavar="DATE", help="the same")] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="folder for trend.json, trend.html")] = None,
+    png: Png = False,
+    pdf: Pdf = False,
     as_json: Json = False,
 ) -> None:
     from arm_archive import Filters
@@ -47,7 +49,7 @@ def command(
         check_folder(out)
     with shown(as_json) as progress:
         result = trend(results, limits, filters=filters, progress=progress)
-        table = result.to_json() if out is None else result.write(out)
+        table = result.to_json() if out is None else result.write(out, pictures=pictures(png, pdf))
     if as_json:
         print(json.dumps(table, allow_nan=False))
     else:

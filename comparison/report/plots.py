@@ -1,81 +1,85 @@
-"""The pictures of a comparison: change over joint deviation of every quantity, friction curves before and after."""
+"""The charts of a comparison: change over joint deviation of every quantity, friction curves before and after."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from arm_report.palette import AFTER, AXIS, BEFORE, GRID, MEASURED, NOISE
+import numpy as np
+
+from arm_report import Chart, Level, Panel, Series, Zone
+from arm_report.palette import AFTER, BEFORE, MEASURED
 from comparison.change import Change
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from comparison.outcome import Comparison
 
 MOST = 60
 """Bars; of more, those with the largest changes."""
+LINEAR = 5.0
+"""Deviations up to which the axis is linear, where some changes are far larger."""
 
 
-def overview(result: Comparison) -> Figure:
-    """Change over joint deviation, one bar per parameter; grey: not significant."""
-    from matplotlib.figure import Figure
-
+def overview(result: Comparison) -> Chart:
+    """Change over joint deviation, one bar per parameter."""
     tested = [one for one in result.changes if one.z is not None and one.comparable and one.quantity.kind != "curve"]
     kept = sorted(tested, key=lambda one: -abs(one.z or 0.0))[:MOST]
     shown = [one for one in tested if one in kept]
-    figure = Figure(figsize=(10.5, 1.2 + 0.22 * max(len(shown), 1)), layout="constrained")
-    axis = figure.subplots()
-    axis.axvspan(-2, 2, color=NOISE, zorder=0)
-    axis.axvline(0.0, color=AXIS, lw=0.8)
-    sizes = [one.z or 0.0 for one in shown]
-    axis.barh(range(len(shown)), sizes, color=[AFTER if one.significant else MEASURED for one in shown])
-    labels = [one.quantity.words for one in shown]
-    axis.set_yticks(range(len(shown)), [label if len(label) < 48 else f"{label[:45]}..." for label in labels])
-    axis.tick_params(axis="y", labelsize="small")
-    axis.invert_yaxis()
-    if sizes and max(map(abs, sizes)) > 20:
-        axis.set_xscale("symlog", linthresh=5)
-    axis.grid(axis="x", color=GRID)
-    axis.set_axisbelow(True)
-    axis.set_xlabel("change / joint deviation; blue: significant, band: two deviations")
-    return figure
+    words = [one.quantity.words for one in shown]
+    series = []
+    for significant, colour in ((True, AFTER), (False, MEASURED)):
+        rows = [k for k, one in enumerate(shown) if one.significant == significant]
+        sizes = np.array([shown[k].z or 0.0 for k in rows])
+        label = "significant" if significant else "not significant"
+        series.append(Series(x=sizes, y=np.array(rows, float), kind="bars", colour=colour, label=label))
+    panel = Panel(
+        series=tuple(one for one in series if len(one.x)),
+        x="change over joint deviation (shaded: two deviations)",
+        y="",
+        zones=(Zone(low=-2.0, high=2.0, axis="x"),),
+        levels=(Level(value=0.0, axis="x"),),
+        names=tuple(text if len(text) < 48 else f"{text[:45]}..." for text in words),
+        linear=LINEAR if any(abs(one.z or 0.0) > 20 for one in shown) else None,
+    )
+    return Chart(
+        name="changes",
+        title="change over joint deviation of every parameter",
+        panels=(panel,),
+        height=0.9 + 0.22 * max(len(shown), 1),
+    )
 
 
-def curves(result: Comparison) -> Figure | None:
-    """Friction torque against speed, per joint, before and after, with two standard deviations; None without any."""
-    from matplotlib.figure import Figure
-
+def curves(result: Comparison) -> Chart | None:
+    """Friction against speed, per joint, before and after, with two standard deviations; None without any."""
     points = [one for one in result.changes if one.quantity.kind == "curve" and one.comparable]
     joints = sorted({one.quantity.joint for one in points if one.quantity.joint is not None})
     if not joints:
         return None
-    columns = min(3, len(joints))
-    rows = -(-len(joints) // columns)
-    figure = Figure(figsize=(3.5 * columns, 2.6 * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axis, joint in zip(axes, joints):
-        _curve(axis, joint, [one for one in points if one.quantity.joint == joint])
-    for axis in axes[len(joints) :]:
-        axis.set_visible(False)
-    axes[0].legend(fontsize="small")
-    return figure
+    panels = tuple(_curve(joint, [one for one in points if one.quantity.joint == joint]) for joint in joints)
+    return Chart(
+        name="friction_curves",
+        title="friction against speed, before and after, with two standard deviations",
+        panels=panels,
+        columns=min(3, len(joints)),
+    )
 
 
-def _curve(axis: Axes, joint: int, points: list[Change]) -> None:
-    per = "rad/s" if points[0].quantity.unit == "N m" else "m/s"
+def _curve(joint: int, points: list[Change]) -> Panel:
+    unit = points[0].quantity.unit
+    per = "rad/s" if unit == "N m" else "m/s"
+    series = []
     for sign in (1.0, -1.0):
         mine = [one for one in points if (one.quantity.speed or 0.0) * sign > 0]
         mine.sort(key=lambda one: one.quantity.speed or 0.0)
-        speed = [one.quantity.speed or 0.0 for one in mine]
+        speed = np.array([one.quantity.speed or 0.0 for one in mine])
         for side, colour in (("before", BEFORE), ("after", AFTER)):
-            values = [sign * float(getattr(one, side)) for one in mine]
-            std = [2 * float(getattr(one, f"std_{side}")) for one in mine]
-            label = side if sign > 0 else None
-            axis.errorbar(speed, values, std, color=colour, marker=".", lw=1.0, capsize=2, label=label)
-    axis.axhline(0.0, color=AXIS, lw=0.6)
-    axis.axvline(0.0, color=AXIS, lw=0.6)
-    axis.grid(color=GRID)
-    axis.set_title(f"joint {joint}", loc="left", fontsize="small")
-    axis.set_xlabel(per, fontsize="small")
-    axis.set_ylabel(f"friction, {points[0].quantity.unit}", fontsize="small")
+            values = np.array([sign * float(getattr(one, side)) for one in mine])
+            spread = np.array([2 * float(getattr(one, f"std_{side}")) for one in mine])
+            series.append(Series(x=speed, y=values, spread=spread, kind="both", colour=colour, label=side, width=1.0))
+    return Panel(
+        series=tuple(series),
+        title=f"joint {joint}",
+        x=f"speed, {per}",
+        y=f"friction, {unit}",
+        levels=(Level(value=0.0), Level(value=0.0, axis="x")),
+        joint=joint,
+    )

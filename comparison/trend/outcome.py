@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -53,20 +54,22 @@ class Trend:
         from arm_report import inline
         from comparison.trend.html import report
 
-        return inline(report(self))
+        return inline(report(self).html())
 
     def plot(self) -> Figure:
         """The history of every quantity that moved or has a limit; without any, of the first ones."""
-        from comparison.trend.plots import histories_figure
+        from arm_report import figure
+        from comparison.trend.plots import histories_chart
 
         shown = list({id(one): one for one in (*self.moved, *self.limited)}.values())
-        return histories_figure(self.histories, shown or self.movements[:6])
+        return figure(histories_chart(self.histories, shown or self.movements[:6], "moved", "histories"))
 
-    def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
-        """Writes trend.json and trend.html into ``folder``; returns what trend.json says."""
-        from comparison.trend.html import write_trend
+    def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
+        """Writes trend.html, its charts as ``pictures`` ("png", "pdf") and trend.json; returns what trend.json says."""
+        from arm_report import write_report
+        from comparison.trend.html import report
 
-        return write_trend(folder, self)
+        return write_report(folder, ("trend.html", "trend.json"), report(self), self.to_json(), pictures)
 
     def to_json(self) -> dict[str, Any]:
         """The content of trend.json."""

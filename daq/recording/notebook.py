@@ -42,7 +42,7 @@ def html(recording: Recording) -> str:
         ("date", recording.date or ""),
         ("joints", ", ".join(recording.layout.joints)),
     ]
-    cells = [[name, escape(str(value))] for name, value in rows if value]
+    cells = [[name, str(value)] for name, value in rows if value]
     wrong = [warning(one) for one in sentences(Account(recording.path, ledger, recording.notes))]
     picture = [image(_figure(recording), "positions and currents of all joints over time")] if len(recording) else []
     return "\n".join([f"<p><b>{escape(recording.path.name)}</b></p>", *wrong, table(cells, ("", "")), *picture])

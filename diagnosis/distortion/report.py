@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
-import json
-from html import escape
+from collections.abc import Collection
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from arm_io import make_folder, write_text
 from arm_io.types import Array
-from arm_report import image, note, page, table, verdict
-from arm_report.palette import AFTER, BEFORE, GRID, PALE_AFTER
+from arm_report import Chart, Level, Panel, Report, Series, write_report
+from arm_report.palette import AFTER, BEFORE, PALE_AFTER
 from diagnosis.distortion.distortion import Distortion, sentence
 from diagnosis.units import unit_at
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 SCHEMA = "armscope.distortion/1"
 UNITS = {"position": "rad", "speed": "rad/s", "load torque": "N m", "time": "s", "temperature": "degC", "direction": ""}
 
 
-def write_distortion(out: FilePath, result: Distortion) -> dict[str, Any]:
-    """Writes DIR/distortion.html and DIR/distortion.json; returns what the latter holds."""
-    make_folder(out)
-    content = table_of(result)
-    write_text(out / "distortion.html", _page(result))
-    write_text(out / "distortion.json", json.dumps(content, indent=2) + "\n")
-    return content
+def write_distortion(out: FilePath, result: Distortion, pictures: Collection[str] = ()) -> dict[str, Any]:
+    """Writes DIR/distortion.html, its charts as ``pictures`` and DIR/distortion.json; returns what the latter holds."""
+    return write_report(out, ("distortion.html", "distortion.json"), _page(result), table_of(result), pictures)
 
 
 def table_of(result: Distortion) -> dict[str, Any]:
@@ -67,57 +57,64 @@ def table_of(result: Distortion) -> dict[str, Any]:
     }
 
 
-def over_time(result: Distortion) -> tuple[Figure, str]:
-    """The parameter along every recording, with two standard deviations; the model's value dashed."""
-    from matplotlib.figure import Figure
-
-    count = len(result.paths)
-    figure = Figure(figsize=(10.5, 0.8 + 2.0 * count), layout="constrained")
-    axes = figure.subplots(count, 1, squeeze=False, sharey=True)[:, 0]
-    for axis, path in zip(axes, result.paths):
+def over_time(result: Distortion) -> Chart:
+    """The parameter along every recording, with two standard deviations, and the model's value."""
+    panels = []
+    for path in result.paths:
         finite = np.isfinite(path.std)
-        low, high = path.value - 2 * path.std, path.value + 2 * path.std
-        axis.fill_between(path.t[finite], low[finite], high[finite], color=PALE_AFTER, label="± 2 std")
-        axis.plot(path.t[finite], path.value[finite], color=AFTER, lw=1.3, label=result.parameter)
-        axis.axhline(result.model, color=BEFORE, ls="--", lw=1.0, label="model")
-        axis.set_title(path.name, loc="left", fontsize="medium")
-        axis.set_ylabel(result.unit)
-        axis.grid(color=GRID)
-    axes[0].set_ylim(*_span(result))
-    axes[0].legend(loc="upper right", ncols=3, fontsize="small")
-    axes[-1].set_xlabel("time, s")
-    return figure, f"{result.parameter} over time"
+        line = Series(
+            x=path.t[finite],
+            y=path.value[finite],
+            spread=2 * path.std[finite],
+            colour=AFTER,
+            label=f"{result.parameter} ± 2 std",
+            width=1.3,
+        )
+        panels.append(
+            Panel(
+                series=(line,),
+                levels=(Level(value=result.model, colour=BEFORE, dashed=True, label="model"),),
+                title=path.name,
+                x="time, s",
+                y=_labelled(result),
+                y_range=_span(result),
+            )
+        )
+    return Chart(name="over_time", title=f"{result.parameter} over time", panels=tuple(panels), height=2.0)
 
 
-def against(result: Distortion) -> tuple[Figure, str]:
+def against(result: Distortion) -> Chart:
     """The parameter against every variable that it may depend on, with means in bins."""
-    from matplotlib.figure import Figure
-
     names = [name for name in result.paths[0].against if all(name in path.against for path in result.paths)]
-    rows = -(-len(names) // 3)
-    figure = Figure(figsize=(10.5, 2.9 * rows), layout="constrained")
-    axes = figure.subplots(rows, 3, squeeze=False, sharey=True).ravel()
     explained = {one.against: one for one in result.shares}
-    for axis, name in zip(axes, names):
+    panels = []
+    for name in names:
         x = np.concatenate([path.against[name][path.seen] for path in result.paths])
         value = np.concatenate([path.value[path.seen] for path in result.paths])
         std = np.concatenate([path.std[path.seen] for path in result.paths])
         shown = x + (0.15 * np.random.default_rng(0).uniform(-1, 1, len(x)) if name == "direction" else 0.0)
-        axis.plot(shown, value, ".", ms=2.5, color=PALE_AFTER)
-        axis.errorbar(*_means(x, value, std), fmt="o-", ms=4, lw=1.2, color=AFTER, capsize=2)
-        axis.axhline(result.model, color=BEFORE, ls="--", lw=1.0)
+        middle, mean, spread = _means(x, value, std)
         unit = f", {unit_at(result.drive, UNITS[name])}" if UNITS[name] else ""
         share = explained.get(name)
-        axis.set_title(
-            "" if share is None else f"explains {share.share:.0%} (p = {share.p:.2g})", loc="left", fontsize="medium"
+        panels.append(
+            Panel(
+                series=(
+                    Series(x=shown, y=value, kind="dots", colour=PALE_AFTER),
+                    Series(x=middle, y=mean, spread=spread, kind="both", colour=AFTER, label="mean ± 2 std", width=1.2),
+                ),
+                levels=(Level(value=result.model, colour=BEFORE, dashed=True, label="model"),),
+                title="" if share is None else f"explains {share.share:.0%} (p = {share.p:.2g})",
+                x=f"{name}{unit}",
+                y=_labelled(result),
+                y_range=_span(result),
+            )
         )
-        axis.set_xlabel(f"{name}{unit}")
-        axis.grid(color=GRID)
-    for axis in axes[len(names) :]:
-        axis.set_axis_off()
-    axes[0].set_ylabel(f"{result.parameter}, {result.unit}" if result.unit else result.parameter)
-    axes[0].set_ylim(*_span(result))
-    return figure, f"{result.parameter} against position, direction, speed, load torque and time"
+    title = f"{result.parameter} against position, direction, speed, load torque and time"
+    return Chart(name="against", title=title, panels=tuple(panels), columns=3)
+
+
+def _labelled(result: Distortion) -> str:
+    return f"{result.parameter}, {result.unit}" if result.unit else result.parameter
 
 
 def _span(result: Distortion) -> tuple[float, float]:
@@ -143,20 +140,15 @@ def _means(x: Array, value: Array, std: Array) -> tuple[Array, Array, Array]:
     return middle, mean, spread
 
 
-def _page(result: Distortion) -> str:
-    rows = [(escape(one.against), f"{one.share:.0%}", f"{one.chance:.0%}", f"{one.p:.2g}") for one in result.shares]
-    head = ("variable", "share of variance explained", "by chance", "p")
-    body = [
-        verdict(sentence(result)),
-        note(
-            "The smallest variation of this one parameter that makes the model match the measured currents "
-            "(Butterfield &amp;"
-            " Thomas, 1986): a random walk, smoothed forwards and backwards. No cause is named; the variables it "
-            "correlates with hint at one."
-        ),
-        image(*over_time(result)),
-        "<h2>Correlation with other variables</h2>",
-        image(*against(result)),
-        table(rows, head, (1, 2, 3)) if rows else "",
-    ]
-    return page(f"{result.parameter}, time-varying", body)
+def _page(result: Distortion) -> Report:
+    rows = [(one.against, f"{one.share:.0%}", f"{one.chance:.0%}", f"{one.p:.2g}") for one in result.shares]
+    return Report(
+        title=f"{result.parameter}, time-varying",
+        template="diagnosis.distortion/distortion.html",
+        content={
+            "says": sentence(result),
+            "over_time": over_time(result),
+            "against": against(result),
+            "shares": rows,
+        },
+    )

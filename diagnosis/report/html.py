@@ -5,67 +5,65 @@ Opens without a network.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from html import escape
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import arm_report
+from markupsafe import Markup
+
 from arm_model.effects import CATALOGUE
-from arm_report import image, note, page, verdict, warning
+from arm_report import Chart, Report
 from daq.recording import Recording
 from diagnosis.cause import Cause, Signal, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.report.origins import origins_table
 from diagnosis.report.plots import overview as plots
 from diagnosis.report.plots.link_encoders import link_overview
+from diagnosis.report.plots.motion import motion_of
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
-from diagnosis.report.plots.single_axis import wave_figure
+from diagnosis.report.plots.single_axis import wave_chart
 from diagnosis.report.tables import errors, left, rough, summary, unseen
 from diagnosis.report.wording import sentence, title, uncertain, value, values_of
 from diagnosis.units import readable
 
+MOST_CHARTS = {"held_out": 2, "fit": 1}
+"""Recordings of either set that are drawn; the tables have all."""
 
-def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recording] = ()) -> str:
+
+def report(result: Diagnosis, table: dict[str, Any], held_out: Sequence[Recording] = ()) -> Report:
     """The whole page; ``table`` is what diagnosis.json holds.
 
     ``held_out``: for the temperatures that they may carry.
     """
-    body = [
-        note(escape(_asked(result, table))),
-        verdict(sentence(result)),
-        *map(warning, result.warnings),
-        summary(result),
-        origins_table(table),
-        f"<p>{_next(result, table)}</p>",
-        *_overview(result),
-    ]
-    for number, (cause, row) in enumerate(zip(result.causes, table["causes"]), 1):
-        body += [f"<h2 id=cause{number}>{number}. {escape(title(cause))}</h2>", *_section(result, cause, row)]
-    body += ["<h2>Not detectable in these recordings</h2>", unseen(table)]
-    body += ["<h2>Unexplained structure</h2>", left(table), *_left_pictures(result)]
-    body += ["<h2>The simulation before and after</h2>", *_simulated(result), errors(table, bool(result.causes))]
-    if result.judged:
-        body += ["<h2>Joint by joint</h2>", rough(result, table), *_joints(result, held_out)]
-    return page(f"{result.arm.name}: what the simulation gets wrong", body)
-
-
-_HOW = (
-    "<p class=note>How to read this. The model predicts the current of every motor from the measured motion; the "
-    "residual is measured minus predicted"
-    " current, in units of the noise std. Within the grey band (two std) it is instrument noise. Gaps: near "
-    "standstill stiction makes the current"
-    " indeterminate. All residuals are those of held-out recordings: causes were found, and their parameters "
-    "fitted, on others. ± is two standard"
-    " deviations.</p>"
-)
-_HOW_ENCODERS = (
-    "<p class=note>How to read this. The model has gear ratios only. The residual is the motor angle over the gear "
-    "ratio minus the angle of the link"
-    " encoder: zero for a stiff arm with simultaneously sampled encoders. ± is two standard deviations.</p>"
-)
-MOST_PICTURES = {"held_out": 2, "fit": 1}
-"""Recordings of either set that are drawn; the tables have all."""
+    judged = result.judged
+    causes = list(enumerate(zip(result.causes, table["causes"]), 1))
+    return Report(
+        title=f"{result.arm.name}: what the simulation gets wrong",
+        template="diagnosis.report/diagnosis.html",
+        joints=[joint.name for joint in result.arm.joints],
+        motion=motion_of(result) if result.held_out else None,
+        content={
+            "asked": _asked(result, table),
+            "says": sentence(result),
+            "warnings": result.warnings,
+            "summary": summary(result),
+            "origins": origins_table(table),
+            "origins_are": table["origins_are"],
+            "chosen": [Path(row["separate_by"]).name for row in table["causes"] if row.get("separation")],
+            "showing": any("show_" in one["experiment"] for one in table["not_visible"]),
+            "overview": plots.overview(result) if judged else None,
+            "link_overview": link_overview(result.link, result.arm) if result.link and not judged else None,
+            "causes": [_section(result, cause, row, number) for number, (cause, row) in causes],
+            "unseen": unseen(table),
+            "left": left(table),
+            "left_charts": _left_charts(result),
+            "simulated": list(_simulated(result)),
+            "errors": errors(table, bool(result.causes)),
+            "along": {s.get("along") for s in table["signals"] if s["signal"] == "current"},
+            "rough": rough(result, table) if judged else None,
+            "joints_drawn": list(_joints(result, held_out)) if judged else [],
+        },
+    )
 
 
 def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
@@ -82,116 +80,88 @@ def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
     )
 
 
-def _next(result: Diagnosis, table: dict[str, Any]) -> str:
-    """The other files in the folder, and their use."""
-    said = ["In the same folder: <code>diagnosis.json</code> (every number)"]
-    if result.causes:
-        said.append(
-            "<code>model.toml</code> (the model with these causes as effects, for <code>armscope simulate</code> "
-            "and <code>identify</code>)"
-        )
-    chosen = [Path(row["separate_by"]).name for row in table["causes"] if row.get("separation")]
-    if chosen:
-        said.append(
-            f"<code>{', '.join(map(escape, chosen))}</code> (discriminating experiments for ambiguity groups, for "
-            "<code>armscope record</code>)"
-        )
-    if any("show_" in one["experiment"] for one in table["not_visible"]):
-        said.append("<code>show_K.toml</code> (detection experiments for effects that were not detectable)")
-    return "; ".join(said) + "."
-
-
 def _counted(recordings: int) -> str:
     return f"{recordings} recording{'s' if recordings != 1 else ''}"
 
 
-def _overview(result: Diagnosis) -> list[str]:
-    """How to read the pictures, and the residuals of all joints: currents, or encoders if no currents are expected."""
-    if result.judged:
-        return [_HOW, image(*plots.overview(result))]
-    return [_HOW_ENCODERS, image(*link_overview(result.link, result.arm))] if result.link else []
-
-
-def _simulated(result: Diagnosis) -> list[str]:
+def _simulated(result: Diagnosis) -> Iterator[tuple[str, Chart]]:
     """Closed-loop simulation next to the measurement, for some recordings of either set."""
-    parts = []
     units = tuple(dict.fromkeys(joint.current_unit for joint in result.arm.joints))
     for side, words in (("held_out", "held out"), ("fit", "fitted")):
         pairs = result.compared.get(side) or []
-        for number, (before, after) in enumerate(pairs[: MOST_PICTURES[side]]):
-            picture = image(*side_by_side(before, after, bool(result.causes), units))
-            opened = " open" if side == "held_out" and number == 0 else ""
-            parts.append(f"<details{opened}><summary>{escape(before.name)} ({words})</summary>{picture}</details>")
-    return parts
+        for number, (before, after) in enumerate(pairs[: MOST_CHARTS[side]], 1):
+            chart = side_by_side(before, after, bool(result.causes), units, f"simulated_{side}_{number}")
+            yield f"{before.name} ({words})", chart
 
 
-def _joints(result: Diagnosis, held_out: Sequence[Recording]) -> list[str]:
+def _joints(result: Diagnosis, held_out: Sequence[Recording]) -> Iterator[tuple[int, bool, Chart]]:
+    """Joint, whether something was found there, and its residual."""
     concerned = {cause.felt_at for cause in result.causes if not cause.by_tracker} | {
         one.joint for one in result.unexplained
     }
-    parts = []
     for joint in range(1, len(result.arm) + 1):
-        picture = image(*against_all(result, joint, held_out))
-        opened = " open" if joint in concerned else ""
-        parts.append(f"<details{opened}><summary>joint {joint}</summary>{picture}</details>")
-    return parts
+        yield joint, joint in concerned, against_all(result, joint, held_out)
 
 
-def _left_pictures(result: Diagnosis) -> list[str]:
+def _left_charts(result: Diagnosis) -> list[Chart]:
     if result.axis is not None and result.axis.wave is not None:
-        return [image(*wave_figure(result.axis, result.arm.joints[0]))]
+        return [wave_chart(result.axis, result.arm.joints[0])]
     drawn = (
         left_against(result, one.joint, one.against)
         for one in result.unexplained
         if one.joint and one.signal is Signal.CURRENT
     )
-    return [image(*one) for one in drawn if one is not None]
+    return [one for one in drawn if one is not None]
 
 
-def _section(result: Diagnosis, cause: Cause, row: dict[str, Any]) -> list[str]:
-    where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
+def _section(result: Diagnosis, cause: Cause, row: dict[str, Any], number: int) -> dict[str, Any]:
+    """What the page says of a cause."""
     equation = CATALOGUE[cause.effect].equation
     if cause.signal is Signal.LINK_ANGLE and cause.joint is None:
-        where, equation = "the joints with two encoders", "q_link_read(t) = q_link(t - d)"
+        equation = "q_link_read(t) = q_link(t - d)"
     meaning = {p.name: p.meaning for p in CATALOGUE[cause.effect].parameters}
-    rows = [
-        (
-            escape(p.name.replace("_", " ")),
-            value(p),
-            f"± {2 * p.std:.2g}" if uncertain(p) else "",
-            escape("" if p.unit == "1" else p.unit),
-            escape(meaning.get(p.name, "")),
-        )
-        for p in cause.parameters
-    ]
+    several = cause.of_joints or cause.of_recordings
+    return {
+        "title": title(cause),
+        "equation": equation,
+        "evidence": cause.evidence[:1].upper() + cause.evidence[1:],
+        "chart": plots.cause_chart(result, cause, number),
+        "parameters": [
+            (
+                p.name.replace("_", " "),
+                value(p),
+                f"± {2 * p.std:.2g}" if uncertain(p) else "",
+                "" if p.unit == "1" else p.unit,
+                meaning.get(p.name, ""),
+            )
+            for p in cause.parameters
+        ],
+        "gain": _gain(cause),
+        "each": Markup("<br>").join(values_of(cause)) if several else None,
+        "others": ", ".join(map(in_words, cause.group[1:])),
+        "separated_by": _separated_by(row),
+    }
+
+
+def _gain(cause: Cause) -> str:
+    where = "the tracked points" if cause.by_tracker else f"joint {cause.felt_at}"
+    if cause.signal is Signal.LINK_ANGLE and cause.joint is None:
+        where = "the joints with two encoders"
     factor, unit = readable(cause.unit, (cause.before, cause.after))
     less = f", {cause.before / cause.after:.3g} times smaller" if 0.0 < cause.after < cause.before else ""
     sure = "" if len(cause.group) == 1 else " that this cause, or one indistinguishable from it, is present"
-    parts = [
-        f"<p><code>{escape(equation)}</code></p>",
-        f"<p>{escape(cause.evidence[:1].upper() + cause.evidence[1:])}.</p>",
-        image(*plots.cause_figure(result, cause)),
-        arm_report.table(rows, ("parameter", "value", "2 std", "unit", "meaning"), (1, 2)),
-        f"<p>Held-out error of {where}: {factor * cause.before:.3g} {unit} without it, {factor * cause.after:.3g} "
-        f"{unit} with it{less}. "
-        f"Confidence {cause.confidence:.0%}{sure}.</p>",
-    ]
-    if cause.of_joints or cause.of_recordings:
-        parts.append(f"<p>{'<br>'.join(map(escape, values_of(cause)))}</p>")
-    if len(cause.group) > 1:
-        others = ", ".join(map(in_words, cause.group[1:]))
-        parts.append(
-            f"<p class=warning>Indistinguishable in these recordings from {escape(others)}. {_separated_by(row)}</p>"
-        )
-    return parts
+    return (
+        f"Held-out error of {where}: {factor * cause.before:.3g} {unit} without it, {factor * cause.after:.3g} "
+        f"{unit} with it{less}. Confidence {cause.confidence:.0%}{sure}."
+    )
 
 
 def _separated_by(row: dict[str, Any]) -> str:
     chosen = row.get("separation")
     if chosen is None:
-        return f"No motion that was tried discriminates them. Discriminated by: {escape(str(row['separate_by']))}."
+        return f"No motion that was tried discriminates them. Discriminated by: {row['separate_by']}."
     return (
-        f"Discriminated by: {escape(chosen['motion'])}. Discrimination distance {chosen['distance']:.0f} standard "
+        f"Discriminated by: {chosen['motion']}. Discrimination distance {chosen['distance']:.0f} standard "
         "deviations of the noise, the"
-        f" largest of {chosen['tried']} motions; experiment file {escape(Path(row['separate_by']).name)}."
+        f" largest of {chosen['tried']} motions; experiment file {Path(row['separate_by']).name}."
     )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 from typing import Any
+
+from markupsafe import Markup
 
 import arm_report
 from diagnosis.cause import Cause
@@ -48,25 +49,17 @@ def origin_lines(table: dict[str, Any]) -> list[str]:
     return ["", f"likely origins ({table['origins_are']}):", *lines] if lines else []
 
 
-def origins_table(table: dict[str, Any]) -> str:
-    """The origins as a table of the report; empty where there are none."""
+def origins_table(table: dict[str, Any]) -> tuple[Markup, list[str]] | None:
+    """The origins as a table of the report, and the sources that its numbers name; None where there are none."""
     rows, sources = [], list[str]()
     for place, several in _by_place(table).items():
         for k, row in enumerate(several):
             sources += [source for source in row["source"] if source not in sources]
             numbers = ", ".join(str(sources.index(source) + 1) for source in row["source"])
-            title = f"{escape(row['title'])} [{numbers}]"
-            likelihood = f"{row['likelihood']:.2f}"
-            rows.append(("" if k else place, title, likelihood, escape(_speaking(row)), escape(row["check"])))
-    if not rows:
-        return ""
+            title, likelihood = f"{row['title']} [{numbers}]", f"{row['likelihood']:.2f}"
+            rows.append(("" if k else place, title, likelihood, _speaking(row), row["check"]))
     head = ("where", "likely origin", "likelihood", "signs", "check")
-    said = f"{table['origins_are'][:1].upper()}{table['origins_are'][1:]}."
-    named = "; ".join(f"[{k}] {escape(source)}" for k, source in enumerate(sources, 1))
-    return (
-        f"<h2>Where to look first</h2>{arm_report.table(rows, head, (2,))}<p class=note>{escape(said)} "
-        f"Sources of mechanisms and checks: {named}.</p>"
-    )
+    return (arm_report.table(rows, head, (2,)), sources) if rows else None
 
 
 def _by_place(table: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:

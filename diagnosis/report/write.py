@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from arm_io import make_folder, write_text
+from arm_io import make_folder
 from arm_model import write_model
+from arm_report import write_report
 from daq.recording import Recording
 from diagnosis.against_noise import ratios
 from diagnosis.cause import Cause, Estimate, in_words
@@ -210,8 +210,9 @@ def write_diagnosis(
     held_out: list[Recording],
     experiments: Experiments = NONE,
     progress: Callable[[str], None] = lambda sentence: None,
+    pictures: Collection[str] = (),
 ) -> dict[str, Any]:
-    """Writes DIR/diagnosis.json, report.html, model.toml and the proposed experiments.
+    """Writes DIR/diagnosis.json, report.html, model.toml, the proposed experiments, and charts as ``pictures``.
 
     separate_K.toml discriminates the ambiguity group of cause K; show_K.toml makes effects detectable that these
     recordings could not show.
@@ -231,9 +232,7 @@ def write_diagnosis(
         table["experiments"] = [dict(one) for one in experiments.recorded]
     progress("report")
     write_model(out / "model.toml", result.extended)
-    write_text(out / "report.html", report(result, table, held_out))
-    write_text(out / "diagnosis.json", json.dumps(table, indent=2) + "\n")
-    return table
+    return write_report(out, ("report.html", "diagnosis.json"), report(result, table, held_out), table, pictures)
 
 
 def _add_showing(out: Path, table: dict[str, Any], showing: Sequence[Showing]) -> None:

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arm_report import table
-from arm_report.palette import AFTER, BEFORE, GRID
+from arm_report import Chart, Panel, Series
+from arm_report.palette import AFTER, BEFORE
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from identification.regression.friction_band import FrictionBand
     from identification.result import Identification
-
-EXPLAINED = (
-    "Friction against the motion over speed, as <i>model.toml</i> has it: viscous and Coulomb friction, and the curve "
-    "of <code>[joint.friction_curve]</code> where the held-out data justify one. The band is two standard deviations. "
-    "Dashed: the nearest straight line, which is Coulomb and viscous friction alone."
-)
 
 
 def sentences(result: Identification) -> list[str]:
@@ -47,49 +39,64 @@ def sentences(result: Identification) -> list[str]:
     return said
 
 
-def curves(result: Identification) -> Iterator[tuple[Figure, str]]:
-    """Friction of every joint over its speed, with its band and the nearest straight line."""
-    from matplotlib.figure import Figure
-
+def curves(result: Identification) -> Chart | None:
+    """Friction of every joint over its speed, with its band and the nearest straight line; None without any."""
     joints = sorted({band.joint for band in result.friction_bands})
     if not joints:
-        return
-    rows = -(-len(joints) // 3)
-    figure = Figure(figsize=(10.5, 0.4 + 2.6 * rows), layout="constrained")
-    axes = figure.subplots(rows, min(3, len(joints)), squeeze=False).ravel()
-    for axis, joint in zip(axes, joints):
-        for band in result.friction_bands:
-            if band.joint == joint:
-                _draw(axis, band)
+        return None
+    panels = []
+    for joint in joints:
+        bands = [band for band in result.friction_bands if band.joint == joint]
         speed = "rad/s" if result.arm.joints[joint - 1].revolute else "m/s"
-        axis.set_title(f"joint {joint}", loc="left", fontsize="small")
-        axis.set(xlabel=f"speed, {speed}", ylabel=f"friction, {result.torque_unit(joint - 1)}")
-        axis.grid(color=GRID)
-        axis.legend(fontsize="x-small")
-    for axis in axes[len(joints) :]:
-        axis.set_axis_off()
-    yield figure, "friction of each joint over its speed, with two standard deviations"
+        panels.append(
+            Panel(
+                series=tuple(line for band in bands for line in _lines(band)),
+                title=f"joint {joint}",
+                x=f"speed, {speed}",
+                y=f"friction, {result.torque_unit(joint - 1)}",
+                y_range=_range(bands),
+                log_x=True,
+                joint=joint,
+            )
+        )
+    return Chart(
+        name="friction",
+        title="friction of each joint over its speed, with two standard deviations",
+        panels=tuple(panels),
+        columns=min(3, len(joints)),
+    )
 
 
-def _draw(axis: Any, band: FrictionBand) -> None:
+def _lines(band: FrictionBand) -> Iterator[Series]:
     colour = BEFORE if band.direction < 0 else AFTER
     name = {0: "both directions", 1: "positive", -1: "negative"}[band.direction]
-    marks: dict[str, Any] = {"marker": "o", "ms": 3.0} if band.curve else {}
-    axis.plot(band.speed, band.torque, color=colour, lw=1.4, label=name, **marks)
-    axis.fill_between(
-        band.speed, band.torque - 2 * band.std, band.torque + 2 * band.std, color=colour, alpha=0.25, lw=0
+    yield Series(
+        x=band.speed,
+        y=band.torque,
+        spread=2 * band.std,
+        kind="both" if band.curve else "line",
+        colour=colour,
+        label=name,
+        width=1.4,
     )
     if band.curve:
         weight = np.sqrt(np.gradient(band.speed))
         line = np.polyval(np.polyfit(band.speed, band.torque, 1, w=weight), band.speed)
-        axis.plot(band.speed, line, color=colour, lw=0.9, ls="--")
-    axis.set_xscale("log")
-    top = 1.2 * float(band.torque.max())
-    axis.set_ylim(min(0.0, float(band.torque.min())), max(top, axis.get_ylim()[1]) if band.direction < 0 else top)
+        yield Series(
+            x=band.speed, y=np.asarray(line, float), colour=colour, label=f"{name}, nearest straight line", dashed=True
+        )
 
 
-def values(result: Identification) -> str:
-    """A table of every curve: its speeds, and friction there with two standard deviations."""
+def _range(bands: Sequence[FrictionBand]) -> tuple[float, float]:
+    """From zero, or below it, to above the largest friction."""
+    low = min(float(band.torque.min()) for band in bands)
+    high = max(float((band.torque + np.nan_to_num(2 * band.std)).max()) for band in bands)
+    high = min(high, 2.0 * max(float(band.torque.max()) for band in bands))
+    return min(0.0, low), 1.1 * high if high > 0 else 1.0
+
+
+def values(result: Identification) -> list[list[str]]:
+    """A row per curve: its speeds, and friction there with two standard deviations."""
     rows = []
     for band in result.friction_bands:
         if band.curve:
@@ -97,4 +104,4 @@ def values(result: Identification) -> str:
             points = zip(band.speed, band.torque, band.std)
             known = [f"{v:.3g}: {torque:.4g} ± {2 * std:.2g}" for v, torque, std in points]
             rows.append([f"{band.joint}{name}", ", ".join(known)])
-    return table(rows, ("joint", "speed: friction ± 2 std"), ()) if rows else ""
+    return rows

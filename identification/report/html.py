@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import arm_report
-from arm_report import image, note, page, table, warning
+from markupsafe import Markup
+
+from arm_model.collision import chain_of
+from arm_report import Report, table
+from arm_report.motion import Motion
 from identification.report import friction, plots
 
 if TYPE_CHECKING:
@@ -23,66 +25,34 @@ METHODS = {
     "sequence": "link after link from the tip, each step keeping the parameters found before",
     "friction": "friction tuned until the simulated currents match the measured ones",
 }
-ERRORS = (
-    "Measured torque (current times drive constant) minus the torque that <i>model.toml</i> predicts, as rms and "
-    "relative to the measured "
-    "torque, both through the same"
-    " filter. <i>Sliding</i>: held-out rows away from reversals and standstill, where friction obeys Coulomb's law."
-    " <i>Expected</i>: rms error expected from the noise of the fitted runs and the standard deviations of the "
-    "parameters; more than three times as"
-    " much is reported above. <i>Current</i>, <i>noise floor</i>, <i>ratio</i>: error of the current where the joint "
-    "moves, noise of the instruments in the same band, and error over noise, of the held-out recordings (without any, "
-    "of the fitted ones), as <code>diagnose</code> has them; more than 2.5 is no noise."
-)
-GAPS = "Gaps are excluded rows: standstill, missing or clipped samples, begin and end of the run."
-DEVIATIONS = (
-    "± is two standard deviations from a block jackknife, valid for coloured residuals, as is the block bootstrap."
-    " The textbook formula counts every row as independent and is too small. Only these linear combinations are "
-    "identifiable:"
-    " <i>link2.mx</i> is mass times the x of the centre of mass, <i>link2.ixx</i> the inertia about the link "
-    "frame's origin, <i>offset</i> a constant"
-    " torque or half the difference of Coulomb friction between the directions. Grey: not identifiable from these runs."
-)
 
 
-def report(result: Identification) -> str:
+def report(result: Identification) -> Report:
     """The whole page."""
-    body = [
-        note(escape(_what(result))),
-        arm_report.verdict(verdict(result), refuted=_refuted(result)),
-        *map(warning, result.warnings),
-        "<h2>Error, joint by joint</h2>",
-        note(ERRORS),
-        _errors(result),
-        "<h2>Predicted and measured</h2>",
-        note(GAPS),
-        *(image(figure, alt) for figure, alt in plots.predictions(result)),
-        "<h2>Friction over speed</h2>" if result.friction_bands else "",
-        note(friction.EXPLAINED) if result.friction_bands else "",
-        *(note(escape(sentence)) for sentence in friction.sentences(result)),
-        *(image(figure, alt) for figure, alt in friction.curves(result)),
-        friction.values(result),
-        "<h2>Recordings</h2>",
-        note(
-            "Rows used per joint, and reasons for exclusion; delay of the torque relative to the motion; largest "
-            "torque as a"
-            " share of the drive's limit."
-        ),
-        _recordings(result),
-        "<h2>Parameters</h2>",
-        note(DEVIATIONS),
-        _values([value for value in result.base if ".curve" not in value.name], "base parameter"),
-        ""
-        if result.condition != result.condition
-        else f"<p>Condition number {result.condition:.3g} (columns scaled to the same size).</p>",
-        "<details><summary>Every parameter of the model</summary>",
-        _values(result.parameters, "parameter"),
-        "</details>",
-        "<h2>Spectra</h2>",
-        *(image(figure, alt) for figure, alt in plots.spectra(result)),
-        *(note(escape(line)) for line in result.notes),
-    ]
-    return page(f"{result.arm.name}: identification", body)
+    base = [value for value in result.base if ".curve" not in value.name]
+    return Report(
+        title=f"{result.arm.name}: identification",
+        template="identification.report/identification.html",
+        joints=[joint.name for joint in result.arm.joints],
+        motion=Motion(arm=chain_of(result.arm).to_json(), clips=result.clips) if result.clips else None,
+        content={
+            "what": _what(result),
+            "says": verdict(result),
+            "refuted": _refuted(result),
+            "warnings": result.warnings,
+            "errors": _errors(result),
+            "predictions": list(plots.predictions(result)),
+            "friction_said": friction.sentences(result),
+            "friction": friction.curves(result),
+            "friction_values": friction.values(result),
+            "recordings": _recordings(result),
+            "base": _values(base, "base parameter"),
+            "condition": None if result.condition != result.condition else f"{result.condition:.3g}",
+            "parameters": _values(result.parameters, "parameter"),
+            "spectra": plots.spectra(result),
+            "notes": result.notes,
+        },
+    )
 
 
 def _what(result: Identification) -> str:
@@ -144,7 +114,7 @@ def _worst(result: Identification, which: str) -> str:
     )
 
 
-def _errors(result: Identification) -> str:
+def _errors(result: Identification) -> Markup:
     rows = []
     explained = any(p.prediction_std is not None for p in result.predictions)
     for j in range(len(result.arm)):
@@ -162,17 +132,17 @@ def _errors(result: Identification) -> str:
     total = {"all (model.toml)": (result.relative_error(False), result.relative_error(True))}
     empty = [""] * (2 * explained + 3 * bool(result.noise))
     for name, (fit, held_out) in (total | result.compared).items():
-        rows.append([escape(name), "", _percent(fit), "", _percent(held_out), *empty])
+        rows.append([name, "", _percent(fit), "", _percent(held_out), *empty])
     head = ["joint", "fitted, rms", "relative", "held out, rms", "relative"]
     head += ["sliding, rms", "expected"] if explained else []
     head += ["current", "noise floor", "ratio"] if result.noise else []
     return table(rows, head, range(1, len(head)))
 
 
-def _recordings(result: Identification) -> str:
+def _recordings(result: Identification) -> Markup:
     rows: list[list[str]] = []
     for run in result.runs:
-        rows.append([f"<b>{escape(run.run)}</b>, {run.rows} rows of {run.period * 1e3:.4g} ms"])
+        rows.append([Markup("<b>{}</b>, {} rows of {:.4g} ms").format(run.run, run.rows, run.period * 1e3)])
         for joint in run.joints:
             unit = "rad" if result.arm.joints[joint.joint - 1].revolute else "m"
             left_out = ", ".join(f"{reason} {count / run.rows:.0%}" for reason, count in joint.left_out.items())
@@ -182,7 +152,7 @@ def _recordings(result: Identification) -> str:
                     f"{joint.travel:.3g} {unit}",
                     f"{joint.top_speed:.3g} {unit}/s",
                     f"{joint.used / run.rows:.0%}",
-                    escape(left_out),
+                    left_out,
                     "" if joint.lag is None else f"{joint.lag * 1e3:.1f} ms",
                     "" if joint.torque is None else f"{joint.torque:.0%}",
                 ]
@@ -202,18 +172,18 @@ def _size(value: float, unit: str) -> str:
     return "" if value != value else f"{value:.4g} {unit}"
 
 
-def _values(values: list[Value], what: str) -> str:
+def _values(values: list[Value], what: str) -> Markup:
     rows = []
     for value in values:
         spreads = [value.std_bootstrap, value.std_formula]
         rows.append(
             [
-                escape(value.name),
+                value.name,
                 f"{value.value:.5g}",
                 "" if value.std is None else f"± {2 * value.std:.2g}",
                 *("" if std is None or std != std else f"{2 * std:.2g}" for std in spreads),
-                f"<span class=u>{escape(value.unit)}</span>",
-                f"<small>{escape(value.why)}</small>",
+                Markup('<span class="u">{}</span>').format(value.unit),
+                Markup("<small>{}</small>").format(value.why),
             ]
         )
     head = (what, "value", "± 2 std", "bootstrap", "formula", "unit", "")

@@ -1,4 +1,4 @@
-"""The pictures of an identification's report."""
+"""The charts of an identification's report."""
 
 from __future__ import annotations
 
@@ -10,77 +10,120 @@ from scipy import signal
 from scipy.interpolate import make_interp_spline
 
 from arm_io.types import Array
-from arm_report.palette import AFTER, AXIS, BEFORE, GRID, MEASURED
+from arm_report import Chart, Level, Panel, Series
+from arm_report.palette import AFTER, AXIS, BEFORE, MEASURED, joint_colour
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from identification.result import Identification, Prediction
 
+FINE = 8
+"""Points of a drawn line per row, at most: between rows, which are few, it is a spline."""
+MOST_FINE = 2000
+"""Points of a drawn line that a page shows without thinning them."""
 
-def predictions(result: Identification) -> Iterator[tuple[Figure, str]]:
+
+def predictions(result: Identification) -> Iterator[Chart]:
     """Per run: measured and predicted torque of each joint, and their difference at a scale of its own."""
-    from matplotlib.figure import Figure
-
-    for run in _worth_showing(result):
-        joints = np.unique(run.joint)
-        figure = Figure(figsize=(10.5, 0.6 + 1.75 * len(joints)), layout="constrained")
-        axes = figure.subplots(len(joints), 2, sharex=True, squeeze=False, width_ratios=(2, 1))
-        for (axis, difference), j in zip(axes, joints):
-            mine = run.joint == j
+    for number, run in enumerate(_worth_showing(result), 1):
+        panels: list[Panel] = []
+        for j in np.unique(run.joint):
+            mine, unit = run.joint == j, "N m" if result.arm.joints[j].revolute else "N"
             t, measured, predicted, residual = _with_breaks(
                 run.t[mine], run.measured[mine], run.predicted[mine], run.residual[mine]
             )
-            axis.plot(t, measured, color=MEASURED, lw=1.8, label="measured")
-            axis.plot(t, predicted, color=AFTER, lw=0.7, label="predicted")
-            difference.plot(t, residual, color=BEFORE, lw=0.7)
             rms = float(np.sqrt(np.mean(run.residual[mine] ** 2)))
-            difference.set_title(f"rms {rms:.3g}", loc="right", fontsize="small", color=BEFORE, pad=2)
-            axis.set_ylabel(f"joint {j + 1}, {'N m' if result.arm.joints[j].revolute else 'N'}")
-            for each in (axis, difference):
-                each.axhline(0.0, color=AXIS, lw=0.6)
-                each.grid(color=GRID)
+            panels += [
+                Panel(
+                    series=(
+                        Series(x=t, y=measured, colour=MEASURED, label="measured", width=1.8),
+                        Series(x=t, y=predicted, colour=AFTER, label="predicted"),
+                    ),
+                    title=f"joint {j + 1}",
+                    x="time, s",
+                    y=f"torque, {unit}" if unit == "N m" else f"force, {unit}",
+                    levels=(Level(value=0.0),),
+                    joint=int(j) + 1,
+                    motion=run.run,
+                ),
+                Panel(
+                    series=(Series(x=t, y=residual, colour=BEFORE, label="difference"),),
+                    title=f"joint {j + 1}, difference: rms {rms:.3g} {unit}",
+                    x="time, s",
+                    y=f"difference, {unit}",
+                    levels=(Level(value=0.0),),
+                    joint=int(j) + 1,
+                    motion=run.run,
+                ),
+            ]
         kind = "held out" if run.held_out else "fitted"
-        axes[0, 0].set_title(f"{run.run} ({kind})", loc="left")
-        axes[0, 0].legend(loc="upper right", ncols=2, frameon=True, fontsize="small")
-        axes[0, 1].set_title("difference, its own scale", loc="left", fontsize="small")
-        for axis in axes[-1]:
-            axis.set_xlabel("time, s")
-        yield figure, f"measured and predicted torque of {run.run}"
+        yield Chart(
+            name=f"prediction_{number}",
+            title=f"measured and predicted torque of {run.run} ({kind})",
+            panels=tuple(panels),
+            columns=2,
+            widths=(2.0, 1.0),
+            shared=True,
+            height=1.75,
+        )
 
 
-def spectra(result: Identification) -> Iterator[tuple[Figure, str]]:
+def spectra(result: Identification) -> Chart:
     """Residual against torque, and where the cut-off frequencies come from."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.5, 3.6), layout="constrained")
-    left, right = figure.subplots(1, 2)
     run = _worth_showing(result)[-1]
-    for n, j in enumerate(np.unique(run.joint)):
-        mine = run.joint == j
+    lines = []
+    for j in np.unique(run.joint):
+        mine, joint = run.joint == j, int(j) + 1
         f, torque = _density(run.t[mine], run.measured[mine])
         _, residual = _density(run.t[mine], run.residual[mine])
-        left.semilogy(f, torque, color=f"C{n}", lw=0.8, alpha=0.45)
-        left.semilogy(f, residual, color=f"C{n}", lw=1.2, label=f"joint {j + 1}")
-    left.set(xlabel="frequency, Hz", ylabel="density, (N m)²/Hz or N²/Hz", title="torque (pale) and residual")
-    left.legend(fontsize="x-small", ncols=2)
+        colour = joint_colour(joint)
+        lines += [
+            Series(x=f, y=torque, colour=colour, width=0.8, dashed=True, joint=joint),
+            Series(x=f, y=residual, colour=colour, width=1.4, label=f"joint {joint}", joint=joint),
+        ]
+    unit = "(N m)²/Hz or N²/Hz"
+    panels = [
+        Panel(
+            series=tuple(lines),
+            title="torque (dashed) and residual",
+            x="frequency, Hz",
+            y=f"density, {unit}",
+            log_y=True,
+        )
+    ]
     if result.bands:
         band = result.bands[0]
-        for n, column in enumerate(band.density.T):
-            right.loglog(band.frequency[1:], np.maximum(column[1:], 1e-300), lw=0.8, color=f"C{n}")
-        right.axvline(band.motion, color="k", lw=1.0, label=f"differentiation {band.motion:.3g} Hz")
-        right.axvline(band.parallel, color="k", lw=1.0, ls="--", label=f"regression {band.parallel:.3g} Hz")
-        right.set(
-            xlabel="frequency, Hz",
-            ylabel="density, (rad/s²)²/Hz or (m/s²)²/Hz",
-            title="acceleration, differenced twice",
+        low = float(np.min(band.density[1:].max(axis=1)))
+        columns = [
+            Series(
+                x=band.frequency[1:],
+                y=np.maximum(column[1:], max(low * 1e-3, 1e-300)),
+                colour=joint_colour(joint),
+                joint=joint,
+            )
+            for joint, column in enumerate(band.density.T, 1)
+        ]
+        cuts = (
+            Level(value=band.motion, axis="x", colour=AXIS, words=f"differentiation {band.motion:.3g} Hz"),
+            Level(value=band.parallel, axis="x", colour=AXIS, words=f"regression {band.parallel:.3g} Hz", dashed=True),
         )
-        low = np.min(band.density[1:].max(axis=1))
-        right.set_ylim(bottom=max(low * 1e-3, 1e-300))
-        right.legend(fontsize="small")
-    for axis in (left, right):
-        axis.grid(color=GRID)
-    yield figure, "spectra of torque, residual and acceleration"
+        panels.append(
+            Panel(
+                series=tuple(columns),
+                title="acceleration, differenced twice",
+                x="frequency, Hz",
+                y="density, (rad/s²)²/Hz or (m/s²)²/Hz",
+                levels=cuts,
+                log_x=True,
+                log_y=True,
+            )
+        )
+    return Chart(
+        name="spectra",
+        title="spectra of torque, residual and acceleration",
+        panels=tuple(panels),
+        columns=len(panels),
+        height=3.1,
+    )
 
 
 def _worth_showing(result: Identification) -> list[Prediction]:
@@ -94,12 +137,13 @@ def _with_breaks(t: Array, *lines: Array) -> tuple[Array, ...]:
     period = np.median(np.diff(t)) if len(t) > 1 else 1.0
     parts = np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > 1.5 * period) + 1)
     drawn: list[list[Array]] = [[] for _ in range(len(lines) + 1)]
+    per_row = max(1, min(FINE, MOST_FINE // len(t)))
     for part in parts:
-        fine = np.linspace(t[part[0]], t[part[-1]], 8 * len(part) + 1)
+        fine = np.linspace(t[part[0]], t[part[-1]], per_row * (len(part) - 1) + 1)
         degree = min(3, len(part) - 1)
         for place, line in zip(drawn[1:], lines):
             place += [make_interp_spline(t[part], line[part], k=degree)(fine), np.array([np.nan])]
-        drawn[0] += [fine, np.array([np.nan])]
+        drawn[0] += [fine, fine[-1:]]
     return tuple(np.concatenate(pieces) for pieces in drawn)
 
 

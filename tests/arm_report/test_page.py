@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
 
-from hypothesis import given
+import numpy as np
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from markupsafe import Markup
 
-from arm_report import image, note, page, table, verdict, warning
+from arm_report import Chart, Panel, Report, Series, image, inline, table, warning
+from arm_report.palette import AFTER
 
 ALONE = {"meta", "img", "br"}
+TEXT = st.text(st.characters(exclude_categories=["Cs", "Cc"]))
 
 
 class Checked(HTMLParser):
@@ -22,8 +27,10 @@ class Checked(HTMLParser):
         self.open: list[str] = []
         self.text: list[str] = []
         self.rows: list[int] = []
+        self.tags: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
         if tag not in ALONE:
             self.open.append(tag)
         if tag == "tr":
@@ -46,16 +53,41 @@ def checked(html: str) -> Checked:
     return parser
 
 
-@given(st.text(st.characters(exclude_categories=["Cs", "Cc"])))
+def report(words: str, chart: Chart | None = None, *, joints: tuple[str, ...] = ()) -> Report:
+    """A page that has these words in each of its parts."""
+    content = {"words": words, "chart": chart}
+    return Report(title=words, template="tests.arm_report/page.html", content=content, joints=joints)
+
+
+@settings(deadline=None)
+@given(TEXT)
 def test_words_stay_words(words: str) -> None:
-    html = page(words, [verdict(words), warning(words), note("plain")])
-    assert re.findall("<script|<b>", html) == []
-    assert words.strip() == "" or "".join(checked(html).text).count(words) >= 4
+    page = checked(report(words).html())
+    assert not {"script", "b"} & set(page.tags)
+    assert words.strip() == "" or "".join(page.text).count(words) >= 8
+
+
+def test_names_of_users_cannot_leave_their_place() -> None:
+    evil = "</script><script>alert(1)</script>\"'&"
+    line = Series(x=np.arange(3.0), y=np.arange(3.0), colour=AFTER, label=evil)
+    chart = Chart(name="evil", title=evil, panels=(Panel(series=(line,), x=evil, y=evil, title=evil),))
+    html = report(evil, chart, joints=(evil,)).html()
+    page = checked(html)
+    # the data and the page's own script, and none of the user's
+    assert page.tags.count("script") == 2
+    data = json.loads(html.partition('id="data">')[2].partition("</script>")[0])
+    assert data["joints"] == [evil] and data["charts"][0]["panels"][0]["series"][0]["label"] == evil
 
 
 @given(st.lists(st.lists(st.just("x"), min_size=1, max_size=4)))
 def test_every_row_of_a_table_is_as_wide_as_its_head(rows: list[list[str]]) -> None:
     assert checked(table(rows, ["a", "b", "c", "d"], (1, 2), (0,))).rows == [4] * (len(rows) + 1)
+
+
+def test_a_cell_is_text_unless_it_is_markup() -> None:
+    html = table([["<b>", Markup("<i>x</i>")]], ["a", "b"])
+    assert "&lt;b&gt;" in html and "<i>x</i>" in html
+    assert "&lt;b&gt;" in warning("<b>")
 
 
 def test_a_picture_carries_its_data_and_its_words() -> None:
@@ -66,7 +98,12 @@ def test_a_picture_carries_its_data_and_its_words() -> None:
     assert 'alt="a &quot;picture&quot; &amp; more"' in html
 
 
+def test_the_scripts_of_a_page_in_a_notebook_cannot_reach_the_notebook() -> None:
+    frame = inline("<script>parent.stolen = 1</script>")
+    assert 'sandbox="allow-scripts"' in frame and "allow-same-origin" not in frame and "<script" not in frame
+
+
 def test_every_colour_of_a_plot_is_of_the_palette(root: Path) -> None:
-    for package in ("daq", "identification", "diagnosis", "armscope"):
+    for package in ("daq", "identification", "diagnosis", "comparison", "armscope"):
         for path in (root / package).rglob("*.py"):
             assert re.findall(r'["\']#[0-9a-fA-F]{3,8}["\']', path.read_text()) == [], path

@@ -28,7 +28,7 @@ MAY_IMPORT = {
     "diagnosis": {"identification", "arm_model", "daq", "experiment", "arm_report", "arm_io"},
     "identification": {"arm_clearance", "arm_model", "daq", "experiment", "arm_report", "arm_io"},
     "sim_backend": {"drivers", "arm_model", "experiment", "arm_io"},
-    "arm_page": {"arm_archive", "daq", "arm_model", "arm_clearance", "drivers", "experiment", "arm_io"},
+    "arm_page": {"arm_archive", "daq", "arm_model", "arm_clearance", "drivers", "experiment", "arm_report", "arm_io"},
     "daq": {"arm_clearance", "arm_report", "drivers", "experiment", "arm_io"},
     "drivers": {"experiment", "arm_io"},
     "arm_model": {"arm_clearance", "experiment", "arm_io"},

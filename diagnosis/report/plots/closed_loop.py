@@ -3,44 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
-from arm_report.palette import AFTER, BEFORE, GRID, SHADE
+from arm_report import Chart, Panel, Series, Zone
+from arm_report.palette import AFTER, BEFORE, SHADE
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.closed_loop.resonance import BAND
 from diagnosis.residual.expected_current import rate_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 SEGMENT = 1.0
 """s: length of the segments over which the spectrum is averaged."""
 
 
-def loop_figure(pairs: Sequence[tuple[Compared, Compared]], joint: int, unit: str) -> tuple[Figure, str]:
+def loop_chart(name: str, pairs: Sequence[tuple[Compared, Compared]], joint: int, unit: str) -> Chart:
     """Amplitude density of measured minus simulated current of a joint, in ``unit`` per root hertz.
 
     pairs: held-out loops (before, after).
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.5, 3.4), layout="constrained")
-    axis = figure.subplots()
+    lines = []
     for several, colour, label in zip(zip(*pairs), (BEFORE, AFTER), ("without any cause", "with all causes")):
         frequency, density = _spectrum(several, joint)
-        axis.semilogy(frequency, density, color=colour, lw=1.2, label=label)
-    axis.axvspan(*BAND, color=SHADE, lw=0.0)
-    axis.set_xlim(0.0, 1.2 * BAND[1])
-    axis.set_xlabel("frequency, Hz (shaded: band compared)")
-    axis.set_ylabel(f"closed-loop current error\nof joint {joint}, {unit}/sqrt(Hz)")
-    axis.legend(fontsize="small")
-    axis.grid(color=GRID, which="both")
-    return figure, f"spectrum of the current error of joint {joint} in closed loop, without and with the causes"
+        shown = frequency <= 1.2 * BAND[1]
+        lines.append(Series(x=frequency[shown], y=density[shown], colour=colour, label=label, width=1.2))
+    panel = Panel(
+        series=tuple(lines),
+        zones=(Zone(low=BAND[0], high=BAND[1], axis="x", colour=SHADE, label="band compared"),),
+        x="frequency, Hz",
+        y=f"current error, {unit}/sqrt(Hz)",
+        log_y=True,
+        joint=joint,
+    )
+    title = f"spectrum of the current error of joint {joint} in closed loop, without and with the causes"
+    return Chart(name=name, title=title, panels=(panel,), height=2.9)
 
 
 def _spectrum(loops: Sequence[Compared], joint: int) -> tuple[Array, Array]:

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from arm_report.palette import AFTER, BEFORE, GRID, MEASURED, NOISE, PALE_AFTER, PALE_BEFORE
+from arm_report import Chart, Panel, Series, Zone
+from arm_report.chart import robust_range
+from arm_report.palette import AFTER, BEFORE, MEASURED, PALE_AFTER, PALE_BEFORE
 from daq.recording import Recording
 from diagnosis.closed_loop.comparison import Compared
 from diagnosis.diagnose import Diagnosis
 from diagnosis.measurements.currents.basis_functions import variables
 from diagnosis.measurements.currents.design_matrix import dataset_of
+from diagnosis.report.plots.motion import HELD_OUT, held_out_time
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
 from diagnosis.selection.design import Dataset
 from diagnosis.units import unit_at
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 SHOWN = ("time", "position", "motor angle", "velocity", "load torque")
 UNITS = {
@@ -35,8 +33,6 @@ UNITS = {
     "current": "A",
     "temperature": "degC",
 }
-POINTS = 1500
-"""Points of a line, at most: more than a picture has columns."""
 BINS = 24
 
 
@@ -51,66 +47,62 @@ def in_noise(result: Diagnosis, joint: int) -> tuple[Array, Array, NDArray[np.bo
     return side.y[where] * ratio, result.left.held_out[where] * ratio, side.comparable(joint)
 
 
-def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) -> tuple[Figure, str]:
+def against_all(result: Diagnosis, joint: int, held_out: Sequence[Recording]) -> Chart:
     """The held-out residual of one joint against time, position, motor angle, velocity, its sign and load torque.
 
     Against temperature as well where it is recorded.
     """
-    from matplotlib.figure import Figure
-
     before, after, sure = in_noise(result, joint)
-    panels = list(_panels(dataset_of(result.held_out), result, joint, held_out))
-    rows = -(-len(panels) // 3)
-    figure = Figure(figsize=(10.5, 2.35 * rows))
-    figure.subplots_adjust(left=0.06, right=0.99, bottom=0.24 / rows, top=1.0 - 0.16 / rows, wspace=0.06, hspace=0.42)
-    axes = figure.subplots(rows, 3, squeeze=False, sharey=True).ravel()
-    for axis, (name, x) in zip(axes, panels):
-        axis.axhspan(-2.0, 2.0, color=NOISE, lw=0.0)
-        clouds = [
-            (before, PALE_BEFORE, BEFORE, "before"),
-            (after, PALE_AFTER, AFTER, "after"),
-        ]
-        for values, pale, colour, label in clouds if result.causes else [(after, PALE_AFTER, AFTER, "mean in bins")]:
-            _cloud(axis, x[sure], values[sure], pale, colour, label)
-        axis.set_xlabel(_with_unit(result, joint, name))
-        axis.grid(color=GRID)
-        axis.locator_params(nbins=5)
-    for axis in axes[len(panels) :]:
-        axis.set_axis_off()
-    _limit(axes[0], (before if result.causes else after)[sure])
-    if sure.any():
-        axes[0].legend(loc="upper right", ncols=2, fontsize="small")
-    figure.suptitle(
-        f"joint {joint}: measured minus predicted current, in units of the noise std",
-        x=0.01,
-        ha="left",
-        fontsize="medium",
+    at = held_out_time(result)[sure]
+    clouds = [(before, PALE_BEFORE, BEFORE, "before"), (after, PALE_AFTER, AFTER, "after")]
+    if not result.causes:
+        clouds = [(after, PALE_AFTER, AFTER, "residual")]
+    panels = []
+    for name, x in _panels(dataset_of(result.held_out), result, joint, held_out):
+        drawn = [_cloud(x[sure], values[sure], at, (pale, colour), label) for values, pale, colour, label in clouds]
+        panels.append(
+            Panel(
+                # all means over all clouds
+                series=tuple(series[k] for k in (0, 1) for series in drawn if series),
+                zones=(Zone(low=-2.0, high=2.0, label="noise, two std"),),
+                x=_with_unit(result, joint, name),
+                y="residual over noise",
+                y_range=robust_range((before if result.causes else after)[sure], 4.0),
+                joint=joint,
+                motion=HELD_OUT,
+            )
+        )
+    return Chart(
+        name=f"joint_{joint}",
+        title=f"joint {joint}: measured minus predicted current, in units of the noise std",
+        panels=tuple(panels),
+        columns=3,
+        height=2.35,
     )
-    return figure, f"residual of joint {joint} against time, position, motor angle, velocity, direction and load"
 
 
-def left_against(result: Diagnosis, joint: int, name: str) -> tuple[Figure, str] | None:
+def left_against(result: Diagnosis, joint: int, name: str) -> Chart | None:
     """The residual of a joint with all causes against the variable that predicts it.
 
     None for a variable that has no rows of its own.
     """
-    from matplotlib.figure import Figure
-
-    side = dataset_of(result.held_out)
-    found = dict(variables(side, result.arm, joint))
+    found = dict(variables(dataset_of(result.held_out), result.arm, joint))
     if name not in found:
         return None
     _, after, sure = in_noise(result, joint)
-    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
-    axis = figure.subplots()
-    axis.axhspan(-2.0, 2.0, color=NOISE, lw=0.0, label="noise")
-    _cloud(axis, found[name][sure], after[sure], PALE_AFTER, AFTER, "mean in bins")
-    _limit(axis, after[sure])
-    axis.set_xlabel(_with_unit(result, joint, name))
-    axis.set_ylabel(f"residual of joint {joint}, in units of the noise std")
-    axis.grid(color=GRID)
-    axis.legend(loc="upper right", fontsize="small")
-    return figure, f"remaining residual of joint {joint} against {name}"
+    at = held_out_time(result)[sure]
+    panel = Panel(
+        series=_cloud(found[name][sure], after[sure], at, (PALE_AFTER, AFTER), "residual"),
+        zones=(Zone(low=-2.0, high=2.0, label="noise, two std"),),
+        x=_with_unit(result, joint, name),
+        y=f"residual of joint {joint} over noise",
+        y_range=robust_range(after[sure], 4.0),
+        joint=joint,
+        motion=HELD_OUT,
+    )
+    title = f"remaining residual of joint {joint} against {name}, in units of the noise std"
+    picture = "".join(letter if letter.isalnum() else "_" for letter in f"unexplained_{joint}_{name}")
+    return Chart(name=picture, title=title, panels=(panel,), height=2.9)
 
 
 def _panels(side: Dataset, result: Diagnosis, joint: int, held_out: Sequence[Recording]) -> Iterator[tuple[str, Array]]:
@@ -129,27 +121,25 @@ def _panels(side: Dataset, result: Diagnosis, joint: int, held_out: Sequence[Rec
         yield "temperature", np.concatenate(parts)
 
 
-def _cloud(axis: Axes, x: Array, y: Array, pale: str, colour: str, label: str) -> None:
-    """Rows as pale points, means in bins of equal number over them."""
+def _cloud(x: Array, y: Array, at: Array, colours: tuple[str, str], label: str) -> tuple[Series, ...]:
+    """Rows as pale dots, measured at the instants ``at``, and means in bins of equal number; nothing of no rows."""
     if len(x) == 0:
-        return
-    thin = slice(None, None, max(1, len(x) // 3000))
+        return ()
     values = np.unique(x)
+    shown = x
     if len(values) <= 3:  # a sign: side by side
-        spread = x + 0.25 * np.random.default_rng(0).uniform(-1, 1, len(x))
-        axis.plot(spread[thin], y[thin], ".", ms=1.5, color=pale, rasterized=True)
+        shown = x + 0.25 * np.random.default_rng(0).uniform(-1, 1, len(x))
         bins = np.searchsorted(values, x)
     else:
-        axis.plot(x[thin], y[thin], ".", ms=1.5, color=pale, rasterized=True)
         bins = np.digitize(x, np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)[1:-1])))
     places = [np.flatnonzero(bins == k) for k in np.unique(bins)]
     middle, mean = (np.array([values_[k].mean() for k in places]) for values_ in (x, y))
-    axis.plot(middle, mean, "o-" if len(places) < 4 else "-", ms=5, lw=1.6, color=colour, label=label)
-
-
-def _limit(axis: Axes, values: Array) -> None:
-    top = max(4.0, 1.15 * float(np.quantile(np.abs(values), 0.99))) if len(values) else 4.0
-    axis.set_ylim(-top, top)
+    order = np.argsort(middle)
+    kind: Literal["both", "line"] = "both" if len(places) < 4 else "line"
+    return (
+        Series(x=shown, y=y, kind="dots", colour=colours[0], label=label, at=at),
+        Series(x=middle[order], y=mean[order], kind=kind, colour=colours[1], label=f"{label}, mean in bins", width=1.6),
+    )
 
 
 def unit_of(result: Diagnosis, joint: int, name: str) -> str:
@@ -163,41 +153,39 @@ def _with_unit(result: Diagnosis, joint: int, name: str) -> str:
     return f"{name}, {unit}" if unit else name
 
 
-def side_by_side(before: Compared, after: Compared, extended: bool, units: Sequence[str]) -> tuple[Figure, str]:
+def side_by_side(before: Compared, after: Compared, extended: bool, units: Sequence[str], picture: str) -> Chart:
     """One recording: measured and simulated current of every joint, and the error of the simulated angle."""
-    from matplotlib.figure import Figure
-
-    joints = before.current.shape[1]
-    height = 0.8 + 1.25 * joints
-    figure = Figure(figsize=(10.5, height))
-    figure.subplots_adjust(left=0.08, right=0.99, bottom=0.5 / height, top=1.0 - 0.3 / height, wspace=0.12, hspace=0.12)
-    axes = figure.subplots(joints, 2, sharex=True, squeeze=False)
     rate = rate_of(before.t)
-    thin = slice(None, None, max(1, len(before.t) // POINTS))
-    t = before.t[thin]
-    measured = low_pass(before.current, COMPARE_BAND, rate)[thin]
-    lines = [(before, BEFORE, "simulated, before" if extended else "simulated")]
-    lines += [(after, AFTER, "simulated, after")] if extended else []
+    sides = [(before, BEFORE, "simulated, before" if extended else "simulated")]
+    sides += [(after, AFTER, "simulated, after")] if extended else []
+    measured = low_pass(before.current, COMPARE_BAND, rate)
     shown = [
         (
-            low_pass(one.simulated_current, COMPARE_BAND, rate)[thin],
-            low_pass(one.angle - one.simulated_angle, COMPARE_BAND, rate)[thin],
+            low_pass(one.simulated_current, COMPARE_BAND, rate),
+            1e3 * low_pass(one.angle - one.simulated_angle, COMPARE_BAND, rate),
         )
-        for one, _, _ in lines
+        for one, _, _ in sides
     ]
-    for j, (left, right) in enumerate(axes):
-        left.plot(t, measured[:, j], color=MEASURED, lw=2.4, label="measured")
-        for (current, error), (_, colour, label) in zip(shown, lines):
-            left.plot(t, current[:, j], color=colour, lw=0.8, label=label)
-            right.plot(t, 1e3 * error[:, j], color=colour, lw=0.8)
-        left.set_ylabel(f"joint {j + 1}")
-        for axis in (left, right):
-            axis.grid(color=GRID)
-            axis.locator_params(nbins=5)
-    band = f"below {COMPARE_BAND:g} Hz"
-    axes[0, 0].set_title(f"motor current {band}, {' or '.join(units)}", loc="left", fontsize="medium")
-    axes[0, 1].set_title(f"measured minus simulated angle {band}, mrad (mm)", loc="left", fontsize="medium")
-    axes[0, 0].legend(loc="upper right", ncols=3, fontsize="x-small")
-    for axis in axes[-1]:
-        axis.set_xlabel("time, s")
-    return figure, f"measured and simulated currents and angles of {before.name}"
+    panels: list[Panel] = []
+    for j in range(before.current.shape[1]):
+        currents = [Series(x=before.t, y=measured[:, j], colour=MEASURED, label="measured", width=2.4)]
+        errors = []
+        for (current, error), (_, colour, label) in zip(shown, sides):
+            currents.append(Series(x=before.t, y=current[:, j], colour=colour, label=label))
+            errors.append(Series(x=before.t, y=error[:, j], colour=colour, label=label))
+        for series, title, label in (
+            (currents, f"joint {j + 1}", f"motor current, {' or '.join(units)}"),
+            (errors, f"joint {j + 1}, error of the angle", "error, mrad (mm)"),
+        ):
+            panels.append(
+                Panel(series=tuple(series), title=title, x="time, s", y=label, joint=j + 1, motion=before.name)
+            )
+    title = f"measured and simulated currents of {before.name}, and measured minus simulated angles"
+    return Chart(
+        name=picture,
+        title=f"{title}, below {COMPARE_BAND:g} Hz",
+        panels=tuple(panels),
+        columns=2,
+        shared=True,
+        height=1.5,
+    )

@@ -1,33 +1,26 @@
-"""Plots of a single axis at its full rate."""
+"""Charts of a single axis at its full rate."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from arm_model import Joint
 from arm_model.effects import CATALOGUE, Instrument, Variable
-from arm_report.palette import AFTER, BEFORE, GRID
+from arm_report import Chart, Panel, Series
+from arm_report.palette import AFTER, BEFORE, PALE_AFTER, PALE_BEFORE
 from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.units import unit_at
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-UP, DOWN = AFTER, BEFORE
 BINS = 24
 NEAR = 4.0
 """Times the velocity by which an effect has a width (Stribeck's): what is drawn."""
 
 
-def axis_figure(axis: AxisSide, effect: str, drive: Joint) -> tuple[Figure, str]:
+def axis_chart(name: str, axis: AxisSide, effect: str, drive: Joint) -> Chart:
     """Held-out residual without one of the causes and with all, against what shows that cause.
 
     Velocity, place, or how fast the command changes.
     """
-    from matplotlib.figure import Figure
-
     cause = next(one for one in axis.causes if one.effect == effect)
     definition = CATALOGUE[effect]
     match definition.observed_by[Instrument.SINGLE_AXIS].against:
@@ -40,41 +33,45 @@ def axis_figure(axis: AxisSide, effect: str, drive: Joint) -> tuple[Figure, str]
     widths = {p.name for p in definition.nonlinear if p.unit == "rad/s"}
     reach = next((NEAR * p.value for p in cause.parameters if p.name in widths), np.inf)
     shown = np.abs(x) < reach
-    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
-    panels = figure.subplots(1, 2, sharey=True)
-    for panel, values, colour, title in zip(
-        panels, (cause.without, axis.residual), (BEFORE, AFTER), ("without it", "with all causes")
-    ):
-        panel.plot(x[shown], values[shown], ".", ms=2.0, color=colour)
-        panel.set_title(title, loc="left", fontsize="medium")
-        panel.set_xlabel(label)
-        panel.grid(color=GRID)
-    top = 1.1 * float(np.quantile(np.abs(cause.without[shown]), 0.995))
-    panels[0].set_ylim(-top, top)
-    panels[0].set_ylabel(f"measured minus predicted\nbelow 60 Hz, {drive.current_unit}")
-    return figure, f"held-out residual without {effect.replace('_', ' ')} and with it"
+    top = 1.1 * float(np.quantile(np.abs(cause.without[shown]), 0.995)) or 1.0
+    sides = ((cause.without, BEFORE, "without it"), (axis.residual, AFTER, "with all causes"))
+    panels = [
+        Panel(
+            series=(Series(x=x[shown], y=values[shown], kind="dots", colour=colour, label=title),),
+            title=title,
+            x=label,
+            y=f"residual, {drive.current_unit}",
+            y_range=(-top, top),
+        )
+        for values, colour, title in sides
+    ]
+    title = f"held-out residual below 60 Hz without {effect.replace('_', ' ')} and with it"
+    return Chart(name=name, title=title, panels=tuple(panels), columns=2, height=2.9)
 
 
-def wave_figure(axis: AxisSide, drive: Joint) -> tuple[Figure, str]:
+def wave_chart(axis: AxisSide, drive: Joint) -> Chart:
     """The residual with all causes over one length of the wave, per direction."""
-    from matplotlib.figure import Figure
-
     assert axis.wave is not None
     length, unit = (axis.wave.length, "rad") if drive.revolute else (1e3 * axis.wave.length, "mm")
     place = np.mod(axis.held_out.q, axis.wave.length) * (length / axis.wave.length)
     edges = np.linspace(0.0, length, BINS + 1)
-    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
-    panel = figure.subplots()
-    for rows, colour, name in ((axis.held_out.v > 0, UP, "forwards"), (axis.held_out.v < 0, DOWN, "backwards")):
+    clouds, means = [], []
+    for rows, pale, colour, name in (
+        (axis.held_out.v > 0, PALE_AFTER, AFTER, "forwards"),
+        (axis.held_out.v < 0, PALE_BEFORE, BEFORE, "backwards"),
+    ):
         values = axis.residual[rows] - np.mean(axis.residual[rows])
-        panel.plot(place[rows], values, ".", ms=1.4, color=colour, alpha=0.25)
+        clouds.append(Series(x=place[rows], y=values, kind="dots", colour=pale, label=name))
         bins = np.clip(np.digitize(place[rows], edges) - 1, 0, BINS - 1)
         mean = np.bincount(bins, values, BINS) / np.maximum(np.bincount(bins, minlength=BINS), 1)
-        panel.plot((edges[1:] + edges[:-1]) / 2, mean, "-", lw=2.0, color=colour, label=f"{name}, mean")
-    top = 1.1 * float(np.quantile(np.abs(axis.residual), 0.98))
-    panel.set_ylim(-top, top)
-    panel.set_xlabel(f"position modulo {length:.4g} {unit}, {unit}")
-    panel.set_ylabel(f"residual with all causes,\n{drive.current_unit}")
-    panel.grid(color=GRID)
-    panel.legend(loc="upper right", fontsize="small")
-    return figure, f"residual with all causes against position modulo {length:.4g} {unit}"
+        middle = (edges[1:] + edges[:-1]) / 2
+        means.append(Series(x=middle, y=mean, colour=colour, label=f"{name}, mean", width=2.0))
+    top = 1.1 * float(np.quantile(np.abs(axis.residual), 0.98)) or 1.0
+    panel = Panel(
+        series=(*clouds, *means),
+        x=f"position modulo {length:.4g} {unit}, {unit}",
+        y=f"residual with all causes, {drive.current_unit}",
+        y_range=(-top, top),
+    )
+    title = f"residual with all causes against position modulo {length:.4g} {unit}"
+    return Chart(name="wave", title=title, panels=(panel,), height=2.9)

@@ -1,35 +1,35 @@
-"""Plot of the tracked points."""
+"""Chart of the tracked points."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from arm_report.palette import AFTER, BEFORE, GRID, MEASURED
+from arm_report import Chart, Level, Panel, Series
+from arm_report.palette import AFTER, BEFORE, MEASURED
 from diagnosis.measurements.tracker.causes import Tracked
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
-
-def tracker_figure(tracked: Tracked) -> tuple[Figure, str]:
+def tracker_chart(name: str, tracked: Tracked) -> Chart:
     """Distance of every tracked point from where the model has it, before and after all causes.
 
     Fitted and held-out recordings.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.5, 3.4), layout="constrained")
-    axes = figure.subplots(1, 2, sharey=True)
-    for axis, (name, (before, after)) in zip(axes, tracked.distances.items()):
-        row = np.arange(len(before))
-        for distance, colour, label in ((before, BEFORE, "before"), (after, AFTER, "after all causes")):
-            axis.semilogy(row, 1e3 * np.maximum(distance, 1e-7), ".", ms=1.6, color=colour, label=label)
-        axis.axhline(1e3 * 1.6 * tracked.noise, color=MEASURED, ls="--", lw=1, label="noise")
-        axis.set_title(name.replace("_", " "), loc="left", fontsize="medium")
-        axis.set_xlabel("tracked point")
-        axis.grid(color=GRID)
-    axes[0].set_ylabel("distance from the model's point, mm")
-    axes[1].legend(loc="upper right", fontsize="small", markerscale=5)
-    return figure, "distance of tracked points from the model's, before and after all causes"
+    panels = []
+    for title, (before, after) in tracked.distances.items():
+        row = np.arange(len(before), dtype=float)
+        sides = ((before, BEFORE, "before"), (after, AFTER, "after all causes"))
+        panels.append(
+            Panel(
+                series=tuple(
+                    Series(x=row, y=1e3 * np.maximum(distance, 1e-7), kind="dots", colour=colour, label=label)
+                    for distance, colour, label in sides
+                ),
+                levels=(Level(value=1e3 * 1.6 * tracked.noise, colour=MEASURED, dashed=True, label="noise"),),
+                title=title.replace("_", " "),
+                x="tracked point",
+                y="distance, mm",
+                log_y=True,
+            )
+        )
+    title = "distance of tracked points from the model's, before and after all causes"
+    return Chart(name=name, title=title, panels=tuple(panels), columns=len(panels), height=2.9)

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from identification.kinematics.report.html import error_figure, page
-    from identification.kinematics.report.write import calibrated_model, summary, table_of, write_json
+    from identification.kinematics.report.html import page
+    from identification.kinematics.report.plots import error_chart
+    from identification.kinematics.report.write import calibrated_model, summary, table_of
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
     "calibrated_model",
-    "error_figure",
+    "error_chart",
     "page",
     "summary",
     "table_of",
-    "write_json",
 ]

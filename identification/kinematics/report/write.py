@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from arm_io import write_text
 from arm_model import Arm, EffectTerm
 from identification.kinematics.circle_points.circle_point import Circle
 from identification.kinematics.estimation.calibration import Calibration
@@ -125,11 +122,6 @@ def calibrated_model(arm: Arm, calibration: Calibration) -> Arm:
     kept = tuple(e for e in arm.effects if not any(f.name == e.name and f.joint == e.joint for f in found))
     coupling = tuple(entry for entry, _ in calibration.couplings)
     return replace(out, coupling=coupling, effects=(*kept, *found), source=source)
-
-
-def write_json(path: Path, table: dict[str, Any]) -> None:
-    """Writes a JSON file, whole or not at all."""
-    write_text(path, json.dumps(table, indent=1, allow_nan=False, default=float) + "\n")
 
 
 def summary(table: dict[str, Any]) -> str:

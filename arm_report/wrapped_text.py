@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 
-from arm_report.text_table import line_width
+from arm_report.terminal_table import line_width
 
 _NUMBER = re.compile(r"[(\[]?[-+]?\.?\d\S*")
 _ONE_UNIT = r"(?:[kmuµ]?(?:g|m|N|A|V|s|rad|Hz|degC)\d?|1|%|rpm|rows|counts)"

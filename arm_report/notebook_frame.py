@@ -9,6 +9,9 @@ HEIGHT = 640
 
 
 def inline(page: str, *, height: int = HEIGHT) -> str:
-    """A whole HTML page as a part of another: in a frame, so that neither changes the other's style."""
+    """A whole HTML page as a part of another: in a frame, so that neither changes the other's style.
+
+    Its scripts run there as those of a stranger: they cannot reach the notebook.
+    """
     style = f"width:100%;height:{height}px;border:1px solid #d8dee6"
-    return f'<iframe style="{style}" srcdoc="{escape(page)}"></iframe>'
+    return f'<iframe sandbox="allow-scripts" style="{style}" srcdoc="{escape(page)}"></iframe>'

@@ -1,0 +1,120 @@
+"""A chart as data: one description, drawn on paper by ``arm_report.paper`` and in a page by uPlot.
+
+Axis labels are "quantity, unit". Colours are of ``arm_report.palette``; joints count from 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_report.palette import AXIS, NOISE
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Series:
+    """Values y (k,) over x (k,); NaN breaks a line.
+
+    label   in the legend, which shows each once; "" keeps it out
+    kind    bars: from zero to x, at the rows y of ``Panel.names``; both: a line with dots
+    spread  (k,) two standard deviations: a band about a line, bars at dots; None: none
+    joint   whose values they are, where several joints share a panel
+    at      (k,) s on the time axis of ``Panel.motion``: when a dot was measured; None: x is that time, or none is
+    """
+
+    x: Array
+    y: Array
+    colour: str
+    label: str = ""
+    kind: Literal["line", "dots", "both", "bars"] = "line"
+    width: float = 0.8
+    dashed: bool = False
+    hollow: bool = False
+    spread: Array | None = None
+    joint: int | None = None
+    at: Array | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Zone:
+    """A range of an axis that is shaded, such as what instruments alone explain."""
+
+    low: float
+    high: float
+    axis: Literal["x", "y"] = "y"
+    colour: str = NOISE
+    label: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level:
+    """A straight line at one value of an axis, with words beside it if it has any."""
+
+    value: float
+    axis: Literal["x", "y"] = "y"
+    colour: str = AXIS
+    label: str = ""
+    dashed: bool = False
+    words: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Panel:
+    """One pair of axes.
+
+    y_range  shown while nothing is zoomed; None: that of the values
+    x_range  the same of the other axis
+    joint    whose values they are; None: several joints', or no joint's
+    motion   the clip of ``Motion`` that was recorded meanwhile; "": none
+    dates    x is in s since 1970 UTC
+    equal    one unit is as long on both axes
+    names    of the rows of bars, from the top
+    linear   the x axis is linear up to this value and logarithmic beyond; None: linear throughout
+    """
+
+    series: tuple[Series, ...]
+    x: str
+    y: str
+    title: str = ""
+    zones: tuple[Zone, ...] = ()
+    levels: tuple[Level, ...] = ()
+    log_x: bool = False
+    log_y: bool = False
+    y_range: tuple[float, float] | None = None
+    x_range: tuple[float, float] | None = None
+    joint: int | None = None
+    motion: str = ""
+    dates: bool = False
+    equal: bool = False
+    names: tuple[str, ...] = ()
+    linear: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chart:
+    """Panels in rows of ``columns``.
+
+    name    of its picture: letters, digits and underscores
+    title   what it shows, in words
+    shared  panels of a column have one x axis and are zoomed together
+    height  of a row on paper, inches
+    widths  of the columns, relative
+    """
+
+    name: str
+    title: str
+    panels: tuple[Panel, ...]
+    columns: int = 1
+    shared: bool = False
+    height: float = 2.6
+    widths: tuple[float, ...] = field(default=())
+
+
+def robust_range(values: Array, least: float = 0.0, share: float = 0.99, room: float = 1.15) -> tuple[float, float]:
+    """A range about zero that holds this share of the values, and at least ``least`` either way."""
+    known = np.abs(values[np.isfinite(values)])
+    top = max(least, room * float(np.quantile(known, share))) if len(known) else least
+    return -(top or 1.0), top or 1.0

@@ -1,0 +1,142 @@
+"""Charts on paper, by matplotlib: for print, for papers, and in a page that runs no scripts."""
+
+from __future__ import annotations
+
+import base64
+import io
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from arm_report.chart import Chart, Panel, Series
+from arm_report.envelope import extremes, rows_per_bucket
+from arm_report.palette import GRID
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH = 10.5
+"""Inches."""
+STILL_DPI, STILL_COLOURS = 72, 48
+"""Of the picture that a page carries for print and for browsers without scripts."""
+PICTURE_DPI = 200
+PICTURES = ("png", "pdf")
+"""Kinds of files that ``write_report`` can draw beside a report."""
+
+
+def figure(chart: Chart, *, most_points: int | None = None) -> Figure:
+    """The whole chart; of longer series ``most_points`` points, every peak kept."""
+    from matplotlib.figure import Figure
+
+    rows = -(-len(chart.panels) // chart.columns)
+    drawn = Figure(figsize=(WIDTH, 0.5 + chart.height * rows), layout="constrained")
+    widths = chart.widths or (1.0,) * chart.columns
+    shared: Literal["col", "none"] = "col" if chart.shared else "none"
+    grid = drawn.subplots(rows, chart.columns, squeeze=False, sharex=shared, width_ratios=widths)
+    several = any(map(_named, chart.panels))
+    for place, (axis, panel) in enumerate(zip(grid.ravel(), chart.panels)):
+        _draw(axis, panel, most_points)
+        if chart.shared and place < len(chart.panels) - chart.columns:
+            axis.set_xlabel("")
+            axis.tick_params(labelbottom=False)
+    for axis in grid.ravel()[len(chart.panels) :]:
+        axis.set_axis_off()
+    if several:
+        marks = {text: mark for axis in grid.ravel() for mark, text in zip(*axis.get_legend_handles_labels())}
+        drawn.legend(
+            list(marks.values()), list(marks), loc="outside upper right", ncols=min(len(marks), 6), fontsize="small"
+        )
+    return drawn
+
+
+def still(chart: Chart) -> str:
+    """The chart as a PNG of few colours, base64."""
+    from PIL import Image
+
+    drawn, buffer = io.BytesIO(), io.BytesIO()
+    figure(chart, most_points=1200).savefig(drawn, format="png", dpi=STILL_DPI)
+    few = Image.open(drawn).convert("RGB").quantize(STILL_COLOURS, dither=Image.Dither.NONE)
+    few.save(buffer, format="png", optimize=True)
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+def _named(panel: Panel) -> bool:
+    """Whether the legend has something to say about a panel."""
+    labels = [one.label for one in panel.series] + [one.label for one in panel.zones]
+    return any(labels) or any(one.label for one in panel.levels)
+
+
+def _draw(axis: Axes, panel: Panel, most_points: int | None) -> None:
+    for zone in panel.zones:
+        span = axis.axhspan if zone.axis == "y" else axis.axvspan
+        span(zone.low, zone.high, color=zone.colour, lw=0.0, label=zone.label or None, zorder=0)
+    for one in panel.series:
+        _series(axis, one, panel.dates, most_points)
+    if panel.names:
+        axis.set_yticks(range(len(panel.names)), panel.names, fontsize="small")
+        axis.invert_yaxis()
+    if panel.linear is not None:
+        axis.set_xscale("symlog", linthresh=panel.linear)
+    if panel.log_x:
+        axis.set_xscale("log")
+    if panel.log_y:
+        axis.set_yscale("log", nonpositive="mask")
+    axis.grid(color=GRID)
+    axis.set_axisbelow(True)
+    axis.set_title(panel.title, loc="left", fontsize="medium")
+    axis.set_xlabel("" if panel.dates else panel.x)
+    axis.set_ylabel(panel.y, fontsize="small")
+    if panel.y_range is not None:
+        axis.set_ylim(*panel.y_range)
+    if panel.x_range is not None:
+        axis.set_xlim(*(_dates(np.array(panel.x_range)) if panel.dates else panel.x_range))
+    if panel.equal:
+        axis.set_aspect("equal", "datalim")
+    if panel.dates:
+        _date_axis(axis)
+    for level in panel.levels:
+        line = axis.axhline if level.axis == "y" else axis.axvline
+        style = "--" if level.dashed else "-"
+        line(level.value, color=level.colour, lw=0.8, ls=style, label=level.label or None, zorder=1.5)
+        if level.words and level.axis == "x":
+            top = axis.get_xaxis_transform()
+            axis.text(level.value, 1.0, f" {level.words}", transform=top, fontsize="small", va="bottom")
+
+
+def _series(axis: Axes, one: Series, dates: bool, most_points: int | None) -> None:
+    kept = slice(None) if most_points is None else extremes(one.y, rows_per_bucket(len(one.y), most_points))
+    x: Any = _dates(one.x[kept]) if dates else one.x[kept]
+    y = one.y[kept]
+    label = one.label or None
+    if one.kind == "bars":
+        axis.barh(y, x, color=one.colour, label=label)
+        return
+    style: dict[str, Any] = {"color": one.colour, "label": label}
+    if one.kind != "dots":
+        style |= {"lw": one.width, "ls": "--" if one.dashed else "-"}
+    if one.kind != "line":
+        size = 1.6 if len(y) > 100 else 4.0
+        style |= {"marker": "o", "ms": size, "mew": 0.0 if size < 2 else 0.8}
+        style |= {"mfc": "none"} if one.hollow else {}
+    if one.kind == "dots":
+        style |= {"ls": "none"}
+    if one.spread is not None and one.kind != "line":
+        axis.errorbar(x, y, one.spread[kept], capsize=2, elinewidth=0.8, **style)
+        return
+    axis.plot(x, y, **style)
+    if one.spread is not None:
+        axis.fill_between(x, y - one.spread[kept], y + one.spread[kept], color=one.colour, alpha=0.25, lw=0)
+
+
+def _dates(seconds: Any) -> list[datetime]:
+    return [datetime.fromtimestamp(float(one), UTC) for one in seconds]
+
+
+def _date_axis(axis: Axes) -> None:
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    locator = AutoDateLocator(minticks=3, maxticks=8)
+    axis.xaxis.set_major_locator(locator)
+    axis.xaxis.set_major_formatter(ConciseDateFormatter(locator))

@@ -1,0 +1,139 @@
+"""Charts and motions as JSON for the scripts of a page: few points, numbers in two or four bytes, each array once."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_report.chart import Chart, Panel, Series
+from arm_report.envelope import POINTS, envelope, extremes, rows_per_bucket
+from arm_report.motion import Motion
+from arm_report.palette import DARK
+
+Table = dict[str, Any]
+LEVELS = 65_534
+"""Steps of a quantised array over its range; 65535 is NaN."""
+
+
+class Arrays:
+    """The numbers of a page; the same array twice is stored once."""
+
+    def __init__(self) -> None:
+        self.stored: list[Table] = []
+        self._known: dict[tuple[str, bytes], int] = {}
+
+    def put(self, values: Array, *, exact: bool = False) -> int:
+        """The number of the array; exact: four bytes per value, else steps of 1/65534 of the range."""
+        values = np.asarray(values, float)
+        key = (f"{len(values)} {exact}", values.tobytes())
+        if key not in self._known:
+            self._known[key] = len(self.stored)
+            self.stored.append(_exact(values) if exact else _quantised(values))
+        return self._known[key]
+
+
+def _exact(values: Array) -> Table:
+    """Offsets from the first value, so that four bytes suffice for a time."""
+    known = values[np.isfinite(values)]
+    first = float(known[0]) if len(known) else 0.0
+    return {"first": first, "f32": _base64((values - first).astype("<f4"))}
+
+
+def _quantised(values: Array) -> Table:
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    step = (high - low) / LEVELS
+    scaled = np.full(len(values), LEVELS + 1.0)
+    there = np.isfinite(values)
+    scaled[there] = np.rint((values[there] - low) / step) if step > 0 else 0.0
+    return {"low": low, "step": step, "u16": _base64(scaled.astype("<u2"))}
+
+
+def _base64(values: np.ndarray) -> str:
+    return base64.b64encode(values.tobytes()).decode()
+
+
+def plain_page(charts: list[Chart], motion: Motion | None, names: list[str]) -> Table:
+    """All that the scripts of a page need; ``names`` of the joints, from the first."""
+    arrays = Arrays()
+    table: Table = {
+        "charts": [_chart(chart, arrays) for chart in charts],
+        "joints": names,
+        "motion": None if motion is None else _motion(motion, arrays),
+        "dark": DARK,
+    }
+    return table | {"arrays": arrays.stored}
+
+
+def thinned(chart: Chart) -> int:
+    """Rows of which the lowest and the highest value are drawn in a page, the most of all series; 1: all are."""
+    return max((rows_per_bucket(len(one.y)) for panel in chart.panels for one in panel.series), default=1)
+
+
+def _chart(chart: Chart, arrays: Arrays) -> Table:
+    return {
+        "name": chart.name,
+        "title": chart.title,
+        "columns": chart.columns,
+        "widths": list(chart.widths),
+        "shared": chart.shared,
+        "height": chart.height,
+        "panels": [_panel(panel, arrays) for panel in chart.panels],
+    }
+
+
+def _panel(panel: Panel, arrays: Arrays) -> Table:
+    return {
+        "x": panel.x,
+        "y": panel.y.replace("\n", " "),
+        "title": panel.title,
+        "zones": [vars(one) for one in panel.zones],
+        "levels": [vars(one) for one in panel.levels],
+        "log_x": panel.log_x,
+        "log_y": panel.log_y,
+        "y_range": panel.y_range,
+        "x_range": panel.x_range,
+        "joint": panel.joint,
+        "motion": panel.motion,
+        "dates": panel.dates,
+        "equal": panel.equal,
+        "names": panel.names,
+        "linear": panel.linear,
+        "series": [_series(one, panel, arrays) for one in panel.series if len(one.y)],
+    }
+
+
+def _series(one: Series, panel: Panel, arrays: Arrays) -> Table:
+    every = rows_per_bucket(len(one.y), POINTS)
+    if one.kind == "line":
+        kept, y = envelope(one.y, every)
+    else:
+        # dots stay where they were measured
+        kept = extremes(one.y, every)
+        y = one.y[kept]
+    in_order = one.kind == "line"
+    table = {
+        "x": arrays.put(one.x[kept], exact=in_order or panel.log_x or panel.dates),
+        "y": arrays.put(y, exact=panel.log_y),
+        "spread": None if one.spread is None else arrays.put(one.spread[kept]),
+        "at": None if one.at is None else arrays.put(one.at[kept], exact=True),
+    }
+    words = {name: getattr(one, name) for name in ("label", "colour", "kind", "width", "dashed", "hollow", "joint")}
+    return table | words
+
+
+def _motion(motion: Motion, arrays: Arrays) -> Table:
+    clips = {
+        name: {
+            "name": clip.name,
+            "x": clip.x,
+            "t": arrays.put(clip.t, exact=True),
+            "q": [arrays.put(column) for column in clip.q.T],
+        }
+        for name, clip in motion.clips.items()
+        if len(clip.t)
+    }
+    return {"arm": dict(motion.arm), "clips": clips}

@@ -1,0 +1,321 @@
+// One pair of axes: series by uPlot; bands, bars, zones and levels drawn around them.
+
+const SNAP = 14; // pixels within which a dot is the one that is pointed at
+
+/** Series of a panel on one x axis, as uPlot takes them: [x, y1, y2, ...], with the instant of every dot. */
+function aligned(panel) {
+  const tables = panel.series.map((one) => {
+    const x = array(one.x), y = array(one.y), at = array(one.at), spread = array(one.spread);
+    const order = one.kind === "line" ? null : x.map((_, k) => k).filter((k) => x[k] !== null).sort((a, b) => x[a] - x[b]);
+    const pick = (values) => (values && order ? order.map((k) => values[k]) : values);
+    return { x: pick(x), y: pick(y), at: pick(at), spread: pick(spread) };
+  });
+  const data = apart(tables);
+  return { data, tables };
+}
+
+/** Lines of the same x share it. Else every value has a place of its own, since dots may have equal x. */
+function apart(tables) {
+  const first = tables[0]?.x ?? [];
+  if (tables.every((one) => one.x === first)) {
+    tables.forEach((one) => (one.from = null));
+    return [first, ...tables.map((one) => one.y)];
+  }
+  const all = tables.flatMap((one, n) => one.x.map((x, k) => [x, n, k])).sort((a, b) => a[0] - b[0]);
+  const columns = tables.map((one) => {
+    one.from = new Array(all.length).fill(-1);
+    return new Array(all.length).fill(undefined);
+  });
+  all.forEach(([, n, k], row) => {
+    columns[n][row] = tables[n].y[k];
+    tables[n].from[row] = k;
+  });
+  return [all.map((one) => one[0]), ...columns];
+}
+
+const padded = (low, high) => {
+  const room = Math.max((high - low) * 0.06, Math.abs(high) * 1e-9, 1e-12);
+  return [low - room, high + room];
+};
+
+class PanelView {
+  constructor(chart, panel, last) {
+    Object.assign(this, { chart, panel, last });
+    this.place = el("div", { class: "plot" });
+    // the place is kept until it is drawn, so that the page does not move under the reader
+    this.place.style.minHeight = `${this.height}px`;
+    this.tip = el("div", { class: "tip", hidden: "" });
+    this.element = el(
+      "div",
+      { class: "panel", tabindex: 0, role: "group", "data-joint": panel.joint, "data-panel": panel.title || panel.y,
+        "aria-label": `${panel.title} ${panel.y} over ${panel.x}. Arrow keys: read values. Plus and minus: zoom. 0: show all.` },
+      ...(panel.title ? [el("h3", {}, panel.title)] : []), this.place, this.tip,
+    );
+    this.element.addEventListener("keydown", (event) => this._key(event));
+    this.place.addEventListener("mouseleave", () => (this.tip.hidden = true));
+  }
+
+  /** Draws for the first time, or anew in another theme or width. */
+  make() {
+    const { data, tables } = (this.made ??= aligned(this.panel));
+    this.tables = tables;
+    const before = this.plot && this.zoomed ? { ...this.plot.scales.x } : null;
+    this.plot?.destroy();
+    this.full = this._full(data[0]);
+    this.plot = new uPlot(this._options(), data, this.place);
+    if (before) this.plot.setScale("x", { min: before.min, max: before.max });
+  }
+
+  get height() {
+    return Math.round(96 * this.chart.height * 0.95) + (this.last ? 44 : 0);
+  }
+
+  get zoomed() {
+    const { min, max } = this.plot.scales.x;
+    const least = 1e-6 * (this.full[1] - this.full[0]);
+    return min > this.full[0] + least || max < this.full[1] - least;
+  }
+
+  /** The range of x that shows all. */
+  _full(x) {
+    const { panel } = this, known = x.filter((value) => value !== null);
+    if (panel.x_range) return panel.x_range;
+    if (!known.length) return [0, 1];
+    const [low, high] = [known[0], known.at(-1)];
+    if (panel.names.length) return padded(Math.min(low, 0), Math.max(high, 0));
+    if (panel.log_x) return [low / 1.1, high * 1.1];
+    if (panel.equal) return this._square(low, high);
+    const lines = panel.series.every((one) => one.kind === "line");
+    return lines && high > low ? [low, high] : padded(low, high === low ? low + 1 : high);
+  }
+
+  _options() {
+    const { panel } = this;
+    const axis = { stroke: styleOf("quiet"), grid: { stroke: styleOf("grid"), width: 1 }, ticks: { show: false }, font: "11px system-ui", labelFont: "12px system-ui" };
+    const write = (_, ticks) => ticks.map((v) => (v === null ? "" : digits(v)));
+    // the ends of a logarithmic axis are no round numbers
+    const decades = (_, ticks) => ticks.map((v) => (v === null || Math.abs(Number(v.toPrecision(1)) / v - 1) > 1e-6 ? "" : digits(v)));
+    const shown = this.last || !this.chart.shared;
+    return {
+      width: Math.max(this.place.clientWidth, 120),
+      height: this.height,
+      legend: { show: false },
+      cursor: {
+        y: false,
+        drag: { x: true, y: false, setScale: true },
+        sync: this.chart.shared ? { key: this.chart.name, setSeries: false } : undefined,
+        points: { size: 7 },
+        dataIdx: (plot, series, index) => this._index(plot, series, index),
+      },
+      scales: {
+        x: { time: panel.dates, distr: panel.log_x ? 3 : panel.linear === null ? 1 : 4, asinh: panel.linear ?? 1, range: (plot, low, high) => this._xRange(plot, low, high) },
+        y: { distr: panel.log_y ? 3 : 1, dir: panel.names.length ? -1 : 1, range: (_, low, high) => this._yRange(low, high) },
+      },
+      axes: [
+        { ...axis, show: true, size: shown ? 30 : 6, label: shown ? (panel.dates ? undefined : panel.x) : undefined, labelSize: 20, values: shown ? (panel.dates ? undefined : panel.log_x ? decades : write) : () => [] },
+        panel.names.length
+          ? { ...axis, size: Math.min(260, this.place.clientWidth * 0.45), grid: { show: false }, splits: () => panel.names.map((_, k) => k), values: (_, ticks) => ticks.map((k) => panel.names[k]) }
+          : { ...axis, size: 58, label: panel.y, labelSize: 18, values: panel.log_y ? decades : write },
+      ],
+      series: [{}, ...panel.series.map((one) => this._style(one))],
+      hooks: {
+        drawAxes: [(plot) => this._behind(plot)],
+        draw: [(plot) => this._levels(plot)],
+        setCursor: [(plot) => this._pointed(plot)],
+        setScale: [(plot, key) => key === "x" && this.onZoom?.(this)],
+      },
+    };
+  }
+
+  _style(one) {
+    const stroke = shade(one.colour), dots = one.kind !== "line", many = array(one.y).length > 120;
+    return {
+      label: one.label,
+      show: !this.hidden?.(one),
+      stroke: one.kind === "dots" || one.kind === "bars" ? "transparent" : stroke,
+      width: Math.max(one.width, 1) / 1,
+      dash: one.dashed ? [6, 4] : undefined,
+      paths: one.kind === "dots" || one.kind === "bars" ? () => null : undefined,
+      points: { show: dots, size: many ? 2.6 : 7, width: many ? 0 : 1.2, fill: one.hollow ? styleOf("paper") : stroke, stroke, filter: undefined },
+      spanGaps: false,
+    };
+  }
+
+  /** What is asked for; all, where uPlot asks for the range of the data. */
+  _xRange(plot, low, high) {
+    const x = plot.data[0];
+    return low === null || (low === x[0] && high === x.at(-1)) ? this.full : [low, high];
+  }
+
+  /** As wide as the plot is for the height of the y values, so that circles are round. */
+  _square(low, high) {
+    const values = this.panel.series.flatMap((one) => array(one.y)).filter((v) => v !== null);
+    const tall = Math.max(...values) - Math.min(...values);
+    const wide = Math.max(high - low, (tall * 1.12 * (this.place.clientWidth - 80)) / (this.height - 66)), middle = (low + high) / 2;
+    return [middle - wide / 2, middle + wide / 2];
+  }
+
+  _yRange(low, high) {
+    const { panel } = this;
+    if (panel.names.length) return [-0.6, panel.names.length - 0.4];
+    if (panel.y_range && !(this.plot && this.zoomed)) return panel.y_range;
+    if (low === null || low === undefined) return panel.y_range ?? (panel.log_y ? [0.1, 1] : [-1, 1]);
+    if (panel.log_y) return [low / 1.4, high * 1.4];
+    for (const one of panel.series) {
+      const spread = array(one.spread);
+      if (spread && !this.hidden?.(one)) array(one.y).forEach((y, k) => {
+        if (y === null || spread[k] === null) return;
+        low = Math.min(low, y - spread[k]);
+        high = Math.max(high, y + spread[k]);
+      });
+    }
+    for (const level of panel.levels) if (level.axis === "y" && level.label) [low, high] = [Math.min(low, level.value), Math.max(high, level.value)];
+    return padded(low, high);
+  }
+
+  /** Of dots the one nearest to the cursor in both directions; of lines the nearest row. */
+  _index(plot, series, index) {
+    const one = this.panel.series[series - 1];
+    if (!one || index === null) return index;
+    const values = plot.data[series], { left, top } = plot.cursor;
+    const distance = (k) => (one.kind === "line" ? Math.abs(plot.valToPos(plot.data[0][k], "x") - left)
+      : Math.hypot(plot.valToPos(plot.data[0][k], "x") - left, plot.valToPos(values[k], "y") - top));
+    let best = null, least = Infinity;
+    for (const step of [-1, 1])
+      for (let k = index; k >= 0 && k < values.length; k += step) {
+        const across = Math.abs(plot.valToPos(plot.data[0][k], "x") - left);
+        if (across > Math.min(least, one.kind === "line" ? 60 : 30)) break;
+        if (values[k] === null || values[k] === undefined) continue;
+        const here = distance(k);
+        if (here < least) [best, least] = [k, here];
+        if (one.kind === "line") break;
+      }
+    return best;
+  }
+
+  /** What is drawn behind the series: zones, bands about lines, bars at dots. */
+  _behind(plot) {
+    const { ctx, bbox } = plot, pos = (v, axis) => plot.valToPos(v, axis, true);
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    for (const zone of this.panel.zones) {
+      const a = pos(zone.low, zone.axis), b = pos(zone.high, zone.axis);
+      ctx.fillStyle = shade(zone.colour);
+      ctx.globalAlpha = 0.75;
+      if (zone.axis === "y") ctx.fillRect(bbox.left, Math.min(a, b), bbox.width, Math.abs(b - a));
+      else ctx.fillRect(Math.min(a, b), bbox.top, Math.abs(b - a), bbox.height);
+    }
+    this.panel.series.forEach((one, n) => {
+      if (one.kind === "bars" && !this.hidden?.(one)) {
+        const { x, y } = this.tables[n], thick = 0.7 * Math.abs(pos(1, "y") - pos(0, "y"));
+        ctx.globalAlpha = 1;
+        ctx.fillStyle = shade(one.colour);
+        x.forEach((value, k) => ctx.fillRect(Math.min(pos(0, "x"), pos(value, "x")), pos(y[k], "y") - thick / 2, Math.abs(pos(value, "x") - pos(0, "x")), thick));
+      }
+      if (one.spread === null || this.hidden?.(one)) return;
+      const { x, y, spread } = this.tables[n];
+      ctx.fillStyle = ctx.strokeStyle = shade(one.colour);
+      ctx.globalAlpha = one.kind === "line" ? 0.25 : 0.9;
+      ctx.beginPath();
+      const known = x.map((_, k) => k).filter((k) => x[k] !== null && y[k] !== null && spread[k] !== null);
+      if (one.kind === "line") {
+        known.forEach((k) => ctx.lineTo(pos(x[k], "x"), pos(y[k] + spread[k], "y")));
+        known.reverse().forEach((k) => ctx.lineTo(pos(x[k], "x"), pos(y[k] - spread[k], "y")));
+        ctx.fill();
+      } else {
+        for (const k of known) {
+          ctx.moveTo(pos(x[k], "x"), pos(y[k] + spread[k], "y"));
+          ctx.lineTo(pos(x[k], "x"), pos(y[k] - spread[k], "y"));
+        }
+        ctx.lineWidth = devicePixelRatio;
+        ctx.stroke();
+      }
+    });
+    ctx.restore();
+  }
+
+  _levels(plot) {
+    const { ctx, bbox } = plot;
+    ctx.save();
+    ctx.textAlign = "left";
+    for (const level of this.panel.levels) {
+      const at = plot.valToPos(level.value, level.axis, true), across = level.axis === "y";
+      const [low, high] = across ? [bbox.top, bbox.top + bbox.height] : [bbox.left, bbox.left + bbox.width];
+      if (at < low - 1 || at > high + 1) continue;
+      ctx.strokeStyle = shade(level.colour);
+      ctx.lineWidth = devicePixelRatio;
+      ctx.setLineDash(level.dashed ? [6 * devicePixelRatio, 4 * devicePixelRatio] : []);
+      ctx.beginPath();
+      ctx.moveTo(across ? bbox.left : at, across ? at : bbox.top);
+      ctx.lineTo(across ? bbox.left + bbox.width : at, across ? at : bbox.top + bbox.height);
+      ctx.stroke();
+      if (!level.words) continue;
+      ctx.fillStyle = styleOf("quiet");
+      ctx.font = `${11 * devicePixelRatio}px system-ui`;
+      ctx.textBaseline = "top";
+      ctx.fillText(level.words, at + 4 * devicePixelRatio, bbox.top + 3 * devicePixelRatio);
+    }
+    ctx.restore();
+  }
+
+  /** Shows what is under the cursor of this panel, and the arm at that instant. */
+  _pointed(plot) {
+    const { left, top, idxs, event } = plot.cursor;
+    const mine = (event && plot.over.contains(event.target)) || this.byKey;
+    if (!mine || left < 0 || !idxs) {
+      this.tip.hidden = true;
+      return;
+    }
+    const [quantity, unit] = named(this.panel.x);
+    const lines = [], closest = { distance: Infinity, x: plot.posToVal(left, "x"), at: null };
+    this.panel.series.forEach((one, n) => {
+      const k = idxs[n + 1], value = k === null || k === undefined ? null : plot.data[n + 1][k];
+      if (value === null || value === undefined || this.hidden?.(one)) return;
+      const x = plot.data[0][k], away = Math.hypot(plot.valToPos(x, "x") - left, one.kind === "line" ? 0 : plot.valToPos(value, "y") - top);
+      if (one.kind === "dots" && away > SNAP && !this.byKey) return;
+      const row = this.tables[n].from ? this.tables[n].from[k] : k;
+      const spread = this.tables[n].spread?.[row];
+      if (this.panel.names.length) lines.push(el("div", {}, `${this.panel.names[value]}: ${digits(x)}`));
+      else if (one.label || this.panel.series.length === 1) {
+        const mark = el("i");
+        mark.style.background = shade(one.colour);
+        const name = one.label || named(this.panel.y)[0];
+        lines.push(el("div", {}, mark, `${name} ${digits(value)}${spread ? ` ± ${digits(spread)}` : ""} ${named(this.panel.y)[1]}`));
+      }
+      if (away < closest.distance) Object.assign(closest, { distance: away, x, at: this.tables[n].at?.[row] ?? null });
+    });
+    this.tip.replaceChildren(el("div", {}, this.panel.dates ? day(closest.x) : `${quantity} ${digits(closest.x)} ${unit}`), ...lines);
+    this.tip.hidden = !lines.length;
+    const over = plot.over.getBoundingClientRect(), here = this.element.getBoundingClientRect();
+    const room = this.element.clientWidth - this.tip.offsetWidth - 4;
+    this.tip.style.left = `${Math.max(0, Math.min(over.left - here.left + left + 14, room))}px`;
+    this.tip.style.top = `${over.top - here.top + 4}px`;
+    const timed = closest.at ?? (this.panel.series.some((one) => one.at !== null) ? null : closest.x);
+    if (this.panel.motion && timed !== null) showArm(this.panel.motion, timed);
+  }
+
+  _key(event) {
+    const { plot } = this;
+    if (!plot || event.ctrlKey || event.altKey || event.metaKey) return;
+    const { min, max } = plot.scales.x, x = plot.data[0];
+    const at = plot.cursor.left >= 0 ? plot.posToVal(plot.cursor.left, "x") : (min + max) / 2;
+    const zoom = (factor) => plot.setScale("x", { min: Math.max(this.full[0], at - (at - min) * factor), max: Math.min(this.full[1], at + (max - at) * factor) });
+    const move = (steps) => {
+      const k = nearest(x, at), step = Math.max(1, Math.round((nearest(x, max) - nearest(x, min)) / (event.shiftKey ? 10 : 200)));
+      const next = x[Math.min(Math.max(k + steps * step, 0), x.length - 1)];
+      this.byKey = true;
+      plot.setCursor({ left: plot.valToPos(next, "x"), top: plot.over.clientHeight / 2 });
+      this.byKey = false;
+    };
+    const doing = { ArrowLeft: () => move(-1), ArrowRight: () => move(1), "+": () => zoom(0.5), "=": () => zoom(0.5), "-": () => zoom(2), 0: () => this.reset(), Escape: () => this.reset() }[event.key];
+    if (!doing) return;
+    event.preventDefault();
+    doing();
+  }
+
+  reset() {
+    this.plot.setScale("x", { min: this.full[0], max: this.full[1] });
+  }
+}
