@@ -122,9 +122,15 @@ class PanelView {
         drawAxes: [(plot) => this._behind(plot)],
         draw: [(plot) => this._levels(plot)],
         setCursor: [(plot) => this._pointed(plot)],
-        setScale: [(plot, key) => key === "x" && this.onZoom?.(this)],
+        setScale: [(plot, key) => key === "x" && this._scaled(plot)],
       },
     };
+  }
+
+  _scaled(plot) {
+    const { min, max } = plot.scales.x;
+    this.element.dataset.shown = `${digits(min)} ${digits(max)}`;
+    this.onZoom?.(this);
   }
 
   _style(one) {

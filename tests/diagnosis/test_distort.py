@@ -119,4 +119,4 @@ def test_what_is_written_is_one_file_that_needs_no_network(puma: Arm, plain: tup
     read: dict[str, Any] = json.loads((tmp_path / "distortion.json").read_text())
     assert read == json.loads(json.dumps(table)) and read["schema"] == "armscope.distortion/1"
     page = (tmp_path / "distortion.html").read_text()
-    assert 'src="http' not in page and "<script" not in page and table["verdict"].split(":")[0] in page
+    assert "http" not in page and table["verdict"].split(":")[0] in page

@@ -1,0 +1,227 @@
+"""Reports in a real browser: values under the cursor, zoom, joints that are switched off, the arm, print."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_model import read_model
+from arm_model.collision import chain_of
+from arm_page.application import REPORT_POLICY
+from arm_report import Chart, Panel, Series, Zone, inline
+from arm_report.motion import Motion, clip_of
+from arm_report.page import _text
+from arm_report.palette import AFTER, BEFORE
+from tests.arm_page.room import CHROMIUM, SWITCHES
+from tests.arm_report.test_page import report
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine; .ci/run installs it"),
+    pytest.mark.xdist_group("browser"),
+]
+SECONDS = 40_000
+"""ms for anything to happen: the machine may be busy."""
+EVIL = "<script>window.stolen = 1</script>"
+ROWS = 5001
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SWITCHES)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def written(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report of a Puma: currents of joints 1 and 2 over 10 s, and dots over velocity; joint 2 has a bad name."""
+    arm = read_model(root / "config/models/puma560.toml")
+    t = np.linspace(0.0, 10.0, ROWS)
+    q = np.zeros((ROWS, 6))
+    q[:, 0] = t / 10.0
+    stacked = tuple(
+        Panel(
+            series=(
+                Series(x=t, y=joint * t, colour=BEFORE, label="before"),
+                Series(x=t, y=-joint * t, colour=AFTER, label="after"),
+            ),
+            zones=(Zone(low=-2.0, high=2.0, label="noise"),),
+            title=f"joint {joint}",
+            x="time, s",
+            y="current, A",
+            joint=joint,
+            motion="run.mcap",
+        )
+        for joint in (1, 2)
+    )
+    dots = Series(
+        x=np.array([3.0, 1.0, 2.0]),
+        y=np.array([1.0, 2.0, 3.0]),
+        kind="dots",
+        colour=AFTER,
+        at=np.array([9.0, 5.0, 1.0]),
+    )
+    cloud = Panel(series=(dots,), x="velocity, rad/s", y="residual, A", joint=1, motion="run.mcap")
+    motion = Motion(arm=chain_of(arm).to_json(), clips={"run.mcap": clip_of(t, q, f"run{EVIL}.mcap")})
+    content = {
+        "words": EVIL,
+        "charts": [
+            Chart(name="currents", title="currents", panels=stacked, shared=True, height=1.5),
+            Chart(name="cloud", title="cloud", panels=(cloud,)),
+        ],
+    }
+    made = replace(report("a report"), content=content, motion=motion, joints=["waist", EVIL])
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    path.write_text(replace(made, template="tests.arm_report/charts.html").html())
+    return path
+
+
+@pytest.fixture
+def page(browser: Any, written: Path) -> Iterator[Any]:
+    """The report, opened from its file; the test fails if its scripts do, or if it asks for anything else."""
+    with watched(browser) as page:
+        page.goto(written.as_uri())
+        page.wait_for_selector("#chart-cloud canvas")
+        yield page
+
+
+class watched:  # noqa: N801
+    """A page of the browser; AssertionError at its end if a script failed or another address was asked for."""
+
+    def __init__(self, browser: Any, **options: Any) -> None:
+        self.context = browser.new_context(viewport={"width": 1000, "height": 1100}, **options)
+        self.errors: list[str] = []
+
+    def __enter__(self) -> Any:
+        page = self.context.new_page()
+        page.set_default_timeout(SECONDS)
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("console", lambda message: self.errors.append(message.text) if message.type == "error" else None)
+        page.on("request", lambda request: self.asked(request.url))
+        self.requests: list[str] = []
+        return page
+
+    def asked(self, url: str) -> None:
+        if not url.startswith("data:"):
+            self.requests.append(url)
+
+    def __exit__(self, *failure: Any) -> None:
+        self.context.close()
+        if failure[0] is None:
+            assert self.errors == []
+            assert len(self.requests) <= 1, self.requests
+
+
+def over(page: Any, panel: int, across: float, down: float = 0.5) -> tuple[float, float]:
+    """Pixels of a place in the drawn area of a panel, as shares of its width and height."""
+    box = page.locator(".panel .u-over").nth(panel).bounding_box()
+    return box["x"] + across * box["width"], box["y"] + down * box["height"]
+
+
+def test_a_value_is_shown_under_the_cursor_and_the_arm_at_that_row(page: Any) -> None:
+    page.mouse.move(*over(page, 1, 0.5))
+    tip = page.locator(".panel").nth(1).locator(".tip")
+    tip.wait_for()
+    first, before, after = tip.inner_text().splitlines()
+    seconds = float(first.split()[1])
+    assert first.endswith(" s") and abs(seconds - 5.0) < 0.1
+    assert abs(float(before.split()[1]) - 10.0) < 0.2 and before.endswith(" A") and after.startswith("after -")
+    row = int(page.get_attribute("#arm", "data-row"))
+    assert abs(row / (ROWS - 1) - 0.5) < 0.52 and f"run{EVIL}.mcap" in page.inner_text("#arm p")
+    # dots were measured at instants of their own; a twelfth of the width is free on either side
+    for (across, down), velocity, instant in (((0.12, 1.12), "1", "5 s"), ((1.12, 0.12), "2", "1 s")):
+        page.mouse.move(*over(page, 2, across / 2.24, down / 2.24))
+        assert page.locator(".panel").nth(2).locator(".tip").inner_text().startswith(f"velocity {velocity} rad/s")
+        assert page.inner_text("#arm p").endswith(f", {instant}")
+
+
+def test_values_are_read_by_keys(page: Any) -> None:
+    panel = page.locator(".panel").nth(0)
+    panel.focus()
+    said = []
+    for _ in range(2):
+        page.keyboard.press("ArrowRight")
+        said.append(panel.locator(".tip").inner_text().split()[1])
+    assert 5.0 <= float(said[0]) < float(said[1]) < 5.5
+
+
+def test_dragging_zooms_every_panel_of_the_axis_and_a_key_shows_all(page: Any) -> None:
+    panels = page.locator("#chart-currents .panel")
+    page.mouse.move(*over(page, 0, 0.25))
+    page.mouse.down()
+    page.mouse.move(*over(page, 0, 0.4), steps=3)
+    page.mouse.move(*over(page, 0, 0.5), steps=3)
+    page.mouse.up()
+    for k in (0, 1):
+        low, high = map(float, panels.nth(k).get_attribute("data-shown").split())
+        assert low == pytest.approx(2.5, abs=0.1) and high == pytest.approx(5.0, abs=0.1)
+    panels.nth(1).focus()
+    page.keyboard.press("0")
+    page.wait_for_function(
+        "[...document.querySelectorAll('#chart-currents .panel')].every((one) => one.dataset.shown === '0 10')"
+    )
+    page.keyboard.press("+")
+    low, high = map(float, panels.nth(0).get_attribute("data-shown").split())
+    assert high - low == pytest.approx(5.0, abs=0.1)
+
+
+def test_a_joint_is_hidden_wherever_it_is_drawn_and_its_name_is_text(page: Any) -> None:
+    buttons = page.locator("#joints button")
+    assert buttons.all_inner_texts() == ["1 waist", f"2 {EVIL}"]
+    assert page.evaluate("window.stolen") is None
+    panels = page.locator("#chart-currents .panel")
+    assert [panels.nth(k).is_visible() for k in (0, 1)] == [True, True]
+    buttons.nth(0).click()
+    assert [panels.nth(k).is_visible() for k in (0, 1)] == [False, True]
+    assert not page.is_visible("#chart-cloud") and buttons.nth(0).get_attribute("aria-pressed") == "false"
+    buttons.nth(0).click()
+    assert page.is_visible("#chart-cloud") and panels.nth(0).is_visible()
+    series = page.locator("#chart-currents .legend button", has_text="before")
+    series.click()
+    assert series.get_attribute("aria-pressed") == "false"
+    page.mouse.move(*over(page, 0, 0.6))
+    assert "before" not in page.locator(".panel").nth(0).locator(".tip").inner_text()
+
+
+def test_the_arm_of_the_page_is_that_of_the_model(page: Any, root: Path) -> None:
+    chain = chain_of(read_model(root / "config/models/puma560.toml"))
+    for q in np.random.default_rng(3).uniform(-2.0, 2.0, (5, 6)):
+        script = f"([arm, q]) => {{ const DATA = {{ motion: null }}; {_text('arm.js')}; return segments(arm, q); }}"
+        drawn = page.evaluate(script, [chain.to_json(), q.tolist()])
+        expected = chain.points(q[None])[0]
+        ends = [line[0] for line in drawn["lines"]] + [line[1] for line in drawn["lines"]] + [drawn["tool"]]
+        np.testing.assert_allclose(np.array(ends), expected, atol=1e-12)
+
+
+def test_print_and_pages_without_scripts_show_pictures(browser: Any, page: Any, written: Path) -> None:
+    assert not page.is_visible("#chart-currents img")
+    page.emulate_media(media="print")
+    assert page.is_visible("#chart-currents img") and not page.is_visible("#chart-currents canvas >> nth=0")
+    assert not page.is_visible("#joints")
+    with watched(browser, java_script_enabled=False, color_scheme="dark") as plain:
+        plain.goto(written.as_uri())
+        assert plain.is_visible("#chart-currents img") and plain.is_visible("#chart-cloud img")
+
+
+def test_it_runs_under_the_policy_of_the_control_room_and_in_a_notebook(browser: Any, written: Path) -> None:
+    html = written.read_text()
+    headers = {"content-security-policy": REPORT_POLICY, "content-type": "text/html; charset=utf-8"}
+    with watched(browser) as page:
+        page.route("http://room.test/", lambda route: route.fulfill(body=html, headers=headers))
+        page.goto("http://room.test/")
+        page.wait_for_selector("#chart-currents canvas")
+    with watched(browser) as page:
+        page.set_content(f"<script>secret = 1</script>{inline(html)}")
+        frame = page.frame_locator("iframe")
+        frame.locator("#chart-currents canvas").first.wait_for()
+        assert (
+            page.frames[1].evaluate("(() => { try { return parent.document.title } catch { return 'refused' } })()")
+            == "refused"
+        )
