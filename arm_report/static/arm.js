@@ -1,7 +1,7 @@
 // The arm at the instant that is pointed at: its links as thick lines, seen from where the reader turns it.
 
 const CLIPS = DATA.motion?.clips ?? {};
-const view = { turn: -0.9, tilt: 0.42, clip: null, row: 0 };
+const view = { turn: 0, tilt: 0.42, reach: 1, clip: null, row: 0 };
 let armBox = null;
 
 const times = (a, b) => a.map((row) => [0, 1, 2, 3].map((c) => row.reduce((sum, value, k) => sum + value * b[k][c], 0)));
@@ -29,10 +29,21 @@ function segments(arm, q) {
   return { lines, tool: placed(poses.at(-1), arm.tool) };
 }
 
-/** m that the arm reaches at most. */
-function reach(arm) {
-  const lengths = [...arm.before, ...arm.after].map((pose) => Math.hypot(pose[0][3], pose[1][3], pose[2][3]));
-  return Math.max(lengths.reduce((a, b) => a + b, Math.hypot(...arm.tool)), 0.2);
+/** Room for the farthest point of the arm over all clips, m, and a side from which its mean direction is seen. */
+function look(arm) {
+  let far = 0.1;
+  const ahead = [0, 0];
+  for (const clip of Object.values(CLIPS)) {
+    const columns = clip.q.map(array), rows = columns[0].length;
+    for (let row = 0; row < rows; row += Math.max(1, Math.floor(rows / 60))) {
+      const { lines, tool } = segments(arm, columns.map((values) => values[row]));
+      for (const point of [tool, ...lines.flatMap(([from, to]) => [from, to])])
+        far = Math.max(far, Math.hypot(...point.map((value, k) => value - arm.base[k][3])));
+      for (const k of [0, 1]) ahead[k] += (tool[k] - arm.base[k][3]) / rows;
+    }
+  }
+  view.reach = far;
+  view.turn = Math.atan2(ahead[1], ahead[0]) - 1.1;
 }
 
 function makeBox() {
@@ -64,7 +75,10 @@ function makeBox() {
 function showArm(name, seconds) {
   const clip = CLIPS[name];
   if (!clip || armBox?.closed) return;
-  if (!armBox) makeBox();
+  if (!armBox) {
+    look(DATA.motion.arm);
+    makeBox();
+  }
   const t = array(clip.t);
   view.clip = clip;
   view.row = nearest(t, seconds);
@@ -79,7 +93,7 @@ function drawArm() {
   const { canvas } = armBox, arm = DATA.motion.arm, ratio = devicePixelRatio;
   const q = view.clip.q.map((number) => array(number)[view.row]);
   [canvas.width, canvas.height] = [canvas.clientWidth * ratio, canvas.clientHeight * ratio];
-  const context = canvas.getContext("2d"), length = reach(arm), scale = (0.42 * Math.min(canvas.width, canvas.height)) / length;
+  const context = canvas.getContext("2d"), length = view.reach, scale = (0.5 * Math.min(canvas.width, canvas.height)) / length;
   const origin = [arm.base[0][3], arm.base[1][3], arm.base[2][3]];
   const [cosT, sinT, cosE, sinE] = [Math.cos(view.turn), Math.sin(view.turn), Math.cos(view.tilt), Math.sin(view.tilt)];
   /** [right, down, towards the reader] */

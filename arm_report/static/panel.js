@@ -72,6 +72,7 @@ class PanelView {
 
   get zoomed() {
     const { min, max } = this.plot.scales.x;
+    if (typeof min !== "number") return false;
     const least = 1e-6 * (this.full[1] - this.full[0]);
     return min > this.full[0] + least || max < this.full[1] - least;
   }
@@ -295,8 +296,9 @@ class PanelView {
     this.tip.replaceChildren(el("div", {}, this.panel.dates ? day(closest.x) : `${quantity} ${digits(closest.x)} ${unit}`), ...lines);
     this.tip.hidden = !lines.length;
     const over = plot.over.getBoundingClientRect(), here = this.element.getBoundingClientRect();
-    const room = this.element.clientWidth - this.tip.offsetWidth - 4;
-    this.tip.style.left = `${Math.max(0, Math.min(over.left - here.left + left + 14, room))}px`;
+    const at = over.left - here.left + left, wide = this.tip.offsetWidth;
+    const beside = at + 14 + wide < this.element.clientWidth ? at + 14 : at - 14 - wide;
+    this.tip.style.left = `${Math.max(0, Math.min(beside, this.element.clientWidth - wide))}px`;
     this.tip.style.top = `${over.top - here.top + 4}px`;
     const timed = closest.at ?? (this.panel.series.some((one) => one.at !== null) ? null : closest.x);
     if (this.panel.motion && timed !== null) showArm(this.panel.motion, timed);

@@ -25,7 +25,7 @@ def link_overview(link: LinkSide, arm: Arm) -> Chart:
                 Series(x=t, y=1e3 * values[:, k], colour=colour, label=when) for values, colour, when in sides
             ),
             title=f"joint {joint}",
-            x="held-out recordings one after the other, s",
+            x="time in the held-out recordings, s",
             y=f"difference, m{unit_at(arm.joints[joint - 1], 'rad')}",
             joint=joint,
         )

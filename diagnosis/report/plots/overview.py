@@ -55,7 +55,7 @@ def overview(result: Diagnosis) -> Chart:
                 levels=borders if j == 1 else tuple(Level(value=b.value, axis="x", colour=EDGE) for b in borders),
                 y_range=robust_range(side.y[side.of(j)][shown], 4.0, room=1.2),
                 title=f"joint {j}",
-                x="held-out recordings one after the other, s",
+                x="time in the held-out recordings, s",
                 y="residual over noise",
                 joint=j,
                 motion=HELD_OUT,
