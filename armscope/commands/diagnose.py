@@ -150,7 +150,9 @@ def _gone_on(arm: Arm, case: Case, rig: Path, out: Output, yes: bool, most: int,
     def keep(case: Case) -> None:
         table.clear()
         experiments = Experiments(separate=case.separate, recorded=case.experiments, limits=limits)
-        table.update(write_diagnosis(out.folder, case.result, case.fit, case.held_out, experiments, progress, out.pictures))
+        table.update(
+            write_diagnosis(out.folder, case.result, case.fit, case.held_out, experiments, progress, out.pictures)
+        )
 
     bench = Bench(rig, checked, out.folder, yes, say, judge, keep)
     go_on(bench, case, most, progress)
