@@ -73,6 +73,7 @@ class Cause:
     of_arm         False for a fact about the instruments that the model has no place for
     of_recordings  parameters in each recording, by its file name, where no one value serves them all
     of_joints      of a cause of the whole rig that acts joint by joint: its parameters at each joint (from 1)
+    harmonics      of a ripple: those of its own order, as effects of a model (``diagnosis.harmonics``)
     support        evidence that the confidence follows from; None: it is that of the gain alone
     """
 
@@ -92,6 +93,7 @@ class Cause:
     of_joints: Mapping[int, list[Estimate]] = field(default_factory=dict)
     of_recordings: Mapping[str, list[Estimate]] = field(default_factory=dict)
     support: Support | None = None
+    harmonics: tuple[EffectTerm, ...] = ()
 
     @property
     def key(self) -> EffectKey:
@@ -102,7 +104,8 @@ class Cause:
     def terms(self) -> tuple[EffectTerm, ...]:
         """The cause as effects of a model."""
         each: Iterable[tuple[int | None, list[Estimate]]] = self.of_joints.items() or [(self.joint, self.parameters)]
-        return tuple(EffectTerm(self.effect, joint, {p.name: float(p.value) for p in own}) for joint, own in each)
+        own_terms = (EffectTerm(self.effect, joint, {p.name: float(p.value) for p in own}) for joint, own in each)
+        return (*own_terms, *self.harmonics)
 
     @property
     def by_tracker(self) -> bool:

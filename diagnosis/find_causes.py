@@ -18,6 +18,7 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
+from diagnosis.harmonics import with_harmonics
 from diagnosis.measurements.currents.causes import from_axis, of_candidate
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import bounded, columns_of, dataset_of, dataset_with, free_columns
@@ -121,7 +122,7 @@ def _searched(
         ripples=ripples,
         found=found,
         axis=axis,
-        causes=causes + of_axis,
+        causes=with_harmonics(causes) + of_axis,
         shortage=shortage(found) if axis is None else None,
     )
 

@@ -1,7 +1,7 @@
 """The vocabulary of effects: what a simulation can get wrong, each defined once."""
 
 from arm_model.effects.catalogue import CATALOGUE, observed_by, same_columns, values_of
-from arm_model.effects.coefficients import sizes, solved, units
+from arm_model.effects.coefficients import solved, units
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
 from arm_model.effects.dissipation import dissipative, driven, effect_friction, speeds, total_friction
 from arm_model.effects.observation import Excitation, Instrument, Observation, Scale, Span, Variable
@@ -28,7 +28,6 @@ __all__ = [
     "effect_friction",
     "observed_by",
     "same_columns",
-    "sizes",
     "solved",
     "speeds",
     "total_friction",

@@ -12,26 +12,19 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 
-from arm_model.effects.definition import Effect, Parameter, Values
+from arm_model.effects.definition import Effect, Values
 from arm_model.effects.observation import Span
 
 
-def sizes(effect: Effect, amplitude: str = "") -> tuple[Parameter, ...]:
-    """The linear parameters that coefficients stand for: all; of a wave, its ``amplitude``, by default the first."""
-    if effect.span is None:
-        return effect.linear
-    return (effect[amplitude] if amplitude else effect.linear[0],)
-
-
 def units(effect: Effect, held: Mapping[str, float], amplitude: str = "") -> list[Values]:
-    """Parameter values, one set per column: each of the ``sizes`` at 1 in turn, a spanned one at each of its values.
+    """Parameter values, one set per column: each of ``Effect.sizes`` at 1 in turn, a spanned one at each of its values.
 
     ``held``: all others.
     """
     spanned = [(p.name, p.span.values) for p in effect.nonlinear if p.span is not None and p.span.values]
     sets = []
     for values in itertools.product(*(values for _, values in spanned)):
-        for one in sizes(effect, amplitude) or (None,):
+        for one in effect.sizes(amplitude) or (None,):
             chosen = (
                 {p.name: 0.0 for p in effect.linear} | dict(held) | dict(zip((name for name, _ in spanned), values))
             )
@@ -51,7 +44,7 @@ def solved(
     c = [float(value) for value in coefficients]
     if effect.delay is not None:
         return {effect.parameters[0].name: c[0]}
-    linear = sizes(effect, amplitude)
+    linear = effect.sizes(amplitude)
     found = {**held, **{p.name: value for p, value in zip(linear, c)}}
     if (spanned := effect.span) is not None and spanned.span is not None:
         found[linear[0].name], found[spanned.name] = spanned.span.solve(*c)

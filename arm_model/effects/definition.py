@@ -234,6 +234,12 @@ class Effect:
         """Parameters that can be estimated as coefficients of columns."""
         return tuple(p for p in self.parameters if p.linear)
 
+    def sizes(self, amplitude: str = "") -> tuple[Parameter, ...]:
+        """The linear parameters that coefficients stand for: all; of a wave its ``amplitude``, by default the first."""
+        if self.span is None:
+            return self.linear
+        return (self[amplitude] if amplitude else self.linear[0],)
+
     @property
     def nonlinear(self) -> tuple[Parameter, ...]:
         """Parameters that have to be searched for."""

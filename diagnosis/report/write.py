@@ -177,6 +177,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
         "parameters": _values(cause.parameters),
         **({"joints": of_joints} if of_joints else {}),
         **({"recordings": of_recordings} if of_recordings else {}),
+        **({"harmonics": [asdict(term) for term in cause.harmonics]} if cause.harmonics else {}),
         "confidence": round(cause.confidence, 4),
         "support": asdict(cause.support) if cause.support else None,
         "gain": {"held_out_rms_before": cause.before, "held_out_rms_after": cause.after, "unit": cause.unit},

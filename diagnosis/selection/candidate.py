@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
-from arm_model.effects import CATALOGUE, Effect, Values, sizes, solved, units
+from arm_model.effects import CATALOGUE, Effect, Values, solved, units
 from diagnosis.cause import EffectKey
 
 
@@ -42,7 +42,7 @@ class Candidate:
 
     def largest(self, k: int) -> float:
         """Largest typical magnitude of coefficient k: the std of one that the data says nothing of."""
-        linear = sizes(self.definition, self.amplitude)
+        linear = self.definition.sizes(self.amplitude)
         if self.definition.link_parameters:
             return CATALOGUE[self.definition.body or self.effect].linear[k].typical[1]
         return linear[k].typical[1] if k < len(linear) else linear[0].typical[1] if linear else 1.0

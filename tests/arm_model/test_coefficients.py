@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm_model.effects import CATALOGUE, Effect, Signals, Span, Values, sizes, solved, units
+from arm_model.effects import CATALOGUE, Effect, Signals, Span, Values, solved, units
 
 
 def _law(effect: Effect, amplitude: str = ""):
@@ -48,7 +48,7 @@ def test_spans_one_plane_of_one_size(effect: Effect) -> None:
     """A phase or a shift belongs to one size; more than one spanned parameter has no closed form."""
     spanned = [p for p in effect.parameters if p.span is not None and p.span.values]
     assert len(spanned) <= 1
-    assert not spanned or all(len(sizes(effect, p.name)) == 1 for p in effect.linear)
+    assert not spanned or all(len(effect.sizes(p.name)) == 1 for p in effect.linear)
 
 
 def test_first_moments_give_the_centre_of_a_payload() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 import numpy as np
 
 from arm_model import Arm
-from arm_model.effects import CATALOGUE, Excitation, Instrument, sizes
+from arm_model.effects import CATALOGUE, Excitation, Instrument
 from arm_model.rigid_body import drive_rigid_torque
 from diagnosis.cause import EffectKey, Undetectable
 from diagnosis.screening.plausibility import STANDSTILL
@@ -147,7 +147,7 @@ def _typical(candidate: Candidate) -> float:
         return float(all(inside))
     if effect.delay is not None:
         return effect.parameters[0].typical[1]
-    return sizes(effect, candidate.amplitude)[0].typical[1] if effect.linear else 1.0
+    return effect.sizes(candidate.amplitude)[0].typical[1] if effect.linear else 1.0
 
 
 def _size(effect: str, arm: Arm, joint: int | None) -> str:

@@ -1,0 +1,47 @@
+"""Ripples whose orders are multiples are one cause, whose terms are all of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from arm_model.description import EffectTerm
+from diagnosis.cause import Cause, Estimate
+from diagnosis.harmonics import with_harmonics
+
+
+def _ripple(effect: str, order: float, explained: float, joint: int = 2) -> Cause:
+    name = "pole_pairs" if effect == "cogging" else "order"
+    unit = "N m" if effect == "cogging" else "rad"
+    return Cause(
+        effect=effect,
+        joint=joint,
+        parameters=[Estimate("amplitude", 3e-4, 1e-5, unit), Estimate(name, order, 0.0, "1")],
+        confidence=0.9,
+        before=(0.01 + explained) ** 0.5,
+        after=0.1,
+        group=((effect, joint),),
+        evidence="a ripple",
+        felt_at=joint,
+        unit="A",
+    )
+
+
+def test_an_encoder_s_second_order_is_no_cogging() -> None:
+    first, second = _ripple("encoder_ripple", 1.0, 0.04), _ripple("cogging", 2.0, 0.01)
+    (one,) = with_harmonics([first, second])
+    assert one.key == first.key and "harmonic 2" in one.evidence and "cogging" in one.evidence
+    assert one.terms == (*first.terms, EffectTerm("cogging", 2, {"amplitude": 3e-4, "pole_pairs": 2.0}))
+
+
+def test_ripples_of_other_origins_stay_causes_of_their_own() -> None:
+    ripple = _ripple("gear_ripple", 0.45, 0.04)
+    others = (
+        _ripple("cogging", 4.0, 0.01),
+        _ripple("encoder_ripple", 0.9, 0.01, joint=3),
+        _ripple("encoder_ripple", 0.9, 0.03),
+        _ripple("encoder_ripple", 0.7, 0.01),
+        replace(_ripple("cogging", 1.0, 0.01), effect="gravity_spring", parameters=[]),
+    )
+    for other in others:
+        assert with_harmonics([ripple, other]) == [ripple, other]
+    assert len(with_harmonics([ripple, _ripple("encoder_ripple", 0.9, 0.01)])) == 1
