@@ -12,10 +12,11 @@ from daq.recording import Recording
 from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.unexplained import noise_ratio
-from diagnosis.residual.noise import still_noise
+from diagnosis.residual.noise import KnownNoise, still_noise
 from diagnosis.residual.run import Run, residual_run
 from diagnosis.residual.run_setup import loaded, setup_of
 from diagnosis.screening.cleaned import check
+from diagnosis.screening.even_rows import even_samples, grid_of, known_noise
 from identification import JointNoise
 
 
@@ -29,9 +30,9 @@ def against_noise(arm: Arm, recordings: Sequence[Recording], beside: Sequence[Re
     still = still_noise([r for r in (*beside, *recordings) if not setup_of(r).drives_off])
     runs = []
     for r in recordings:
-        setup = setup_of(r)
-        powered = not setup.drives_off
-        runs.append(residual_run(r.path.name, loaded(arm, setup.payload), r.t, r.q, r.i, powered=powered, still=still))
+        setup, samples = setup_of(r), even_samples((r.t, r.q, r.i))
+        powered, known = not setup.drives_off, known_noise(r.q, grid_of(r.t), KnownNoise(still=still))
+        runs.append(residual_run(r.path.name, loaded(arm, setup.payload), *samples, powered=powered, known=known))
     return ratios(runs, dataset_of(runs).y)
 
 

@@ -37,7 +37,7 @@ from diagnosis.origins import Suspect, evidence_of, suspects
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.run import Run
 from diagnosis.screening.cleaned import Screened, check, screened
-from diagnosis.screening.even_rows import even, even_samples
+from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noise
 from diagnosis.screening.event import Event
 from diagnosis.screening.plausibility import check_motion, mixed_up
 from diagnosis.selection.design import Dataset
@@ -206,7 +206,9 @@ def evenly(recordings: Recordings, cleaned: Screened) -> tuple[Recordings, Scree
     """Both with equally spaced rows, as filters and differences take them."""
     fit, held_out = even(recordings.fit), even(recordings.held_out)
     samples = [even_samples(one) for one in cleaned.samples]
-    return Split(fit, held_out, recordings.two_fold), replace(cleaned, recordings=(*fit, *held_out), samples=samples)
+    known = [known_noise(q, grid_of(t), one) for (t, q, _), one in zip(cleaned.samples, cleaned.known)]
+    on_grids = replace(cleaned, recordings=(*fit, *held_out), samples=samples, known=known)
+    return Split(fit, held_out, recordings.two_fold), on_grids
 
 
 def measure(arm: Arm, recordings: Recordings, cleaned: Screened, progress: Progress) -> Measured:

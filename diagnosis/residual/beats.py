@@ -24,9 +24,12 @@ HIDDEN = 0.6
 """Scatter over the step above which no tone remains: that of the steps alone is below it (``noise.angle_noise``)."""
 
 
-def steps_of(q: Array) -> Array:
-    """(n,) rad: steps of recorded angles (m, n); 0 for a joint whose noise hides them, or that never moves."""
-    steps = np.array([encoder_step(column) for column in q.T])
+def steps_of(q: Array, steps: Array | None = None) -> Array:
+    """(n,) rad: steps of recorded angles (m, n); 0 for a joint whose noise hides them, or that never moves.
+
+    ``steps`` (n,) rad: of the encoders, where angles were interpolated.
+    """
+    steps = np.array([encoder_step(column) for column in q.T]) if steps is None else steps
     return np.where(scatter(q) > HIDDEN * steps, 0.0, steps)
 
 

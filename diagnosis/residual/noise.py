@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +34,28 @@ def scatter(values: Array) -> Array:
     return deviation
 
 
-def angle_noise(q: Array) -> Array:
-    """(n,) rad: std of recorded angles (m, n), from their step (variance step^2 / 12) or, if larger, their scatter."""
-    quantised = np.array([encoder_step(column) for column in q.T]) / np.sqrt(12)
+@dataclass(frozen=True, kw_only=True)
+class KnownNoise:
+    """What is known of the instruments beside the samples of a residual.
+
+    still   (n,) A: std of the currents at standstill; 0 where it is not known
+    steps   (n,) rad: of the encoders, for angles that were interpolated and show them no more; None: as the angles show
+    """
+
+    still: Array | float = 0.0
+    steps: Array | None = None
+
+
+NOTHING_KNOWN = KnownNoise()
+
+
+def angle_noise(q: Array, steps: Array | None = None) -> Array:
+    """(n,) rad: std of recorded angles (m, n), from their step (variance step^2 / 12) or, if larger, their scatter.
+
+    ``steps`` (n,) rad: as of ``KnownNoise``.
+    """
+    steps = np.array([encoder_step(column) for column in q.T]) if steps is None else steps
+    quantised = steps / np.sqrt(12)
     white = scatter(q)
     # the scatter of quantised angles follows from their steps to within a third: only more than that is further noise
     noise: Array = np.where(white > 2.0 * quantised, white, quantised)

@@ -35,7 +35,7 @@ from diagnosis.residual.expected_current import (
     reading,
     true_angle,
 )
-from diagnosis.residual.noise import angle_noise, scatter
+from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise, angle_noise, scatter
 
 ROWS_PER_SECOND = 100
 ROWS_FOR_ONE = ROWS_PER_SECOND / (2.0 * COMPARE_BAND)
@@ -139,12 +139,11 @@ class Run:
 
 
 def residual_run(
-    name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True, still: Array | float = 0.0
+    name: str, arm: Arm, t: Array, q: Array, i: Array, *, powered: bool = True, known: KnownNoise = NOTHING_KNOWN
 ) -> Run:
     """The residual of a recording t (m,) s, q (m, n) rad, i (m, n) A, under ``arm``.
 
-    The recording is uniformly sampled and without gaps.
-    still (n,) A: std of the currents at standstill, where that is known (``noise.still_noise``).
+    The recording is uniformly sampled and without gaps. ``known``: of the noise of its instruments.
     """
     rate = rate_of(t)
     angle = true_angle(arm, q)
@@ -156,7 +155,7 @@ def residual_run(
     def thin(values: Array) -> Array:
         return low_pass(values, COMPARE_BAND, rate)[keep]
 
-    noise = channel_noise(q, i, bent, rate, still)
+    noise = channel_noise(q, i, bent, rate, known)
     # Columns are made from a motion smoothed further: what they have in common with the noise of the residual would
     # look like a cause.
     low, slow_v, slow_a = (low_pass(values, COLUMN_BAND, rate)[keep] for values in (position, v, a))
@@ -169,7 +168,7 @@ def residual_run(
     friction_std = coulomb * uncertain * powered
     rows, current, expected = t[keep], thin(i), thin(reading(arm, t, q, powered=powered))
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
-    instruments = _row_by_row(noise, q, slow_v, bent, rate)
+    instruments = _row_by_row(noise, q, slow_v, bent, rate, known)
     brisk = [thin(values) for values in (position, v, a)]
     return Run(
         name=name,
@@ -220,10 +219,10 @@ def passed(frequency: Array) -> Array:
     return share
 
 
-def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | float = 0.0) -> Array:
+def channel_noise(q: Array, i: Array, arm: Arm, rate: float, known: KnownNoise = NOTHING_KNOWN) -> Array:
     """(n,) A: standard deviation of the residual from the instruments alone, in the band of comparison.
 
-    Current: its scatter, taken for white, or ``still`` (n,) A, its std at standstill, if that is larger.
+    Current: its scatter, taken for white, or its std at standstill, if that is known and larger.
     Angle: its step or scatter, through two differentiations and the joint's own inertia. See ``noise``.
     """
     white = scatter(i)
@@ -232,18 +231,18 @@ def channel_noise(q: Array, i: Array, arm: Arm, rate: float, still: Array | floa
     share = np.trapezoid(1.0 / (1.0 + (frequency / COMPARE_BAND) ** 8) ** 2, frequency) / (rate / 2)
     wobble = np.trapezoid(((2 * np.pi * frequency) ** 2 * through) ** 2, frequency) / (rate / 2)
     inertia = drive_mass_matrix(arm, q[:: max(1, len(q) // 50)]).diagonal(axis1=1, axis2=2).mean(axis=0)
-    from_angle = inertia / arm.joint_array("drive_constant") * angle_noise(q) * np.sqrt(wobble)
-    from_current = np.maximum(white * np.sqrt(share), still)
+    from_angle = inertia / arm.joint_array("drive_constant") * angle_noise(q, known.steps) * np.sqrt(wobble)
+    from_current = np.maximum(white * np.sqrt(share), known.still)
     return np.hypot(from_current, from_angle) + 1e-9
 
 
-def _row_by_row(noise: Array, q: Array, v: Array, arm: Arm, rate: float) -> Array:
+def _row_by_row(noise: Array, q: Array, v: Array, arm: Arm, rate: float, known: KnownNoise) -> Array:
     """(m, n) A: ``noise`` (n,) or, at speeds v (m, n) at which encoder steps beat with the rows, what the beats leave.
 
     An acceleration that is wrong at one joint is wrong in the currents of all that its inertia couples.
     """
     inertia = drive_mass_matrix(arm, q[:: max(1, len(q) // 50)]) / arm.joint_array("drive_constant")[:, None]
-    beats = beat_variance(v, steps_of(q), rate, lambda f: (2 * np.pi * f) ** 2 * passed(f))
+    beats = beat_variance(v, steps_of(q, known.steps), rate, lambda f: (2 * np.pi * f) ** 2 * passed(f))
     return np.sqrt(np.maximum(noise**2, beats @ np.mean(inertia**2, axis=0).T))
 
 

@@ -13,7 +13,7 @@ from arm_io.types import Array
 from arm_model import Arm, EffectTerm
 from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
-from diagnosis.residual.noise import still_noise
+from diagnosis.residual.noise import KnownNoise, still_noise
 from diagnosis.residual.run import Run, residual_run, residual_with
 from diagnosis.residual.run_setup import loaded, setup_of
 from diagnosis.screening.current_limit import current_limits
@@ -36,7 +36,7 @@ class Residuals:
 
     runs, samples  every recording without its events, as residual and as t (k,) s, q (k, n) rad, i (k, n) A
     periods        s between rows
-    still          (n,) A: std of the currents at standstill
+    known          of the noise of the instruments of each recording
     as_recorded    the same before dropped triggers were corrected; None: none were
     """
 
@@ -44,7 +44,7 @@ class Residuals:
     runs: list[Run]
     samples: list[Samples]
     periods: list[float]
-    still: Array
+    known: list[KnownNoise]
     as_recorded: Residuals | None = None
 
 
@@ -53,13 +53,13 @@ class Screened:
     """Recordings whose events were found and removed, whatever the effects of the model.
 
     events   in raw rows; samples: t (k,) s, q (k, n) rad, i (k, n) A of every recording without them
-    still    (n,) A: std of the currents at standstill
+    known    of the noise of the instruments of each recording
     """
 
     recordings: tuple[Recording, ...]
     events: list[Event]
     samples: list[Samples]
-    still: Array
+    known: list[KnownNoise]
 
 
 def screened(
@@ -74,26 +74,25 @@ def screened(
         *jumps(recordings, arm),
         *(event for event in current_limits(recordings) if not _its_own(arm, event)),
     ]
+    still = still_noise([r for r in recordings if not setup_of(r).drives_off])
     return Screened(
         recordings=tuple(recordings),
         events=events,
         samples=[(r.t, without_jumps(r, index, events), without_hum(r, events)) for index, r in enumerate(recordings)],
-        still=still_noise([r for r in recordings if not setup_of(r).drives_off]),
+        known=[KnownNoise(still=still)] * len(recordings),
     )
 
 
 def residuals_of(arm: Arm, screened: Screened, progress: Callable[[str], None] = lambda sentence: None) -> Residuals:
     """The residuals of recordings under an arm."""
     runs: list[Run] = []
-    for recording, samples in zip(screened.recordings, screened.samples):
+    for recording, samples, known in zip(screened.recordings, screened.samples, screened.known):
         progress(Step("computing residuals", len(runs), len(screened.recordings), detail=recording.path.name))
         setup = setup_of(recording)
         of_run = loaded(arm, setup.payload)
-        runs.append(
-            residual_run(recording.path.name, of_run, *samples, powered=not setup.drives_off, still=screened.still)
-        )
+        runs.append(residual_run(recording.path.name, of_run, *samples, powered=not setup.drives_off, known=known))
     periods = [r.dt for r in screened.recordings]
-    return realigned(Residuals(screened.events, runs, screened.samples, periods, screened.still), [])
+    return realigned(Residuals(screened.events, runs, screened.samples, periods, screened.known), [])
 
 
 def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
@@ -114,7 +113,7 @@ def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
         t, q, i = samples[k]
         for loss in here:
             i = realigned_rows(i, loss)
-        again = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, still=sight.still)
+        again = residual_run(runs[k].name, runs[k].arm, t, q, i, powered=runs[k].powered, known=sight.known[k])
         again = unmeasured(again, here)
         if _energy(again, terms) < _energy(before[k], terms):
             samples[k], runs[k] = (t, q, i), again

@@ -14,13 +14,14 @@ import numpy as np
 
 from arm_io.types import Array
 from daq.recording import Recording
+from diagnosis.residual.encoder_step import lattice_step
+from diagnosis.residual.noise import KnownNoise
 from identification.preprocessing.grid import on_grid
 
 EVEN = 0.02
 """Of a period, rms: stamps this close to equal spacing are taken for it.
 
-Interpolation costs the steps of the encoders, from which the noise is known; the largest error of a stamp grows with
-the length of a recording and says nothing of the rest.
+The largest error of a stamp grows with the length of a recording and says nothing of the rest.
 """
 TORN = 2.5
 """Periods between two rows that are no mere jitter: rows are missing, and a grid would invent them."""
@@ -47,6 +48,14 @@ def even_samples(samples: Samples) -> Samples:
         return samples
     dt = float(grid[1] - grid[0])
     return grid, on_grid(t, q, grid, dt)[0], on_grid(t, i, grid, dt)[0]
+
+
+def known_noise(q: Array, grid: Array | None, known: KnownNoise) -> KnownNoise:
+    """What is known of noise, with the steps of the angles q (n, J) as recorded if they are put onto a grid.
+
+    There they show no more; an encoder whose angles lie on no lattice has steps of 0.
+    """
+    return known if grid is None else replace(known, steps=np.array([lattice_step(column) for column in q.T]))
 
 
 def even(recordings: Sequence[Recording]) -> list[Recording]:

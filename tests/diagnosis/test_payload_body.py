@@ -19,6 +19,7 @@ from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.search import named_by_body, simplified
+from diagnosis.residual.noise import KnownNoise
 from diagnosis.residual.run import Run, residual_run
 from experiment.file import Payload
 from identification.selection import Split, select
@@ -78,7 +79,7 @@ def recorded(real: Arm, model: Arm, seed: int) -> Run:
     v, acceleration = cosine @ (w[:, None] * a) - sine @ (w[:, None] * b), -sine @ (w[:, None] ** 2 * a)
     acceleration -= cosine @ (w[:, None] ** 2 * b)
     i = inverse_dynamics(real, q, v, acceleration) / model.joint_array("drive_constant")
-    return residual_run("run", model, t, q, i + NOISE * rng.normal(size=i.shape), still=NOISE)
+    return residual_run("run", model, t, q, i + NOISE * rng.normal(size=i.shape), known=KnownNoise(still=NOISE))
 
 
 def named(real: Arm, model: Arm) -> list[tuple[str, int | None, dict[str, Estimate]]]:
