@@ -4,7 +4,7 @@ from arm_model.effects.catalogue import CATALOGUE, observed_by, same_columns, va
 from arm_model.effects.coefficients import solved, units
 from arm_model.effects.definition import Effect, Parameter, Place, Signals, Values
 from arm_model.effects.dissipation import dissipative, driven, effect_friction, speeds, total_friction
-from arm_model.effects.observation import Excitation, Instrument, Observation, Scale, Span, Variable
+from arm_model.effects.observation import Excitation, Instrument, Scale, Span, Variable
 from arm_model.effects.terms import check_terms, coupled, described
 
 __all__ = [
@@ -12,7 +12,6 @@ __all__ = [
     "Effect",
     "Excitation",
     "Instrument",
-    "Observation",
     "Parameter",
     "Place",
     "Scale",

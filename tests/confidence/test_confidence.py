@@ -45,6 +45,15 @@ def test_more_evidence_never_lowers_the_confidence() -> None:
 
 
 def test_the_other_half_is_predicted_better_than_by_p_values() -> None:
-    names = read()
-    figures = judged(json.loads(TABLE.read_text()), names)
-    assert figures["brier"] < 0.5 * figures["before_brier"]
+    figures = judged(json.loads(TABLE.read_text()), read())
+    assert figures["brier"] < figures["before_brier"]
+
+
+def test_what_is_stated_of_the_other_half_is_right_as_often() -> None:
+    """High confidence within two standard deviations of a count of that many names; low confidence is mostly wrong."""
+    table, names = json.loads(TABLE.read_text()), halves(read())[1]
+    confidence, right = np.array([(stated(table, name), name.right) for name in names]).T
+    high, low = confidence >= 0.9, confidence < 0.5
+    mean, count = confidence[high].mean(), high.sum()
+    assert right[high].mean() >= mean - 2 * np.sqrt(mean * (1 - mean) / count)
+    assert right[low].mean() < 0.5
