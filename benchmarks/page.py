@@ -19,7 +19,8 @@ import sys
 import tempfile
 import time
 import urllib.request
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,8 @@ from benchmarks.zenoh_pair import free_endpoint
 
 RATE = 20_000
 BROWSERS = (0, 1, 5)
-SWITCHES = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
+# As a computer without a graphics card draws: the page itself in software, and WebGL by SwiftShader.
+SWITCHES = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-background-networking"]
 
 
 def main() -> None:
@@ -64,13 +66,21 @@ def measure(folder: Path, browsers: int, seconds: float) -> dict[str, float]:
         options = ["--port", "0", "--no-browser", "--recordings", str(place), "--experiments", str(place)]
         page = start(stack, "page", str(rig), *options)
         address = wait_for(page, r"to steer: (\S+)")
-        drawn = [0] * browsers
+        seen = [Seen() for _ in range(browsers)]
         if browsers:
-            open_browsers(stack, address, drawn)
-        return {f"page_{name}_{browsers}": value for name, value in run(address, daemon, page, drawn).items()}
+            open_browsers(stack, address, seen)
+        return {f"page_{name}_{browsers}": value for name, value in run(address, daemon, page, seen).items()}
 
 
-def run(address: str, daemon: psutil.Popen, page: psutil.Popen, drawn: list[int]) -> dict[str, float]:
+@dataclass
+class Seen:
+    """What one browser was sent, and what it has drawn: frames of 20 ms, messages with some of them, answers."""
+
+    frames: int = 0
+    drawn: int = 0
+
+
+def run(address: str, daemon: psutil.Popen, page: psutil.Popen, seen: list[Seen]) -> dict[str, float]:
     """The run itself, steered as the page steers it."""
     base, _, key = address.partition("#")
 
@@ -82,39 +92,49 @@ def run(address: str, daemon: psutil.Popen, page: psutil.Popen, drawn: list[int]
 
     preview = ask("api/preview/fast.toml")
     ask("api/command/arm", {"experiment": "fast.toml", "sha256": preview["sha256"]})
-    before = cpu(daemon), cpu(page), list(drawn)
+    before = cpu(daemon), cpu(page), [replace(one) for one in seen], drawing_cpu()
     begin = time.monotonic()
     ask("api/command/start", {})
     while not (names := [entry["name"] for entry in ask("api/recordings")]):
         time.sleep(0.5)
-        pump(drawn)
+        pump(seen)
     wall = time.monotonic() - begin
-    after = cpu(daemon), cpu(page)
+    after = cpu(daemon), cpu(page), drawing_cpu()
     found = ask(f"api/recordings/{names[0]}")
     if found["ending"]["reason"] != "motion_done" or found["notes"]:
         print(found["ending"]["sentence"], *found["notes"], sep="; ", file=sys.stderr)
-    rates = [(now - then) / wall for now, then in zip(drawn, before[2])]
+    sent = sum(now.frames - then.frames for now, then in zip(seen, before[2]))
+    drawn = sum(now.drawn - then.drawn for now, then in zip(seen, before[2]))
+    browsers = (
+        {
+            "frames_sent_per_second": sent / len(seen) / wall,
+            "drawn_per_second": drawn / len(seen) / wall,
+            "cpu_ms_of_browser_per_drawn": 1e3 * (after[2] - before[3]) / max(drawn, 1),
+        }
+        if seen
+        else {}
+    )
     return {
         "rows": found["rows"],
         "rows_lost": found["ledger"]["lost"],
         "fault": float(found["ending"]["fault"]),
         "core_share_of_daemon": (after[0] - before[0]) / wall,
         "core_share_of_page": (after[1] - before[1]) / wall,
-    } | ({"drawn_per_second": sum(rates) / len(rates)} if rates else {})
+    } | browsers
 
 
-def open_browsers(stack: ExitStack, address: str, drawn: list[int]) -> None:
-    """So many pages, each in a browser of its own; ``drawn`` counts what each has acknowledged."""
+def open_browsers(stack: ExitStack, address: str, seen: list[Seen]) -> None:
+    """So many pages, each in a browser of its own; ``seen`` counts what each is sent and has acknowledged."""
     from playwright.sync_api import sync_playwright
 
     niceness = os.nice(0)
     playwright = stack.enter_context(sync_playwright())
     path = shutil.which("chromium") or shutil.which("google-chrome")
-    for k in range(len(drawn)):
+    for one in seen:
         browser = playwright.chromium.launch(executable_path=path, args=SWITCHES)
         stack.callback(browser.close)
         view = browser.new_page(viewport={"width": 1280, "height": 800})
-        view.on("websocket", lambda socket, k=k: socket.on("framesent", lambda _: count(drawn, k)))
+        view.on("websocket", lambda socket, one=one: count(socket, one))
         view.goto(address)
         view.wait_for_selector("#state[data-state=idle]", timeout=120_000)
         VIEWS.append(view)
@@ -128,14 +148,32 @@ VIEWS: list[Any] = []
 """Open pages: playwright counts their messages only while it is called."""
 
 
-def pump(drawn: list[int]) -> None:
+def pump(seen: list[Seen]) -> None:
     """Lets playwright count."""
-    if drawn:
+    if seen:
         VIEWS[0].wait_for_timeout(10)
 
 
-def count(drawn: list[int], k: int) -> None:
-    drawn[k] += 1
+def count(socket: Any, one: Seen) -> None:
+    """Counts the messages of a browser's stream from now on."""
+
+    def received(payload: str | bytes) -> None:
+        one.frames += str(payload).count('{"t":')
+
+    def sent(payload: str | bytes) -> None:
+        one.drawn += payload == "drawn"
+
+    socket.on("framereceived", received)
+    socket.on("framesent", sent)
+
+
+def drawing_cpu() -> float:
+    """CPU s of all processes of all browsers so far."""
+    total = 0.0
+    for process in psutil.Process().children(recursive=True):
+        with suppress(psutil.Error):
+            total += cpu(process) if "chrom" in process.name() else 0.0
+    return total
 
 
 def start(stack: ExitStack, *arguments: str) -> psutil.Popen:

@@ -11,7 +11,8 @@ import { RunPanel } from "./run.js";
 import { ask, follow, logIn } from "./server.js";
 
 const ACTIVE = ["arming", "armed", "running", "disarming"];
-let rig, parts, state = "none", run = "", last = { q: null, d: null, p: null };
+const READ_MS = 100;
+let rig, readAt = 0, parts, state = "none", run = "", last = { q: null, d: null, p: null, frame: null };
 
 setTheme(localStorage.getItem("armscope.theme"));
 $("theme").onclick = () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
@@ -92,17 +93,32 @@ function take(message) {
     if (newest) {
       // What is not in every frame (a tracker sampled less often) stays as it was.
       const point = message.frames.findLast((frame) => frame.p)?.p ?? last.p;
-      last = { q: newest.q ?? last.q, d: newest.d, p: point };
-      parts.joints.show(newest);
-      draw();
+      last = { q: newest.q ?? last.q, d: newest.d, p: point, frame: newest };
+      if (!$("live").hidden) drawLive();
     }
-    if (!$("live").hidden) parts.charts.show();
   }
   if (message.state) show(message.state);
 }
 
-function draw() {
+/** The arm at every frame; charts as often as the computer can; figures as often as somebody can read them. */
+function drawLive() {
   const distance = parts.arm?.show(last.q, last.d, last.p) ?? null;
+  parts.charts.follow();
+  const now = performance.now();
+  if (now - readAt < READ_MS) return;
+  readAt = now;
+  parts.joints.show(last.frame);
+  legend(distance);
+}
+
+/** All of it, once: the run has begun or ended, or the view was hidden before. */
+function draw() {
+  legend(parts.arm?.show(last.q, last.d, last.p) ?? null);
+  parts.charts.show();
+  if (last.frame) parts.joints.show(last.frame);
+}
+
+function legend(distance) {
   const entry = (name, shade, text) => el("span", {}, el("i", { class: `shade-${shade}` }), name, text ? el("span", { class: "figure" }, ` ${text}`) : "");
   const entries = last.q ? [entry(state === "running" ? "measured" : "measured last", "measured")] : [];
   if (last.d) entries.push(entry("demanded", "demand"));
@@ -145,6 +161,7 @@ for (const name of VIEWS)
       $(`tab-${other}`).setAttribute("aria-selected", String(other === name));
     }
     if (name !== "live") parts?.[name].list();
+    else if (parts) draw();
   };
 
 // One key stops, wherever the cursor is. The others do nothing while something is typed or chosen.

@@ -70,6 +70,13 @@ function capsule(body, material, thickness) {
   return mesh;
 }
 
+/** Whether WebGL is computed by the processor. */
+function inSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const about = gl?.getExtension("WEBGL_debug_renderer_info");
+  return /swiftshader|llvmpipe|software/i.test(about ? gl.getParameter(about.UNMASKED_RENDERER_WEBGL) : "");
+}
+
 export class ArmView {
   constructor(place, description) {
     this.place = place;
@@ -77,8 +84,10 @@ export class ArmView {
     this.scene = new Scene();
     this.camera = new PerspectiveCamera(38, 1, 0.01, 200);
     this.camera.up.set(0, 0, 1);
-    this.renderer = new WebGLRenderer({ antialias: true });
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    // Without a graphics card every pixel is computed, at each frame: one sample of each, and no finer than the page.
+    const slow = inSoftware();
+    this.renderer = new WebGLRenderer({ antialias: !slow });
+    this.renderer.setPixelRatio(slow ? 1 : Math.min(devicePixelRatio, 2));
     place.append(this.renderer.domElement);
     this.controls = new OrbitControls(this.camera, this.renderer.domElement);
     this.controls.addEventListener("change", () => this.draw());
@@ -120,12 +129,15 @@ export class ArmView {
     else this.demanded.root.visible = false;
     const target = this.description.tracker?.target;
     let distance = null;
+    const drawn = JSON.stringify([q, demand, point]);
+    const changed = drawn !== this.drawn;
+    this.drawn = drawn;
     this.tracked.visible = Boolean(point);
     this.modelled.visible = Boolean(q && target);
     if (q && target) this.modelled.position.copy(this.measured.point(target));
     if (point) this.tracked.position.set(...point);
     if (q && target && point) distance = this.tracked.position.distanceTo(this.modelled.position);
-    this.draw();
+    if (changed) this.draw();
     return distance;
   }
 

@@ -1,6 +1,7 @@
 // Strip charts over time: positions with their demand, currents with every peak, limits as lines.
 
 import uPlot from "./charts/uplot.js";
+import { Columns } from "./columns.js";
 import { colour, el, jointColour, whenThemeChanges, words } from "./page.js";
 
 const KEPT = 1500;
@@ -84,7 +85,8 @@ export class JointCharts {
   constructor(place, joints) {
     this.place = place;
     this.joints = joints;
-    this.clear();
+    this.frames = [];
+    this.cost = this.shownAt = 0;
     this.choose(joints.map((_, index) => index));
   }
 
@@ -104,35 +106,50 @@ export class JointCharts {
     const bands = indices.map((k, n) => ({ series: [3 * n + 2, 3 * n + 1], fill: faded(jointColour(k)) }));
     const limits = alone?.current ? [-alone.current, alone.current] : [];
     this.current = new Strip(this.place, `Current, ${title}`, "A; band: every peak", current, bands, limits);
+    this._fill();
     this.show();
   }
 
   clear() {
-    this.t = [];
     this.frames = [];
+    this.columns.clear();
   }
 
   add(frames) {
     for (const frame of frames) {
-      this.t.push(frame.t);
       this.frames.push(frame);
+      this.columns.add(frame);
     }
-    if (this.t.length > KEPT) {
-      this.t.splice(0, this.t.length - KEPT);
-      this.frames.splice(0, this.frames.length - KEPT);
-    }
+    if (this.frames.length > 2 * KEPT) this.frames = this.frames.slice(-KEPT);
+  }
+
+  /** As `show`, but at most a third of the time is spent on it: on a slow computer the arm in 3D goes first. */
+  follow() {
+    const begin = performance.now();
+    if (begin - this.shownAt < 3 * this.cost) return;
+    this.show();
+    this.cost = performance.now() - begin;
+    this.shownAt = begin;
   }
 
   show() {
-    const column = (name, k) => this.frames.map((frame) => frame[name]?.[k] ?? null);
-    this.position.show([this.t, ...this.chosen.flatMap((k) => [column("d", k), column("q", k)])]);
-    this.current.show([this.t, ...this.chosen.flatMap((k) => [column("lo", k), column("hi", k), column("i", k)])]);
+    const { t, q, d, lo, hi, i } = this.columns;
+    this.position.show([t, ...this.chosen.flatMap((k) => [d[k], q[k]])]);
+    this.current.show([t, ...this.chosen.flatMap((k) => [lo[k], hi[k], i[k]])]);
+  }
+
+  /** Columns for charts of this width, from the frames that are kept. */
+  _fill() {
+    const width = Math.max(this.position.plot.clientWidth, 200);
+    this.columns = new Columns(this.joints.length, KEPT, Math.max(1, Math.floor(KEPT / width)));
+    for (const frame of this.frames.slice(-KEPT)) this.columns.add(frame);
   }
 
   /** All of a recording, as /api/recordings has it. */
   drawn({ t, ...columns }) {
-    this.t = t;
-    this.frames = t.map((_, row) => Object.fromEntries(Object.entries(columns).map(([name, joints]) => [name, joints.map((column) => column[row])])));
+    this.frames = t.map((time, row) => ({ t: time, ...Object.fromEntries(Object.entries(columns).map(([name, joints]) => [name, joints.map((column) => column[row])])) }));
+    this.columns = new Columns(this.joints.length, t.length, 1);
+    this.add(this.frames.splice(0));
     this.show();
   }
 }

@@ -286,3 +286,30 @@ def test_the_archive_answers_as_the_command_does_and_leads_nowhere_else(room: Ro
     (made,) = entry["reports"]
     assert made["path"] == "older/2/identified/identification.json"
     assert room.ask(made["report"])[1] == b"<p>report</p>" and room.ask("/reports/guessed")[0] == 404
+
+
+def test_points_of_a_chart_keep_every_peak_of_their_frames(page: Any) -> None:
+    """Columns that share four frames per point, against numpy: newest position, lowest, highest and mean current."""
+    random = np.random.default_rng(2)
+    count, share, most = 103, 4, 80
+    names = ("q", "d", "lo", "hi", "i")
+    values = {name: random.normal(size=(count, 2)).round(4) for name in names}
+    frames = [{"t": 0.02 * k, **{name: values[name][k].tolist() for name in names}} for k in range(count)]
+    for k in random.choice(count, 20, replace=False):
+        frames[k] |= {"lo": None, "hi": None, "i": None, "d": [None, frames[k]["d"][1]]}
+    found = page.evaluate(
+        """async ([frames, share, most]) => {
+          const { Columns } = await import("/static/columns.js");
+          const columns = new Columns(2, most, share);
+          frames.forEach((frame) => columns.add(frame));
+          return columns;
+        }""",
+        [frames, share, most],
+    )
+    groups = [frames[k : k + share] for k in range(0, count, share)][-most // share :]
+    assert found["t"] == [group[-1]["t"] for group in groups]
+    for name, of_group in (("lo", min), ("hi", max), ("i", np.mean), ("q", lambda v: v[-1]), ("d", lambda v: v[-1])):
+        for joint in range(2):
+            there = [[f[name][joint] for f in group if f[name] and f[name][joint] is not None] for group in groups]
+            expected = [float(of_group(v)) if v else None for v in there]
+            assert found[name][joint] == pytest.approx(expected, abs=1e-9), name
