@@ -57,7 +57,7 @@ def listing() -> str:
 
 
 def page(effect: Effect, picture: str | None = None) -> str:
-    """Markdown of an effect's page; ``picture``: caption of its picture, NAME.svg beside it."""
+    """Markdown of an effect's page; ``picture``: caption of its picture, NAME.png beside it."""
     parts = [
         f"# {title(effect.name)}\n",
         f'<p class="equation">{typeset(effect.equation)}</p>\n',
@@ -75,7 +75,7 @@ def page(effect: Effect, picture: str | None = None) -> str:
 def _picture(effect: Effect, caption: str | None) -> str:
     if caption is None:
         return ""
-    return f"![{caption}]({effect.name}.svg){{ .signature }}\n\n*{caption}*\n"
+    return f"![{caption}]({effect.name}.png){{ .signature }}\n\n*{caption}*\n"
 
 
 def _facts(effect: Effect) -> str:
@@ -137,7 +137,7 @@ def _same(effect: Effect) -> str:
 def _use(effect: Effect) -> str:
     joint = "joint = 1\n" if effect.per_joint else ""
     needs = "It needs the `cylinder` of its joint. " if effect.cylinder else ""
-    values = ", ".join(f"{p.name} = {_example(p)}" for p in effect.parameters if p.linear or not p.derived)
+    values = ", ".join(f"{p.name} = {example_text(p)}" for p in effect.parameters if p.linear or not p.derived)
     return (
         "## In a model file\n\n"
         f'```toml\n[[effect]]\nname = "{effect.name}"\n{joint}parameters = {{ {values} }}\n```\n\n'
@@ -146,7 +146,7 @@ def _use(effect: Effect) -> str:
     )
 
 
-def _example(parameter: Parameter) -> str:
+def example_text(parameter: Parameter) -> str:
     """A typical value, as a model file has it."""
     low, high = parameter.typical
     value = (low * high) ** 0.5 if low > 0 else high / 2

@@ -11,7 +11,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 from arm_model.effects import CATALOGUE
-from website import effects, home, reference
+from website import effects, home, pictures, reference
 
 ASSETS = Path(__file__).resolve().parent / "assets"
 
@@ -43,7 +43,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, name, abs_src_path=path_name))
     files.append(File.generated(config, f"{effects.FOLDER}/index.md", content=effects.listing()))
     for effect in CATALOGUE.values():
-        files.append(File.generated(config, effects.page_of(effect.name), content=effects.page(effect)))
+        shown = pictures.picture(effect)
+        files.append(File.generated(config, effects.page_of(effect.name), content=effects.page(effect, shown.caption)))
+        files.append(File.generated(config, f"{effects.FOLDER}/{effect.name}.png", content=shown.png))
     for name, text in reference.pages().items():
         files.append(File.generated(config, name, content=text))
     return files

@@ -39,3 +39,9 @@ def test_documents_named_in_prose_become_links(root: Path) -> None:
         "see [model](../model.md) and [page](../page.md),\n[x](docs/model.md)\n\n    cat docs/model.md\n"
     )
     assert "](docs/" not in home.outside("index.md")
+
+
+def test_every_document_is_in_the_navigation(root: Path) -> None:
+    """A page that is left out ends the build of the site, which only a slow test does."""
+    settings = (root / "mkdocs.yml").read_text()
+    assert [path.name for path in (root / "docs").glob("*.md") if f": {path.name}\n" not in settings] == []

@@ -56,6 +56,13 @@ def test_every_effect_has_a_page_with_its_neighbours(site: Path) -> None:
         assert 'class="math"' in page or not re.search(r"[=^]", effect.equation)
 
 
+def test_every_effect_has_a_picture_of_its_own(site: Path) -> None:
+    pictures = {(site / "effects" / f"{name}.png").read_bytes() for name in CATALOGUE}
+    assert len(pictures) == len(CATALOGUE)
+    for name in CATALOGUE:
+        assert f'src="{name}.png"' in (site / "effects" / f"{name}.html").read_text()
+
+
 def test_nothing_is_loaded_from_another_host(site: Path) -> None:
     found = {
         f"{path.relative_to(site)}: {address}"
