@@ -20,7 +20,7 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.timeout(900),
 ]
-SECONDS = 300_000
+SECONDS = 120_000
 """ms for an analysis: the machine may be busy."""
 EXPERIMENTS = ROOT / "config/experiments"
 
@@ -75,7 +75,7 @@ def page(browser: Any, room: Room) -> Iterator[Any]:
 
 
 def choose(page: Any, name: str, held_out: str = "") -> None:
-    page.locator("#list tr.choice", has_text=name).first.click()
+    page.click(f'#list td.name >> text="{name}"')
     page.wait_for_selector(f"#details h2 >> text={name}.mcap")
     if held_out:
         page.select_option("#details select", f"{held_out}.mcap")
