@@ -1,6 +1,6 @@
 // The archive: everything recorded and found in the folder, by arm, experiment, date and losses; parameters over months.
 
-import uPlot from "./vendor/uplot.js";
+import uPlot from "./charts/uplot.js";
 import { ask } from "./server.js";
 import { colour, count, el, number, seconds, whenThemeChanges, words } from "./page.js";
 
