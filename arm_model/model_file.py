@@ -13,6 +13,7 @@ from arm_io.table import Table
 from arm_io.toml import one_line
 from arm_model.description import IDENTITY, Arm, Capsule, Controller, Coupling, EffectTerm, Joint, Pose, Vector
 from arm_model.effects import check_terms, dissipation
+from arm_model.mjcf import SUFFIXES, read_mjcf
 from arm_model.rigid_body.inertia import unphysical
 from arm_model.urdf import read_urdf
 
@@ -38,11 +39,14 @@ _NEEDED = ("type", "mass", "com", "inertia")
 
 
 def read_model(path: str | Path) -> Arm:
-    """The arm in a model file (.toml), or in a URDF file (.urdf) with one serial chain.
+    """The arm in a model file (.toml), or in a URDF (.urdf) or MuJoCo model (.xml, .mjcf) with one serial chain.
 
     InputError (one line: file, entry, what would be right) for anything wrong or unphysical.
     """
-    return read_urdf(path) if Path(path).suffix == ".urdf" else arm_of(read_toml(path), path)
+    suffix = Path(path).suffix
+    if suffix in SUFFIXES:
+        return read_mjcf(path)
+    return read_urdf(path) if suffix == ".urdf" else arm_of(read_toml(path), path)
 
 
 def arm_of(table: dict[str, Any], where: str | Path) -> Arm:

@@ -264,10 +264,11 @@ def _text_of_origin(pose: Array) -> dict[str, str]:
     return {"xyz": _text(pose[:3, 3]), "rpy": _text(rpy_of(pose))}
 
 
-def not_in_urdf(arm: Arm) -> list[str]:
-    """One sentence per joint whose friction URDF cannot express, and one that names the effects it has no place for.
+def not_in_urdf(arm: Arm, form: str = "URDF") -> list[str]:
+    """One sentence per joint whose friction the file cannot express, and one that names the effects it cannot hold.
 
     Friction of a drive and of the joint's own axis are one in URDF: without couplings, both follow the same motion.
+    form: name of the format, URDF or another with one Coulomb and one viscous coefficient per joint.
     """
     found = []
     for number, joint in enumerate(arm.joints, 1):
@@ -275,12 +276,12 @@ def not_in_urdf(arm: Arm) -> list[str]:
         if joint.friction_curve is not None or off > 1e-9:
             what = "has a friction curve" if joint.friction_curve is not None else "differs between the directions"
             found.append(
-                f"friction of joint {number} {what}; URDF has one Coulomb and one viscous coefficient: the nearest "
+                f"friction of joint {number} {what}; {form} has one Coulomb and one viscous coefficient: the nearest "
                 f"line is written, off by up to {off:.2g} {'N m' if joint.revolute else 'N'}"
             )
     if arm.effects:
         names = sorted({term.name for term in arm.effects})
-        found.append(f"URDF has no place for effects; left out: {', '.join(names)}")
+        found.append(f"{form} has no place for effects; left out: {', '.join(names)}")
     return found
 
 

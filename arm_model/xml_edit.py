@@ -69,6 +69,18 @@ class XmlText:
                     place -= 1
                 self._edits.append((place, place, f' {name}="{value}"'.encode()))
 
+    def drop(self, element: Element, name: str) -> None:
+        """Removes an attribute of an element, with the space before it."""
+        tag = self._data[element.start : element.inside]
+        found = re.search(rb"\s+" + name.encode() + rb"\s*=\s*(\"[^\"]*\"|'[^']*')", tag)
+        if found:
+            self._edits.append((element.start + found.start(), element.start + found.end(), b""))
+
+    @property
+    def edited(self) -> bool:
+        """Whether anything will be different."""
+        return bool(self._edits)
+
     def add(self, parent: Element, text: str) -> None:
         """Adds an element as the last child, on a line of its own, indented as the parent's children are."""
         line = self._data.rfind(b"\n", 0, parent.start) + 1

@@ -19,7 +19,7 @@ COMMANDS: dict[str, str] = {
     "import": "convert measured data (CSV, Parquet, .mat, ROS 2 bag) to a recording",
     "export": "convert a recording to CSV, Parquet, .mat or a ROS 2 bag",
     "plot": "plot or animate one recording, or several overlaid, or an experiment before it runs",
-    "model": "summarise a model file, print its equations (text, LaTeX, Python, C), convert from and to URDF",
+    "model": "summarise a model file, print its equations (text, LaTeX, Python, C), convert from and to URDF and MJCF",
     "simulate": "simulate a model on an experiment, or on the demands of a recording",
     "excite": "design an exciting motion for identification, as an experiment to record",
     "identify": "estimate the parameters of an arm from recordings, with uncertainty and held-out error",
@@ -54,7 +54,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "armscope plot measured.mcap simulated.mcap --out currents.png",
         "armscope plot experiment.toml --rig rig.toml --out motion.png",
     ),
-    "model": ("armscope model config/models/puma560.toml", "armscope model arm.urdf --out arm.toml"),
+    "model": (
+        "armscope model config/models/puma560.toml",
+        "armscope model arm.urdf --out arm.toml",
+        "armscope model identified/model.toml --into panda.xml --out panda_identified.xml",
+    ),
     "simulate": (
         "armscope simulate --model model.toml --experiment experiment.toml --out run.mcap",
         "armscope simulate --model model.toml --like measured.mcap --out simulated.mcap",

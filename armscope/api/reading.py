@@ -60,7 +60,7 @@ def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list
 
 
 def read_model(model: File | Arm) -> Arm:
-    """The arm of a model file (.toml) or of a URDF file (.urdf); docs/model.md.
+    """The arm of a model file (.toml), a URDF file (.urdf) or a MuJoCo model (.xml); docs/model.md.
 
     InputError where it is wrong or unphysical.
     """

@@ -1,4 +1,4 @@
-"""``armscope model``: what a model file says, its equations as text or source, and URDF in and out."""
+"""``armscope model``: what a model file says, its equations as text or source, URDF and MuJoCo models in and out."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import typer
 
 from arm_io import InputError
 from arm_model import Arm, read_model, write_model
+from arm_model.mjcf import SUFFIXES
 from arm_model.symbolic import Expr, Tape
 from arm_report import text_table, wrapped
 from armscope.commands.options import Json
@@ -43,9 +44,12 @@ class Formulation(StrEnum):
 
 def command(
     model: Annotated[
-        Path | None, typer.Argument(help="the arm: a model file (.toml) or a URDF file (.urdf)", show_default=False)
+        Path | None,
+        typer.Argument(
+            help="the arm: a model file (.toml), a URDF file (.urdf) or a MuJoCo model (.xml)", show_default=False
+        ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="write the arm as .toml or .urdf")] = None,
+    out: Annotated[Path | None, typer.Option(help="write the arm as .toml or .urdf; with --into as that file")] = None,
     equations: Annotated[Form | None, typer.Option(help="print the accelerations: text, latex, python or c")] = None,
     by: Annotated[
         Formulation | None, typer.Option(help="with --equations: the torques of the rigid links, by this formulation")
@@ -59,10 +63,11 @@ def command(
     into: Annotated[
         Path | None,
         typer.Option(
-            metavar="ARM.urdf", help="with --out: this URDF file with the numbers of the model, all else kept"
+            metavar="ARM.urdf|ARM.xml",
+            help="with --out: this URDF or MuJoCo file with the numbers of the model, all else kept",
         ),
     ] = None,
-    tip: Annotated[str | None, typer.Option(help="last link, of a URDF file that branches")] = None,
+    tip: Annotated[str | None, typer.Option(help="last link or body, of a URDF or MuJoCo file that branches")] = None,
     as_json: Json = False,
 ) -> None:
     if effects:
@@ -75,7 +80,7 @@ def command(
         _update(into, arm, out, tip)
     elif out is not None:
         _write(out, arm)
-        if model.suffix == ".urdf" and out.suffix == ".toml":
+        if model.suffix in (".urdf", *SUFFIXES) and out.suffix == ".toml":
             print(f"note: {_motors(out, arm)}", file=sys.stderr)
             from armscope.motion import report_missing_meshes
 
@@ -93,34 +98,45 @@ def command(
 
 
 def _motors(out: Path, arm: Arm) -> str:
-    """What a person has to add to a model that comes from URDF, which has no place for motors."""
+    """What a person has to add to a model that comes from URDF or MJCF, which have no place for motors."""
     gears = "" if any(joint.gear != 1.0 for joint in arm.joints) else "gear (turns of the motor per turn) and "
     return (
-        f"URDF has no motors: add {gears}torque_constant (N m/A of the motor) to each [[joint]] of {out}; until then a "
-        "current i counts as the torque of the joint, N m"
+        f"the file has no motors: add {gears}torque_constant (N m/A of the motor) to each [[joint]] of {out}; until "
+        "then a current i counts as the torque of the joint, N m"
     )
 
 
 def _read(path: Path, tip: str | None) -> Arm:
     if tip is None:
         return read_model(path)
+    if path.suffix in SUFFIXES:
+        from arm_model.mjcf import read_mjcf
+
+        return read_mjcf(path, tip=tip)
     if path.suffix != ".urdf":
-        raise InputError("--tip", f"names a link of a URDF file; {path} is none")
+        raise InputError("--tip", f"names a link of a URDF file or a body of a MuJoCo model; {path} is neither")
     from arm_model.urdf import read_urdf
 
     return read_urdf(path, tip=tip)
 
 
 def _update(original: Path, arm: Arm, out: Path | None, tip: str | None) -> None:
-    """Writes a URDF file with the numbers of the arm, and says on standard error what changed."""
+    """Writes a URDF file or MuJoCo model with the numbers of the arm; says on standard error what changed."""
     from arm_model.urdf import not_in_urdf
-    from arm_model.urdf_update import update_urdf
 
-    if out is None or out.suffix != ".urdf":
-        raise InputError("--into", "needs --out NEW.urdf")
-    for line in update_urdf(original, arm, out, tip=tip) or ["nothing changed"]:
+    if out is None or out.suffix != original.suffix:
+        raise InputError("--into", f"needs --out NEW{original.suffix}")
+    if original.suffix in SUFFIXES:
+        from arm_model.mjcf import update_mjcf
+
+        changed = update_mjcf(original, arm, out, tip=tip)
+    else:
+        from arm_model.urdf_update import update_urdf
+
+        changed = update_urdf(original, arm, out, tip=tip)
+    for line in changed or ["nothing changed"]:
         print(f"{out}: {line}", file=sys.stderr)
-    for sentence in not_in_urdf(arm):
+    for sentence in not_in_urdf(arm, "MJCF" if original.suffix in SUFFIXES else "URDF"):
         print(f"note: {sentence}", file=sys.stderr)
 
 

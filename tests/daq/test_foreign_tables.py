@@ -142,6 +142,36 @@ def test_libfranka_writes_ms_torques_and_a_name_twice(tmp_path: Path) -> None:
     assert recording.qref is not None and recording.qref[0, 0] == 1.07
 
 
+FRANKA_STATE = ("q", "q_d", "dq", "dq_d", "tau_J", "tau_ext_hat_filtered")
+FRANKA_COMMAND = {"q_d": 7, "dq_d": 7, "O_T_EE_d": 16, "O_dP_EE_d": 6, "tau_J_d": 7}
+"""As libfranka's csvRobotStateHeader and csvRobotCommandHeader name them (src/log.cpp, src/logging)."""
+
+
+@pytest.mark.parametrize("gap", [", ", ","], ids=["until 0.13", "since 0.14"])
+def test_libfranka_log_to_csv(gap: str, tmp_path: Path) -> None:
+    """With the header of logToCSV: names of an array have a blank behind their commas in older releases."""
+    groups = [gap.join(f"state.{signal}[{j}]" for j in range(7)) for signal in FRANKA_STATE]
+    groups += [gap.join(f"cmd.{signal}[{j}]" for j in range(count)) for signal, count in FRANKA_COMMAND.items()]
+    rng = np.random.default_rng(0)
+    state, command = rng.normal(size=(50, 6, 7)), rng.normal(size=(50, sum(FRANKA_COMMAND.values())))
+    ms = 812_345 + np.arange(50)
+    ms[20:] += 3  # lost packets
+    lines = [f"time{gap}success_rate{gap}" + ",".join(groups)]
+    for k in range(50):
+        lines.append(
+            ",".join([str(ms[k]), "0.99", *map(repr, state[k].ravel().tolist()), *map(repr, command[k].tolist())])
+        )
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    recording = imported(tmp_path / "log.csv", "--guess")
+    np.testing.assert_allclose(recording.t, (ms - ms[0]) * 1e-3, atol=1e-9)
+    for ours, theirs in ((recording.q, "q"), (recording.qref, "q_d"), (recording.i, "tau_J")):
+        assert ours is not None
+        np.testing.assert_array_equal(ours, state[:, FRANKA_STATE.index(theirs)])
+    assert recording.joints == 7 and recording.provenance["current_unit"] == "N m"
+    kept = imported(tmp_path / "log.csv", "--guess", "--keep-extra")
+    assert {"success_rate", "state.tau_ext_hat_filtered[6]", "cmd.O_T_EE_d[15]"} <= set(kept.extra)
+
+
 def test_a_german_table_in_degrees(tmp_path: Path) -> None:
     rows = [f"{k * 0.01:.2f};{90 + k};{-k};{k / 10};2,5".replace(".", ",") for k in range(30)]
     table = tmp_path / "messung.csv"

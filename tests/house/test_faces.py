@@ -25,8 +25,6 @@ PUBLIC = {
         "collision",
         "friction_split",
         "geometry",
-        "mjcf",
-        "mjcf_update",
         "sensing",
         "servo",
         "tracking",

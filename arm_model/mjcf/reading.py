@@ -1,0 +1,244 @@
+"""MuJoCo models (MJCF): the kinematics, inertias, limits, armature and joint friction of one serial chain.
+
+Of a joint are read its axis, anchor, reference, range, damping, frictionloss and armature; actuators are not: currents
+of an arm from MJCF are torques at the joint. Link frames have the orientation of their bodies, and their origin at the
+joint's anchor. Inertias of bodies without <inertial> come from their geoms, as MuJoCo infers them, but not from meshes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm, Joint
+from arm_model.mjcf.geom_inertia import geom_inertia
+from arm_model.mjcf.tree import Attributes, Node, Tree, about, read_tree
+from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
+from arm_model.rigid_body.kinematics import rpy_of
+
+SUFFIXES = (".xml", ".mjcf")
+_TYPES = {"hinge": "revolute", "slide": "prismatic"}
+_SCALING = ("settotalmass", "boundmass", "boundinertia")
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body that belongs to a link: ``pose`` (4, 4) in the link's frame, (10,) parameters in its own.
+
+    link        from 0
+    childclass  default class of what is in it
+    """
+
+    link: int
+    node: Node
+    pose: Array
+    parameters: Array
+    childclass: str | None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """An arm, and where its numbers stand: the element of each joint with its attributes, and the bodies."""
+
+    tree: Tree
+    arm: Arm
+    joints: tuple[tuple[Node, Attributes], ...]
+    bodies: tuple[Body, ...]
+
+
+def read_mjcf(path: str | Path, *, tip: str | None = None) -> Arm:
+    """The arm in an MJCF file, from the world to body ``tip`` (needed where the moving bodies branch).
+
+    What is fixed to a link is merged into it. InputError for anything but a serial chain of hinges and slides.
+    """
+    return read_all(path, tip=tip).arm
+
+
+def read_all(path: str | Path, *, tip: str | None = None) -> Reading:
+    """As ``read_mjcf``, with the places of the numbers."""
+    tree = read_tree(path)
+    _check_compiler(tree)
+    chain = _Chain(tree, tip)
+    joints: list[Joint] = []
+    found: list[tuple[Node, Attributes]] = []
+    bodies: list[Body] = []
+    pose: Array = np.eye(4)
+    childclass: str | None = None
+    for number, node in enumerate(chain.path):
+        pose = pose @ tree.pose(node.element.attributes)
+        childclass = node.element.attributes.get("childclass", childclass)
+        for element in _joints_of(tree, node):
+            given = tree.attributes(element, childclass)
+            anchor = np.eye(4)
+            anchor[:3, 3] = tree.numbers(given, "pos", "0 0 0", 3)
+            joints.append(_joint(tree, element, given, pose @ anchor))
+            found.append((element, given))
+            pose = np.asarray(np.linalg.inv(anchor), float)
+        after = chain.path[number + 1] if number + 1 < len(chain.path) else None
+        bodies += _merged(tree, node, len(joints) - 1, pose, childclass, after)
+    if not joints:
+        raise InputError(path, "has no moving joint")
+    option = {
+        name: value for one in tree.sections if one.tag == "option" for name, value in one.element.attributes.items()
+    }
+    gravity = tree.numbers(option, "gravity", "0 0 -9.81", 3)
+    arm = Arm(
+        name=tree.text.root.attributes.get("model", "robot"),
+        joints=tuple(_with_bodies(joint, k, bodies) for k, joint in enumerate(joints)),
+        gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
+        tool=tuple(tuple(float(value) for value in row) for row in pose),  # type: ignore[arg-type]
+    )
+    return Reading(tree, arm, tuple(found), tuple(one for one in bodies if one.link >= 0))
+
+
+class _Chain:
+    """The bodies from the world to the tip, in order."""
+
+    def __init__(self, tree: Tree, tip: str | None) -> None:
+        self._tree = tree
+        top = [child for child in tree.all("worldbody") if child.tag == "body"]
+        self.path = self._longest(top) if tip is None else self._to(top, tip)
+
+    def _longest(self, bodies: list[Node]) -> list[Node]:
+        """Along the bodies that move; behind the last of them along what is fixed to it, as far as it is one body."""
+        path: list[Node] = []
+        while bodies:
+            moving = [one for one in bodies if _moves(one)]
+            if len(moving) > 1:
+                names = ", ".join(one.name for one in moving)
+                raise InputError(
+                    self._tree.path,
+                    f"branches into {names}; name the tip: armscope model FILE --tip BODY --out ARM.toml",
+                )
+            if not moving and len(bodies) > 1:
+                break
+            path.append((moving or bodies)[0])
+            bodies = path[-1].all("body")
+        return path
+
+    def _to(self, bodies: list[Node], tip: str) -> list[Node]:
+        for body in bodies:
+            if body.name == tip:
+                return [body]
+            try:
+                return [body, *self._to(body.all("body"), tip)]
+            except InputError:
+                continue
+        raise InputError(self._tree.path, f"no body {tip!r}")
+
+
+def _moves(body: Node) -> bool:
+    return bool(body.all("joint") or body.all("freejoint")) or any(_moves(one) for one in body.all("body"))
+
+
+def _joints_of(tree: Tree, body: Node) -> list[Node]:
+    if body.all("freejoint"):
+        raise InputError(tree.path, f"body {body.name!r} is free; an arm must stand on the world")
+    return body.all("joint")
+
+
+def _check_compiler(tree: Tree) -> None:
+    for name in _SCALING:
+        if float(tree.numbers(tree.compiler, name, "0", 1)[0]) > 0:
+            raise InputError(tree.path, f"<compiler {name}> changes masses; save it from MuJoCo first: mj_saveLastXML")
+
+
+def _merged(
+    tree: Tree, node: Node, link: int, pose: Array, childclass: str | None, after: Node | None
+) -> Iterator[Body]:
+    """A body and what is fixed to it, but for the next of the chain, and for what moves."""
+    yield Body(link, node, pose, _inertial(tree, node, childclass), childclass)
+    for child in node.all("body"):
+        if child is not after and not child.all("joint"):
+            inner = child.element.attributes.get("childclass", childclass)
+            yield from _merged(tree, child, link, pose @ tree.pose(child.element.attributes), inner, after)
+
+
+def _inertial(tree: Tree, body: Node, childclass: str | None) -> Array:
+    """(10,) barycentric parameters in the body's frame."""
+    inertials = body.all("inertial")
+    from_geoms = tree.compiler.get("inertiafromgeom", "auto")
+    if from_geoms == "true" or (from_geoms == "auto" and not inertials):
+        low, high = tree.numbers(tree.compiler, "inertiagrouprange", "0 5", 2)
+        total = np.zeros(10)
+        for geom in body.all("geom"):
+            given = tree.attributes(geom, childclass)
+            if low <= float(tree.numbers(given, "group", "0", 1)[0]) <= high:
+                total = total + geom_inertia(tree, body.name, given)
+        return total
+    if not inertials:
+        return np.zeros(10)
+    given = inertials[0].element.attributes
+    mass = float(tree.numbers(given, "mass", "0", 1)[0])
+    if "fullinertia" in given:
+        xx, yy, zz, xy, xz, yz = (float(v) for v in tree.numbers(given, "fullinertia", "", 6))
+    else:
+        xx, yy, zz = (float(v) for v in tree.numbers(given, "diaginertia", "0 0 0", 3))
+        xy = xz = yz = 0.0
+    if problem := unphysical(mass, (xx, yy, zz, xy, yz, xz)):
+        raise InputError(tree.path, f"body {body.name!r}: {problem}")
+    return transform(barycentric(mass, (0.0, 0.0, 0.0), (xx, yy, zz, xy, yz, xz)), tree.pose(given))
+
+
+def _joint(tree: Tree, node: Node, given: Attributes, origin: Array) -> Joint:
+    kind = given.get("type", "hinge")
+    if kind not in _TYPES:
+        raise InputError(tree.path, f"joint {node.name!r} is of type {kind!r}; expected hinge or slide")
+    for name in ("stiffness", "springdamper"):
+        if any(float(part) != 0.0 for part in given.get(name, "0").split()):
+            raise InputError(tree.path, f"joint {node.name!r} has a spring ({name}), which is not read; remove it")
+    unit = tree.angle if kind == "hinge" else 1.0
+    axis = tree.numbers(given, "axis", "0 0 1", 3)
+    if np.linalg.norm(axis) < 1e-9:
+        raise InputError(tree.path, f"joint {node.name!r}: axis needs a direction, is zero")
+    axis = axis / np.linalg.norm(axis)
+    reference = unit * float(tree.numbers(given, "ref", "0", 1)[0])
+    back = np.eye(4)
+    if kind == "hinge":
+        back[:3, :3] = about(axis, -reference)
+    else:
+        back[:3, 3] = -reference * axis
+    pose = origin @ back
+    damping, friction, armature = (
+        float(tree.numbers(given, name, "0", 1)[0]) for name in ("damping", "frictionloss", "armature")
+    )
+    force = np.abs(tree.numbers(given, "actuatorfrcrange", "0 0", 2)).max()
+    return Joint(
+        name=node.name,
+        type=_TYPES[kind],  # type: ignore[arg-type]
+        convention="placed",
+        xyz=(float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3])),
+        rpy=rpy_of(pose),
+        axis=(float(axis[0]), float(axis[1]), float(axis[2])),
+        limits=_range(tree, given, unit),
+        torque_limit=float(force) or None,
+        rotor_inertia=armature,
+        viscous=(damping, damping),
+        coulomb=(friction, friction),
+    )
+
+
+def _range(tree: Tree, given: Attributes, unit: float) -> tuple[float, float] | None:
+    """rad or m; None where the joint is not limited."""
+    automatic = tree.compiler.get("autolimits", "true") == "true" and "range" in given
+    limited = given.get("limited", "auto")
+    if limited == "false" or (limited == "auto" and not automatic):
+        return None
+    low, high = (unit * float(value) for value in tree.numbers(given, "range", "0 0", 2))
+    return (low, high) if low < high else None
+
+
+def _with_bodies(joint: Joint, link: int, bodies: list[Body]) -> Joint:
+    """The joint with the masses of the bodies of its link."""
+    total = np.zeros(10)
+    for one in bodies:
+        if one.link == link:
+            total = total + transform(one.parameters, one.pose)
+    mass, com, inertia = about_com(total)
+    x, y, z, xy, yz, xz = inertia
+    return replace(joint, mass=mass, com=com, inertia=(x, y, z, xy, yz, xz))
