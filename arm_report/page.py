@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -15,8 +14,8 @@ from markupsafe import Markup
 
 from arm_report.chart import Chart
 from arm_report.motion import Motion
-from arm_report.paper import still
-from arm_report.plain import plain_page, thinned
+from arm_report.paper import stills
+from arm_report.plain import page_data, thinned
 
 SCRIPTS = ("data.js", "panel.js", "chart.js", "arm.js", "report.js")
 """In the order in which they need each other; uPlot stands before them."""
@@ -43,18 +42,27 @@ class Report:
         """The whole HTML document, and the charts in it."""
         charts: list[Chart] = []
 
-        def draw(chart: Chart) -> Markup:
+        def collect(chart: Chart) -> Markup:
             charts.append(chart)
-            drawn = {"chart": chart, "number": len(charts) - 1, "every": thinned(chart), "still": still(chart)}
-            return Markup(_parts().module.chart(**drawn))
+            return Markup()
 
-        def scripts() -> Markup:
-            data = json.dumps(plain_page(charts, self.motion, list(self.joints)), separators=(",", ":"))
-            return _scripts(data) if charts else Markup()
+        self._filled(collect, Markup())
+        if not charts:
+            return self._filled(collect, Markup()), charts
+        # how much of each chart there is room for depends on all of them
+        data, points = page_data(charts, self.motion, list(self.joints))
+        pictures = stills(charts)
+        places = iter(range(len(charts)))
 
+        def draw(chart: Chart) -> Markup:
+            k = next(places)
+            return Markup(_parts().module.chart(chart, k, thinned(chart, points), pictures[k]))
+
+        return self._filled(draw, _scripts(data)), charts
+
+    def _filled(self, draw: Callable[[Chart], Markup], scripts: Markup) -> str:
         template = environment().get_template(self.template)
-        content = {"title": self.title, "draw": draw, "scripts": scripts, **self.content}
-        return template.render(content), charts
+        return template.render({"title": self.title, "draw": draw, "scripts": scripts, **self.content})
 
     def html(self) -> str:
         """The whole HTML document."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -19,8 +20,10 @@ if TYPE_CHECKING:
 
 WIDTH = 10.5
 """Inches."""
-STILL_DPI, STILL_COLOURS = 72, 48
-"""Of the picture that a page carries for print and for browsers without scripts."""
+STILL_DPI, STILL_COLOURS = 72.0, 48
+"""Of the pictures that a page carries for print and for browsers without scripts."""
+MOST_STILLS = 1_000_000
+"""Characters of all of them together."""
 PICTURE_DPI = 200
 PICTURES = ("png", "pdf")
 """Kinds of files that ``write_report`` can draw beside a report."""
@@ -51,12 +54,20 @@ def figure(chart: Chart, *, most_points: int | None = None) -> Figure:
     return drawn
 
 
-def still(chart: Chart) -> str:
-    """The chart as a PNG of few colours, base64."""
+def stills(charts: Sequence[Chart]) -> list[str]:
+    """The charts as PNG of few colours, base64; coarser where together they exceed ``MOST_STILLS`` characters."""
+    drawn = [_still(chart, STILL_DPI) for chart in charts]
+    size = sum(map(len, drawn))
+    if size > MOST_STILLS:
+        drawn = [_still(chart, max(24.0, 0.9 * STILL_DPI * (MOST_STILLS / size) ** 0.5)) for chart in charts]
+    return drawn
+
+
+def _still(chart: Chart, dpi: float) -> str:
     from PIL import Image
 
     drawn, buffer = io.BytesIO(), io.BytesIO()
-    figure(chart, most_points=1200).savefig(drawn, format="png", dpi=STILL_DPI)
+    figure(chart, most_points=1200).savefig(drawn, format="png", dpi=dpi)
     few = Image.open(drawn).convert("RGB").quantize(STILL_COLOURS, dither=Image.Dither.NONE)
     few.save(buffer, format="png", optimize=True)
     return base64.b64encode(buffer.getvalue()).decode()

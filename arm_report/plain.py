@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,9 @@ from arm_report.motion import Motion
 from arm_report.palette import DARK
 
 Table = dict[str, Any]
+MOST_DATA = 1_500_000
+"""Characters: with pictures for print (``paper.MOST_STILLS``), scripts and tables a page stays below 3 MB."""
+LEAST_POINTS = 200
 LEVELS = 65_534
 """Steps of a quantised array over its range; 65535 is NaN."""
 
@@ -56,11 +60,21 @@ def _base64(values: np.ndarray) -> str:
     return base64.b64encode(values.tobytes()).decode()
 
 
-def plain_page(charts: list[Chart], motion: Motion | None, names: list[str]) -> Table:
+def page_data(charts: list[Chart], motion: Motion | None, names: list[str]) -> tuple[str, int]:
+    """``plain_page`` as text of at most about ``MOST_DATA`` characters, and the points per series that this allows."""
+    points = POINTS
+    while True:
+        text = json.dumps(plain_page(charts, motion, names, points), separators=(",", ":"))
+        if len(text) <= MOST_DATA or points <= LEAST_POINTS:
+            return text, points
+        points = max(LEAST_POINTS, int(0.95 * points * MOST_DATA / len(text)))
+
+
+def plain_page(charts: list[Chart], motion: Motion | None, names: list[str], points: int = POINTS) -> Table:
     """All that the scripts of a page need; ``names`` of the joints, from the first."""
     arrays = Arrays()
     table: Table = {
-        "charts": [_chart(chart, arrays) for chart in charts],
+        "charts": [_chart(chart, arrays, points) for chart in charts],
         "joints": names,
         "motion": None if motion is None else _motion(motion, arrays),
         "dark": DARK,
@@ -68,12 +82,12 @@ def plain_page(charts: list[Chart], motion: Motion | None, names: list[str]) -> 
     return table | {"arrays": arrays.stored}
 
 
-def thinned(chart: Chart) -> int:
+def thinned(chart: Chart, points: int = POINTS) -> int:
     """Rows of which the lowest and the highest value are drawn in a page, the most of all series; 1: all are."""
-    return max((rows_per_bucket(len(one.y)) for panel in chart.panels for one in panel.series), default=1)
+    return max((rows_per_bucket(len(one.y), points) for panel in chart.panels for one in panel.series), default=1)
 
 
-def _chart(chart: Chart, arrays: Arrays) -> Table:
+def _chart(chart: Chart, arrays: Arrays, points: int) -> Table:
     return {
         "name": chart.name,
         "title": chart.title,
@@ -81,11 +95,11 @@ def _chart(chart: Chart, arrays: Arrays) -> Table:
         "widths": list(chart.widths),
         "shared": chart.shared,
         "height": chart.height,
-        "panels": [_panel(panel, arrays) for panel in chart.panels],
+        "panels": [_panel(panel, arrays, points) for panel in chart.panels],
     }
 
 
-def _panel(panel: Panel, arrays: Arrays) -> Table:
+def _panel(panel: Panel, arrays: Arrays, points: int) -> Table:
     return {
         "x": panel.x,
         "y": panel.y.replace("\n", " "),
@@ -102,12 +116,12 @@ def _panel(panel: Panel, arrays: Arrays) -> Table:
         "equal": panel.equal,
         "names": panel.names,
         "linear": panel.linear,
-        "series": [_series(one, panel, arrays) for one in panel.series if len(one.y)],
+        "series": [_series(one, panel, arrays, points) for one in panel.series if len(one.y)],
     }
 
 
-def _series(one: Series, panel: Panel, arrays: Arrays) -> Table:
-    every = rows_per_bucket(len(one.y), POINTS)
+def _series(one: Series, panel: Panel, arrays: Arrays, points: int) -> Table:
+    every = rows_per_bucket(len(one.y), points)
     if one.kind == "line":
         kept, y = envelope(one.y, every)
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from arm_report import Chart, Panel, Series, Zone, figure, write_report
 from arm_report.envelope import POINTS, envelope, extremes, rows_per_bucket
 from arm_report.palette import AFTER, BEFORE
-from arm_report.plain import Arrays, plain_page
+from arm_report.plain import Arrays, page_data, plain_page
 from tests.arm_report.test_page import report
 
 VALUES = st.lists(st.one_of(st.floats(-1e6, 1e6), st.just(float("nan"))), min_size=1, max_size=300)
@@ -88,9 +89,20 @@ def test_twenty_minutes_of_six_joints_are_small_and_keep_their_peak(long: Chart)
     table = plain_page([long], None, [])
     y = decoded(table["arrays"][table["charts"][0]["panels"][0]["series"][0]["y"]])
     assert len(y) <= POINTS + 2 and y.max() == pytest.approx(50.0, rel=1e-4)
+    assert rows_per_bucket(1_200_000) == 1200
+
+
+def test_a_page_of_many_charts_stays_small(long: Chart, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("arm_report.plain.MOST_DATA", 30_000)
+    monkeypatch.setattr("arm_report.paper.MOST_STILLS", 30_000)
+    text, points = page_data([long], None, [])
+    assert len(text) <= 30_000 and 200 <= points < POINTS
+    table = json.loads(text)
+    assert decoded(table["arrays"][table["charts"][0]["panels"][0]["series"][0]["y"]]).max() == pytest.approx(
+        50.0, rel=1e-4
+    )
     html = report("long", long).html()
-    assert len(html) < 600_000
-    assert "the lowest and the highest of every 1200 rows" in html
+    assert len(html) < 200_000 and f"of every {rows_per_bucket(1_200_000, points)} rows" in html
 
 
 def test_charts_are_written_as_pictures_and_the_json_last(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def folder(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_report_and_exit_status(folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     pair = [str(folder / "first.mcap"), str(folder / "worn.mcap"), "--model", str(folder / "model.toml")]
-    assert run(["compare", *pair, "--out", str(tmp_path / "out"), "--fail-above", "10%"]) == 5
+    assert run(["compare", *pair, "--out", str(tmp_path / "out"), "--fail-above", "10%", "--pdf"]) == 5
     captured = capfd.readouterr()
     line = "Coulomb friction of joint 2: "
     assert line in captured.out and "%" in captured.out.split(line)[1].splitlines()[0]
@@ -52,6 +52,7 @@ def test_report_and_exit_status(folder: Path, tmp_path: Path, capfd: pytest.Capt
     assert {c["name"] for c in table["changes"] if c["significant"] and c["kind"] != "curve"} == {"joint2.coulomb"}
     page = (tmp_path / "out/compare.html").read_text()
     assert line in page and page.count("data:image/png") == 2 and "http" not in page.replace("http-equiv", "")
+    assert {path.name for path in (tmp_path / "out/pictures").iterdir()} == {"changes.pdf", "friction_curves.pdf"}
     # Beyond 60 % or 500 deviations nothing changed; between days on which nothing did, nothing is beyond 0.
     for limit, status in (("60%", 0), ("500", 0), ("5", 5)):
         assert run(["compare", *pair, "--fail-above", limit]) == status
