@@ -82,7 +82,9 @@ def _at(
 ) -> Evidence:
     findings = [_finding(cause, arm, several) for cause in causes if cause.joint == place]
     if place is None:
-        alike = [name for name, yes in several.items() if yes and CATALOGUE[name].per_joint]
+        # one cause that several joints show together (a hum of the rig) is a finding of the arm already
+        named = {cause.effect for cause in causes if cause.joint is not None}
+        alike = [name for name, yes in several.items() if yes and name in named and CATALOGUE[name].per_joint]
         findings += [_shared(name, causes, arm) for name in alike]
     here = {effect for one in findings for effect in one.effects}
     here |= {effect for cause in causes for effect, joint in cause.group if joint == place}

@@ -154,6 +154,15 @@ def test_what_several_joints_share_has_an_origin_of_the_arm(causes: list[Cause],
     assert _order(*causes, joint=None)[0] == first
 
 
+def test_one_cause_that_several_joints_show_is_one_finding_of_the_arm() -> None:
+    """Currents of all joints with the mains in them are one cause, which no joint has for itself."""
+    amplitude = [Estimate("amplitude", 0.1, 0.001, "A")]
+    hum = replace(_cause("mains_hum", None), of_joints=dict.fromkeys(range(1, 7), amplitude))
+    (place,) = evidence_of([hum], ARM, SEARCHED)
+    assert place.joint is None and [one.effects for one in place.findings] == [("mains_hum",)]
+    assert "several" in place.findings[0].holds
+
+
 def test_one_joint_alone_gives_no_origin_of_the_arm() -> None:
     places = evidence_of([_cause("viscous_friction", viscous=2.0)], ARM, SEARCHED)
     assert [one.joint for one in places] == [2]
