@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image
 
 from armscope.application import DONE
 from armscope.cli import UNUSABLE_INPUT, run
@@ -125,8 +126,10 @@ def unrendered() -> Iterator[None]:
     """Pictures are composed, but not turned into pixels, which takes most of the time of a report."""
     rendered = Figure.savefig
 
-    def left_out(_: Figure, to: Any, **__: Any) -> None:
-        if hasattr(to, "write"):
+    def left_out(_: Figure, to: Any, **options: Any) -> None:
+        if options.get("format") == "png":
+            Image.new("RGB", (1, 1)).save(to, "png")
+        elif hasattr(to, "write"):
             to.write("<svg/>" if isinstance(to, io.StringIO) else b"<svg/>")
         else:
             Path(to).write_text("<svg/>")

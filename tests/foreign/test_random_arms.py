@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
+from PIL import Image
 
 from tests.foreign.commands import called, through_every_command, unrendered
 from tests.foreign.random_arms import stranger
@@ -41,3 +44,11 @@ def test_strangers_are_as_different_as_they_say() -> None:
 @pytest.mark.slow
 def test_500_arms_go_through_every_command() -> None:
     assert subprocess.run([sys.executable, "-m", "tests.foreign", "--arms", "500"], check=False).returncode == 0
+
+
+def test_pictures_that_are_left_out_can_be_read() -> None:
+    """A report opens its own pictures."""
+    picture = io.BytesIO()
+    with unrendered():
+        Figure().savefig(picture, format="png")
+    assert Image.open(picture).size == (1, 1)
