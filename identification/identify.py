@@ -39,7 +39,10 @@ def identify_by(
     ``shape`` of friction over speed: chosen by ols, wls and irls; the others keep the curves of the model.
     """
     if shape == "free" and method not in ("ols", "wls", "irls"):
-        raise InputError("--shape", f"free is determined by ols, wls and irls, not by {method}; use wls")
+        raise InputError(
+            "--shape",
+            f"free is determined by ols, wls and irls, not by {method}; use wls, then its model.toml as --model",
+        )
     arm = straightened(arm) if shape == "straight" else arm
     match method:
         case "ols" | "wls" | "irls":
