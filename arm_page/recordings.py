@@ -83,7 +83,7 @@ def _details(path: Path) -> Table:
         "clocks": [_clock(fit) for fit in run.get("clocks", [])],
         "made": recording.provenance.get("made"),
         "has_model": recording.model is not None,
-        "has_points": recording.layout.points is not None,
+        "has_points": bool(recording.layout.points),
         "joints": list(recording.layout.joints),
         "drawn": _drawn(recording),
     }

@@ -103,12 +103,14 @@ def run(address: str, daemon: psutil.Popen, page: psutil.Popen, seen: list[Seen]
     found = ask(f"api/recordings/{names[0]}")
     if found["ending"]["reason"] != "motion_done" or found["notes"]:
         print(found["ending"]["sentence"], *found["notes"], sep="; ", file=sys.stderr)
+    # While rows came: before and after them there is nothing to draw.
+    lasted = found["rows"] / RATE
     sent = sum(now.frames - then.frames for now, then in zip(seen, before[2]))
     drawn = sum(now.drawn - then.drawn for now, then in zip(seen, before[2]))
     browsers = (
         {
-            "frames_sent_per_second": sent / len(seen) / wall,
-            "drawn_per_second": drawn / len(seen) / wall,
+            "frames_sent_per_second": sent / len(seen) / lasted,
+            "drawn_per_second": drawn / len(seen) / lasted,
             "cpu_ms_of_browser_per_drawn": 1e3 * (after[2] - before[3]) / max(drawn, 1),
         }
         if seen

@@ -18,9 +18,9 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine; .ci/run installs it"),
     pytest.mark.xdist_group("browser"),
     pytest.mark.slow,
-    pytest.mark.timeout(900),
+    pytest.mark.timeout(1200),
 ]
-SECONDS = 120_000
+SECONDS = 500_000
 """ms for an analysis: the machine may be busy."""
 EXPERIMENTS = ROOT / "config/experiments"
 
@@ -32,7 +32,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Room]:
     (folder / "recordings").mkdir()
     arm = armscope.read_model("config/models/puma560_worn.toml")
     for name in ("excitation", "excitation_held_out"):
-        run = armscope.simulate(arm, EXPERIMENTS / f"{name}.toml", rate=250.0, target=(0.05, 0.0, 0.1))
+        run = armscope.simulate(arm, EXPERIMENTS / f"{name}.toml", rate=100.0, target=(0.05, 0.0, 0.1))
         run.write(folder / f"recordings/{name}.mcap")
     other = armscope.read_model("config/models/emps.toml")
     armscope.simulate(other, _move(folder)).write(folder / "recordings/emps.mcap")
