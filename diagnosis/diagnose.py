@@ -21,9 +21,18 @@ from arm_model.effects import Instrument, dissipative
 from daq.recording import Recording
 from diagnosis.against_noise import ratios
 from diagnosis.cause import NO_VARIABLE, Cause, Signal, Structure, Undetectable, extend, merge
-from diagnosis.closed_loop.comparison import Compared, along_motion, compare, faithful, with_smoothing_velocities
+from diagnosis.closed_loop.clear_errors import clear_errors
+from diagnosis.closed_loop.comparison import (
+    Compared,
+    along_motion,
+    before_and_after,
+    compare,
+    faithful,
+    with_smoothing_velocities,
+)
 from diagnosis.confidence import stated
 from diagnosis.find_causes import Named, Progress, Recordings, has_dynamics, named_causes
+from diagnosis.last_gate import idle_limits
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.detectability import not_judged, not_visible
 from diagnosis.measurements.currents.limits import LIMITS
@@ -35,7 +44,8 @@ from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
 from diagnosis.origins import Suspect, evidence_of, suspects
 from diagnosis.residual.encoder_step import encoder_step
-from diagnosis.residual.run import Run
+from diagnosis.residual.folding import folding_warnings
+from diagnosis.residual.run import Run, with_own
 from diagnosis.screening.cleaned import Screened, check, screened
 from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noise
 from diagnosis.screening.event import Event
@@ -155,6 +165,9 @@ def diagnose(
     recordings, cleaned = evenly(recordings, cleaned)
     named = named_causes(arm, measured.known, recordings, cleaned, progress)
     causes, said = extend_by(arm, measured, named, recordings)
+    if idle := idle_limits(causes, said, recordings, named.found.state.data):
+        kept = [event for event in named.sight.events if (event.effect, event.joint) not in idle]
+        causes, said = extend_by(arm, measured, replace(named, sight=replace(named.sight, events=kept)), recordings)
     extended = dissipative(said, top_speeds(named))
     verified = verify(arm, extended, causes, recordings, named, judged=measured.judged)
     state, structures = named.found.state, _structures(measured, named)
@@ -164,12 +177,13 @@ def diagnose(
         *(measured.link.unexplained if measured.link else []),
         *measured.tracked.unexplained,
     ]
+    unexplained += _in_loop(verified, state.data, [one.joint for one in (*structures, *unexplained)])
     left = {one.joint: one.ratio for one in ratios(state.data.held_out.runs, state.fitted.held_out)}
     return Diagnosis(
         arm=arm,
         extended=extended,
-        fit=state.data.fit.runs,
-        held_out=state.data.held_out.runs,
+        fit=tuple(with_own(run, ()) for run in state.data.fit.runs),
+        held_out=tuple(with_own(run, ()) for run in state.data.held_out.runs),
         left=Split(state.fitted.fit, state.fitted.held_out),
         causes=stated(verified.causes, left if measured.judged else {}, len(unexplained)),
         not_visible=_undetectable(measured, named),
@@ -228,11 +242,11 @@ def extend_by(arm: Arm, measured: Measured, named: Named, recordings: Recordings
     """All causes, each named once, and the model extended by them."""
     data, known = named.found.state.data, [*measured.known, *([named.resonance] if named.resonance else [])]
     events = [from_event(event, named.arm, data) for event in [*named.sight.events, *measured.events]]
-    causes = [*events, *named.causes]
+    causes = [*events, *named.causes, *named.own]
     unknown = [cause for cause in measured.tracked.causes if cause not in known]
     together = merge(causes if measured.judged else [*causes, *measured.of_links], unknown)
     extended = extend(named.base, together) if together else named.arm
-    if extended is not arm:
+    if extended is not arm and not named.own:
         extended = with_smoothing_velocities(extended, recordings.fit)
     resonant = [named.resonance] if named.resonance else []
     return merge([*resonant, *causes, *measured.of_links], measured.tracked.causes), extended
@@ -240,8 +254,8 @@ def extend_by(arm: Arm, measured: Measured, named: Named, recordings: Recordings
 
 def top_speeds(named: Named) -> Array:
     """(n,) rad/s (m/s): the highest speed of each joint in any of the recordings."""
-    runs = [run for part in named.found.state.data for run in part.runs]
-    return np.asarray(np.max([np.abs(run.brisk_v).max(axis=0) for run in runs], axis=0))
+    speeds = [np.abs(run.brisk_v).max(axis=0) for part in named.found.state.data for run in part.runs]
+    return np.asarray(np.max(speeds, axis=0))
 
 
 def verify(
@@ -251,7 +265,7 @@ def verify(
     runs = named.found.state.data.map(lambda part: part.runs)
     halves = {"fit": (recordings.fit, runs.fit), "held_out": (recordings.held_out, runs.held_out)}
     compared = {
-        half: [pair for r, run in zip(*both) if (pair := _before_and_after(r, run, arm, extended)) is not None]
+        half: [pair for r, run in zip(*both) if (pair := before_and_after(r, run, arm, extended)) is not None]
         for half, both in halves.items()
     }
     simulated = [after for _, after in compared["held_out"]]
@@ -269,6 +283,14 @@ def _structures(measured: Measured, named: Named) -> list[Structure]:
     if named.axis and named.axis.wave:
         return [Structure(Signal.CURRENT, 1, "position", named.axis.wave.share)]
     return named.found.unexplained.structures if measured.judged else []
+
+
+def _in_loop(verified: Verified, data: Split[Dataset], reported: Sequence[int | None]) -> list[Structure]:
+    """What the closed loop leaves above the noise with all causes, where its controller is that of the arm."""
+    if not faithful(verified.compared["held_out"], verified.along["held_out"]):
+        return []
+    after = {side: [one for _, one in pairs] for side, pairs in verified.compared.items()}
+    return clear_errors(after, {"fit": data.fit.runs, "held_out": data.held_out.runs}, reported)
 
 
 def _of_fit(left: Array, fit: Dataset, structures: Sequence[Structure]) -> list[Structure]:
@@ -289,14 +311,13 @@ def _above_in_fit(left: Array, fit: Dataset, structures: Sequence[Structure]) ->
 
 def _judged(structures: Sequence[Structure], shortage: Shortage | None) -> list[Structure]:
     """Those for which the recordings were long enough."""
-    short = shortage.joints if shortage else ()
-    return [one for one in structures if one.joint not in short]
+    return [one for one in structures if shortage is None or one.joint not in shortage.joints]
 
 
 def _undetectable(measured: Measured, named: Named) -> list[Undetectable]:
     """Effects that these recordings could not show."""
     resonant = [named.resonance] if named.resonance else []
-    shown = {cause.key for cause in [*named.causes, *measured.known, *resonant]} | measured.tracked.shown
+    shown = {cause.key for cause in [*named.causes, *named.own, *measured.known, *resonant]} | measured.tracked.shown
     of_currents = not_visible(named.library, named.ripples, named.found.state.data.held_out, shown, named.arm)
     link = measured.link.held_out.joints.tolist() if measured.link else []
     unjudged = [] if measured.judged else not_judged(named.arm, link)
@@ -307,6 +328,7 @@ def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[S
     state = named.found.state
     if measured.judged:
         yield from mixed_up([*state.data.fit.runs, *state.data.held_out.runs])
+        yield from folding_warnings([*state.data.fit.runs, *state.data.held_out.runs])
         yield from not_held_out(state.fitted.fit, state.data.fit, structures)
     else:
         yield f"{arm.name} has neither masses nor friction: its currents were not judged"
@@ -327,9 +349,8 @@ def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure]) -> 
 def _smoothing(arm: Arm, base: Arm) -> tuple[str, ...]:
     """Warns of a Coulomb smoothing velocity that replaces the one of the model."""
     wide, narrow = (one.joints[0].sign_velocity for one in (arm, base))
-    return (
-        () if narrow == wide else (f"Coulomb smoothing velocity set to {narrow:.2g} instead of {wide:.2g} m/s (rad/s)",)
-    )
+    said = f"Coulomb smoothing velocity set to {narrow:.2g} instead of {wide:.2g} m/s (rad/s)"
+    return () if narrow == wide else (said,)
 
 
 def _of_friction(stated: Arm, extended: Arm) -> tuple[str, ...]:
@@ -377,11 +398,3 @@ def _shown_in_loop(
         for several in (without, having)
     )
     return replace(cause, before=before, after=after) if all(without) else cause
-
-
-def _before_and_after(recording: Recording, run: Run, arm: Arm, extended: Arm) -> tuple[Compared, Compared] | None:
-    before = compare(recording, arm, run)
-    if before is None:
-        return None
-    after = compare(recording, extended, run) if extended is not arm else before
-    return (before, after) if after is not None else None

@@ -10,15 +10,18 @@ from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
 from scipy import stats
 
 from arm_model import Arm
-from arm_model.effects import CATALOGUE
+from arm_model.effects import CATALOGUE, same_columns
 from daq.recording import Recording
+from diagnosis.by_recording import cause_of, contradicted, own_values, promising
 from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
 from diagnosis.harmonics import with_harmonics
+from diagnosis.last_gate import negligible
 from diagnosis.measurements.currents.causes import from_axis, of_candidate
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import bounded, columns_of, dataset_of, dataset_with, free_columns
@@ -30,7 +33,7 @@ from diagnosis.measurements.currents.ripple_orders import of_shafts, order_of
 from diagnosis.measurements.currents.search import Found, search, without
 from diagnosis.measurements.currents.shortage import Shortage, shortage
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
-from diagnosis.residual.run import Run
+from diagnosis.residual.run import Run, with_own
 from diagnosis.screening.cleaned import Residuals, Screened, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
@@ -48,6 +51,7 @@ class Named:
     found       what the search chose; axis: what a single axis with a fine encoder shows
     causes      of the search or of the axis; resonance: a spring or a gap found in closed loop, which ``arm`` has
     shortage    what the held-out recordings are too short for
+    own         of causes, the one whose values differ between recordings; the runs have it, ``base`` has not
     """
 
     arm: Arm
@@ -60,8 +64,11 @@ class Named:
     causes: list[Cause]
     shortage: Shortage | None = None
     resonance: Cause | None = None
+    own: tuple[Cause, ...] = ()
 
 
+TOGETHER, SETTLED = 4, 0.9
+"""Searches in which values per recording and the causes of the arm settle: as long as less than this share is left."""
 Recordings = Split[Sequence[Recording]]
 Progress = Callable[[str], None]
 
@@ -78,6 +85,9 @@ def named_causes(
         named = _searched(arm, behind, recordings, excluded, progress)
     if (as_recorded := confirmed(named.sight, named.found.state.terms)) is not named.sight:
         named = _searched(arm, as_recorded, recordings, excluded, progress)
+    if (of_recordings := _by_recording(named, recordings, excluded, progress)) is not None:
+        # the closed loops of a search for resonances are of one arm for all recordings
+        return of_recordings
     progress("searching for transmission resonances in closed loop")
     found = _resonance(named, recordings) if has_dynamics(model) else None
     if found is None:
@@ -127,6 +137,31 @@ def _searched(
     )
 
 
+def _by_recording(named: Named, recordings: Recordings, excluded: Set[EffectKey], progress: Progress) -> Named | None:
+    """What is named with a cause whose values differ between recordings, if that explains what nothing else does."""
+    state = named.found.state
+    if named.axis or not (named.found.unexplained.structures or contradicted(state)):
+        return None
+    progress("comparing the recordings with each other")
+    for first in promising(state):
+        own, c = first, first.candidate
+        taken = excluded | {(effect, c.joint) for effect in (c.effect, *same_columns(c.definition))}
+        before = np.inf
+        for _ in range(TOGETHER):
+            runs = [with_own(run, (term,)) for run, term in zip(named.sight.runs, own.terms)]
+            trial = _searched(named.arm, replace(named.sight, runs=runs), recordings, taken, progress)
+            found = trial.found.state
+            # what the others explain is not the recordings' own
+            own = own_values(c, named.library[c], state, found.terms)
+            left = float(sum(np.sum(part**2) for part in (found.fitted.fit, found.fitted.held_out)))
+            if not found.chosen or left > SETTLED * before:
+                break
+            before = left
+        if not trial.found.unexplained.structures and own.contradict and contradicted(found) is None:
+            return replace(trial, own=(cause_of(own, state, found.terms),))
+    return None
+
+
 def _datasets(runs: Sequence[Run], first: int, two_fold: bool) -> Split[Dataset]:
     return Split(dataset_of(runs[:first]), dataset_of(runs[first:]), two_fold)
 
@@ -144,6 +179,9 @@ def _tenable(
         progress("estimating parameters")
         causes = _of_search(found)
         progress("judging in closed loop")
+        if (removed := negligible(found.state, causes)) is not None:
+            found = without(found, found.state.chosen[removed])
+            continue
         removed = _untenable(model.arm, causes, recordings, runs)
         if removed is None:
             return found, causes

@@ -175,6 +175,7 @@ class Effect:
     body             effect of a link that has its columns where it is a body with an inertia of its own, not a point
     own_joint        a change of the description that only the current of its own joint shows
     driven           its law looks at ``s.driver``, or at how the weight of that link lies
+    settable         of an effect that somebody, or the day, may change between two recordings of one arm: what was done
     sparse           acts at a few instants of a recording: may also be judged by when these are
     directional      differs between the directions of motion, or is made up for by an effect that does
     friction         its torque depends on the velocity alone: part of the joint's friction, which opposes the motion as
@@ -198,6 +199,7 @@ class Effect:
     body: str = ""
     own_joint: bool = False
     driven: bool = False
+    settable: str = ""
     sparse: bool = False
     directional: bool = False
     friction: bool = False

@@ -116,6 +116,7 @@ PAYLOAD = Effect(
         ),
     ),
     equation="a body of mass m at (x, y, z) of the last link, with an inertia of its own about that centre",
+    settable="mounted differently",
     shows="gravity by pose, plus inertia",
     confused_with={"link_inertia": "runs with and without a known mass"},
     per_joint=False,

@@ -22,6 +22,7 @@ VISCOUS_FRICTION = Effect(
     place=Place.MECHANICS,
     parameters=(Parameter("viscous", "N m s/rad", (0.2, 10.0), True, "missing viscous coefficient", signed=True),),
     equation="tau = B q'",
+    settable="not the same in all recordings",
     shows="error proportional to velocity",
     confused_with={"time_skew": "two speeds", "hydrodynamic_drag": "two speeds"},
     observed_by=_AGAINST_VELOCITY,
@@ -40,6 +41,7 @@ COULOMB_FRICTION = Effect(
         ),
     ),
     equation="tau = F sign(q')",
+    settable="not the same in all recordings",
     shows="a step where the velocity changes sign",
     confused_with={
         "presliding_friction": "reversals at different speeds",

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from arm_model.effects.definition import Effect, Parameter, Place, integers
 from arm_model.effects.observation import Excitation, Instrument, Observation, Span, Variable
+from arm_model.effects.transmission import WORST_RIPPLE
 from arm_model.rigid_body import scalar
 
 ENCODER_RIPPLE = Effect(
     name="encoder_ripple",
     place=Place.SENSING,
     parameters=(
-        Parameter("amplitude", "rad", (1e-5, 2e-3), True, "amplitude at the joint", tracker_prior=0.01),
+        Parameter(
+            "amplitude", "rad", (1e-5, 2e-3), True, "amplitude at the joint", most=WORST_RIPPLE, tracker_prior=0.01
+        ),
         Parameter(
             "order",
             "1",
@@ -63,6 +66,7 @@ CURRENT_OFFSET = Effect(
     place=Place.SENSING,
     parameters=(Parameter("offset", "A", (0.005, 0.5), True, "reading at no current", signed=True),),
     equation="i_read = i + o",
+    settable="it drifted, or was set differently",
     shows="a constant",
     confused_with={"friction_asymmetry": "drives off", "gravity_spring": "drives off"},
     observed_by={
@@ -79,6 +83,7 @@ CURRENT_GAIN = Effect(
     place=Place.SENSING,
     parameters=(Parameter("error", "1", (0.02, 0.2), True, "relative error of the reading", signed=True),),
     equation="i_read = (1 + g) i",
+    settable="set differently",
     shows="all torques of one joint scaled",
     confused_with={"torque_constant": "a reference shunt"},
     observed_by={

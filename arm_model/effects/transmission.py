@@ -12,6 +12,9 @@ from arm_model.effects.definition import Effect, Parameter, Place, Signals, Valu
 from arm_model.effects.observation import Excitation, Instrument, Observation, Span, Variable
 from arm_model.rigid_body import scalar
 
+WORST_RIPPLE = 0.02
+"""rad (m): largest amplitude of a position error that repeats with the motor, ten times that of gears and encoders."""
+
 
 def across_gap(half_gap: Any, twist: Any, rate: Any, spring: Callable[[Any, Any], Any]) -> Any:
     """Torque of a gap in series with ``spring`` (twist beyond the gap, its rate).
@@ -132,7 +135,7 @@ GEAR_RIPPLE = Effect(
     name="gear_ripple",
     place=Place.TRANSMISSION,
     parameters=(
-        Parameter("amplitude", "rad", (1e-5, 2e-3), True, "amplitude of the link's position error"),
+        Parameter("amplitude", "rad", (1e-5, 2e-3), True, "amplitude of the link's position error", most=WORST_RIPPLE),
         Parameter("torque", "N m", (0.05, 5.0), True, "amplitude of a torque at the joint, in the place of that error"),
         Parameter(
             "order",

@@ -25,7 +25,7 @@ from arm_model.simulation import simulate, simulate_batch
 from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
-from diagnosis.residual.run import Run, kept, residual_under
+from diagnosis.residual.run import Run, kept, residual_under, with_own
 from diagnosis.residual.run_setup import loaded, setup_of
 from identification.preprocessing import demand_of_run
 
@@ -61,7 +61,7 @@ def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     """A recording and the closed loop of the model on its demands; None without demand, controller or stable loop."""
     if arm.controller is None or not has_demand(recording):
         return None
-    arm = loaded(arm, setup_of(recording).payload)
+    arm = loaded(replace(arm, effects=(*arm.effects, *run.own)), setup_of(recording).payload)
     knots, demand = recording.t, demand_of_run(recording, arm)
     try:
         motion = simulate(arm, demand, duration=float(knots[-1]), rate=1.0 / recording.dt, times=knots - knots[0])
@@ -71,15 +71,27 @@ def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     return Compared(recording.path.name, knots, recording.i, shown.current, recording.q, shown.q, comparable_rows(run))
 
 
+def before_and_after(recording: Recording, run: Run, arm: Arm, extended: Arm) -> tuple[Compared, Compared] | None:
+    """A recording in closed loop by the model, and by the extended one with what is of this recording alone."""
+    before = compare(recording, arm, replace(run, own=()))
+    if before is None:
+        return None
+    after = compare(recording, extended, run) if extended is not arm or run.own else before
+    return (before, after) if after is not None else None
+
+
 def has_demand(recording: Recording) -> bool:
     """Whether a recording holds the whole demand of an arm whose drives were on."""
     return recording.qref is not None and not np.isnan(recording.qref).any() and not setup_of(recording).drives_off
 
 
 def along_motion(run: Run, before: Arm, after: Arm) -> tuple[Array, Array]:
-    """(n,) A each: rms of the residual current along the measured motion, of the model and of the extended one."""
-    rows = comparable_rows(run)
-    return rms_where(residual_under(run, before.effects), rows), rms_where(residual_under(run, after.effects), rows)
+    """(n,) A each: rms of the residual current along the measured motion, of the model and of the extended one.
+
+    The extended one has what is of this recording alone (``Run.own``).
+    """
+    rows, bare = comparable_rows(run), with_own(run, ())
+    return rms_where(residual_under(bare, before.effects), rows), rms_where(residual_under(run, after.effects), rows)
 
 
 def faithful(pairs: Sequence[tuple[Compared, Compared]], along: Sequence[tuple[Array, Array]]) -> bool:

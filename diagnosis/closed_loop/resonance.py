@@ -212,8 +212,8 @@ def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = ()) -> Arr
     end = round(END_SECONDS * rate)
     errors = []
     for q, i in zip(shown.q, shown.current):
-        late = _late(recording.q - q, np.gradient(q, recording.dt, axis=0)) if np.isfinite(i).all() else 0.0
-        moved = np.column_stack([np.interp(t - late, t, column) for column in i.T])
+        delay = late(recording.q - q, np.gradient(q, recording.dt, axis=0)) if np.isfinite(i).all() else 0.0
+        moved = np.column_stack([np.interp(t - delay, t, column) for column in i.T])
         errors.append(
             signal.sosfiltfilt(_sections(rate), recording.i - moved, axis=0)[end:-end]
             if np.isfinite(i).all()
@@ -222,7 +222,7 @@ def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = ()) -> Arr
     return np.stack(errors)
 
 
-def _late(difference: Array, speed: Array) -> float:
+def late(difference: Array, speed: Array) -> float:
     """s by which measured angles are behind simulated ones, of the fastest joint."""
     j = int(np.argmax(np.sum(speed**2, axis=0)))
     return -float(difference[:, j] @ speed[:, j] / max(float(speed[:, j] @ speed[:, j]), 1e-12))

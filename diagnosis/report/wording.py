@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from diagnosis.cause import Cause, Estimate, in_words
+from arm_model.effects import CATALOGUE
+from diagnosis.cause import Cause, Estimate, Signal, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.remaining import remaining
 from diagnosis.units import readable
@@ -20,6 +21,19 @@ def title(cause: Cause) -> str:
 
 def either(cause: Cause) -> str:
     """A cause with the rest of its ambiguity group: ``torque constant or current gain of joint 2``."""
+    if cause.of_recordings and not cause.of_arm and cause.signal is Signal.CURRENT:
+        return f"{_either(cause)} ({differing(cause)})"
+    return _either(cause)
+
+
+def differing(cause: Cause) -> str:
+    """``mass 3.0 kg in A.mcap, 2.8 kg in B.mcap: mounted differently``, of its first parameter."""
+    several = [(name, own[0]) for name, own in cause.of_recordings.items()]
+    sizes = [f"{value(one)}{'' if one.unit == '1' else f' {one.unit}'} in {name}" for name, one in several]
+    return f"{several[0][1].name.replace('_', ' ')} {', '.join(sizes)}: {CATALOGUE[cause.effect].settable}"
+
+
+def _either(cause: Cause) -> str:
     if len({joint for _, joint in cause.group}) > 1:
         return " or ".join(map(in_words, cause.group))
     names = " or ".join(effect.replace("_", " ") for effect, _ in cause.group)
@@ -58,7 +72,8 @@ def _judged(result: Diagnosis) -> str:
 
 def place(signal: str, joint: int | None) -> str:
     """``the current of joint 2``."""
-    return f"the {signal} of joint {joint}" if joint else f"the {signal}'s points"
+    what = "current in closed loop" if signal == Signal.CLOSED_LOOP else signal
+    return f"the {what} of joint {joint}" if joint else f"the {signal}'s points"
 
 
 def against(signal: str, joint: int | None, variable: str) -> str:

@@ -36,6 +36,7 @@ from diagnosis.residual.expected_current import (
     true_angle,
 )
 from diagnosis.residual.noise import NOTHING_KNOWN, KnownNoise, angle_noise, scatter
+from identification.preprocessing import drifting, folded_along
 
 ROWS_PER_SECOND = 100
 ROWS_FOR_ONE = ROWS_PER_SECOND / (2.0 * COMPARE_BAND)
@@ -52,12 +53,14 @@ class Run:
     n) rad and per second of the motor over gear; current, expected, residual (m, n) A; current_rate A/s;
     rigid (m, n) N m: torque to the links; inertia (m, n) kg m2 of the links alone; both at the drives, where joints are
     coupled;
+    folded (m, n) A: one std of what sampling may have put into the currents unseen (``identification.preprocessing``);
     brisk_v, brisk_rigid: v and rigid from the motion in the band of comparison, less smooth and noisier;
     noise (n,) A: std of the residual from the instruments alone; instruments (m, n) A: the same row by row, larger
     where steps of an encoder beat with the rows (``beats``); deviation (m, n) A: std that the residual has with nothing
     wrong: of the instruments, and of friction near standstill; block (m,): block of one second, from 0;
     arm: as it was set up for this run (with a known payload, say); powered: False where the drives were off: the brakes
-    hold the arm, and the currents show what their own instruments add.
+    hold the arm, and the currents show what their own instruments add; own: effects that only this recording has, which
+    ``expected`` contains (``with_own``).
     """
 
     name: str
@@ -76,9 +79,11 @@ class Run:
     deviation: Array
     noise: Array
     instruments: Array
+    folded: Array
     block: NDArray[np.intp]
     arm: Arm
     powered: bool = True
+    own: tuple[EffectTerm, ...] = ()
 
     @property
     def parts(self) -> tuple[slice, ...]:
@@ -134,8 +139,31 @@ class Run:
 
     @property
     def whitened(self) -> Array:
-        """(m, n) residual over its deviation."""
-        return self.residual / self.deviation
+        """(m, n) residual over its std."""
+        return self.whiten(self.residual)
+
+    def whiten(self, values: Array) -> Array:
+        """Values (m, n) or (m, n, k) A over the std that they would have with nothing wrong.
+
+        Along ``folded``, and its drift as two clocks diverge, a residual of one std more is no evidence: the inverse
+        root of the covariance 1 + f f^T, in the recording and joint that f belongs to.
+        """
+        over = self.deviation.reshape(*self.deviation.shape, *[1] * (values.ndim - 2))
+        white: Array = values / over
+        for part, j, basis, less in self._unseen:
+            own = white[part, j]
+            white[part, j] = own - basis @ (less * (basis.T @ own).T).T
+        return white
+
+    @cached_property
+    def _unseen(self) -> list[tuple[slice, int, Array, Array]]:
+        """Rows, joint, orthonormal directions (r, 2) of what folds there, and the share by which these count less."""
+        found = []
+        for part, j in itertools.product(self.parts, np.flatnonzero(self.folded.any(axis=0)).tolist()):
+            own = drifting(self.folded[part, j] / self.deviation[part, j], self.t[part] - self.t[part][0])
+            basis, size, _ = np.linalg.svd(own, full_matrices=False)
+            found.append((part, j, basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2)))
+        return found
 
 
 def residual_run(
@@ -170,6 +198,7 @@ def residual_run(
     block = ((rows - rows[0]) // 1.0).astype(np.intp)
     instruments = _row_by_row(noise, q, slow_v, bent, rate, known)
     brisk = [thin(values) for values in (position, v, a)]
+    folded = folded_along(arm, t, angle, i * constant) if powered else None
     return Run(
         name=name,
         raw=(t, q),
@@ -187,6 +216,7 @@ def residual_run(
         deviation=np.hypot(instruments, friction_std),
         noise=noise,
         instruments=instruments,
+        folded=np.zeros_like(instruments) if folded is None else folded[keep] / constant,
         block=block,
         arm=arm,
         powered=powered,
@@ -257,8 +287,19 @@ def residual_under(run: Run, effects: Sequence[EffectTerm]) -> Array:
         return run.residual
     t, q = run.raw
     rate = rate_of(t)
-    arm = replace(run.arm, effects=tuple(effects))
+    arm = replace(run.arm, effects=(*effects, *run.own))
     return run.current - low_pass(reading(arm, t, q, powered=run.powered), COMPARE_BAND, rate)[kept(rate)]
+
+
+def with_own(run: Run, terms: Sequence[EffectTerm]) -> Run:
+    """The run with these effects of its recording alone, in the place of those that it had."""
+    if tuple(terms) == run.own:
+        return run
+    t, q = run.raw
+    rate = rate_of(t)
+    arm = replace(run.arm, effects=(*run.arm.effects, *terms))
+    expected = low_pass(reading(arm, t, q, powered=run.powered), COMPARE_BAND, rate)[kept(rate)]
+    return replace(run, own=tuple(terms), expected=expected)
 
 
 def signals_of(run: Run, arm: Arm, joint: int, *, link_side: bool = False) -> Signals:

@@ -70,7 +70,7 @@ def screened(
     check(arm, recordings)
     progress("searching for events in raw rows")
     events = [
-        *mains_hum(recordings),
+        *mains_hum(recordings, arm),
         *jumps(recordings, arm),
         *(event for event in current_limits(recordings) if not _its_own(arm, event)),
     ]

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import signal
 
 from arm_io.types import Array
+from arm_model import Arm
 from arm_model.effects.sensing import MAINS_HUM
 from daq.recording import Recording
 from diagnosis.cause import Estimate
@@ -41,8 +42,10 @@ class _Line:
     after: float = 0.0
 
 
-def mains_hum(recordings: Sequence[Recording]) -> list[Event]:
+def mains_hum(recordings: Sequence[Recording], arm: Arm) -> list[Event]:
     """Spectral lines at mains frequency in the currents of joints, above the floor in every recording.
+
+    Lines of the setpoints of the arm's controller are none (``_of_setpoints``).
 
     One event of the whole rig where most currents show the line: what couples it in is common to them.
     """
@@ -52,11 +55,25 @@ def mains_hum(recordings: Sequence[Recording]) -> list[Event]:
         for joint, lines in enumerate(every, 1)
         if min(line.over_floor for line in lines) >= HUM_OVER_FLOOR
         and np.ptp([line.frequency for line in lines]) <= ONE_LINE
+        and not any(_of_setpoints(line.frequency, arm, r.dt) for line, r in zip(lines, recordings))
     }
     frequencies = [_frequency(lines) for lines in found.values()]
     if len(found) > max(1, recordings[0].joints / 2) and np.ptp(frequencies) <= ONE_LINE:
         return [_of_rig(found, recordings)]
     return [_of_joint(joint, lines) for joint, lines in found.items()]
+
+
+def _of_setpoints(frequency: float, arm: Arm, dt: float) -> bool:
+    """Whether sampling every dt s puts a line of the transients at setpoints within ONE_LINE of ``frequency`` Hz.
+
+    Lines up to the first above the sampling rate count: the servos filter those further up, which are near any
+    frequency.
+    """
+    if arm.controller is None:
+        return False
+    lines = np.arange(1, int(arm.controller.setpoint_period / dt) + 2) / arm.controller.setpoint_period
+    seen = np.abs(lines - np.round(lines * dt) / dt)
+    return bool(np.any(np.abs(seen - frequency) <= ONE_LINE))
 
 
 def without_hum(recording: Recording, events: Sequence[Event]) -> Array:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from identification.preprocessing.aliased_ripple import rate_beside
+    from identification.preprocessing.aliased_ripple import drifting, folded_along, rate_beside, rows_a_setpoint
     from identification.preprocessing.demands import demand_of_run, tracked_as_recorded
     from identification.preprocessing.readiness import Readiness
 else:
@@ -14,6 +14,9 @@ else:
 __all__ = [
     "Readiness",
     "demand_of_run",
+    "drifting",
+    "folded_along",
     "rate_beside",
+    "rows_a_setpoint",
     "tracked_as_recorded",
 ]

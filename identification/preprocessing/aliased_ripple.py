@@ -19,22 +19,23 @@ from scipy import signal
 
 from arm_io.types import Array
 from arm_model import Arm
-from identification.preprocessing.signals import Motion
+from identification.preprocessing.signals import Motion, smooth_motion
 
 BEAT = 1.0  # Hz
 BESIDE = 0.4  # of the setpoints' rate, from a multiple of it
+STANDS = 0.1  # of a joint's rms acceleration: a stretch with less shows no ripple that it causes
 STRETCH = 5.0  # s in which two clocks stay in phase to a fraction of a line's period
 
 
-def rows_a_setpoint(arm: Arm, motion: Motion) -> int:
-    """Rows per setpoint of the arm's controller if their beat is slower than BEAT, else 0.
+def rows_a_setpoint(arm: Arm, dt: float) -> int:
+    """Rows, dt s apart, per setpoint of the arm's controller if their beat is slower than BEAT, else 0.
 
     A quicker beat changes its sign many times in a run: it is seen as a residual, and the blocks of ``uncertainty``
     count it.
     """
     period = 0.0 if arm.controller is None else arm.controller.setpoint_period
-    rows = round(period / motion.dt)
-    return rows if rows > 1 and abs(rows / period - 1 / motion.dt) <= BEAT else 0
+    rows = round(period / dt)
+    return rows if rows > 1 and abs(rows / period - 1 / dt) <= BEAT else 0
 
 
 def drifting(folded: Array, t: Array) -> Array:
@@ -60,7 +61,7 @@ def folded_torque(arm: Arm, motion: Motion, t: Array, torque: Array) -> Array | 
 
     None where nothing folds, and of two rows a setpoint, where no line is seen. Two deviations bound c at any phase.
     """
-    rows = rows_a_setpoint(arm, motion)
+    rows = rows_a_setpoint(arm, motion.dt)
     lines = np.arange(max(1, -(-rows // 4)), (rows + 1) // 2)
     if arm.controller is None or rows == 0 or not len(lines):
         return None
@@ -74,11 +75,25 @@ def folded_torque(arm: Arm, motion: Motion, t: Array, torque: Array) -> Array | 
     for j in np.flatnonzero(motion.usable.any(axis=0)):
         pushed = np.interp(t, motion.t, acceleration[:, j])[:, None] * transients
         ripple = torque[:, j] - np.interp(t, motion.t, motion.torque[:, j])
-        power = []
+        power, least = [], STANDS * np.std(pushed[:, 0])
         for stretch in np.array_split(np.arange(len(t)), max(1, int(t[-1] / STRETCH))):
             here = stretch[np.isfinite(ripple[stretch])]
-            if len(here) > 10 * transients.shape[1]:
+            if len(here) > 10 * transients.shape[1] and np.std(pushed[here, 0]) > least:
                 cosine, sine = np.linalg.lstsq(pushed[here], ripple[here], rcond=None)[0].reshape(2, -1)
                 power.append(np.mean((cosine**2 + sine**2) * (lines / rows) ** 2))
         deviation[j] = np.sqrt(np.mean(power)) / 2 if power else 0.0
     return np.asarray(acceleration * deviation)
+
+
+def folded_along(arm: Arm, t: Array, q: Array, torque: Array) -> Array | None:
+    """(n, J) N m (N): ``folded_torque`` of recorded angles q (n, J) and torques (n, J), at their own times t (n,) s.
+
+    None where nothing folds. Of two rows a setpoint, all of the acceleration times 1 kg m2 (kg): how much folds is not
+    known, and such currents do not determine an inertia.
+    """
+    if not rows_a_setpoint(arm, float(t[-1] - t[0]) / (len(t) - 1)):
+        return None
+    motion = smooth_motion(t, q, torque)
+    folded = folded_torque(arm, motion, t - t[0], torque)
+    along = motion.qdd if folded is None else folded
+    return np.column_stack([np.interp(t - t[0], motion.t, column) for column in along.T])

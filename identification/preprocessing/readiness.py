@@ -178,7 +178,7 @@ def _left_out(name: str, motion: Motion) -> list[str]:
 
 def _folded(name: str, motion: Motion, arm: Arm) -> list[str]:
     """Where transients at setpoints are aliased by the sampling (``aliased_ripple``)."""
-    rows = rows_a_setpoint(arm, motion)
+    rows = rows_a_setpoint(arm, motion.dt)
     if rows == 0 or arm.controller is None:
         return []
     period, known = arm.controller.setpoint_period, "how far cannot be seen at so few rows a setpoint"

@@ -41,10 +41,10 @@ def _recorded(path: Path, amplitudes: dict[int, float], seed: int) -> Recording:
     return open_recording(path)
 
 
-def test_hum_of_all_currents_is_one_event_of_the_rig(tmp_path: Path) -> None:
+def test_hum_of_all_currents_is_one_event_of_the_rig(arm: Arm, tmp_path: Path) -> None:
     amplitudes = {joint: 0.01 * joint for joint in range(1, JOINTS + 1)}
     recordings = [_recorded(tmp_path / f"{n}.mcap", amplitudes, n) for n in range(2)]
-    (event,) = mains_hum(recordings)
+    (event,) = mains_hum(recordings, arm)
     assert event.joint is None
     assert sorted(event.of_joints) == list(amplitudes)
     for joint, parameters in event.of_joints.items():
@@ -56,7 +56,7 @@ def test_hum_of_all_currents_is_one_event_of_the_rig(tmp_path: Path) -> None:
     # and it is taken out of all of them
     for recording in recordings:
         clean = without_hum(recording, [event])
-        assert mains_hum([recording])
+        assert mains_hum([recording], arm)
         t = recording.t
         for column in clean.T:
             line = abs(np.sum((column - column.mean()) * np.hanning(len(t)) * np.exp(-2j * np.pi * 49.96 * t)))
@@ -64,15 +64,15 @@ def test_hum_of_all_currents_is_one_event_of_the_rig(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("joints", [(2,), (2, 5), (1, 2, 3)])
-def test_hum_of_few_currents_is_of_their_joints(tmp_path: Path, joints: tuple[int, ...]) -> None:
-    events = mains_hum([_recorded(tmp_path / "a.mcap", dict.fromkeys(joints, 0.03), 1)])
+def test_hum_of_few_currents_is_of_their_joints(arm: Arm, tmp_path: Path, joints: tuple[int, ...]) -> None:
+    events = mains_hum([_recorded(tmp_path / "a.mcap", dict.fromkeys(joints, 0.03), 1)], arm)
     assert [event.joint for event in events] == list(joints)
     assert not any(event.of_joints for event in events)
 
 
 def test_a_cause_of_the_rig_is_told_once_and_modelled_at_every_joint(arm: Arm, tmp_path: Path) -> None:
     recording = _recorded(tmp_path / "a.mcap", dict.fromkeys(range(1, JOINTS + 1), 0.05), 1)
-    (event,) = mains_hum([recording])
+    (event,) = mains_hum([recording], arm)
     data = dataset_of([residual_run("a", arm, recording.t, recording.q, recording.i)])
     hum = from_event(event, arm, Split(data, data))
     assert title(hum) == "mains hum"

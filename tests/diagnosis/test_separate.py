@@ -47,7 +47,7 @@ def _chosen(group: object, data: Seen) -> Separation:
 
 
 def _flat(run: Run, columns: np.ndarray) -> np.ndarray:
-    return (columns / run.deviation[..., None]).transpose(1, 0, 2).reshape(-1, columns.shape[2])
+    return run.whiten(columns).transpose(1, 0, 2).reshape(-1, columns.shape[2])
 
 
 def _by_hand(true: Candidate, c: np.ndarray, rivals: list[Candidate], data: Seen, new: Run, arm: Arm) -> float:

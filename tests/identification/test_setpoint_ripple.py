@@ -15,7 +15,7 @@ from experiment import demand_of
 from identification.experiment_design.excitation import Series, design_excitation
 from identification.methods.joint_by_joint import WAYS
 from identification.methods.motor_link import motor_link_of
-from identification.preprocessing.aliased_ripple import folded_torque, rate_beside, rows_a_setpoint
+from identification.preprocessing.aliased_ripple import folded_along, folded_torque, rate_beside, rows_a_setpoint
 from identification.preprocessing.signals import Motion, smooth_motion
 from identification.regression.equations import equations, model_values, structural_base
 from identification.regression.least_squares import least_squares
@@ -73,7 +73,7 @@ def test_two_deviations_hold_at_any_phase_of_the_clocks(arm: Arm, recorded: dict
 
 def test_rate_off_the_setpoints_folds_nothing(arm: Arm, recorded: dict) -> None:
     motion = recorded[507.1, 0.1]
-    assert rows_a_setpoint(arm, motion) == 0
+    assert rows_a_setpoint(arm, motion.dt) == 0
     assert motion.folded is None
     _, beside = inertias(arm, motion)
     _, folded = inertias(arm, recorded[500.0, 0.35])
@@ -95,6 +95,17 @@ def test_information_is_the_inverse_of_what_is_not_known(arm: Arm, recorded: dic
         np.linalg.inv(whole.information) / np.outer(scale, scale), wanted / np.outer(scale, scale), atol=1e-6
     )
     assert np.allclose(whole.covariance, plain.covariance + gain @ gain.T, rtol=1e-6, atol=1e-9)
+
+
+def test_a_stretch_in_which_a_joint_stands_folds_nothing(arm: Arm) -> None:
+    t = np.arange(0.0, 20.0, 0.002)
+    begun = np.clip(1 - (t - 8.0) ** 4 / 7.0**4, 0.0, None) * (t < 14.0)
+    q = np.outer(begun, [0.5, 0.3, 0.2]) * np.sin(t)[:, None]
+    torque = np.random.default_rng(1).normal(size=q.shape)
+    (along, shorter) = (folded_along(arm, t[:k], q[:k], torque[:k]) for k in (len(t), 7000))
+    assert along is not None and shorter is not None
+    assert np.isfinite(along).all()
+    assert np.std(along[:7000]) < 2 * np.std(shorter)
 
 
 def test_rate_beside_a_multiple_of_the_setpoints(arm: Arm) -> None:

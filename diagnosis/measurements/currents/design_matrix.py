@@ -36,13 +36,13 @@ def _together(runs: Sequence[Run]) -> Iterator[Run]:
 
 def dataset_with(side: Dataset, terms: Sequence[EffectTerm]) -> Array:
     """(n * rows,) whitened residuals of a side's recordings under their arm with more effects."""
-    whitened = [residual_with(run, terms) / run.deviation for run in side.runs]
+    whitened = [run.whiten(residual_with(run, terms)) for run in side.runs]
     return np.concatenate(whitened).T.ravel()
 
 
 def columns_of(candidate: Candidate, side: Dataset) -> Columns:
     """The candidate's columns over all recordings of a set, over the std of each row."""
-    parts = [columns(candidate, run) / run.deviation[..., None] for run in side.together]
+    parts = [run.whiten(columns(candidate, run)) for run in side.together]
     x = np.concatenate(parts) if len(parts) > 1 else parts[0]  # (rows, n, k)
     if at_own_joint(candidate, side.runs[0].arm):
         assert candidate.joint is not None
@@ -83,12 +83,8 @@ def free_columns(side: Dataset, arm: Arm) -> list[Columns]:
     No data sheet states it, and simulations differ in it. d/dw of v / sqrt(v^2 + w^2) = -v w / (v^2 +
     w^2)^(3/2), times F over the drive's constant.
     """
-    columns = []
-    for j, joint in enumerate(arm.joints, 1):
-        width = joint.sign_velocity
-        force = max(joint.rest_friction) / joint.drive_constant
-        if force > 0.0:
-            v = side.at_joint("v", j)
-            x = force * v * width**2 / np.hypot(v, width) ** 3 / side.at_joint("deviation", j)
-            columns.append(Columns(x[:, None], side.of(j)))
-    return columns
+    width = arm.joint_array("sign_velocity")
+    force = np.array([max(joint.rest_friction) / joint.drive_constant for joint in arm.joints])
+    slopes = [run.whiten(force * run.v * width**2 / np.hypot(run.v, width) ** 3) for run in side.runs]
+    x = np.concatenate(slopes)
+    return [Columns(x[:, [j]], side.of(j + 1)) for j in np.flatnonzero(force > 0.0).tolist()]

@@ -1,0 +1,91 @@
+"""A cause that is not the same in all recordings is told per recording, and makes no other name.
+
+Neither the arm's dynamics nor what differs is our effect code (``tests.diagnosis.two_link``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import armscope
+from arm_model import Arm
+from tests.diagnosis.two_link import WIDTH, Day, recorded
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    """Its friction turns round within the width that the recorded arm has."""
+    arm = armscope.read_model(root / "config/starters/csv/model.toml")
+    return replace(arm, controller=None, joints=tuple(replace(joint, sign_velocity=WIDTH) for joint in arm.joints))
+
+
+def _diagnosed(arm: Arm, folder: Path, *days: Day) -> armscope.Diagnosis:
+    runs = [recorded(folder / f"{name}.mcap", seed, day) for seed, (name, day) in enumerate(zip("AB", days))]
+    return armscope.diagnose(runs[0], arm, held_out=runs[1])
+
+
+def test_the_arm_is_the_model(arm: Arm, tmp_path: Path) -> None:
+    assert _diagnosed(arm, tmp_path, Day(), Day()).verdict == "consistent"
+
+
+def test_a_load_mounted_differently_is_one_payload_with_two_sizes(arm: Arm, tmp_path: Path) -> None:
+    loads = {"A.mcap": (3.0, 0.05, 0.0), "B.mcap": (2.8, 0.02, 0.03)}
+    result = _diagnosed(arm, tmp_path, *(Day(load=load) for load in loads.values()))
+    (cause,) = result.causes
+    assert (result.verdict, cause.effect) == ("explained", "payload")
+    assert set(cause.of_recordings) == set(loads)
+    for name, (mass, x, _) in loads.items():
+        found = {p.name: p for p in cause.of_recordings[name]}
+        assert abs(found["mass"].value - mass) < 2 * found["mass"].std < 0.5
+        assert abs(found["x"].value - x) < 2 * found["x"].std
+    assert cause.after < 0.1 * cause.before
+    assert "kg in A.mcap, 2.8" in str(result) and "mounted differently" in str(result)
+    (row,) = result.to_json()["causes"]
+    assert [one["file"] for one in row["recordings"]] == ["A.mcap", "B.mcap"]
+    assert not result.extended.effects  # no load is the arm's
+
+
+def test_the_same_load_in_both_is_one_value(arm: Arm, tmp_path: Path) -> None:
+    (cause,) = _diagnosed(arm, tmp_path, *[Day(load=(3.0, 0.05, 0.0))] * 2).causes
+    assert cause.effect == "payload" and not cause.of_recordings
+    assert abs(cause.parameters[0].value - 3.0) < 2 * cause.parameters[0].std
+
+
+@pytest.mark.parametrize(
+    ("effect", "joint", "first", "second", "sizes"),
+    [
+        pytest.param(
+            *("current_gain", 2, Day(gain=(1.0, 1.1)), Day(gain=(1.0, 0.95)), (0.1, -0.05)), marks=pytest.mark.slow
+        ),
+        pytest.param(
+            *("current_offset", 1, Day(offset=(0.1, 0.0)), Day(offset=(-0.05, 0.0)), (0.1, -0.05)),
+            marks=pytest.mark.slow,
+        ),
+        ("coulomb_friction", 1, Day(coulomb=(2.0, 0.0)), Day(coulomb=(0.7, 0.0)), (2.0, 0.7)),
+    ],
+)
+def test_what_was_set_or_ran_differently_has_a_value_per_recording(
+    arm: Arm, tmp_path: Path, effect: str, joint: int, first: Day, second: Day, sizes: tuple[float, float]
+) -> None:
+    result = _diagnosed(arm, tmp_path, first, second)
+    (cause,) = result.causes
+    assert (result.verdict, cause.effect, cause.joint) == ("explained", effect, joint)
+    for (own, *_), size in zip(cause.of_recordings.values(), sizes, strict=True):
+        assert abs(own.value - size) < 2 * own.std
+    assert "in A.mcap, " in str(result) and "in B.mcap: " in str(result)
+
+
+@pytest.mark.slow
+def test_beside_a_load_mounted_differently_a_cause_of_the_arm_keeps_its_name(arm: Arm, tmp_path: Path) -> None:
+    rubs = (0.0, 1.5)
+    days = [Day(load=load, coulomb=rubs) for load in ((3.0, 0.05, 0.0), (2.8, 0.02, 0.03))]
+    result = _diagnosed(arm, tmp_path, *days)
+    found = {(cause.effect, cause.joint): cause for cause in result.causes}
+    assert set(found) == {("payload", None), ("coulomb_friction", 2)}
+    (friction,) = found["coulomb_friction", 2].parameters
+    assert abs(friction.value - rubs[1]) < 2 * friction.std
+    assert [own[0].value for own in found["payload", None].of_recordings.values()] == pytest.approx([3.0, 2.8], rel=0.1)
+    assert [term.name for term in result.extended.effects] == ["coulomb_friction"]

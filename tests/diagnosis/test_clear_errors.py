@@ -1,0 +1,76 @@
+"""Nothing is consistent or explained while the closed loop stands clearly above the noise, in any band."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+import armscope
+from daq.recording import Recording, open_recording
+from daq.recording.parts import Attachments
+from daq.recording.tables.table import write_table
+from diagnosis.cause import NO_VARIABLE, Signal
+from diagnosis.closed_loop.clear_errors import LIMITS, clear_errors
+from diagnosis.closed_loop.comparison import Compared
+from diagnosis.residual.expected_current import rate_of
+from diagnosis.residual.run import kept
+
+RATE, NOISE = 500.0, 0.01
+
+
+def _compared(wrong: np.ndarray, seed: int = 1) -> Compared:
+    """20 s of two joints; ``wrong`` (m,) A more current of joint 2 than simulated."""
+    t = np.arange(0.0, 20.0, 1 / RATE)
+    rng = np.random.default_rng(seed)
+    current = NOISE * rng.normal(size=(len(t), 2))
+    current[:, 1] += wrong
+    still = np.zeros((len(t), 2))
+    rows = len(t[kept(rate_of(t))])
+    return Compared("a", t, current, still, still + 1e-9 * t[:, None], still, np.ones((rows, 2), bool))
+
+
+T = np.arange(0.0, 20.0, 1 / RATE)
+BELOW = NOISE * np.sqrt(20.0 / (RATE / 2))
+"""A: white noise below 20 Hz."""
+RUNS = {side: cast(Any, [SimpleNamespace(noise=np.full(2, BELOW))]) for side in ("fit", "held_out")}
+
+
+def test_noise_and_a_few_seconds_of_breaking_away_are_nothing() -> None:
+    few = 30 * BELOW * np.sin(20 * T) * (T > 15.0)
+    compared = {"fit": [_compared(few)], "held_out": [_compared(0.0 * T, 2)]}
+    assert clear_errors(compared, RUNS, []) == []
+
+
+@pytest.mark.parametrize("side", ["fit", "held_out"])
+@pytest.mark.parametrize(("hertz", "against"), [(5.0, NO_VARIABLE), (47.0, "frequencies of 20 to 100 Hz")])
+def test_what_lasts_is_told_with_its_band_and_size(side: str, hertz: float, against: str) -> None:
+    compared = {one: [_compared(0.0 * T, 2)] for one in RUNS}
+    compared[side] = [_compared(0.1 * np.sin(2 * np.pi * hertz * T))]
+    (found,) = clear_errors(compared, RUNS, [])
+    assert (found.signal, found.joint, found.against) == (Signal.CLOSED_LOOP, 2, against)
+    assert "times the noise, in " + {"fit": "fitted", "held_out": "held-out"}[side] in found.size
+    assert float(found.size.split()[0]) > max(LIMITS.loop, LIMITS.loop_band)
+    assert clear_errors(compared, RUNS, [2]) == []  # reported already
+
+
+def test_a_current_that_oscillates_at_47_hz_is_not_consistent(root: Path, tmp_path: Path) -> None:
+    arm = armscope.read_model(root / "config/starters/csv/model.toml")
+
+    def recorded(name: str) -> Recording:
+        motion = armscope.simulate(arm, armscope.read_experiment(root / f"config/starters/csv/{name}.toml"))
+        clean = motion.write(tmp_path / f"clean_{name}.mcap")
+        assert clean.qref is not None
+        current = clean.i + 0.01 * np.random.default_rng(4).normal(size=clean.i.shape)
+        current[:, 1] += 0.1 * np.sin(2 * np.pi * 47.0 * clean.t)
+        write_table(tmp_path / f"{name}.mcap", clean.t, {"q": clean.q, "i": current, "qref": clean.qref}, Attachments())
+        return open_recording(tmp_path / f"{name}.mcap")
+
+    result = armscope.diagnose(recorded("fit"), arm, held_out=recorded("held_out"))
+    assert result.verdict == "unexplained"
+    assert {(one.joint, one.signal) for one in result.details.unexplained} == {(2, Signal.CLOSED_LOOP)}
+    assert "the current in closed loop of joint 2 against frequencies of 20 to 100 Hz" in str(result)
+    assert "loop_band" in result.to_json()["limits"]["verdict"]

@@ -1,0 +1,92 @@
+"""Rows at a multiple of the setpoints' rate: the servos' ripple looks like inertia, and is not named as such."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armscope
+from arm_model import Arm, EffectTerm
+from arm_model.simulation import simulate
+from daq.recording import Recording, open_recording
+from daq.recording.parts import Attachments
+from daq.recording.tables.table import write_table
+from diagnosis.screening.mains_hum import mains_hum
+from experiment import demand_of, read_experiment
+
+COUNTS = 400_000
+"""Of an encoder, per joint revolution."""
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    """The starter project's: a setpoint every 10 ms."""
+    return armscope.read_model(root / "config/starters/csv/model.toml")
+
+
+@pytest.fixture
+def recorded(root: Path, tmp_path: Path) -> Callable[..., list[Recording]]:
+    """Both excitations of the starter project by some arm, its currents sampled at instants, not averaged."""
+
+    def record(arm: Arm, rate: float, phase: float) -> list[Recording]:
+        found, rng = [], np.random.default_rng(5)
+        for name in ("fit", "held_out"):
+            demand = demand_of(read_experiment(root / f"config/starters/csv/{name}.toml"))
+            t = (np.arange(int(demand.duration * rate) - 1) + phase) / rate
+            motion = simulate(arm, demand, duration=demand.duration, rate=rate, times=t)
+            current = motion.torque / arm.joint_array("drive_constant")
+            step = 2 * np.pi / COUNTS
+            table = {
+                "q": np.round(motion.qm / step) * step,
+                "i": current + 0.01 * rng.standard_normal(current.shape),
+            }
+            write_table(tmp_path / f"{name}.mcap", t, table, Attachments())
+            found.append(open_recording(tmp_path / f"{name}.mcap"))
+        return found
+
+    return record
+
+
+@pytest.mark.parametrize("phase", [0.0, pytest.param(0.5, marks=pytest.mark.slow)])
+def test_what_sampling_folds_onto_the_acceleration_is_no_inertia(
+    arm: Arm, recorded: Callable[..., list[Recording]], phase: float
+) -> None:
+    fit, held_out = recorded(arm, 500.0, phase)
+    result = armscope.diagnose(fit, arm, held_out=held_out)
+    assert result.verdict == "consistent"
+    (warning,) = result.details.warnings
+    assert "500 Hz is 5 times the rate of the controller's setpoints" in warning
+    assert "460 Hz" in warning
+
+
+@pytest.mark.slow
+def test_of_two_rows_a_setpoint_no_inertia_is_told(arm: Arm, recorded: Callable[..., list[Recording]]) -> None:
+    fit, held_out = recorded(arm, 200.0, 0.0)
+    result = armscope.diagnose(fit, arm, held_out=held_out)
+    assert result.verdict == "consistent"
+    assert "how far cannot be seen" in result.details.warnings[0]
+
+
+def test_an_inertia_beyond_what_folds_is_named_with_a_deviation_that_contains_it(
+    arm: Arm, recorded: Callable[..., list[Recording]]
+) -> None:
+    rotor = arm.joints[0].ratio ** 2 * arm.joints[0].rotor_inertia
+    heavier = replace(arm, effects=(EffectTerm("rotor_inertia", 1, {"inertia": rotor}),))
+    fit, held_out = recorded(heavier, 500.0, 0.0)
+    (cause,) = armscope.diagnose(fit, arm, held_out=held_out).causes
+    assert cause.effect == "rotor_inertia" and cause.joint == 1
+    (inertia,) = cause.parameters
+    assert abs(inertia.value - rotor) < 2 * inertia.std
+    assert inertia.std > 1.2 * 0.02 * inertia.value  # more than the model error alone
+
+
+def test_a_line_of_the_setpoints_that_sampling_puts_at_60_hz_is_no_hum(
+    arm: Arm, recorded: Callable[..., list[Recording]]
+) -> None:
+    recordings = recorded(arm, 460.0, 0.0)  # the fourth line, of 400 Hz
+    assert mains_hum(recordings, replace(arm, controller=None))
+    assert not mains_hum(recordings, arm)

@@ -1,0 +1,115 @@
+"""Every cause passes a last gate: what it gains in the final model, over all held-out rows, must matter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armscope
+from arm_model import Arm
+from arm_model.effects import CATALOGUE
+from daq.recording import open_recording
+from daq.recording.parts import Attachments
+from daq.recording.tables.table import write_table
+from diagnosis.cause import Cause, Estimate
+from diagnosis.find_causes import _of_search
+from diagnosis.last_gate import idle_limits, negligible, stood
+from diagnosis.measurements.currents.columns import candidates
+from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
+from diagnosis.measurements.currents.model import Currents
+from diagnosis.measurements.currents.refinement import is_physical
+from diagnosis.residual.run import Run, residual_run
+from diagnosis.selection.candidate import Candidate
+from identification.selection import Split
+from tests.diagnosis.two_link import DRIVE, WIDTH, Day, motion, torque
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    arm = armscope.read_model(root / "config/starters/csv/model.toml")
+    return replace(arm, controller=None, joints=tuple(replace(joint, sign_velocity=WIDTH) for joint in arm.joints))
+
+
+def _run(arm: Arm, seed: int, day: Day) -> Run:
+    t, q, v, a = motion(seed, 12.0)
+    noise = 0.005 * np.random.default_rng(seed).normal(size=q.shape)
+    return residual_run(f"{seed}", arm, t, q, torque(q, v, a, day) / DRIVE + noise)
+
+
+def test_a_cause_whose_gain_in_the_final_model_does_not_matter_is_found(arm: Arm) -> None:
+    """Beside friction that is there, a rotor inertia of a thousandth of what the noise shows was chosen."""
+    data = Split(*(dataset_of([_run(arm, seed, Day(coulomb=(1.0, 0.0)))]) for seed in (1, 2)))
+    true, idle = Candidate("coulomb_friction", 1), Candidate("rotor_inertia", 2)
+    library = {c: data.map(lambda part, c=c: columns_of(c, part)) for c in (true, idle)}
+    model = Currents(arm, data, library, [])
+    state = model.refitted([true], {true.key: []})
+    assert negligible(state, _causes(state)) is None
+    state = model.refitted([true, idle], {true.key: [], idle.key: []})
+    assert negligible(state, _causes(state)) == 1
+
+
+def _causes(state: object) -> list[Cause]:
+    from diagnosis.measurements.currents.search import Found
+    from diagnosis.measurements.currents.unexplained import Unexplained
+
+    return _of_search(Found(state, Unexplained([], [])))  # type: ignore[arg-type]
+
+
+def test_a_ripple_of_twelve_degrees_is_no_ripple(arm: Arm) -> None:
+    for effect in ("gear_ripple", "encoder_ripple"):
+        (ripple,) = [c for c in candidates(arm) if c.key == (effect, 1) and dict(c.shape)["order"] == 1.0]
+        for degrees, possible in ((0.05, True), (12.0, False)):
+            assert is_physical(ripple, np.array([np.radians(degrees), 0.0])) is possible
+        assert not CATALOGUE[effect].admits("amplitude", 0.21)
+
+
+def _limit(value: float) -> Cause:
+    return Cause(
+        effect="current_limit",
+        joint=1,
+        parameters=[Estimate("limit", value, 0.01, "A")],
+        confidence=0.9,
+        before=0.0066,
+        after=0.0066,
+        group=(("current_limit", 1),),
+        evidence="",
+        felt_at=1,
+        unit="A",
+    )
+
+
+def test_a_joint_that_holds_a_load_and_stands_is_at_no_limit(arm: Arm, tmp_path: Path) -> None:
+    """It stands at its largest current for two seconds, and then moves where less is needed."""
+    t = np.arange(0.0, 12.0, 0.004)
+    begun = np.clip((t - 3.0) / 3.0, 0.0, 1.0)
+    begun = begun**3 * (10 - 15 * begun + 6 * begun**2)
+    q = np.stack([1.2 * begun, 0.3 * begun * np.sin(t)], axis=1)
+    v = np.gradient(q, t, axis=0)
+    current = torque(q, v, np.gradient(v, t, axis=0), Day()) / DRIVE
+    standing = float(np.abs(current[t < 2.5, 0]).max())
+    current = np.where(t[:, None] < 3.0, current, 0.9 * np.clip(current, -standing, standing))
+    run = residual_run("a", arm, t, q, current + 0.002 * np.random.default_rng(1).normal(size=q.shape))
+    assert stood(_limit(standing), [run])
+    # where it moves at the limit as well, that is one
+    top = float(np.abs(run.current[np.abs(run.brisk_v[:, 0]) > 0.05, 0]).max())
+    assert not stood(_limit(top), [run])
+    write_table(tmp_path / "a.mcap", t, {"q": q, "i": current}, Attachments())
+    recording = open_recording(tmp_path / "a.mcap")
+    found = armscope.diagnose(recording, arm)
+    assert "current_limit" not in {cause.effect for cause in found.causes}
+
+
+def test_a_limit_must_show_in_a_closed_loop(root: Path, tmp_path: Path) -> None:
+    arm = armscope.read_model(root / "config/starters/csv/model.toml")
+    motion = armscope.read_experiment(root / "config/starters/csv/first_move.toml")
+    for real in (True, False):
+        limit = 4.2 if real else 20.0
+        limited = arm.with_effect("current_limit", 1, limit=limit)
+        recording = armscope.simulate(limited if real else arm, motion).write(tmp_path / f"{limit}.mcap")
+        assert real == bool(np.abs(recording.i[:, 0]).max() < 4.201)
+        run = residual_run("a", arm, recording.t, recording.q, recording.i)
+        side, own = Split([recording], []), Split(dataset_of([run]), dataset_of([run]))
+        assert idle_limits([_limit(limit)], limited, side, own) == ([] if real else [("current_limit", 1)])
