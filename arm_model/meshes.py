@@ -35,6 +35,17 @@ def vertices_of(path: str | Path) -> Array:
     return np.unique(found, axis=0)
 
 
+def triangles_of(path: str | Path) -> Array:
+    """(k, 3, 3) corners of the triangles of an STL file, in its own unit. InputError where it cannot be read."""
+    try:
+        found = _stl(read_file(path))
+    except ValueError as error:
+        raise InputError(path, f"cannot be read as a mesh: {error}") from None
+    if not len(found) or len(found) % 3 or not np.isfinite(found).all():
+        raise InputError(path, "cannot be read as a mesh: has no triangles, or some that are no numbers")
+    return np.asarray(found.reshape(-1, 3, 3), float)
+
+
 def _stl(data: bytes) -> Array:
     """Binary if the number of triangles fits the length of the file: a binary file may begin with "solid", too."""
     count = int.from_bytes(data[80:84], "little")

@@ -14,6 +14,7 @@ import numpy as np
 
 from arm_io import InputError, read_file
 from arm_io.types import Array
+from arm_model import meshes
 from arm_model.meshes import mesh_file
 from arm_model.urdf import attribute, numbers_of, origin_of, serial_chain
 
@@ -64,3 +65,9 @@ def _of_link(path: Path, link: xml.Element, number: int, pose: Array) -> list[Vi
             scale = numbers_of(path, mesh, "scale", "1 1 1", 3)
             found.append(Visual(link=number, file=file, scale=scale, pose=pose @ origin_of(path, visual)))
     return found
+
+
+def triangles_of(visual: Visual) -> Array:
+    """(k, 3, 3) m: the triangles of an STL mesh in the frame of its link. InputError where it cannot be read."""
+    corners = meshes.triangles_of(visual.file) * np.array(visual.scale)
+    return np.asarray(corners @ visual.pose[:3, :3].T + visual.pose[:3, 3], float)

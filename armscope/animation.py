@@ -1,4 +1,4 @@
-"""The arm as a moving stick figure: measured beside simulated or demanded, at the pace of the recording."""
+"""The arm moving: a stick figure, with its meshes where there are any; measured beside simulated or demanded."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from arm_io import InputError, check_file, whole_path
 from arm_io.types import Array
 from arm_report.palette import AFTER, AXIS, BEFORE
+from armscope.surfaces import Drawn, Surface
 
 if TYPE_CHECKING:
     from matplotlib.animation import AbstractMovieWriter
@@ -130,16 +131,18 @@ def animate(
     measured: Movement,
     other: Movement | None,
     *,
+    surfaces: tuple[Surface, ...] = (),
     progress: Callable[[float], None] = lambda share: None,
 ) -> None:
     """Writes the animation of an arm, and of what it is compared with.
 
     when      all instants are joined by the line of the differences
+    surfaces  of the links, drawn round the stick figure
     progress  is called with the share drawn, 0 to 1
     InputError as ``check_animation``, or where it cannot be written.
     """
     check_animation(path)
-    scene = _Scene(chain, when.t, measured, other)
+    scene = _Scene(chain, when.t, measured, other, surfaces)
     with whole_path(path) as place:
         if path.suffix.lower() == ".gif":
             _write_gif(place, scene, when, progress)
@@ -158,7 +161,9 @@ def animate(
 class _Scene:
     """The figure: an arm per panel with the other one faint behind it, and the differences over time below."""
 
-    def __init__(self, chain: Chain, t: Array, measured: Movement, other: Movement | None) -> None:
+    def __init__(
+        self, chain: Chain, t: Array, measured: Movement, other: Movement | None, surfaces: tuple[Surface, ...]
+    ) -> None:
         from matplotlib.figure import Figure
 
         self._t, self._movements = t, [measured] if other is None else [measured, other]
@@ -167,13 +172,17 @@ class _Scene:
         grid = self.figure.add_gridspec(
             2, len(self._movements), height_ratios=(4, 1), left=0.09, right=0.97, top=0.94, bottom=0.08
         )
+        self._frames = [chain.frames(one.q) for one in self._movements] if surfaces else []
         span = [points.reshape(-1, 3) for points in self._points]
+        span += [one.corners(frames).reshape(-1, 3) for frames in self._frames for one in surfaces]
         low, high = np.nanmin(np.concatenate(span), axis=0), np.nanmax(np.concatenate(span), axis=0)
         low[2] = min(low[2], 0.0)
         self._lines: list[list[Any]] = []
+        self._drawn: list[Drawn] = []
         for number, (movement, colour) in enumerate(zip(self._movements, (MEASURED, OTHER))):
             axis: Any = self.figure.add_subplot(grid[0, number], projection="3d")
             self._lines.append(self._panel(axis, low, high, number))
+            self._drawn += [Drawn(axis, surfaces, colour)] if surfaces else []
             axis.set_title(movement.name, color=colour)
         self._title = self.figure.suptitle("", x=0.5, y=0.985, fontsize=11)
         self._cursor = self._timeline(self.figure.add_subplot(grid[1, :]))
@@ -217,6 +226,8 @@ class _Scene:
             spot = np.empty((0, 3)) if tracked is None else tracked[instant : instant + 1]
             for line, drawn in zip(lines, (ghost, points[instant], way, spot)):
                 line.set_data_3d(*drawn.T)
+        for drawn_link, frames in zip(self._drawn, self._frames):
+            drawn_link.show(frames[instant])
         self._cursor.set_xdata([self._t[instant]] * 2)
         self._title.set_text(f"t = {self._t[instant]:.2f} s")
 

@@ -40,16 +40,16 @@ def command(
             answer = call(session, keys, "recordings")
             print(json.dumps(answer) if as_json else _listed(answer))
             return
-        with transfer_shown() as transfer:
+        with transfer_shown(as_json) as transfer:
             result = fetch.fetch(session, keys, name, Path(Path(name).name) if out is None else out, transfer)
     resumed = f", {result['resumed']} of them from an earlier attempt" if result["resumed"] else ""
     print(json.dumps(result) if as_json else f"{result['file']}: {result['bytes']} bytes{resumed}; checksum verified")
 
 
 @contextmanager
-def transfer_shown() -> Iterator[Callable[[int, int], None]]:
-    """Shows how much is fetched, on standard error where that is a terminal."""
-    if not sys.stderr.isatty():
+def transfer_shown(as_json: bool = False) -> Iterator[Callable[[int, int], None]]:
+    """Shows how much is fetched, on standard error where that is a terminal and no JSON is asked for."""
+    if as_json or not sys.stderr.isatty():
         yield lambda done, size: None
         return
     from rich.console import Console

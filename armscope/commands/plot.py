@@ -83,6 +83,7 @@ def _animate(
 ) -> None:
     """The first recording's arm beside the second's, or beside what was demanded of it."""
     from armscope.animation import Movement, animate, check_animation, instants, movements
+    from armscope.surfaces import read_surfaces
 
     check_animation(path)
     chain = _chain(data[0], model)
@@ -97,7 +98,15 @@ def _animate(
     if len(data) > 1:
         other, _ = movements(data[1], when.t, data[1].path.stem)
     with shown(as_json) as progress:
-        animate(path, chain, when, measured, other, progress=lambda share: progress(Step("drawing", share, 1.0)))
+        animate(
+            path,
+            chain,
+            when,
+            measured,
+            other,
+            surfaces=read_surfaces(model),
+            progress=lambda share: progress(Step("drawing", share, 1.0)),
+        )
 
 
 def _chain(recording: LongRecording, model: Path | None) -> Chain:

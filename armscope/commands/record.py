@@ -38,7 +38,7 @@ def command(
     instruction = read_experiment(experiment).setup.instruction
     if instruction:
         print(f"before this run: {instruction}", file=sys.stderr)
-    with run_shown() as progress, transfer_shown() as transfer:
+    with run_shown(as_json) as progress, transfer_shown(as_json) as transfer:
         recorded = record(rig, experiment, out, fetch=fetch, progress=progress, transfer=transfer)
     result = recorded.to_json()
     print(json.dumps(result) if as_json else recorded)
@@ -55,9 +55,9 @@ def status_of(result: Table) -> int:
 
 
 @contextmanager
-def run_shown() -> Iterator[Callable[[Table], None]]:
-    """Shows how far the run is, on standard error where that is a terminal."""
-    if not sys.stderr.isatty():
+def run_shown(as_json: bool = False) -> Iterator[Callable[[Table], None]]:
+    """Shows how far the run is, on standard error where that is a terminal and no JSON is asked for."""
+    if as_json or not sys.stderr.isatty():
         yield lambda run: None
         return
     from rich.console import Console
