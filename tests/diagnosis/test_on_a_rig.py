@@ -78,10 +78,10 @@ def _is_a_report(path: Path, cause: str) -> None:
     The verdict, the cause, what was not detectable, the unexplained structure, the simulation compared with the arm.
     """
     page = path.read_text()
-    assert len(page) < 5e6 and "<script" not in page and "<link" not in page
-    assert re.findall(r'src="(?!data:)|href="?(?!#)', page) == []
+    assert len(page) < 3e6 and "<script src" not in page and "<link" not in page
+    assert re.findall(r'(?:src|href)="(?!data:|#)', page) == []
     headings = [
-        "class=verdict",
+        'class="verdict"',
         "<h2 id=cause1",
         "<h2>Not detectable in these recordings",
         "<h2>Unexplained structure",
