@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_io import DeviceFault, InputError, make_folder
+from arm_io.progress import Step
 
 Table = dict[str, Any]
 Progress = Callable[[str], None]
@@ -39,7 +40,11 @@ class Analysis:
 
 @dataclass
 class Job:
-    """One analysis of some recordings. state: waiting, working, done, failed or stopped."""
+    """One analysis of some recordings.
+
+    state  waiting, working, done, failed or stopped
+    says   the step that it is at, or how it ended; share: of that step that is done, 0 to 1, None: not known
+    """
 
     id: str
     analysis: Analysis
@@ -48,6 +53,7 @@ class Job:
     out: Path
     state: str = "waiting"
     says: str = "waiting"
+    share: float | None = None
     begun: float = field(default_factory=time.monotonic)
     seconds: float = 0.0
 
@@ -61,6 +67,7 @@ class Job:
             "held_out": [path.name for path in self.held_out],
             "state": self.state,
             "says": self.says,
+            "share": self.share if working else None,
             "seconds": time.monotonic() - self.begun if working else self.seconds,
             "folder": str(self.out),
             "report": f"/reports/{self.id}" if self.state == "done" and self.report.is_file() else None,
@@ -143,11 +150,15 @@ class Analyses:
         kind, text = "failed", "ended without a result"
         try:
             while True:
-                kind, text = ours.recv()
+                kind, text, job.share = ours.recv()
                 if kind == "working":
                     job.says = text
         except (EOFError, OSError):
             process.join()
+        except Exception as error:
+            # A job that nobody follows would be under way for ever, and no other could begin.
+            process.terminate()
+            kind, text = "failed", f"a bug: {type(error).__name__}: {error}"
         with self._lock:
             self._process = None
             job.seconds = time.monotonic() - job.begun
@@ -163,13 +174,18 @@ def _in_child(
     out: Path,
     results: Connection,
 ) -> None:
-    """Runs an analysis and sends ("working", step)..., then ("done", sentence) or ("failed", why)."""
+    """Runs an analysis; sends ("working", step, share) per step, then "done" with a sentence or "failed" and why."""
+
+    def progress(step: str) -> None:
+        share = step.done / step.of if isinstance(step, Step) and step.of else None
+        results.send(("working", str(step), share))
+
     os.nice(NICE)
     try:
         make_folder(out)
-        results.send(("done", run(recordings, held_out, model, out, lambda step: results.send(("working", step)))))
+        results.send(("done", run(recordings, held_out, model, out, progress), None))
     except (InputError, DeviceFault) as error:
-        results.send(("failed", str(error)))
+        results.send(("failed", str(error), None))
     except Exception as error:
         traceback.print_exc()
-        results.send(("failed", f"a bug: {type(error).__name__}: {error}"))
+        results.send(("failed", f"a bug: {type(error).__name__}: {error}", None))

@@ -41,7 +41,7 @@ export class RecordingsView {
 
   /** The analyses of the page, newest first. */
   update(jobs) {
-    const changed = JSON.stringify(jobs.map((job) => [job.id, job.state, job.says, Math.floor(job.seconds)]));
+    const changed = JSON.stringify(jobs.map((job) => [job.id, job.state, job.says, job.share, Math.floor(job.seconds)]));
     if (changed === this.shown) return;
     this.shown = changed;
     this.jobs = jobs;
@@ -89,7 +89,7 @@ export class RecordingsView {
     const underWay = (job) => ["waiting", "working"].includes(job.state);
     this.jobsPlace.replaceChildren(el("ul", { class: "lines" }, jobs.map((job) =>
       el("li", { "data-job": job.state }, el("b", {}, `${job.title}: `), el("span", { class: job.state === "failed" ? "wrong" : "" }, `${job.says} `), el("span", { class: "quiet" }, `${seconds(job.seconds)} `),
-        underWay(job) ? el("progress") : null,
+        underWay(job) ? el("progress", { max: 1, value: job.share }) : null,
         underWay(job) && this.steer ? el("button", { class: "plain", onclick: () => ask(`/api/analyses/${job.id}/stop`, {}).catch(this.fail) }, "stop it") : null,
         job.report ? el("button", { onclick: () => this._report(job) }, "Report") : null))));
     const done = jobs.find((job) => job.report);
