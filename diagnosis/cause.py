@@ -40,6 +40,23 @@ class Estimate:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LostRows:
+    """Rows that channels of a recording lost at one instant.
+
+    file   name of the recording
+    joint  whose counter lost them, alone (from 1); None: all counters, or all currents
+    row    of the recorded columns: the first after the loss, from 0; time: s of that instant
+    count  number of rows; negative: of angles
+    """
+
+    file: str
+    joint: int | None
+    row: int
+    time: float
+    count: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class Support:
     """The evidence for a cause, from which its stated confidence follows (``diagnosis.confidence``).
 
@@ -75,6 +92,7 @@ class Cause:
     of_joints      of a cause of the whole rig that acts joint by joint: its parameters at each joint (from 1)
     harmonics      of a ripple: those of its own order, as effects of a model (``diagnosis.harmonics``)
     support        evidence that the confidence follows from; None: it is that of the gain alone
+    lost_rows      of dropped triggers: every loss
     """
 
     effect: str
@@ -94,6 +112,7 @@ class Cause:
     of_recordings: Mapping[str, list[Estimate]] = field(default_factory=dict)
     support: Support | None = None
     harmonics: tuple[EffectTerm, ...] = ()
+    lost_rows: tuple[LostRows, ...] = ()
 
     @property
     def key(self) -> EffectKey:

@@ -161,6 +161,8 @@ def diagnose(
     """Diagnoses recordings of an arm against its model. InputError where a recording does not belong to the arm."""
     recordings: Recordings = Split(fit, held_out, bool({r.path for r in fit} & {r.path for r in held_out}))
     cleaned = screen(arm, recordings, progress)
+    # with the angles that single counters lost
+    recordings = Split(cleaned.recordings[: len(fit)], cleaned.recordings[len(fit) :], recordings.two_fold)
     measured = measure(arm, recordings, cleaned, progress)
     recordings, cleaned = evenly(recordings, cleaned)
     named = named_causes(arm, measured.known, recordings, cleaned, progress)

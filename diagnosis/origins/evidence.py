@@ -142,6 +142,8 @@ def _qualifiers(cause: Cause, arm: Arm) -> Iterator[tuple[str, bool]]:
     """Names and truth of what is known of a cause beyond its effect."""
     effect, values = CATALOGUE[cause.effect], {p.name: p for p in cause.parameters}
     yield "changed", bool(cause.of_recordings)
+    if not effect.per_joint:
+        yield "one_channel", len(cause.of_joints) == 1
     size = next((values[p.name] for p in effect.linear if p.signed and p.name in values), None)
     if size is not None and abs(size.value) > CLEAR * size.std:
         yield "more", size.value > 0.0

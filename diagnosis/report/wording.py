@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm_model.effects import CATALOGUE
-from diagnosis.cause import Cause, Estimate, Signal, in_words
+from diagnosis.cause import Cause, Estimate, LostRows, Signal, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.remaining import remaining
 from diagnosis.units import readable
@@ -88,12 +88,23 @@ def estimate(one: Estimate) -> str:
 
 
 def values_of(cause: Cause) -> list[str]:
-    """One line per parameter, per joint of a cause of the rig, or per recording where they contradict each other."""
+    """One line per parameter, per joint of a cause of the rig, or per recording where they contradict each other.
+
+    Of lost rows: one line per loss.
+    """
+    if cause.lost_rows:
+        return [_lost(one) for one in cause.lost_rows]
     several = {f"at joint {joint}": own for joint, own in cause.of_joints.items()}
     several |= {f"in {name}": own for name, own in cause.of_recordings.items()}
     if not several:
         return [estimate(p) for p in cause.parameters]
     return [f"{where}: {', '.join(map(estimate, own))}" for where, own in several.items()]
+
+
+def _lost(one: LostRows) -> str:
+    """``counter of joint 2: 12 rows before row 2500 (2.500 s) of a.mcap``."""
+    channels = "currents" if one.count > 0 else f"counter of joint {one.joint}" if one.joint else "all counters"
+    return f"{channels}: {abs(one.count)} rows before row {one.row} ({one.time:.3f} s) of {one.file}"
 
 
 def uncertain(one: Estimate) -> bool:

@@ -179,6 +179,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
         **({"joints": of_joints} if of_joints else {}),
         **({"recordings": of_recordings} if of_recordings else {}),
         **({"harmonics": [asdict(term) for term in cause.harmonics]} if cause.harmonics else {}),
+        **({"lost_rows": [asdict(one) for one in cause.lost_rows]} if cause.lost_rows else {}),
         "confidence": round(cause.confidence, 4),
         "support": asdict(cause.support) if cause.support else None,
         "gain": {"held_out_rms_before": cause.before, "held_out_rms_after": cause.after, "unit": cause.unit},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -16,9 +17,11 @@ from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.noise import KnownNoise, still_noise
 from diagnosis.residual.run import Run, residual_run, residual_with
 from diagnosis.residual.run_setup import loaded, setup_of
+from diagnosis.screening.counter_gaps import CounterGap, counter_gaps, put_back, without_weight
+from diagnosis.screening.counter_gaps import event_of as event_of_gaps
 from diagnosis.screening.current_limit import current_limits
 from diagnosis.screening.encoder_jumps import jumps, without_jumps
-from diagnosis.screening.event import Event, Gain
+from diagnosis.screening.event import Event, Gain, united
 from diagnosis.screening.lost_triggers import MOST_ROWS, dropped_triggers, event_of, realigned_rows, unmeasured
 from diagnosis.screening.mains_hum import mains_hum, without_hum
 
@@ -54,12 +57,14 @@ class Screened:
 
     events   in raw rows; samples: t (k,) s, q (k, n) rad, i (k, n) A of every recording without them
     known    of the noise of the instruments of each recording
+    counter_gaps  of every recording: rows that single counters lost, interpolated in its angles
     """
 
     recordings: tuple[Recording, ...]
     events: list[Event]
     samples: list[Samples]
     known: list[KnownNoise]
+    counter_gaps: tuple[tuple[CounterGap, ...], ...] = ()
 
 
 def screened(
@@ -69,18 +74,36 @@ def screened(
     recordings = list(recordings)
     check(arm, recordings)
     progress("searching for events in raw rows")
+    known = KnownNoise(still=still_noise([r for r in recordings if not setup_of(r).drives_off]))
+    gaps, of_counters = _counter_gaps(arm, recordings, known)
+    recordings = [replace(r, q=put_back(r.q, own)) if own else r for r, own in zip(recordings, gaps)]
     events = [
         *mains_hum(recordings, arm),
-        *jumps(recordings, arm),
+        *united([*of_counters, *jumps(recordings, arm)]),
         *(event for event in current_limits(recordings) if not _its_own(arm, event)),
     ]
-    still = still_noise([r for r in recordings if not setup_of(r).drives_off])
     return Screened(
         recordings=tuple(recordings),
         events=events,
         samples=[(r.t, without_jumps(r, index, events), without_hum(r, events)) for index, r in enumerate(recordings)],
-        known=[KnownNoise(still=still)] * len(recordings),
+        known=[known] * len(recordings),
+        counter_gaps=gaps,
     )
+
+
+def _counter_gaps(
+    arm: Arm, recordings: Sequence[Recording], known: KnownNoise
+) -> tuple[tuple[tuple[CounterGap, ...], ...], list[Event]]:
+    """Rows that single counters lost in each recording, and the event that they are."""
+
+    def residual(k: int, q: Array) -> Run:
+        r, setup = recordings[k], setup_of(recordings[k])
+        return residual_run(
+            r.path.name, loaded(arm, setup.payload), r.t, q, r.i, powered=not setup.drives_off, known=known
+        )
+
+    gaps = tuple(tuple(counter_gaps(r.q, r.dt, partial(residual, k))) for k, r in enumerate(recordings))
+    return gaps, [event_of_gaps(gaps, recordings, residual)] if any(gaps) else []
 
 
 def residuals_of(arm: Arm, screened: Screened, progress: Callable[[str], None] = lambda sentence: None) -> Residuals:
@@ -91,6 +114,8 @@ def residuals_of(arm: Arm, screened: Screened, progress: Callable[[str], None] =
         setup = setup_of(recording)
         of_run = loaded(arm, setup.payload)
         runs.append(residual_run(recording.path.name, of_run, *samples, powered=not setup.drives_off, known=known))
+    for k, gaps in enumerate(screened.counter_gaps):
+        runs[k] = without_weight(runs[k], gaps, screened.recordings[k].dt) if gaps else runs[k]
     periods = [r.dt for r in screened.recordings]
     return realigned(Residuals(screened.events, runs, screened.samples, periods, screened.known), [])
 
@@ -126,7 +151,7 @@ def realigned(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:
     if any(abs(loss.count) > MOST_ROWS for loss in losses) and gain.after > MATTERS * gain.before:
         return sight
     event = replace(event_of(losses, runs), gain=gain)
-    return replace(sight, events=[*sight.events, event], runs=runs, samples=samples, as_recorded=sight)
+    return replace(sight, events=united([*sight.events, event]), runs=runs, samples=samples, as_recorded=sight)
 
 
 def confirmed(sight: Residuals, terms: Sequence[EffectTerm]) -> Residuals:

@@ -7,6 +7,7 @@ computed.
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import signal
@@ -15,7 +16,7 @@ from arm_io.types import Array
 from arm_model import Arm, Joint
 from arm_model.effects.sensing import DROPPED_TRIGGER, MISSED_COUNTS
 from daq.recording import Recording
-from diagnosis.cause import Estimate
+from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.noise import scatter
 from diagnosis.screening.event import Event, Gain
@@ -122,6 +123,10 @@ def _dropped_triggers(recordings: Sequence[Recording], missing: Sequence[tuple[i
         evidence="all moving angles jump at one row by as much as they turn in a whole number of rows: so many rows of "
         f"the counters are missing ({names})",
         recordings=tuple(k for k, _, _ in instants),
+        lost_rows=tuple(
+            LostRows(file=recordings[k].path.name, joint=None, row=at, time=float(recordings[k].t[at]), count=-n)
+            for k, at, n in instants
+        ),
     )
 
 
@@ -137,27 +142,57 @@ def _count(q: Array, joint: Joint) -> float:
 def _jump(recording: Recording, j: int) -> tuple[int, float] | None:
     """Row after the largest jump that stays, and its size, rad."""
     q, dt = recording.q[:, j], recording.dt
+    largest = _steep(q, dt)[:1]
+    found = [jump for row, size in largest if (jump := _staying(q, dt, row, size)) is not None]
+    return (found[0].row, found[0].size) if found else None
+
+
+@dataclass(frozen=True)
+class Jump:
+    """An angle jumps by ``size`` rad before a row (of the recording), and the offset remains."""
+
+    row: int
+    size: float
+
+
+def jumps_of(q: Array, dt: float) -> list[Jump]:
+    """All jumps of an angle (m,) that stay, in time."""
+    found = [_staying(q, dt, row, size) for row, size in _steep(q, dt)]
+    return sorted((jump for jump in found if jump is not None), key=lambda jump: jump.row)
+
+
+def _steep(q: Array, dt: float) -> list[tuple[int, float]]:
+    """Rows before jumps of an angle (m,), and their sizes, rad; the largest first."""
     step = encoder_step(q)
-    near = max(3, round(0.01 / dt))
+    near = _near(dt)
     if step == 0.0 or len(q) < 8 * near:
-        return None
+        return []
     bend = np.diff(q)
-    usual = signal.medfilt(bend, 2 * (near // 2) + 1)
-    row = int(np.argmax(np.abs(bend - usual)))
-    size = float(bend[row] - usual[row])
-    if abs(size) < JUMP_IN_STEPS * step or not near < row < len(q) - 2 * near:
-        return None
-    if abs(size) < JUMP_OVER_OTHERS * float(np.quantile(np.abs(bend - usual), 0.99)):
-        return None  # no more than the noise of an angle without steps
-    # the offset remains: parabolas through the rows before and after differ by the jump
+    beyond = bend - signal.medfilt(bend, 2 * (near // 2) + 1)
+    # no more than the noise of an angle without steps is no jump
+    least = max(JUMP_IN_STEPS * step, JUMP_OVER_OTHERS * float(np.quantile(np.abs(beyond), 0.99)))
+    steep = np.flatnonzero(np.abs(beyond) >= least)
+    found: list[tuple[int, float]] = []
+    for row in steep[np.argsort(-np.abs(beyond[steep]), kind="stable")].tolist():
+        if near < row < len(q) - 2 * near and all(abs(row - other) > near for other, _ in found):
+            found.append((row, float(beyond[row])))
+    return found
+
+
+def _staying(q: Array, dt: float, row: int, size: float) -> Jump | None:
+    """A jump after a row whose offset remains: parabolas through the rows before and after differ by it."""
+    near = _near(dt)
     before, after = slice(max(row - 5 * near, 0), row + 1), slice(row + 1, row + 1 + 5 * near)
-    t = recording.t - recording.t[row]
+    t = dt * (np.arange(len(q)) - row)
     shift = np.polyval(np.polyfit(t[after], q[after], 2), dt / 2) - np.polyval(
         np.polyfit(t[before], q[before], 2), dt / 2
     )
-    if abs(shift - size) > 0.3 * abs(size):
-        return None
-    return row + 1, float(shift)
+    return Jump(row + 1, float(shift)) if abs(shift - size) <= 0.3 * abs(size) else None
+
+
+def _near(dt: float) -> int:
+    """Rows within which an angle is compared about a jump."""
+    return max(3, round(0.01 / dt))
 
 
 def without_jumps(recording: Recording, index: int, events: list[Event]) -> Array:

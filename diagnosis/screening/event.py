@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
-from diagnosis.cause import Estimate
+from diagnosis.cause import Estimate, LostRows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +31,7 @@ class Event:
     recordings  those that show it, by index
     gain        what it explains there; None: it shows in closed loop only
     of_joints   of an event of the whole arm that shows joint by joint: its parameters at each joint (from 1)
+    lost_rows   of dropped triggers: every loss
     """
 
     effect: str
@@ -40,3 +41,28 @@ class Event:
     recordings: tuple[int, ...]
     gain: Gain | None = None
     of_joints: Mapping[int, list[Estimate]] = field(default_factory=dict)
+    lost_rows: tuple[LostRows, ...] = ()
+
+
+def united(events: Sequence[Event]) -> list[Event]:
+    """The events, each effect of a joint (or of the arm) once.
+
+    Parameters are those of the first with that effect; evidence, recordings and lost rows are those of all.
+    """
+    found: dict[tuple[str, int | None], Event] = {}
+    for event in events:
+        key = event.effect, event.joint
+        before = found.get(key)
+        if before is None:
+            found[key] = event
+            continue
+        gains = [one.gain for one in (before, event) if one.gain is not None]
+        found[key] = replace(
+            before,
+            evidence=f"{before.evidence}; {event.evidence}",
+            recordings=tuple(sorted({*before.recordings, *event.recordings})),
+            gain=max(gains, key=lambda gain: gain.before - gain.after, default=None),
+            of_joints={**event.of_joints, **before.of_joints},
+            lost_rows=(*before.lost_rows, *event.lost_rows),
+        )
+    return list(found.values())

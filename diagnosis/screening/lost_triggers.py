@@ -15,7 +15,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.effects.sensing import DROPPED_TRIGGER
-from diagnosis.cause import Estimate
+from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.run import ROWS_PER_SECOND, Run
 from diagnosis.screening.event import Event
 from diagnosis.screening.lag_change import Change, change_at, change_of_lag, instant_of, mean_lag, part_of
@@ -175,6 +175,16 @@ def event_of(losses: Sequence[DroppedTriggers], runs: Sequence[Run]) -> Event:
         parameters=parameters,
         evidence=sentence,
         recordings=tuple(loss.recording for loss in losses),
+        lost_rows=tuple(
+            LostRows(
+                file=runs[loss.recording].name,
+                joint=None,
+                row=round(loss.row),
+                time=loss.row * loss.period,
+                count=loss.count,
+            )
+            for loss in losses
+        ),
     )
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from arm_model.description import EffectTerm
 from arm_model.model_file import read_model
+from diagnosis.residual.noise import KnownNoise
 from diagnosis.residual.run import Run, residual_run
 from diagnosis.screening.cleaned import Residuals, confirmed, realigned
 from diagnosis.screening.lag_path import Step, in_order
@@ -33,7 +34,7 @@ def _sight(root: Path, *hidden: Hidden, seed: int = 3) -> Residuals:
     rows = recorded(what, LABORATORY, seed)
     samples = what.signals.t, rows.q, rows.i
     run = residual_run("run", read_model(root / "config" / "models" / "puma560.toml"), *samples)
-    return Residuals([], [run], [samples], [PERIOD], np.zeros(6))
+    return Residuals([], [run], [samples], [PERIOD], [KnownNoise()])
 
 
 def _seen(root: Path, *hidden: Hidden, seed: int = 3) -> Run:

@@ -28,6 +28,7 @@ DETECTORS = {
     "diagnosis/screening/mains_hum.py": "a spectral line at the frequency of the mains",
     "diagnosis/screening/current_limit.py": "currents that pile up at one value",
     "diagnosis/screening/encoder_jumps.py": "jumps of angles between two rows",
+    "diagnosis/screening/counter_gaps.py": "an angle that jumps by its turn in rows that its counter lost",
     "diagnosis/screening/lost_triggers.py": "a lag that changes by whole rows",
     "diagnosis/measurements/demands/wrist_coupling.py": "motor angles that depart from the setpoints of their own axes",
     "diagnosis/measurements/link_encoders/causes.py": "the constant between two encoders, which is always free",
