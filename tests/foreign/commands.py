@@ -130,7 +130,7 @@ def unrendered() -> Iterator[None]:
         if options.get("format") == "png":
             Image.new("RGB", (1, 1)).save(to, "png")
         elif hasattr(to, "write"):
-            to.write("<svg/>" if isinstance(to, io.StringIO) else b"<svg/>")
+            to.write("<svg/>" if isinstance(to, io.StringIO) else _dot())
         else:
             Path(to).write_text("<svg/>")
 
@@ -139,6 +139,13 @@ def unrendered() -> Iterator[None]:
         yield
     finally:
         Figure.savefig = rendered  # type: ignore[method-assign]
+
+
+def _dot() -> bytes:
+    """A picture of one pixel, for what reads a picture again."""
+    pixel = io.BytesIO()
+    Image.new("RGB", (1, 1)).save(pixel, "png")
+    return pixel.getvalue()
 
 
 def kind(ended: Ended) -> str:
