@@ -82,7 +82,7 @@ def _is_a_report(path: Path, cause: str) -> None:
     assert re.findall(r'(?:src|href)="(?!data:|#)', page) == []
     headings = [
         'class="verdict"',
-        "<h2 id=cause1",
+        '<h2 id="cause1"',
         "<h2>Not detectable in these recordings",
         "<h2>Unexplained structure",
         "<h2>The simulation before and after",
