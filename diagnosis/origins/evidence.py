@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
+from itertools import accumulate
+from operator import mul
 
-from arm_model import Arm
+from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Instrument
 from diagnosis.cause import Cause, EffectKey
 
@@ -150,15 +152,28 @@ def _qualifiers(cause: Cause, arm: Arm) -> Iterator[tuple[str, bool]]:
         yield "less", size.value < 0.0
     cycles = effect.cycles({name: p.value for name, p in values.items()})
     if cycles and cause.joint is not None:
-        turns = _orders(cycles, abs(arm.joints[cause.joint - 1].ratio))
+        joint = arm.joints[cause.joint - 1]
+        turns, teeth = _orders(cycles, joint), _tooth_orders(joint)
         yield "first_order", 1 in turns
         yield "second_order", 2 in turns
-        yield "tooth_order", max(turns, default=0) >= TOOTHED
+        known = any(abs(cycles - order) < SAME_ORDER * order for order in teeth)
+        yield "tooth_order", known if teeth else max(turns, default=0) >= TOOTHED
 
 
-def _orders(cycles: float, ratio: float) -> list[int]:
-    """Whole cycles per turn of the motor, else per turn of the joint, of a wave with ``cycles`` per motor turn."""
-    for order in (cycles, cycles * ratio):
+def _orders(cycles: float, joint: Joint) -> list[int]:
+    """Whole cycles per turn of the first shaft that has some, from the motor to the joint; ``cycles``: of the motor."""
+    for ratio in (1.0, *_shafts(joint), abs(joint.ratio)):
+        order = cycles * ratio
         if round(order) > 0 and abs(order - round(order)) < SAME_ORDER * order:
             return [round(order)]
     return []
+
+
+def _tooth_orders(joint: Joint) -> list[float]:
+    """Engagements of the teeth of every gear stage per turn of the motor, where the model has them."""
+    return [stage.teeth / ratio for stage, ratio in zip(joint.gear_stage, _shafts(joint)) if stage.teeth]
+
+
+def _shafts(joint: Joint) -> list[float]:
+    """Turns of the motor per turn of the shaft behind each gear stage."""
+    return list(accumulate((stage.ratio for stage in joint.gear_stage), mul))

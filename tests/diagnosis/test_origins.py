@@ -14,7 +14,7 @@ from markupsafe import escape
 
 import armscope
 from arm_io import InputError
-from arm_model import Arm, Joint
+from arm_model import Arm, GearStage, Joint
 from arm_model.effects import CATALOGUE, Instrument
 from arm_model.rigid_body.numeric import rigid_torque
 from daq.recording import Attachments, write_table
@@ -190,6 +190,18 @@ def test_what_could_not_be_seen_is_not_missing() -> None:
     assert likelihood(worn, seen, TABLE) < likelihood(worn, hidden, TABLE)
     assert "gear_ripple" in seen.absent and not {"gear_ripple", "load_friction"} & hidden.absent
     assert not blind.absent & {"gear_ripple", "load_friction", "coulomb_friction"}
+
+
+def test_orders_are_those_of_the_teeth_where_the_model_has_them() -> None:
+    """Two stages of 10 and 5 with wheels of 40 and 61 teeth: 4 and 1.22 engagements per turn of the motor."""
+    geared = Joint(gear=50.0, gear_stage=(GearStage(ratio=10.0, teeth=40), GearStage(ratio=5.0, teeth=61)))
+    arm = replace(ARM, joints=tuple(geared for _ in ARM.joints))
+    held = {}
+    for order in (4.0, 61 / 50, 17.0, 1 / 10):
+        (place,) = evidence_of([_cause("gear_ripple", amplitude=1e-4, order=order)], arm, SEARCHED)
+        held[order] = place.findings[0].holds
+    assert "tooth_order" in held[4.0] and "tooth_order" in held[61 / 50] and "tooth_order" not in held[17.0]
+    assert "first_order" in held[1 / 10]
 
 
 def test_a_member_at_another_joint_weakens_the_evidence() -> None:
