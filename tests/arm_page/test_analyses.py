@@ -81,9 +81,10 @@ def choose(page: Any, name: str, held_out: str = "") -> None:
         page.select_option("#details select", f"{held_out}.mcap")
 
 
-def done(page: Any) -> str:
+def done(page: Any, title: str) -> str:
     """What the newest analysis found, once its report is shown inside the page."""
-    page.wait_for_selector("#details li[data-job]:first-child:not([data-job=waiting]):not([data-job=working])")
+    ended = "#details li[data-job]:first-child:not([data-job=waiting]):not([data-job=working])"
+    page.wait_for_selector(f"{ended} >> text={title}:")
     first = page.locator("#details li[data-job]").first
     assert first.get_attribute("data-job") == "done", first.inner_text()
     page.frame_locator("#details iframe").locator("h1").first.wait_for()
@@ -100,7 +101,7 @@ def test_identification_with_progress_and_report(page: Any, room: Room) -> None:
     choose(page, "excitation", "excitation_held_out")
     page.click("#details button >> text=Identify")
     page.wait_for_selector("#details li[data-job=working] progress")
-    said = done(page)
+    said = done(page, "Identify")
     table = result(room, "identification.json")
     assert f"{len(table['parameters'])} parameters" in said and "held out" in said
     assert table["relative_error"]["held_out"] < 0.1
@@ -111,14 +112,14 @@ def test_diagnosis_names_the_faults(page: Any, room: Room) -> None:
     page.click("#details button >> text=Diagnose")
     # What it is doing, step by step, and not only that it is.
     page.wait_for_selector("#details li[data-job=working] >> text=/held-out|candidates|residual|noise|search|fit/i")
-    assert "load friction of joint 2" in done(page)
+    assert "load friction of joint 2" in done(page, "Diagnose")
     assert "load_friction" in [cause["effect"] for cause in result(room, "diagnosis.json")["causes"]]
 
 
 def test_calibration_with_the_points_of_the_tracker(page: Any, room: Room) -> None:
     choose(page, "excitation", "excitation_held_out")
     page.click("#details button >> text=Calibrate")
-    assert "held-out position error" in done(page)
+    assert "held-out position error" in done(page, "Calibrate")
     assert result(room, "kinematics.json")
 
 
@@ -140,7 +141,7 @@ def test_one_that_is_stopped_ends_at_once_and_a_second_is_refused_meanwhile(page
     page.wait_for_selector("#alert >> text=another analysis is under way")
     page.click("#details >> text=stop it")
     page.wait_for_selector("#details li[data-job=stopped] >> text=stopped by command")
-    assert page.locator("#details li[data-job=working]").count() == 0
+    sync_api.expect(page.locator("#details li[data-job=working]")).to_have_count(0, timeout=SECONDS)
     # The next one is not held up by what was stopped.
     choose(page, "emps")
     page.click("#details button >> text=Identify")
