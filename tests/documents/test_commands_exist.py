@@ -57,7 +57,12 @@ def _wrong_armscope(words: list[str]) -> str | None:
 
 
 def _wrong_module(words: list[str]) -> str | None:
-    module = words[1] if words[:1] == ["-m"] else words[0]
+    if "-c" in words:
+        return None
+    words = words[words.index("-m") :] if "-m" in words else words
+    module = words[1] if words[0] == "-m" else words[0]
+    if module == "armscope":
+        return _wrong_armscope(words[2:])
     if module in NOT_IN_THE_REPOSITORY or PLACEHOLDER.fullmatch(module):
         return None
     place = ROOT / module.replace(".", "/")
