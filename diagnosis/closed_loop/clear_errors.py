@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
+from scipy.interpolate import CubicSpline
 
 from arm_io.types import Array
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.closed_loop.comparison import Compared
-from diagnosis.closed_loop.resonance import late
+from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
 from diagnosis.residual.noise import scatter
 from diagnosis.residual.run import ROWS_PER_SECOND, Run, kept
@@ -99,7 +100,7 @@ def _below(one: Compared, noise: Array) -> Array:
 def _above(one: Compared) -> Array:
     """(blocks, n) mean square of the error from COMPARE_BAND to HIGHEST over the noise, taken for white.
 
-    A delay of the recorded demand is estimated from the angles and corrected.
+    The instants of the setpoints are not recorded: the simulation is moved to where its transients are those measured.
     """
     rate = rate_of(one.t)
     if rate < 4 * COMPARE_BAND:
@@ -107,11 +108,14 @@ def _above(one: Compared) -> Array:
     half = rate / 2
     sections = signal.butter(3, [COMPARE_BAND / half, min(HIGHEST / half, 0.9)], btype="band", output="sos")
     _, response = signal.sosfreqz(sections, 2000)
-    noise = scatter(one.current) * np.sqrt(np.mean(np.abs(response) ** 4))
-    delay = late(one.angle - one.simulated_angle, np.gradient(one.simulated_angle, 1 / rate, axis=0))
-    moved = np.column_stack([np.interp(one.t - delay, one.t, column) for column in one.simulated_current.T])
+    noise = np.maximum(scatter(one.current) * np.sqrt(np.mean(np.abs(response) ** 4)), 1e-12)
+    measured, simulated = (
+        signal.sosfiltfilt(sections, current, axis=0) / noise for current in (one.current, one.simulated_current)
+    )
     end = round(END_SECONDS * rate)
-    error = signal.sosfiltfilt(sections, one.current - moved, axis=0)[end:-end] / np.maximum(noise, 1e-12)
+    lag = lag_of(measured[end:-end], simulated[end:-end], rate)
+    moved = CubicSpline(one.t, simulated)(np.clip(one.t - lag, one.t[0], one.t[-1]))
+    error = (measured - moved)[end:-end]
     return _of_blocks(error, np.ones(error.shape, bool), round(rate))
 
 

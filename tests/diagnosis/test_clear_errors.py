@@ -8,6 +8,8 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import armscope
 from daq.recording import Recording, open_recording
@@ -16,6 +18,7 @@ from daq.recording.tables.table import write_table
 from diagnosis.cause import NO_VARIABLE, Signal
 from diagnosis.closed_loop.clear_errors import LIMITS, clear_errors
 from diagnosis.closed_loop.comparison import Compared
+from diagnosis.closed_loop.setpoint_phase import lag_of
 from diagnosis.residual.expected_current import rate_of
 from diagnosis.residual.run import kept
 
@@ -55,6 +58,42 @@ def test_what_lasts_is_told_with_its_band_and_size(side: str, hertz: float, agai
     assert "times the noise, in " + {"fit": "fitted", "held_out": "held-out"}[side] in found.size
     assert float(found.size.split()[0]) > max(LIMITS.loop, LIMITS.loop_band)
     assert clear_errors(compared, RUNS, [2]) == []  # reported already
+
+
+@settings(max_examples=10)
+@given(lag=st.floats(-0.019, 0.019), seed=st.integers(0, 99))
+def test_lag_between_currents_of_the_band(lag: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    hertz, phase = rng.uniform(20.0, 100.0, (200, 2)), rng.uniform(0.0, 2 * np.pi, (200, 2))
+
+    def current(t: np.ndarray) -> np.ndarray:
+        return np.sin(2 * np.pi * hertz * t[:, None, None] + phase).sum(axis=1)
+
+    t = T[:3000]
+    assert lag_of(current(t - lag), current(t), RATE) == pytest.approx(lag, abs=1e-4)
+
+
+@pytest.mark.parametrize("lag", [-0.0135, -1e-3, 0.0, 0.4e-3, 7.7e-3])
+def test_setpoints_at_other_instants_are_no_error(lag: float) -> None:
+    """Transients every 28 ms, of random sizes, that ring at 60 Hz: simulated, and measured later by ``lag``."""
+    sizes = np.random.default_rng(3).normal(size=(2000, 2))
+
+    def transients(t: np.ndarray) -> np.ndarray:
+        total = np.zeros((len(t), 2))
+        for k in range(round(t[-1] / 0.028) + 2):
+            since = np.maximum(t - 0.028 * k, 0.0)
+            total += sizes[k] * (np.exp(-since / 0.005) * np.sin(2 * np.pi * 60.0 * since))[:, None]
+        return total
+
+    noise = NOISE * np.random.default_rng(5).normal(size=(len(T), 2))
+    still, known = np.zeros((len(T), 2)), np.ones((len(T[kept(rate_of(T))]), 2), bool)
+    measured, simulated = transients(T - lag) + noise, transients(T)
+    compared = Compared("a", T, measured, simulated, still, still, known)
+    found = clear_errors({"fit": [compared], "held_out": []}, RUNS, [])
+    assert [one for one in found if "20" in one.against] == []
+    wrong = Compared("a", T, measured, 0.6 * simulated, still, still, known)
+    found = clear_errors({"fit": [wrong], "held_out": []}, RUNS, [])
+    assert {one.joint for one in found if "20" in one.against} == {1, 2}
 
 
 def test_a_current_that_oscillates_at_47_hz_is_not_consistent(root: Path, tmp_path: Path) -> None:

@@ -1,0 +1,37 @@
+"""When the setpoints of a host came, against the rows of a recording.
+
+Demands are recorded as a plan, of which the host sends a setpoint every some 10 ms; which instants these are, the
+recording does not tell. Each setpoint makes a transient of the currents, so a simulation whose setpoints come 1 ms
+later differs by half of the transient at 50 Hz, while its angles differ by micrometres. The transients themselves show
+the lag: it is the one at which measured and simulated currents agree best.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import fft
+
+from arm_io.types import Array
+
+LARGEST_LAG = 0.02
+"""s: half of the longest period of setpoints that is usual."""
+FINE = 16
+"""Points of the cross-correlation per row."""
+
+
+def lag_of(measured: Array, simulated: Array, rate: float) -> float:
+    """s by which measured (m, n) is behind simulated (m, n), of all columns together, within ``LARGEST_LAG``.
+
+    Both band-passed, each column in units of its noise; the largest of the cross-correlation, which is interpolated
+    between rows by its spectrum and between those points by a parabola.
+    """
+    fine = FINE * rate
+    most = min(round(LARGEST_LAG * fine), FINE * (len(measured) - 1))
+    size = fft.next_fast_len(2 * len(measured), real=True)
+    spectrum = fft.rfft(measured, size, axis=0) * np.conj(fft.rfft(simulated, size, axis=0))
+    together = fft.irfft(spectrum.sum(axis=1), FINE * size)
+    near = np.concatenate([together[-most - 1 :], together[: most + 2]])
+    k = 1 + int(np.argmax(near[1:-1]))
+    before, at, after = near[k - 1 : k + 2]
+    bend = before - 2 * at + after
+    return float((k - most - 1 + (0.5 * (before - after) / bend if bend < 0.0 else 0.0)) / fine)
