@@ -24,6 +24,7 @@ from identification.preprocessing.signals import Motion, smooth_motion
 BEAT = 1.0  # Hz
 BESIDE = 0.4  # of the setpoints' rate, from a multiple of it
 STANDS = 0.1  # of a joint's rms acceleration: a stretch with less shows no ripple that it causes
+FEW_ROWS = 10  # per setpoint: the line that folds falls with their number, squared behind a lag
 STRETCH = 5.0  # s in which two clocks stay in phase to a fraction of a line's period
 
 
@@ -88,10 +89,11 @@ def folded_torque(arm: Arm, motion: Motion, t: Array, torque: Array) -> Array | 
 def folded_along(arm: Arm, t: Array, q: Array, torque: Array) -> Array | None:
     """(n, J) N m (N): ``folded_torque`` of recorded angles q (n, J) and torques (n, J), at their own times t (n,) s.
 
-    None where nothing folds. Of two rows a setpoint, all of the acceleration times 1 kg m2 (kg): how much folds is not
+    None where nothing folds, or so many rows come per setpoint that the line which folds is below the noise.
+    Of two rows a setpoint, all of the acceleration times 1 kg m2 (kg): how much folds is not
     known, and such currents do not determine an inertia.
     """
-    if not rows_a_setpoint(arm, float(t[-1] - t[0]) / (len(t) - 1)):
+    if not 0 < rows_a_setpoint(arm, float(t[-1] - t[0]) / (len(t) - 1)) <= FEW_ROWS:
         return None
     motion = smooth_motion(t, q, torque)
     folded = folded_torque(arm, motion, t - t[0], torque)

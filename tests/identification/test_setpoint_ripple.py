@@ -15,7 +15,7 @@ from experiment import demand_of
 from identification.experiment_design.excitation import Series, design_excitation
 from identification.methods.joint_by_joint import WAYS
 from identification.methods.motor_link import motor_link_of
-from identification.preprocessing.aliased_ripple import folded_along, folded_torque, rate_beside, rows_a_setpoint
+from identification.preprocessing.aliased_ripple import folded_torque, rate_beside, rows_a_setpoint
 from identification.preprocessing.signals import Motion, smooth_motion
 from identification.regression.equations import equations, model_values, structural_base
 from identification.regression.least_squares import least_squares
@@ -102,7 +102,9 @@ def test_a_stretch_in_which_a_joint_stands_folds_nothing(arm: Arm) -> None:
     begun = np.clip(1 - (t - 8.0) ** 4 / 7.0**4, 0.0, None) * (t < 14.0)
     q = np.outer(begun, [0.5, 0.3, 0.2]) * np.sin(t)[:, None]
     torque = np.random.default_rng(1).normal(size=q.shape)
-    (along, shorter) = (folded_along(arm, t[:k], q[:k], torque[:k]) for k in (len(t), 7000))
+    (along, shorter) = (
+        folded_torque(arm, smooth_motion(t[:k], q[:k], torque[:k]), t[:k], torque[:k]) for k in (len(t), 7000)
+    )
     assert along is not None and shorter is not None
     assert np.isfinite(along).all()
     assert np.std(along[:7000]) < 2 * np.std(shorter)
