@@ -99,9 +99,9 @@ def _draw(axis: Axes, panel: Panel, most_points: int | None) -> None:
     axis.set_title(panel.title, loc="left", fontsize="medium")
     axis.set_xlabel("" if panel.dates else panel.x)
     axis.set_ylabel(panel.y, fontsize="small")
-    if panel.y_range is not None:
+    if panel.y_range is not None and panel.y_range[0] < panel.y_range[1]:
         axis.set_ylim(*panel.y_range)
-    if panel.x_range is not None:
+    if panel.x_range is not None and panel.x_range[0] < panel.x_range[1]:
         axis.set_xlim(*(_dates(np.array(panel.x_range)) if panel.dates else panel.x_range))
     if panel.equal:
         axis.set_aspect("equal", "datalim")

@@ -2,7 +2,7 @@
 
 A property of an arm is the same in every recording. Where the causes that serve all of them leave structure, or their
 values by single recordings contradict each other, each ``settable`` effect is tried with a value per recording. It is
-named so if, with it, nothing is left unexplained and no recording contradicts another.
+named so if, with it, nothing is left but noise and no recording contradicts another.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import EffectTerm
 from arm_model.effects import Instrument
+from diagnosis.against_noise import ratios
 from diagnosis.cause import Cause, Estimate, confidence_of
 from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.possible import exists
@@ -37,6 +38,8 @@ EQUAL = 0.02
 """Relative difference of gains below which the one with fewer coefficients is tried first."""
 IMPOSSIBLE = 2.0
 """std by which a load of one recording must be negative to be none."""
+QUIET = 1.5
+"""Times the noise that may remain at a joint: values per recording also follow what no effect explains, in part."""
 INDEPENDENT = 1e-3
 """Relative singular value below which columns of one recording are dependent."""
 
@@ -102,6 +105,12 @@ def promising(state: State, most: int = 2) -> list[OwnValues]:
         return (0, len(own.alone[0].values)) if gain > (1 - EQUAL) * best else (1, -gain)
 
     return sorted(found, key=rank)[:most]
+
+
+def quiet(state: State) -> bool:
+    """Whether no joint has more than ``QUIET`` times the noise left, in fitted and in held-out recordings."""
+    sides = ((state.data.fit, state.fitted.fit), (state.data.held_out, state.fitted.held_out))
+    return all(one.ratio <= QUIET for side, left in sides for one in ratios(side.runs, left))
 
 
 def exists_in_all(own: OwnValues, state: State) -> bool:

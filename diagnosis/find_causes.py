@@ -16,7 +16,7 @@ from scipy import stats
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, same_columns
 from daq.recording import Recording
-from diagnosis.by_recording import cause_of, contradicted, own_values, promising
+from diagnosis.by_recording import cause_of, contradicted, own_values, promising, quiet
 from diagnosis.cause import Cause, EffectKey, extend
 from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
@@ -157,7 +157,8 @@ def _by_recording(named: Named, recordings: Recordings, excluded: Set[EffectKey]
             if not found.chosen or left > SETTLED * before:
                 break
             before = left
-        if not trial.found.unexplained.structures and own.contradict and contradicted(found) is None:
+        explained = quiet(found) and not trial.found.unexplained.structures
+        if explained and own.contradict and contradicted(found) is None:
             return replace(trial, own=(cause_of(own, state, found.terms),))
     return None
 

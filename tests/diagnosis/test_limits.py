@@ -19,7 +19,9 @@ from identification.selection import Limits, Thresholds
 
 def _nothing_found() -> Diagnosis:
     """The fields of a diagnosis that its table is made of, where nothing was recorded."""
-    empty: dict[str, Any] = dict.fromkeys(("causes", "not_visible", "unexplained", "warnings", "fit", "held_out"), ())
+    empty: dict[str, Any] = dict.fromkeys(
+        ("causes", "not_visible", "unexplained", "warnings", "fit", "held_out", "origins"), ()
+    )
     return cast(Diagnosis, SimpleNamespace(**empty, verdict="consistent", shortage=None, judged=False))
 
 
@@ -32,7 +34,7 @@ def _subclasses(of: type[Thresholds]) -> Iterator[type[Thresholds]]:
 def test_the_file_has_every_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("diagnosis.report.write._signals", lambda result: [])
     block = json.loads(json.dumps(table_of(_nothing_found(), [], [])))["limits"]
-    assert set(block) == {"currents", "single_axis", "link_encoders", "tracker", "demands", "closed_loop"}
+    assert set(block) == {"currents", "single_axis", "link_encoders", "tracker", "demands", "closed_loop", "verdict"}
     for name, limits in LIMITS.items():
         applied = {field.name for field in fields(limits) if getattr(limits, field.name) is not None}
         assert set(block[name]) == applied
