@@ -80,6 +80,9 @@ def _named(panel: Panel) -> bool:
 
 
 def _draw(axis: Axes, panel: Panel, most_points: int | None) -> None:
+    if panel.y_range is not None and panel.y_range[0] < panel.y_range[1]:
+        # before anything is drawn: the range of equal values on a logarithmic axis is none
+        axis.set_ylim(*panel.y_range)
     for zone in panel.zones:
         span = axis.axhspan if zone.axis == "y" else axis.axvspan
         span(zone.low, zone.high, color=zone.colour, lw=0.0, label=zone.label or None, zorder=0)
@@ -99,8 +102,6 @@ def _draw(axis: Axes, panel: Panel, most_points: int | None) -> None:
     axis.set_title(panel.title, loc="left", fontsize="medium")
     axis.set_xlabel("" if panel.dates else panel.x)
     axis.set_ylabel(panel.y, fontsize="small")
-    if panel.y_range is not None and panel.y_range[0] < panel.y_range[1]:
-        axis.set_ylim(*panel.y_range)
     if panel.x_range is not None and panel.x_range[0] < panel.x_range[1]:
         axis.set_xlim(*(_dates(np.array(panel.x_range)) if panel.dates else panel.x_range))
     if panel.equal:
