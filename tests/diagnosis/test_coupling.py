@@ -12,6 +12,7 @@ import pytest
 from examples.coupling import main
 
 
+@pytest.mark.slow
 def test_coupling_torque_is_what_a_motor_link_pair_takes_for_friction(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

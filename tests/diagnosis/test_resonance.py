@@ -28,6 +28,7 @@ def _recordings(folder: Path, hidden: tuple[Hidden, ...]) -> tuple[list[Recordin
     return read_recordings(folder)
 
 
+@pytest.mark.slow
 def test_a_spring_too_fast_for_the_currents_along_the_motion(tmp_path: Path) -> None:
     """8000 N m/rad behind the elbow: 25 Hz, above the band in which encoder steps leave anything to be seen."""
     fit, held_out = _recordings(tmp_path, (Hidden("joint_compliance", 3, {"stiffness": 8000.0, "damping": 8.0}),))

@@ -121,6 +121,7 @@ def test_wrong_amplitudes_are_put_right(arm: Arm, tmp_path: Path) -> None:
     assert abs(constant["value"] - truth) < 2 * constant["std"]
 
 
+@pytest.mark.slow
 def test_late_currents_are_moved_back_before_anything_is_fitted(arm: Arm, tmp_path: Path) -> None:
     path = record(tmp_path / "late.mcap", arm, 2)
     error = {}

@@ -51,6 +51,7 @@ def record(path: Path, arm: Arm, seed: int) -> Recording:
     return open_recording(path)
 
 
+@pytest.mark.slow
 def test_rotors_behind_gears_are_found(urdf: Path, tmp_path: Path) -> None:
     arm = read_urdf(urdf)
     assert [joint.gear for joint in arm.joints] == list(GEARS) and freed_rotors(arm) == [1, 2, 3, 4, 5, 6]
