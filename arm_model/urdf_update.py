@@ -13,11 +13,9 @@ from arm_model.rigid_body.friction_curve import nearest_line
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
 from arm_model.rigid_body.kinematics import roll_pitch_yaw, rpy_of
 from arm_model.urdf import read_urdf
-from arm_model.xml_edit import Element, XmlText
+from arm_model.xml_edit import Element, XmlText, differ, number, vector
 
 _ENTRIES = ("ixx", "iyy", "izz", "ixy", "iyz", "ixz")
-CLOSE = 1e-9
-"""Relative: what differs by less has come through a file."""
 
 
 def update_urdf(original: str | Path, arm: Arm, out: str | Path, *, tip: str | None = None) -> list[str]:
@@ -45,23 +43,11 @@ def update_urdf(original: str | Path, arm: Arm, out: str | Path, *, tip: str | N
     return changed
 
 
-def _differ(one: object, other: object) -> bool:
-    return not np.allclose(np.asarray(one, float), np.asarray(other, float), rtol=CLOSE, atol=1e-15)
-
-
-def _number(value: float) -> str:
-    return repr(float(value) + 0.0)
-
-
-def _vector(values: Array) -> str:
-    return " ".join(_number(value) for value in values)
-
-
 def _origin(text: XmlText, path: str | Path, element: Element, was: Joint, now: Joint) -> list[str]:
     """The pose of a joint, where calibration has moved it."""
-    if not (_differ(was.xyz, now.xyz) or _differ(was.rpy, now.rpy) or _differ(was.axis, now.axis)):
+    if not (differ(was.xyz, now.xyz) or differ(was.rpy, now.rpy) or differ(was.axis, now.axis)):
         return []
-    if now.convention != "placed" or _differ(was.axis, now.axis):
+    if now.convention != "placed" or differ(was.axis, now.axis):
         raise InputError(path, f"joint {now.name!r} has another axis or convention in the model; URDF needs it placed")
     old, new = _pose(was.xyz, was.rpy), _pose(now.xyz, now.rpy)
     origin = element.child("origin")
@@ -72,9 +58,9 @@ def _origin(text: XmlText, path: str | Path, element: Element, was: Joint, now: 
 def _friction(text: XmlText, element: Element, was: Joint, now: Joint) -> list[str]:
     """Viscous and Coulomb friction at the joint, means of both directions."""
     old, new = nearest_line(was)[:2], nearest_line(now)[:2]
-    if not _differ(old, new):
+    if not differ(old, new):
         return []
-    values = {"damping": _number(new[1]), "friction": _number(new[0])}
+    values = {"damping": number(new[1]), "friction": number(new[0])}
     dynamics = element.child("dynamics")
     if dynamics is None:
         text.add(element, "<dynamics " + " ".join(f'{name}="{value}"' for name, value in values.items()) + "/>")
@@ -85,7 +71,7 @@ def _friction(text: XmlText, element: Element, was: Joint, now: Joint) -> list[s
 
 def _inertial(text: XmlText, path: str | Path, element: Element, was: Joint, now: Joint, tip: str | None) -> list[str]:
     """Mass, centre and inertia of the link behind a joint."""
-    if not any(_differ(getattr(was, name), getattr(now, name)) for name in ("mass", "com", "inertia")):
+    if not any(differ(getattr(was, name), getattr(now, name)) for name in ("mass", "com", "inertia")):
         return []
     child = element.child("child")
     link = None if child is None else text.root.named("link", child.attributes["link"])
@@ -149,15 +135,15 @@ def _set_inertial(text: XmlText, link: Element, parameters: Array) -> None:
     inertial = link.child("inertial")
     pose = np.eye(4) if inertial is None else _read_pose(inertial.child("origin"))
     turned = pose[:3, :3].T @ _tensor(entries) @ pose[:3, :3]
-    values = {name: _number(turned["xyz".index(name[1]), "xyz".index(name[2])]) for name in _ENTRIES}
+    values = {name: number(turned["xyz".index(name[1]), "xyz".index(name[2])]) for name in _ENTRIES}
     pose[:3, 3] = com
     tensor = "<inertia " + " ".join(f'{name}="{value}"' for name, value in values.items()) + "/>"
     if inertial is None:
-        origin = f'<origin xyz="{_vector(pose[:3, 3])}" rpy="0 0 0"/>'
-        text.add(link, f'<inertial>{origin}<mass value="{_number(mass)}"/>{tensor}</inertial>')
+        origin = f'<origin xyz="{vector(pose[:3, 3])}" rpy="0 0 0"/>'
+        text.add(link, f'<inertial>{origin}<mass value="{number(mass)}"/>{tensor}</inertial>')
         return
     _set_pose(text, inertial, inertial.child("origin"), pose)
-    for tag, new in (("mass", {"value": _number(mass)}), ("inertia", values)):
+    for tag, new in (("mass", {"value": number(mass)}), ("inertia", values)):
         child = inertial.child(tag)
         if child is None:
             text.add(inertial, tensor if tag == "inertia" else f'<mass value="{new["value"]}"/>')
@@ -167,14 +153,14 @@ def _set_inertial(text: XmlText, link: Element, parameters: Array) -> None:
 
 def _set_pose(text: XmlText, parent: Element, origin: Element | None, pose: Array) -> None:
     """Gives an element's <origin> a pose; an orientation that stays is not touched."""
-    xyz, turned = _vector(pose[:3, 3]), _differ(pose[:3, :3], _read_pose(origin)[:3, :3])
+    xyz, turned = vector(pose[:3, 3]), differ(pose[:3, :3], _read_pose(origin)[:3, :3])
     if origin is None:
-        rpy = f' rpy="{_vector(np.array(rpy_of(pose)))}"' if turned else ""
+        rpy = f' rpy="{vector(np.array(rpy_of(pose)))}"' if turned else ""
         text.add(parent, f'<origin xyz="{xyz}"{rpy}/>')
         return
     text.set(origin, xyz=xyz)
     if turned:
-        text.set(origin, rpy=_vector(np.array(rpy_of(pose))))
+        text.set(origin, rpy=vector(np.array(rpy_of(pose))))
 
 
 def _read_pose(origin: Element | None) -> Array:

@@ -1,4 +1,4 @@
-"""An XML text changed in place: attributes and new elements, every other byte as it was."""
+"""An XML text changed in place: attributes, their numbers, and new elements; every other byte as it was."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
+import numpy as np
+
 from arm_io import InputError
+from arm_io.types import Array
+
+CLOSE = 1e-9
+"""Relative: what differs by less has come through a file."""
 
 
 @dataclass
@@ -136,4 +142,19 @@ def _same(old: str | None, new: str) -> bool:
         one, other = ([float(part) for part in str(text).split()] for text in (old, new))
     except ValueError:
         return False
-    return len(one) == len(other) and all(math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-15) for a, b in zip(one, other))
+    return len(one) == len(other) and all(math.isclose(a, b, rel_tol=CLOSE, abs_tol=1e-15) for a, b in zip(one, other))
+
+
+def differ(one: object, other: object) -> bool:
+    """Whether numbers, or arrays of one shape, differ by more than ``CLOSE``."""
+    return not np.allclose(np.asarray(one, float), np.asarray(other, float), rtol=CLOSE, atol=1e-15)
+
+
+def number(value: float) -> str:
+    """The shortest decimal that reads as this number; never -0."""
+    return repr(float(value) + 0.0)
+
+
+def vector(values: Array) -> str:
+    """Numbers (n,) separated by spaces."""
+    return " ".join(number(value) for value in values)

@@ -190,19 +190,16 @@ def _defaults(tree: Tree, node: Node, above: str | None) -> None:
 
 def of_quaternion(q: Array) -> Array:
     """(3, 3) rotation of a unit quaternion (w, x, y, z)."""
-    w, x, y, z = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_quat(np.roll(q, -1)).as_matrix())
 
 
 def about(axis: Array, angle: float) -> Array:
     """(3, 3) rotation by an angle, rad, about a unit vector (3,)."""
-    return of_quaternion(np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * axis]))
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(angle * axis).as_matrix())
 
 
 def towards(direction: Array) -> Array:

@@ -14,9 +14,8 @@ from arm_model.mjcf.reading import Body, Reading, read_all
 from arm_model.mjcf.tree import ORIENTATIONS, Attributes, Include, Node, Tree
 from arm_model.rigid_body.friction_curve import nearest_line
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
+from arm_model.xml_edit import CLOSE, differ, number, vector
 
-CLOSE = 1e-9
-"""Relative: what differs by less has come through a file."""
 _UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Entries of a tensor in the order of fullinertia."""
 
@@ -39,29 +38,17 @@ def update_mjcf(original: str | Path, arm: Arm, out: str | Path, *, tip: str | N
     if names != here:
         raise InputError(original, f"has the joints {', '.join(names)}; the model has {', '.join(here)}")
     changed: list[str] = []
-    for number, (was, now) in enumerate(zip(before.joints, arm.joints)):
+    for place, (was, now) in enumerate(zip(before.joints, arm.joints)):
         for name in ("xyz", "rpy", "axis"):
-            if now.convention != "placed" or _differ(getattr(was, name), getattr(now, name)):
+            if now.convention != "placed" or differ(getattr(was, name), getattr(now, name)):
                 raise InputError(
                     original,
                     f"joint {now.name!r} is placed elsewhere in the model; only numbers of the dynamics are written",
                 )
-        node, given = reading.joints[number]
-        changed += _joint(reading.tree, node, given, was, now) + _inertial(reading, number, was, now)
+        node, given = reading.joints[place]
+        changed += _joint(reading.tree, node, given, was, now) + _inertial(reading, place, was, now)
     _write(reading.tree, Path(out))
     return changed
-
-
-def _differ(one: object, other: object) -> bool:
-    return not np.allclose(np.asarray(one, float), np.asarray(other, float), rtol=CLOSE, atol=1e-15)
-
-
-def _number(value: float) -> str:
-    return repr(float(value) + 0.0)
-
-
-def _vector(values: Array) -> str:
-    return " ".join(_number(value) for value in values)
 
 
 def _joint(tree: Tree, node: Node, given: Attributes, was: Joint, now: Joint) -> list[str]:
@@ -72,12 +59,12 @@ def _joint(tree: Tree, node: Node, given: Attributes, was: Joint, now: Joint) ->
         ("damping", nearest_line(was)[1], nearest_line(now)[1]),
         ("armature", was.ratio**2 * was.rotor_inertia, now.ratio**2 * now.rotor_inertia),
     ):
-        if _differ(old, new):
-            node.text.set(node.element, **{name: _number(new)})
+        if differ(old, new):
+            node.text.set(node.element, **{name: number(new)})
             changed.append(f"joint {now.name}: {name} {old:.6g} -> {new:.6g}")
-    if now.limits is not None and (was.limits is None or _differ(was.limits, now.limits)):
+    if now.limits is not None and (was.limits is None or differ(was.limits, now.limits)):
         unit = tree.angle if now.revolute else 1.0
-        node.text.set(node.element, range=_vector(np.array(now.limits) / unit))
+        node.text.set(node.element, range=vector(np.array(now.limits) / unit))
         if given.get("limited", "auto") == "false" or tree.compiler.get("autolimits", "true") == "false":
             node.text.set(node.element, limited="true")
         changed.append(f"joint {now.name}: range")
@@ -86,7 +73,7 @@ def _joint(tree: Tree, node: Node, given: Attributes, was: Joint, now: Joint) ->
 
 def _inertial(reading: Reading, link: int, was: Joint, now: Joint) -> list[str]:
     """Mass, centre and inertia of the bodies of a link."""
-    if not any(_differ(getattr(was, name), getattr(now, name)) for name in ("mass", "com", "inertia")):
+    if not any(differ(getattr(was, name), getattr(now, name)) for name in ("mass", "com", "inertia")):
         return []
     parts = [one for one in reading.bodies if one.link == link]
     if not parts:
@@ -115,8 +102,8 @@ def _set_inertial(tree: Tree, body: Body, parameters: Array) -> None:
         raise InputError(tree.path, "inertiafromgeom is 'true': MuJoCo would not use an <inertial>; remove it")
     mass, com, (x, y, z, xy, yz, xz) = about_com(parameters)
     tensor = np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
-    values = {"mass": _number(mass), "pos": _vector(np.array(com))}
-    full = {"fullinertia": _vector(np.array([tensor[place] for place in _UPPER]))}
+    values = {"mass": number(mass), "pos": vector(np.array(com))}
+    full = {"fullinertia": vector(np.array([tensor[place] for place in _UPPER]))}
     if mass == 0.0:  # which MuJoCo allows of a fixed body, but not as a full tensor
         full = {"diaginertia": "0 0 0"}
     found = body.node.all("inertial")
@@ -139,23 +126,15 @@ def _set_inertial(tree: Tree, body: Body, parameters: Array) -> None:
         for name in ORIENTATIONS:
             if name != "quat" and name in element.attributes:
                 text.drop(element, name)
-        text.set(element, quat=_vector(_quaternion(axes)))
-    text.set(element, **values, diaginertia=_vector(turned.diagonal()))
+        text.set(element, quat=vector(_quaternion(axes)))
+    text.set(element, **values, diaginertia=vector(turned.diagonal()))
 
 
 def _quaternion(rotation: Array) -> Array:
-    """(4,) w, x, y, z of a rotation (3, 3), w not negative: the eigenvector of Bar-Itzhack's matrix (2000)."""
-    r = rotation
-    matrix = np.array(
-        [
-            [r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
-            [r[2, 1] - r[1, 2], r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
-            [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], r[1, 1] - r[0, 0] - r[2, 2], r[1, 2] + r[2, 1]],
-            [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], r[2, 2] - r[0, 0] - r[1, 1]],
-        ]
-    )
-    q = np.linalg.eigh(matrix)[1][:, -1]
-    return np.asarray(q if q[0] >= 0 else -q)
+    """(4,) w, x, y, z of a rotation (3, 3), w not negative."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(rotation).as_quat(canonical=True)[[3, 0, 1, 2]])
 
 
 def _write(tree: Tree, out: Path) -> None:
