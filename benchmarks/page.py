@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -31,11 +30,10 @@ from arm_io import read_toml
 from benchmarks.end_to_end import CONFIG, experiment
 from benchmarks.report import report
 from benchmarks.zenoh_pair import free_endpoint
+from tests.chromium import launch
 
 RATE = 20_000
 BROWSERS = (0, 1, 5)
-# As a computer without a graphics card draws: the page itself in software, and WebGL by SwiftShader.
-SWITCHES = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-background-networking"]
 
 
 def main() -> None:
@@ -131,9 +129,8 @@ def open_browsers(stack: ExitStack, address: str, seen: list[Seen]) -> None:
 
     niceness = os.nice(0)
     playwright = stack.enter_context(sync_playwright())
-    path = shutil.which("chromium") or shutil.which("google-chrome")
     for one in seen:
-        browser = playwright.chromium.launch(executable_path=path, args=SWITCHES)
+        browser = launch(playwright)
         stack.callback(browser.close)
         view = browser.new_page(viewport={"width": 1280, "height": 800})
         view.on("websocket", lambda socket, one=one: count(socket, one))

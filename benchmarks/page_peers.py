@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import importlib.util
 import math
-import shutil
 import subprocess
 import sys
 import time
@@ -21,8 +20,8 @@ from typing import Any
 import numpy as np
 import psutil
 
-from benchmarks.page import SWITCHES
 from benchmarks.report import report
+from tests.chromium import chromium
 
 SECONDS, PERIOD = 8.0, 0.02
 JOINTS, ARMS, KEPT, CHART_EVERY = 6, 2, 500, 5
@@ -39,8 +38,6 @@ def main() -> None:
 
 def measure(name: str, port: int) -> dict[str, float]:
     """Start, CPU per frame and memory of one of them."""
-    from playwright.sync_api import sync_playwright
-
     begin = time.monotonic()
     command = [sys.executable, "-m", "benchmarks.page_peers", name, str(port)]
     server = psutil.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
@@ -48,8 +45,7 @@ def measure(name: str, port: int) -> dict[str, float]:
         while not answers(port):
             time.sleep(0.05)
         figures = {"start_seconds": time.monotonic() - begin}
-        with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=SWITCHES)
+        with chromium() as browser:
             for count in (1, 5):
                 contexts = [browser.new_context() for _ in range(count)]
                 for context in contexts:
@@ -64,7 +60,6 @@ def measure(name: str, port: int) -> dict[str, float]:
                 figures[f"megabytes_{count}"] = server.memory_info().rss / 1e6
                 for context in contexts:
                     context.close()
-            browser.close()
         return figures
     finally:
         server.kill()

@@ -1,11 +1,15 @@
-"""Where the measured data lies, which is not ours to ship: ``shared_data`` skips, saying so, where it is absent."""
+"""What every test may use: the checkout, measured data that is not ours to ship, a browser; the last two may skip."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from tests.chromium import CHROMIUM, chromium
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -23,3 +27,13 @@ def shared() -> Path:
     if not place.is_dir():
         pytest.skip(f"no reference data at {place}; set ARMSCOPE_SHARED")
     return place
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Headless Chromium."""
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on this machine; .ci/run installs it")
+    with chromium() as opened:
+        yield opened

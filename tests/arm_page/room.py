@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -22,11 +21,6 @@ import tomli_w
 from arm_io import read_toml
 from tests.conftest import ROOT
 from tests.ports import free_endpoint
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-# As a computer without a graphics card draws: the page itself in software, and WebGL by SwiftShader. Were all of it to
-# pass through SwiftShader (--use-angle), a frame would cost ten times as much. Nothing is fetched from elsewhere.
-SWITCHES = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-background-networking"]
 
 
 @dataclass

@@ -10,12 +10,11 @@ from typing import Any
 import pytest
 
 import armscope
-from tests.arm_page.room import CHROMIUM, SWITCHES, Room, open_room, rig_table
+from tests.arm_page.room import Room, open_room, rig_table
 from tests.conftest import ROOT
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytestmark = [
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine; .ci/run installs it"),
     pytest.mark.xdist_group("browser"),
     pytest.mark.slow,
     pytest.mark.timeout(1200),
@@ -48,14 +47,6 @@ def _move(folder: Path) -> Path:
         '[[segment]]\ntype = "drive"\njoint = 1\nto = 0.1\n'
     )
     return path
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SWITCHES)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture

@@ -15,14 +15,11 @@ from arm_model import read_model
 from arm_model.urdf import write_urdf
 from daq.recording import open_recording
 from tests.arm_archive.lab import diagnosis, identification, record
-from tests.arm_page.room import CHROMIUM, SWITCHES, Room, open_room, rig_table
+from tests.arm_page.room import Room, open_room, rig_table
 from tests.conftest import ROOT
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-pytestmark = [
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine; .ci/run installs it"),
-    pytest.mark.xdist_group("browser"),
-]
+pytestmark = pytest.mark.xdist_group("browser")
 SECONDS = 40_000
 """ms for anything to happen: the machine may be busy."""
 
@@ -31,14 +28,6 @@ SECONDS = 40_000
 def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Room]:
     with open_room(tmp_path_factory.mktemp("room"), rig_table("page browser")) as room:
         yield room
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SWITCHES)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture

@@ -17,26 +17,13 @@ from arm_report import Chart, Panel, Series, Zone, inline
 from arm_report.motion import Motion, clip_of
 from arm_report.page import _text
 from arm_report.palette import AFTER, BEFORE
-from tests.arm_page.room import CHROMIUM, SWITCHES
 from tests.arm_report.test_page import report
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-pytestmark = [
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine; .ci/run installs it"),
-    pytest.mark.xdist_group("browser"),
-]
+pytestmark = pytest.mark.xdist_group("browser")
 SECONDS = 40_000
 """ms for anything to happen: the machine may be busy."""
 EVIL = "<script>window.stolen = 1</script>"
 ROWS = 5001
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SWITCHES)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")

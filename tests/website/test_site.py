@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -74,19 +73,6 @@ def test_nothing_is_loaded_from_another_host(site: Path) -> None:
         text = path.read_text()
         assert not re.search(r"url\([\"']?(https?:)?//", text), path
         assert not re.search(r"https?://(unpkg|cdn|fonts|api)\b", text), path
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Headless Chromium; skips where there is none."""
-    playwright = pytest.importorskip("playwright.sync_api")
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if chromium is None:
-        pytest.skip("no Chromium")
-    with playwright.sync_playwright() as started:
-        opened = started.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 def test_search_answers_from_a_folder(site: Path, browser: Any) -> None:
