@@ -22,6 +22,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from arm_io import InputError
 from armscope import __version__
+from armscope.overview import overview
 from armscope.shipped import shipped_file
 from armscope.usage import COMMANDS, epilog
 
@@ -48,10 +49,9 @@ class LazyGroup(TyperGroup):
         """Without a command, the help."""
         return super().parse_args(ctx, ["--help"] if not args or args[0] == "help" else args)
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Writes all commands with their lines of help, and imports none."""
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+    def get_help(self, ctx: Any) -> str:
+        """All commands with their lines of help, of which none is imported."""
+        return overview()
 
 
 class Command(TyperCommand):
@@ -68,9 +68,6 @@ class Command(TyperCommand):
 app = typer.Typer(
     cls=LazyGroup,
     name="armscope",
-    help="Instruments a robot arm and tells the truth about its model.",
-    epilog="Details and examples: armscope COMMAND --help. Exit status: 0 done, 2 invalid input, 3 a device failed, "
-    "4 done but samples were lost, 5 changed (compare --fail-above).",
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -91,14 +88,10 @@ def _help(ctx: typer.Context, asked: bool) -> None:
 
 @app.callback()
 def options(
-    version: Annotated[
-        bool, typer.Option("--version", "-V", callback=_version, is_eager=True, help="print the version")
-    ] = False,
+    version: Annotated[bool, typer.Option("--version", "-V", callback=_version, is_eager=True)] = False,
     no_color: NoColor = False,
     # typer's own has the default None, which it checks by importing pydantic before any command's --help
-    help_: Annotated[
-        bool, typer.Option("--help", "-h", callback=_help, is_eager=True, help="show the options and commands")
-    ] = False,
+    help_: Annotated[bool, typer.Option("--help", "-h", callback=_help, is_eager=True)] = False,
 ) -> None:
     """Options before the command."""
     _without_colours(no_color)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io import InputError
+from arm_io.progress import report
 from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import check_terms
@@ -31,6 +32,9 @@ Demand = Callable[[Array], Array]
 
 OPEN_LOOP_PERIOD = 0.001
 """s between the values that are taken of the demanded currents of an arm without controller."""
+
+PART = 200_000
+"""Ticks that are run between two reports of how far a simulation is."""
 
 
 @dataclass
@@ -211,6 +215,20 @@ def _advance(run: _Run, demands: Array, times: Array) -> Array:
     return lanes_first[: run.lanes]
 
 
+def _advance_in_parts(run: _Run, demands: Array, times: Array) -> Array:
+    """``_advance``, which says in between how far it is; all rows are the same."""
+    ticks = len(demands)
+    if ticks <= PART:
+        return _advance(run, demands, times)
+    tick_of_row = np.floor(times / run.period + 1e-9)
+    rows: list[Array] = []
+    for first in range(0, ticks, PART):
+        report("simulating", first, ticks)
+        low, high = np.searchsorted(tick_of_row, (first, first + PART))
+        rows.append(_advance(run, demands[first : first + PART], times[low:high]))
+    return np.concatenate(rows, axis=1)
+
+
 def _row_table(
     times: Array, tick: int, ticks: int, period: float, substeps: int, lag: float
 ) -> tuple[NDArray[np.int64], Array]:
@@ -281,7 +299,7 @@ def simulate_batch(
     if start is None:
         start = np.zeros(len(arm)) if arm.controller is None else given[0]
     run = _prepared(arm, parameters, start, substeps)
-    rows = _advance(run, given, times)
+    rows = _advance_in_parts(run, given, times)
     # a lane that diverged overflows; its callers look for that
     rows = np.where(np.abs(rows) < 1e100, rows, np.nan)
     grid = np.arange(ticks) * period

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from arm_io import InputError, read_text, write_text
-from arm_io.progress import Step
 from armscope.commands.options import Json, RecordingOut
 from armscope.progress import shown
 from daq.recording import Attachments, Table, TimeUnit, write_blocks
@@ -52,33 +51,20 @@ def command(
     checked = None if rig is None else read_rig(rig, drivers=False)
     names = [] if checked is None else [joint.name or f"joint{number}" for number, joint in enumerate(checked.joint, 1)]
     chosen = read_mapping(mapping) if mapping is not None else _guessed(table, guess)
-    source = open_source(table, mapping=chosen, topic=topic, joints=names)
-    chosen = chosen or source.mapping
-    if save_map is not None:
-        write_text(save_map, _text(table, chosen))
-    if chosen is not None and mapping is None:
-        print(f"note: {table}: {chosen.in_words()}", file=sys.stderr)
-    joints = None if checked is None else checked.joints
-    per_current = _torque_per_current(checked) if chosen is not None and chosen.torques else None
-    blocks = _Blocks(
-        read_blocks(source, joints=joints, keep_extra=keep_extra, unit=time_unit, mapping=chosen), per_current
-    )
-    first = next(blocks)
-    model = None if checked is None else checked.model_path
-    details: dict[str, Any] = {} if first.epoch is None else {"epoch": str(first.epoch)}
-    if chosen is not None:
-        details |= {
-            "mapping": chosen.model_dump(exclude_none=True, exclude_defaults=True),
-            "current_unit": _unit(chosen, per_current),
-        }
-    attachments = Attachments(
-        rig=None if rig is None else read_text(rig),
-        model=None if model is None else read_text(model),
-        provenance=provenance("imported", source=_identity(table), **details),
-        chain=_chain(model, first.joints),
-    )
-    with shown(as_json) as progress:
-        progress(Step("importing rows", blocks.rows))
+    with shown(as_json):
+        source = open_source(table, mapping=chosen, topic=topic, joints=names)
+        chosen = chosen or source.mapping
+        if save_map is not None:
+            write_text(save_map, _text(table, chosen))
+        if chosen is not None and mapping is None:
+            print(f"note: {table}: {chosen.in_words()}", file=sys.stderr)
+        joints = None if checked is None else checked.joints
+        per_current = _torque_per_current(checked) if chosen is not None and chosen.torques else None
+        blocks = _Blocks(
+            read_blocks(source, joints=joints, keep_extra=keep_extra, unit=time_unit, mapping=chosen), per_current
+        )
+        first = next(blocks)
+        attachments = _attachments(table, rig, checked, first, chosen, per_current)
         write_blocks(out, first, blocks, attachments, joints=names or getattr(source, "joints", ()))
     rows, seconds = blocks.rows, blocks.last - float(first.t[0])
     if as_json:
@@ -86,6 +72,30 @@ def command(
     else:
         gaps = f", {blocks.missing} rows with missing samples" if blocks.missing else ""
         print(f"{out}: {rows} rows of {first.joints} joint{'s' * (first.joints > 1)}, {seconds:.2f} s{gaps}")
+
+
+def _attachments(
+    table: Path,
+    rig: Path | None,
+    checked: Rig | None,
+    first: Table,
+    chosen: Mapping | None,
+    per_current: list[float] | None,
+) -> Attachments:
+    """Rig, model, and where the rows come from."""
+    model = None if checked is None else checked.model_path
+    details: dict[str, Any] = {} if first.epoch is None else {"epoch": str(first.epoch)}
+    if chosen is not None:
+        details |= {
+            "mapping": chosen.model_dump(exclude_none=True, exclude_defaults=True),
+            "current_unit": _unit(chosen, per_current),
+        }
+    return Attachments(
+        rig=None if rig is None else read_text(rig),
+        model=None if model is None else read_text(model),
+        provenance=provenance("imported", source=_identity(table), **details),
+        chain=_chain(model, first.joints),
+    )
 
 
 def _guessed(table: Path, accepted: bool) -> Mapping | None:

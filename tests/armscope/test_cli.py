@@ -31,6 +31,21 @@ def test_the_list_of_commands_imports_no_command_and_nothing_heavy(arguments: li
     shown, modules = imported_by(root, *arguments)
     assert arguments == ["--version"] or all(f"  {name} " in shown for name in COMMANDS)
     assert not modules & HEAVY and not {name for name in modules if name.startswith("armscope.commands")}
+    # Typer alone takes ten times as long as Python's own start
+    assert not modules & {"typer", "click", "inspect", "tempfile"}
+
+
+@pytest.mark.parametrize("columns", [20, 50, 80, 300])
+def test_the_list_of_commands_is_one_text_and_fits(
+    columns: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    assert run(["--help"]) == 0
+    alone = capsys.readouterr().out
+    assert run(["--no-color", "--help"]) == 0
+    assert capsys.readouterr().out == alone
+    assert max(map(len, alone.splitlines())) <= max(columns, 45)
+    assert " ".join(alone.split()).count(" ".join(COMMANDS["diagnose"].split())) == 1
 
 
 def test_a_command_imports_no_other(root: Path) -> None:

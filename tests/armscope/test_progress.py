@@ -7,10 +7,13 @@ import pty
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import armscope
 from arm_io.progress import Step, following, report
 from armscope.progress import Display, shown
 from tests.arm_archive.lab import record
@@ -102,16 +105,61 @@ def test_large_files_report_how_far_they_are_read(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(csv_reader, "BLOCK_CHARACTERS", 1000)
     record(tmp_path / "run.mcap")
     (tmp_path / "run.csv").write_text("t,q1,i1\n" + "".join(f"{k / 100},0.5,1.5\n" for k in range(500)))
+    rises("reading", lambda: open_recording(tmp_path / "run.mcap"))
+    rises("reading", lambda: csv_reader.read_csv(tmp_path / "run.csv"))
+
+
+def rises(stage: str, work: Callable[[], object]) -> None:
+    """Asserts that ``work`` reports one stage, how much of it is done, ever more, and never more than there is."""
     told: list[Step] = []
-    for read in (
-        lambda: open_recording(tmp_path / "run.mcap"),
-        lambda: csv_reader.read_csv(tmp_path / "run.csv"),
-    ):
-        told.clear()
-        with following(lambda sentence: told.append(sentence) if isinstance(sentence, Step) else None):
-            read()
-        done = [step.done for step in told]
-        assert len(done) > 2 and done == sorted(done) and done[-1] <= (told[-1].of or 0)
+    with following(lambda sentence: told.append(sentence) if isinstance(sentence, Step) else None):
+        work()
+    done = [step.done for step in told]
+    assert {step.stage for step in told} == {stage}
+    assert len(done) > 2 and done == sorted(done) and done[-1] <= (told[-1].of or 0)
+
+
+@pytest.mark.parametrize("name", ["run.parquet", "run.mat", "bag"])
+def test_imports_of_every_format_report_how_far_they_are(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from armscope.cli import run
+    from daq.recording.tables import matlab, open_source, parquet, read_blocks, ros_bag
+
+    for module in (matlab, parquet, ros_bag):
+        monkeypatch.setattr(module, "ROWS", 20)
+    monkeypatch.setattr(ros_bag, "WAITING", 1)
+    record(tmp_path / "run.mcap")
+    path = tmp_path / name
+    assert (
+        run(["export", str(tmp_path / "run.mcap"), "--out", str(path), *(["--to", "ros2"] if name == "bag" else [])])
+        == 0
+    )
+    source = open_source(path)
+    rises("reading", lambda: list(read_blocks(source, mapping=source.mapping)))
+
+
+def test_long_simulations_report_how_far_they_are_and_have_the_same_rows(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from arm_model.simulation import simulation
+
+    arm, move = root / "config/models/puma560_worn.toml", root / "config/experiments/excitation_held_out.toml"
+    at_once = armscope.simulate(arm, move, rate=333.0)
+    monkeypatch.setattr(simulation, "PART", 4567)
+    in_parts: list[armscope.Simulation] = []
+    rises("simulating", lambda: in_parts.append(armscope.simulate(arm, move, rate=333.0)))
+    np.testing.assert_array_equal(in_parts[0].q, at_once.q)
+    np.testing.assert_array_equal(in_parts[0].i, at_once.i)
+
+
+def test_a_long_table_reports_how_far_it_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from daq.recording import Attachments, write_table
+    from daq.recording.tables import table
+
+    monkeypatch.setattr(table, "CHUNK_BYTES", 10_000)
+    signals = {"q": np.zeros((500, 2)), "i": np.zeros((500, 2))}
+    rises("writing", lambda: write_table(tmp_path / "a.mcap", np.arange(500) / 100, signals, Attachments()))
 
 
 CODE = """

@@ -21,6 +21,7 @@ from enum import StrEnum
 import numpy as np
 from mcap.opcode import Opcode
 
+from arm_io.progress import report
 from daq.recording.mcap_file.crc32 import crc32_of_parts
 from daq.recording.mcap_file.pages import WINDOW, release
 
@@ -175,7 +176,9 @@ def _compare(data: memoryview, entries: np.ndarray, stop: int) -> Iterator[Damag
         if len(record) < length or zlib.crc32(record) != crc:
             yield DamagedRecord(name + _title(opcode, record), opcode, place, place + length)
         place += length
-        released = release(data, released, min(place, len(data)))
+        if (now := release(data, released, min(place, len(data)))) != released:
+            released = now
+            report("verifying checksums", place, stop)
     if place != stop:
         yield DamagedRecord("what stands before the list of checksums", 0, min(place, stop), max(place, stop))
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io import InputError
+from arm_io.progress import report
 from arm_io.types import Array
 from daq.recording.messages.row_format import JOINT_TOPICS
 from daq.recording.tables.csv_header import JOINT_COLUMN, joints_of
@@ -79,6 +80,7 @@ class Source(Protocol):
     where    of its names in messages: 'line 1: ', or '' where they stand on no line
     names    of its columns
     mapping  which column is which, where the format itself says it
+    rows     how many there are; None: nobody knows before they are read
     """
 
     path: Path
@@ -89,6 +91,8 @@ class Source(Protocol):
     def names(self) -> Sequence[str]: ...
     @property
     def mapping(self) -> Mapping | None: ...
+    @property
+    def rows(self) -> int | None: ...
     def chunks(self, needed: Sequence[str], time: str) -> Iterator[Chunk]:
         """All rows in their order, with the columns ``needed``; ``time`` is one of them."""
         ...
@@ -149,6 +153,8 @@ def read_blocks(
         if rows == 0 and unit is None:
             ask_of_speeds(path, t, table.signals["q"])
         rows += len(t)
+        if source.rows:
+            report("reading", rows, max(rows, source.rows))
         yield replace(table, epoch=times.epoch, start_ns=times.start_ns)
     if rows < 2:
         raise InputError(path, f"has {rows} {source.word}s of numbers; there must be at least 2")

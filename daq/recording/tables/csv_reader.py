@@ -56,6 +56,7 @@ class CsvSource:
 
     word, where = "line", "line 1: "
     mapping: Mapping | None = None
+    rows: int | None = None
 
     def __init__(self, path: str | Path, separator: str = ",", decimal: str = ".") -> None:
         self.path, self._separator, self._decimal = Path(path), separator, decimal

@@ -35,25 +35,25 @@ class MatlabSource:
         self.path = Path(path)
         self._hdf5 = b"MATLAB 7.3" in read_head(path, 128)
         variables = self._variables()
-        self._rows = max((one.size for one in variables.values() if one.size == max(one.shape, default=0)), default=0)
+        self.rows = max((one.size for one in variables.values() if one.size == max(one.shape, default=0)), default=0)
         self._places: dict[str, tuple[str, int | None, bool]] = {}
         for name, one in variables.items():
-            if one.size == max(one.shape, default=0) == self._rows:
+            if one.size == max(one.shape, default=0) == self.rows:
                 self._places[f"{name}1" if name in JOINT_TOPICS else name] = name, None, False
-            elif len(one.shape) == 2 and self._rows in one.shape:
-                flat = one.shape[0] != self._rows
+            elif len(one.shape) == 2 and self.rows in one.shape:
+                flat = one.shape[0] != self.rows
                 for column in range(one.shape[0] if flat else one.shape[1]):
                     if name in ("q", "i") or not np.isnan(one[column, :] if flat else one[:, column]).all():
                         self._places[f"{name}{column + 1}"] = name, column, flat
         self.names: list[str] = list(self._places)
-        if self._rows < 2 or not self.names:
+        if self.rows < 2 or not self.names:
             raise InputError(path, "has no vector of numbers; it must have one row of numbers per sample")
 
     def chunks(self, needed: Sequence[str], time: str) -> Iterator[Chunk]:
         """All rows in their order."""
         variables = self._variables()
-        for start in range(0, self._rows, ROWS):
-            part = slice(start, min(start + ROWS, self._rows))
+        for start in range(0, self.rows, ROWS):
+            part = slice(start, min(start + ROWS, self.rows))
             try:
                 arrays = {name: self._column(variables, name, part) for name in needed}
             except OSError as error:
@@ -63,13 +63,13 @@ class MatlabSource:
 
     def last_time(self, time: str) -> str:
         """Of the last row."""
-        return Exact(self._column(self._variables(), time, slice(self._rows - 1, self._rows)))[0]
+        return Exact(self._column(self._variables(), time, slice(self.rows - 1, self.rows)))[0]
 
     def _column(self, variables: dict[str, Any], name: str, part: slice) -> Any:
         variable, column, flat = self._places[name]
         values = variables[variable]
         if column is None:
-            whole = [part if size == self._rows else 0 for size in values.shape]
+            whole = [part if size == self.rows else 0 for size in values.shape]
             return np.asarray(values[tuple(whole)])
         return np.asarray(values[column, part] if flat else values[part, column])
 

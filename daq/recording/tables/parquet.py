@@ -32,7 +32,9 @@ class ParquetSource:
         os.close(open_regular(path))
         self._arrow = optional("pyarrow", "parquet", path)
         self._parquet = optional("pyarrow.parquet", "parquet", path)
-        self._types = {field.name: field.type for field in self._file().schema_arrow}
+        file = self._file()
+        self.rows: int | None = file.metadata.num_rows
+        self._types = {field.name: field.type for field in file.schema_arrow}
         self.names: list[str] = list(self._types)
 
     def chunks(self, needed: Sequence[str], time: str) -> Iterator[Chunk]:

@@ -49,10 +49,12 @@ class BagSource:
         with self._reader() as reader:
             try:
                 first = self._first_messages(reader)
+                counts = {name: info.msgcount for name, info in reader.topics.items()}
             except Exception as error:
                 raise self._broken(error) from None
         states = {name: message for name, message in first.items() if hasattr(message, "effort")}
         self.topic = self._choose(states, topic)
+        self.rows: int | None = counts[self.topic]
         state = states[self.topic]
         self.joints = list(joints) if joints and set(joints) <= set(state.name) else list(state.name)
         self._stamped = bool(_stamp(state))

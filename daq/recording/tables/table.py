@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io import DeviceFault
+from arm_io.progress import report
 from daq.acquisition.ledger import LedgerSummary
 from daq.recording.contents import Columns
 from daq.recording.mcap_file.writer import McapFile, Progress
@@ -53,7 +54,7 @@ def write_table(
     table = Table(t, signals, having, signals.get("xyz"), extra or {})
     layout = _layout(table, joints, effort)
     origin = -float(t[0]) if len(t) and (t[0] < 0 or t[-1] >= 2**31) else 0.0
-    return _write(path, layout, attachments, (_columns(layout, one, origin, 0) for one in [table]))
+    return _write(path, layout, attachments, iter([_columns(layout, table, origin, 0)]), len(t))
 
 
 def write_blocks(
@@ -98,14 +99,16 @@ def _columns(layout: Layout, table: Table, origin: float, start_ns: int) -> Colu
     return columns
 
 
-def _write(path: str | Path, layout: Layout, attachments: Attachments, blocks: Iterable[Columns]) -> LedgerSummary:
+def _write(
+    path: str | Path, layout: Layout, attachments: Attachments, blocks: Iterable[Columns], total: int | None = None
+) -> LedgerSummary:
     """Writes the file, whole or not at all."""
     form = format_of(layout.to_json())
     file = open_file(path, form, attachments.files(), replace=True, viewers=attachments.chain is not None)
     chain = attachments.chain
     viewers = None if chain is None else Viewers(form, chain, layout.joints)
     try:
-        rows = _write_rows(file, form, blocks, viewers)
+        rows = _write_rows(file, form, blocks, viewers, total)
         ledger = LedgerSummary(rows, rows, rows)
         finish_file(file, ledger)
     except OSError as error:
@@ -117,14 +120,18 @@ def _write(path: str | Path, layout: Layout, attachments: Attachments, blocks: I
     return ledger
 
 
-def _write_rows(file: McapFile, form: RowFormat, blocks: Iterable[Columns], viewers: Viewers | None) -> int:
-    """The rows, numbered from 0; how many there are."""
+def _write_rows(
+    file: McapFile, form: RowFormat, blocks: Iterable[Columns], viewers: Viewers | None, total: int | None
+) -> int:
+    """The rows, numbered from 0; how many there are. total: None where nobody knows it before."""
     size, rows, last_ns = max(1, CHUNK_BYTES // len(form.template)), 0, 0
     derive = Derivatives(form.layout)
     for columns in blocks:
         count = len(columns["time"])
         columns["number"] = np.arange(rows, rows + count)
         for start in range(0, count, size):
+            if total:
+                report("writing", rows + start, total)
             piece = {name: values[start : start + size] for name, values in columns.items()}
             write_chunk(file, form, piece | derive(piece))
             for content in viewers.contents(piece["q"], piece["wall_ns"]) if viewers is not None else ():
