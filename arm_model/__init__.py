@@ -1,9 +1,10 @@
 """What an arm is: kinematics, dynamics, effects; and its simulation, fast."""
 
-from arm_model.description import Arm, Controller, Coupling, EffectTerm, FrictionCurve, GearStage, Joint, Pose
-from arm_model.model_file import arm_of, read_model, write_model
+from arm_model.description import Arm, Controller, Coupling, EffectTerm, FrictionCurve, GearStage, Joint
+from arm_model.model_file import arm_of, on_fixed_base, read_model, write_model
 from arm_model.motion import Motion
 from arm_model.parameters import parameter, with_parameters
+from arm_model.tables.fields import Pose
 
 __all__ = [
     "Arm",
@@ -16,6 +17,7 @@ __all__ = [
     "Motion",
     "Pose",
     "arm_of",
+    "on_fixed_base",
     "parameter",
     "read_model",
     "with_parameters",

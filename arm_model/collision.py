@@ -14,7 +14,7 @@ import numpy as np
 from arm_clearance import Body, Chain
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.model_file import read_model
+from arm_model.model_file import on_fixed_base, read_model
 from arm_model.rigid_body.kinematics import placement
 
 ASSUMED = 0.05
@@ -44,8 +44,8 @@ def chain_of(arm: Arm) -> Chain:
 
 
 def read_chain(path: str | Path) -> Chain:
-    """Of the arm in a model file."""
-    return chain_of(read_model(path))
+    """Of the arm in a model file. InputError where its base floats: nothing then tells where its links are."""
+    return chain_of(on_fixed_base(read_model(path), path, "the space around an arm"))
 
 
 def _bodies(arm: Arm, before: Array, after: Array, tool: Array) -> tuple[Body, ...]:

@@ -27,22 +27,12 @@ from math import prod
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
 from arm_io.types import Array
-
-Vector = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
-Directions = Annotated[tuple[float, float], BeforeValidator(lambda v: (v, v) if isinstance(v, int | float) else v)]
-"""(positive, negative): one value for motion in either direction; a single number stands for both."""
-Row = tuple[float, float, float, float]
-Pose = tuple[Row, Row, Row, Row]
-"""4x4 homogeneous transform, row by row; lengths m."""
-
-IDENTITY: Pose = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+from arm_model.tables.fields import IDENTITY, STRICT, Directions, NotNegative, Pose, Positive, Vector
+from arm_model.tables.floating_base import FloatingBase
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -281,6 +271,10 @@ class EffectTerm:
     parameters: dict[str, float] = field(default_factory=dict)
 
 
+OPEN_LOOP_PERIOD = 0.001
+"""s between the values that are taken of the demanded currents of an arm without controller."""
+
+
 @dataclass(frozen=True, config=STRICT)
 class Arm:
     """A serial arm.
@@ -288,7 +282,8 @@ class Arm:
     ``base``: pose of link frame 0 in the base frame, in which gravity (m/s2) and tracker points are given; ``tool``:
     pose of the tool in the frame of the last link; ``coupling``: what differs from the identity in the matrix between
     reported and link angles. Joint limits are those of the reported angles.
-    ``capsule``: of the base, in frame 0, as those of the links.
+    ``capsule``: of the base, in frame 0, as those of the links. ``floating``: the vehicle that carries the arm; the
+    base frame is then the vehicle's, and gravity is given in the world frame.
     """
 
     name: str
@@ -302,6 +297,7 @@ class Arm:
     source: str = ""  # where the numbers come from, for people
     capsule: tuple[Capsule, ...] | None = None
     unphysical: str = ""  # why impossible inertias are kept (a published set, say); without a reason they are refused
+    floating: FloatingBase | None = None  # absent: the base is fixed to the ground
 
     @model_validator(mode="after")
     def _belongs_together(self) -> Arm:
@@ -320,6 +316,11 @@ class Arm:
             raise ValueError("coupling: two entries have the same joint and by; each pair may have one ratio")
         if self.coupling and np.linalg.cond(self.coupling_matrix) > 1e6:
             raise ValueError("coupling: the matrix is singular; every link must be moved by some joint")
+        station = None if self.floating is None else self.floating.controller
+        if station is not None and station.feedforward and (self.controller is None or self.coupling):
+            raise ValueError(
+                "base.controller.feedforward: needs a [controller] of the arm, whose demands it reads, and no coupling"
+            )
         if self.controller is not None:
             for name in ("natural_frequency", "inertia_pose", "position_gain", "velocity_gain", "integral_gain"):
                 entries = getattr(self.controller, name)
@@ -331,6 +332,16 @@ class Arm:
 
     def __len__(self) -> int:
         return len(self.joints)
+
+    @property
+    def servo_period(self) -> float:
+        """s between two ticks of the servos; of the current table for an arm without controller."""
+        return OPEN_LOOP_PERIOD if self.controller is None else self.controller.servo_period
+
+    @property
+    def thrusters(self) -> int:
+        """Thrusters of its floating base; 0 on a fixed one."""
+        return 0 if self.floating is None else len(self.floating.thruster)
 
     @property
     def coupling_matrix(self) -> Array:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from arm_io import InputError, check_table, read_toml, write_toml
 from arm_io.table import Table
 from arm_io.toml import one_line
-from arm_model.description import IDENTITY, Arm, Capsule, Controller, Coupling, EffectTerm, Joint, Pose, Vector
+from arm_model.description import Arm, Capsule, Controller, Coupling, EffectTerm, Joint
 from arm_model.effects import check_terms, dissipation
 from arm_model.mjcf import SUFFIXES, read_mjcf
 from arm_model.rigid_body.inertia import unphysical
+from arm_model.tables.fields import IDENTITY, Pose, Vector
+from arm_model.tables.floating_base import FloatingBase
 from arm_model.urdf import read_urdf
 
 
@@ -56,10 +58,13 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
             where, 'units: is missing; write units = "SI" (rad, m, kg, s, N, A) once all values are in them'
         )
     _all_there(table, where)
-    layout = check_table(where, table, _ModelFile)
+    floating, mount = _base_of(table.get("base"), where)
+    layout = check_table(where, table if floating is None else {**table, "base": mount}, _ModelFile)
     for number, joint in enumerate(layout.joint, 1):
         if not layout.unphysical and (problem := unphysical(joint.mass, joint.inertia)):
             raise InputError(where, f"joint[{number}]: {problem}")
+    if floating is not None and not layout.unphysical and (problem := unphysical(floating.mass, floating.inertia)):
+        raise InputError(where, f"base: {problem}")
     try:
         arm = Arm(
             name=layout.name,
@@ -73,12 +78,24 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
             source=layout.source,
             capsule=None if layout.capsule is None else tuple(layout.capsule),
             unphysical=layout.unphysical,
+            floating=floating,
         )
     except ValidationError as error:
         raise InputError(where, one_line(error)) from None
     check_terms(arm, where)
     if not arm.unphysical and (driven := dissipation.problem(arm)):
         raise InputError(where, driven)
+    return arm
+
+
+def on_fixed_base(arm: Arm, where: str | Path, purpose: str) -> Arm:
+    """The arm; InputError where its base floats. ``purpose`` is what asks, as '"armscope identify"'."""
+    if arm.floating is not None:
+        raise InputError(
+            where,
+            f"has a floating base, and {purpose} takes arms on a fixed one; remove [base] to treat it as held, or see "
+            "docs/underwater.md for what floating bases can do",
+        )
     return arm
 
 
@@ -91,6 +108,39 @@ def _all_there(table: dict[str, Any], where: str | Path) -> None:
                 raise InputError(where, f"joint[{number}].{name}: is missing")
 
 
+def _base_of(base: Any, where: str | Path) -> tuple[FloatingBase | None, Any]:
+    """The floating base of a table ``[base]`` and the pose of link frame 0 on it; (None, base) where it is a pose."""
+    if not isinstance(base, dict):
+        return None, base
+    if base.get("kind") != "floating":
+        raise InputError(
+            where, 'base.kind: must be "floating"; of a fixed base, write base = [[..], [..], [..], [..]], its pose'
+        )
+    entries = {name: value for name, value in base.items() if name != "mount"}
+    try:
+        return TypeAdapter(FloatingBase).validate_python(entries), base.get("mount", IDENTITY)
+    except ValidationError as error:
+        raise InputError(where, f"base.{one_line(error)}") from None
+
+
+def _base_table(floating: FloatingBase, mount: Pose) -> dict[str, Any]:
+    """The table that ``_base_of`` reads back; entries at their defaults are left out."""
+    default = {field.name: field.default for field in fields(FloatingBase)}
+    table: dict[str, Any] = {
+        name: value
+        for name, value in asdict(floating).items()
+        if name in ("kind", "mass", "inertia") or (value != default[name] and name not in ("thruster", "controller"))
+    }
+    if mount != IDENTITY:
+        table["mount"] = [list(row) for row in mount]
+    if floating.thruster:
+        table["thruster"] = [asdict(thruster) for thruster in floating.thruster]
+    if floating.controller is not None:
+        entries = asdict(floating.controller)
+        table["controller"] = {name: value for name, value in entries.items() if value is not None}
+    return table
+
+
 def model_table(arm: Arm) -> dict[str, Any]:
     """The table that ``arm_of`` reads back as an equal arm; entries at their defaults are left out."""
     table: dict[str, Any] = {"name": arm.name, "units": "SI"}
@@ -99,8 +149,10 @@ def model_table(arm: Arm) -> dict[str, Any]:
             table[text] = getattr(arm, text)
     table["gravity"] = list(arm.gravity)
     for name in ("base", "tool"):
-        if getattr(arm, name) != IDENTITY:
+        if getattr(arm, name) != IDENTITY and (name != "base" or arm.floating is None):
             table[name] = [list(row) for row in getattr(arm, name)]
+    if arm.floating is not None:
+        table["base"] = _base_table(arm.floating, arm.base)
     if arm.capsule is not None:
         table["capsule"] = [asdict(capsule) for capsule in arm.capsule]
     default = asdict(Joint())

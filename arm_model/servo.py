@@ -9,7 +9,9 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm
+from arm_model.rigid_body.moving_base_numeric import mass_matrix_with_base
 from arm_model.rigid_body.numeric import drive_mass_matrix
+from arm_model.tables.floating_base import Six
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,21 @@ def servo_gains(arm: Arm) -> Gains:
     return Gains(position, integral, velocity)
 
 
+def station_inertia(arm: Arm) -> Six:
+    """kg, kg m2: M of the base's ``StationKeeping``, as it stands there or of the model with its joints at zero."""
+    station = None if arm.floating is None else arm.floating.controller
+    if station is not None and station.inertia is not None:
+        return station.inertia
+    diagonal = np.diag(mass_matrix_with_base(arm, np.zeros((1, len(arm))))[0])
+    surge, sway, heave, roll, pitch, yaw = map(float, diagonal[:6])
+    return surge, sway, heave, roll, pitch, yaw
+
+
 def fixed_gains(arm: Arm) -> Arm:
-    """The arm with its controller's gains as numbers, so that they outlive a change of its masses."""
+    """The arm with its controllers' gains as numbers, so that they outlive a change of its masses."""
+    if arm.floating is not None and arm.floating.controller is not None:
+        station = replace(arm.floating.controller, inertia=station_inertia(arm))
+        arm = replace(arm, floating=replace(arm.floating, controller=station))
     if arm.controller is None or arm.controller.kind != "bandwidth":
         return arm
     gains = servo_gains(arm)

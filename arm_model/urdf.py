@@ -18,11 +18,12 @@ import numpy as np
 from arm_io import InputError, read_file, write_text
 from arm_io.types import Array
 from arm_model.capsules import moved, of_geometry, round_points
-from arm_model.description import Arm, Capsule, Joint, Pose
+from arm_model.description import Arm, Capsule, Joint
 from arm_model.meshes import mesh_file, vertices_of
 from arm_model.rigid_body.friction_curve import nearest_line
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
 from arm_model.rigid_body.kinematics import placement, roll_pitch_yaw, rpy_of
+from arm_model.tables.fields import Pose
 
 _MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _LIMITS = ("lower", "upper")

@@ -145,8 +145,21 @@ def torques(
     gravity: Sequence[Scalar],
 ) -> list[Scalar]:
     """Joint torques (N m; N) that overcome the water; arguments as of ``newton_euler.inverse_dynamics``."""
-    tau: list[Scalar] = [0.0] * len(chain)
     moving = motions(chain, turn, q, qd, qdd, (0.0, 0.0, 0.0)) if bodies else []
+    return swept(chain, bodies, turn, q, qd, gravity, moving)
+
+
+def swept(
+    chain: Chain,
+    bodies: Bodies,
+    turn: Sequence[tuple[Scalar, Scalar]],
+    q: Sequence[Scalar],
+    qd: Sequence[Scalar],
+    gravity: Sequence[Scalar],
+    moving: Sequence[Motion],
+) -> list[Scalar]:
+    """``torques`` of links whose motions, gravity apart, are known: ``moving``, one per joint."""
+    tau: list[Scalar] = [0.0] * len(chain)
     for j, levers in _levers(chain, turn, q, bodies).items():
         weight: Triple = (gravity[0], gravity[1], gravity[2])
         for k in range(j + 1):

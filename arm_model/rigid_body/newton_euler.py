@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm, Joint, Pose
+from arm_model.description import Arm, Joint
 from arm_model.rigid_body.kinematics import placement
 from arm_model.rigid_body.vectors import Scalar, Triple, add, apply, cross, dot, floats, mul, plus, sub
+from arm_model.tables.fields import Pose
 
 Body = tuple[Scalar, ...]
 """mass, mx, my, mz, ixx, ixy, ixz, iyy, iyz, izz about the origin of the joint frame, in it."""
@@ -87,7 +88,8 @@ class Motion:
     acceleration: Triple
 
 
-def _gyration(w: Triple, r: Triple) -> tuple[Triple, Triple, Triple]:
+def gyration(w: Triple, r: Triple) -> tuple[Triple, Triple, Triple]:
+    """[r x] + [w x][w x]: what makes the acceleration of a fixed point of a body that turns with w, w' = r."""
     xy, xz, yz = mul(w[0], w[1]), mul(w[0], w[2]), mul(w[1], w[2])
     xx, yy, zz = mul(w[0], w[0]), mul(w[1], w[1]), mul(w[2], w[2])
     return (
@@ -118,14 +120,20 @@ def motions(
     qd: Sequence[Scalar],
     qdd: Sequence[Scalar],
     gravity: Sequence[Scalar],
+    base: Motion | None = None,
 ) -> list[Motion]:
     """Outward recursion: the motion of every link.
 
-    ``gravity`` (3,) m/s2 in the base frame enters as the base's acceleration.
+    ``gravity`` (3,) m/s2 in the base frame enters as the base's acceleration. ``base``: motion of a moving base in its
+    own frame, without gravity.
     """
     still: Triple = (0.0, 0.0, 0.0)
     falling = (sub(0.0, gravity[0]), sub(0.0, gravity[1]), sub(0.0, gravity[2]))
-    last, found = Motion(still, still, (still, still, still), falling), []
+    if base is None:
+        last = Motion(still, still, (still, still, still), falling)
+    else:
+        last = Motion(base.spin, base.spin_rate, base.gyration, plus(base.acceleration, falling))
+    found = []
     for j in range(len(chain)):
         rotation = chain.rotation[j]
         spin = into(rotation, turn[j], last.spin)
@@ -139,7 +147,7 @@ def motions(
             twice = mul(2.0, qd[j])
             coriolis = (mul(spin[1], twice), sub(0.0, mul(spin[0], twice)), qdd[j])
             acceleration = plus(acceleration, coriolis)
-        last = Motion(spin, rate, _gyration(spin, rate), acceleration)
+        last = Motion(spin, rate, gyration(spin, rate), acceleration)
         found.append(last)
     return found
 

@@ -13,12 +13,13 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.description import Arm, Joint, Pose
+from arm_model.description import Arm, Joint
 from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
 from arm_model.rigid_body.friction_curve import curve_level
 from arm_model.rigid_body.inertia import barycentric, transform
 from arm_model.rigid_body.kinematics import link_frames
 from arm_model.rigid_body.link_friction import link_friction
+from arm_model.tables.fields import Pose
 
 BLOCK = 4096  # rows
 

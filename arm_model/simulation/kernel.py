@@ -6,10 +6,10 @@ Servo ticks, Runge-Kutta substeps, rows of output, for blocks of lanes.
         rows, row_substep, row_weights, out)
 
 Per block of ``width`` lanes and everything contiguous in lanes: params (P), states (X), memories (C), currents (2 n:
-flowing, commanded), demands (ticks, n), out (rows, X + n). A tick evaluates the servo once; ``substeps`` classical
-Runge-Kutta steps follow, during which the currents approach the commands with the exact solution of their first-order
-lag. Output rows lie anywhere in a substep: states by the cubic Hermite polynomial of both ends (error h^4/384 of the
-fourth derivative), currents exactly.
+flowing, commanded), demands (ticks, n), out (rows, X + n); n counts joints and thrusters. A tick evaluates the servo
+once; ``substeps`` classical Runge-Kutta steps follow, during which the currents of the joints approach the commands
+with the exact solution of their first-order lag. Output rows lie anywhere in a substep: states by the cubic Hermite
+polynomial of both ends (error h^4/384 of the fourth derivative), currents exactly.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class _Kernel:
         return given
 
     def _names(self, name: str) -> list[str]:
-        return [f"{name}{j}" for j in range(self.system.joints)]
+        return [f"{name}{j}" for j in range(self.system.channels)]
 
     def _emit_rates(self, builder: ir.IRBuilder, x: Any, current: Any, params: Any, time: Any, out: Any) -> None:
         vector = Vector(builder, self.width)
@@ -104,7 +104,7 @@ class _Kernel:
             vector, system.tape, [*system.commands, *system.next_memories], self._given(builder, sources, params)
         )
         for position, value in enumerate(values):
-            base, place = (command, position) if position < system.joints else (memory, position - system.joints)
+            base, place = (command, position) if position < system.channels else (memory, position - system.channels)
             self._store(builder, value, base, place)
 
     def _loop(self, builder: ir.IRBuilder, first: Any, last: Any, body: Callable[[Any], None]) -> None:
@@ -131,7 +131,7 @@ class _Kernel:
         ticks = builder.fptosi(scalars["ticks"], INT)
         room = {
             name: builder.alloca(self.lane, max(size, 1), name)
-            for name, size in _room(self.system.joints, len(self.system.states)).items()
+            for name, size in _room(self.system.channels, len(self.system.states)).items()
         }
         table = _RowTable(builder.alloca(INT, name="row"), given.row_substep, given.row_weights)
 
@@ -144,7 +144,7 @@ class _Kernel:
 
     def _lanes(self, builder: ir.IRBuilder, given: _Arguments, index: Any) -> _Lanes:
         """The arrays of block ``index``."""
-        n, nx, nc = self.system.joints, len(self.system.states), len(self.system.memories)
+        n, nx, nc = self.system.channels, len(self.system.states), len(self.system.memories)
 
         def part(base: Any, size: Any) -> Any:
             return builder.gep(base, [builder.mul(index, size)])
@@ -170,13 +170,15 @@ class _Kernel:
         number: Any,
     ) -> None:
         """Servo tick ``number``: the commands, then the substeps and their output rows."""
-        n, nx = self.system.joints, len(self.system.states)
+        n, nx = self.system.channels, len(self.system.states)
         demand = builder.gep(lanes.demand, [builder.mul(number, INT(n))])
         builder.call(self.servo, [lanes.x, lanes.memory, demand, lanes.params, lanes.command])
         substeps = builder.fptosi(scalars["substeps"], INT)
-        # Without a lag the current equals its command at once.
+        # Without a lag the current equals its command at once; the lag is that of the joints' current loops.
         with builder.if_then(builder.fcmp_ordered("==", scalars["half_decay"], DOUBLE(0.0))):
             self._copy(builder, lanes.command, lanes.current, n)
+        for k in range(self.system.joints, n):
+            self._store(builder, self._load(builder, lanes.command, k), lanes.current, k)
 
         def substep(part: Any) -> None:
             step_number = builder.add(builder.mul(number, substeps), part)
@@ -198,12 +200,16 @@ class _Kernel:
     ) -> None:
         """One classical Runge-Kutta step from x; room["next"] is its end, room["first"] the rates at its start."""
         vector = Vector(builder, self.width)
-        n, nx = self.system.joints, len(self.system.states)
+        n, nx = self.system.channels, len(self.system.states)
         step = scalars["step"]
         half = builder.fmul(step, DOUBLE(0.5))
         decay = vector.spread(scalars["half_decay"])
         for k in range(n):
             target = self._load(builder, lanes.command, k)
+            if k >= self.system.joints:
+                self._store(builder, target, room["middle"], k)
+                self._store(builder, target, room["end"], k)
+                continue
             middle = vector.mul(vector.sub(self._load(builder, lanes.current, k), target), decay)
             self._store(builder, vector.add(target, middle), room["middle"], k)
             self._store(builder, vector.fused(middle, decay, target), room["end"], k)
@@ -240,7 +246,7 @@ class _Kernel:
     ) -> None:
         """Writes the output rows that lie in this substep; the rates at its end are evaluated only if there are any."""
         vector = Vector(builder, self.width)
-        n, nx = self.system.joints, len(self.system.states)
+        n, nx = self.system.channels, len(self.system.states)
         with builder.if_then(self._due(builder, table, step_number)):
             end_time = builder.fadd(time, scalars["step"])
             builder.call(self.rates, [room["next"], room["end"], lanes.params, end_time, room["second"]])
@@ -263,6 +269,9 @@ class _Kernel:
                 self._store(builder, value, target, k)
             for k in range(n):
                 wanted = self._load(builder, lanes.command, k)
+                if k >= self.system.joints:
+                    self._store(builder, wanted, target, nx + k)
+                    continue
                 deviation = vector.sub(self._load(builder, lanes.current, k), wanted)
                 self._store(builder, vector.fused(deviation, weights[4], wanted), target, nx + k)
             builder.store(builder.add(number, INT(1)), table.row)

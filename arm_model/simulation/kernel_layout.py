@@ -10,7 +10,7 @@ def layout_of(system: System) -> tuple[Expr, ...]:
     """The largest expressions that depend on parameters only, in the order in which the compiled code takes them."""
     tape = system.tape
     changing = {*system.states, *system.memories, "time"}
-    changing |= {f"{name}{j}" for name in ("current", "demand") for j in range(system.joints)}
+    changing |= {f"{name}{j}" for name in ("current", "demand") for j in range(system.channels)}
     moving: list[bool] = []
     for node in tape.nodes:
         is_input = node.operation == "input"

@@ -19,19 +19,24 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.effects import check_terms
 from arm_model.geometry import relinked
-from arm_model.motion import Motion
-from arm_model.simulation.engine import LANES, Program, aligned, program_of, run_blocks
+from arm_model.motion import BaseTrack, Motion
+from arm_model.simulation.engine import Program, aligned, run_blocks
+from arm_model.simulation.programs import program_for, zeros
 from arm_model.symbolic.tape import evaluate
 from arm_model.system.closed_loop_system import System, build
-from arm_model.system.initial_state import standing, start_memories
+from arm_model.system.floating_base import POSE, VELOCITY
+from arm_model.system.initial_state import base_memories, standing, start_memories
 from arm_model.system.kernel_inputs import numbers
 from arm_model.system.step_size import fastest, joint_without_inertia
 
 Demand = Callable[[Array], Array]
-"""t (k,) s -> demanded positions (k, n) rad (m); motor currents for an arm without controller."""
+"""t (k,) s -> demanded positions (k, n) rad (m); motor currents for an arm without controller.
 
-OPEN_LOOP_PERIOD = 0.001
-"""s between the values that are taken of the demanded currents of an arm without controller."""
+Behind them, where the base floats and they are given: (k, thrusters) N, added to what the base's controller asks for.
+"""
+
+BASE = len(POSE) + len(VELOCITY)
+"""States of a floating base: position (3), attitude (4), velocity (6)."""
 
 PART = 200_000
 """Ticks that are run between two reports of how far a simulation is."""
@@ -60,7 +65,7 @@ class _Run:
 
 def servo_period(arm: Arm) -> float:
     """s between two ticks of the servos; of the current table for an arm without controller."""
-    return OPEN_LOOP_PERIOD if arm.controller is None else arm.controller.servo_period
+    return arm.servo_period
 
 
 @dataclass(frozen=True)
@@ -95,58 +100,25 @@ def row_times(duration: float, rate: float) -> Array:
     return np.asarray(np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate)
 
 
-_kept: dict[str, Program] = {}
-KEPT = 128
-"""Programs that are kept in memory."""
-
-
-def _program(arm: Arm, inputs: Mapping[str, Array], lanes: int) -> Program:
-    """The arm's equations, compiled; kept from an arm that differs from it in numbers only."""
-    zero = _zeros(inputs)
-    joints = [
-        (
-            j.type,
-            j.convention,
-            j.theta,
-            j.d,
-            j.a,
-            j.alpha,
-            j.beta,
-            j.xyz,
-            j.rpy,
-            j.axis,
-            j.ratio,
-            j.torque_limit is None,
-            None if j.cylinder is None else (j.cylinder.start, j.cylinder.end),
-            None if j.friction_curve is None else len(j.friction_curve.speed),
-        )
-        for j in arm.joints
-    ]
-    terms = [(term.name, term.joint) for term in arm.effects]
-    width = 1 if lanes == 1 else LANES
-    key = repr((width, joints, arm.base, arm.coupling, arm.controller, terms, sorted(zero)))
-    if key not in _kept:
-        if len(_kept) >= KEPT:
-            _kept.pop(next(iter(_kept)))
-        _kept[key] = program_of(build(arm, zero), width)
-    return _kept[key]
-
-
-def _zeros(inputs: Mapping[str, Array]) -> frozenset[str]:
-    return frozenset(name for name, value in inputs.items() if not value.any())
-
-
 def _prepared(arm: Arm, variations: Mapping[str, Array] | None, start: Array, substeps: int | None) -> _Run:
-    """Lanes standing still at ``start`` ((n,) or (lanes, n) rad of the motors), held by their motors."""
+    """Lanes standing still at ``start`` ((n,) or (lanes, n) rad of the motors), held by their motors.
+
+    (n + 13,) rad, m, m/s: a floating base begins with the position, attitude and velocity that come last.
+    """
+    start, base = np.asarray(start, dtype=np.float64), None
+    if arm.floating is not None and start.shape == (len(arm) + BASE,):
+        start, base = start[: len(arm)], start[len(arm) :]
     check_terms(arm)
     arm = relinked(arm)
     inputs = numbers(arm, variations)
     lanes = len(inputs["gravity0"])
     start = np.array(np.broadcast_to(start, (lanes, len(arm))), dtype=np.float64)
-    program = _program(arm, inputs, lanes)
+    program = program_for(arm, inputs, lanes)
     system, width = program.system, program.width
-    states, current = standing(system, inputs, start)
+    states, current = standing(system, inputs, start, base)
     memories = start_memories(arm, start, current)
+    if system.held:
+        memories |= base_memories(system, inputs, states, start)
     period = servo_period(arm)
     if substeps is None:
         substeps = needed_substeps(arm, inputs, period)
@@ -161,7 +133,7 @@ def _prepared(arm: Arm, variations: Mapping[str, Array] | None, start: Array, su
         return room
 
     params = evaluate(system.tape, program.params, inputs)
-    flowing = [current[:, j] for j in range(len(arm))]
+    flowing = [current[:, j] for j in range(len(arm))] + [np.zeros(lanes)] * system.thrusters
     return _Run(
         arm=arm,
         program=program,
@@ -194,8 +166,10 @@ def _advance(run: _Run, demands: Array, times: Array) -> Array:
     ``demands`` (ticks, n) for all lanes or (lanes, ticks, n).
     """
     program, system = run.program, run.program.system
-    width, n = program.width, system.joints
+    width, n = program.width, system.channels
     ticks = demands.shape[-2]
+    if demands.shape[-1] < n:  # nothing is added to what the base's controller asks of its thrusters
+        demands = np.concatenate([demands, np.zeros((*demands.shape[:-1], n - demands.shape[-1]))], axis=-1)
     if demands.ndim == 2:
         blocked = aligned(1, ticks, n, width)
         blocked[:] = demands[None, :, :, None]
@@ -259,7 +233,7 @@ def _motion(run: _Run, rows: Array, times: Array, demand: Array) -> Motion:
     lanes = {name: value[:, None] for name, value in run.inputs.items()}
     states = {name: rows[..., k] for k, name in enumerate(system.states)}
     values = evaluate(system.tape, [*system.q, *system.qd], {**lanes, **states})
-    current = rows[..., len(system.states) :]
+    current = rows[..., len(system.states) : len(system.states) + n]
     drive = np.stack([run.inputs[f"drive{j}"] for j in range(n)], axis=-1)[:, None]
     return Motion(
         t=times,
@@ -270,7 +244,15 @@ def _motion(run: _Run, rows: Array, times: Array, demand: Array) -> Motion:
         current=current,
         torque=current * drive,
         demand=demand,
+        base=_base_track(system, rows) if system.held else None,
     )
+
+
+def _base_track(system: System, rows: Array) -> BaseTrack:
+    place = system.states.index(POSE[0])
+    poses = rows[..., place : place + len(POSE)]
+    velocity = rows[..., place + len(POSE) : place + len(POSE) + len(VELOCITY)]
+    return BaseTrack(poses[..., :3], poses[..., 3:], velocity, rows[..., len(system.states) + system.joints :])
 
 
 def simulate_batch(
@@ -288,16 +270,17 @@ def simulate_batch(
 
     times (R,) s of the rows, increasing, from 0 on; the arm starts at rest at ``start`` (n,) or (lanes, n) rad, by
     default demand(0), held by its motors. ``substeps``: Runge-Kutta steps per servo tick; default: as many as the
-    fastest part needs. Returns a Motion with a leading axis of lanes.
+    fastest part needs. Returns a Motion with a leading axis of lanes. A ``start`` (n + 13,) goes on with the position,
+    attitude and velocity of a floating base, which else begins at rest in the world's origin.
     """
     times = np.asarray(times, float)
     period = servo_period(arm)
     ticks = int(np.floor((times[-1] if len(times) else 0.0) / period + 1e-9)) + 1
     given = references(arm, demand, 0, ticks)
-    if given.shape != (ticks, len(arm)):
+    if given.shape not in ((ticks, len(arm)), (ticks, len(arm) + arm.thrusters)):
         raise InputError("demand", f"gives {given.shape[-1]} positions at a time, the arm has {len(arm)} joints")
     if start is None:
-        start = np.zeros(len(arm)) if arm.controller is None else given[0]
+        start = np.zeros(len(arm)) if arm.controller is None else given[0, : len(arm)]
     run = _prepared(arm, parameters, start, substeps)
     rows = _advance_in_parts(run, given, times)
     # a lane that diverged overflows; its callers look for that
@@ -340,13 +323,15 @@ def simulate(
 def single(motion: Motion, lane: int = 0) -> Motion:
     """One lane of a batch."""
     names = ("q", "qd", "qm", "qmd", "current", "torque")
-    return replace(motion, **{name: getattr(motion, name)[lane] for name in names})
+    base = None if motion.base is None else motion.base.lane(lane)
+    return replace(motion, base=base, **{name: getattr(motion, name)[lane] for name in names})
 
 
 class Stepper:
     """A simulation that is run on block by block, for a simulated rig. The same however time is cut into blocks.
 
-    Starts at rest at q0 (n,) rad, held by its motors. Time is counted in servo ticks of ``period`` s.
+    Starts at rest at q0 (n,) rad, held by its motors ((n + 13,): as ``simulate_batch``). Time is counted in servo ticks
+    of ``period`` s.
     """
 
     def __init__(self, arm: Arm, q0: Array, *, substeps: int | None = None) -> None:
@@ -366,6 +351,12 @@ class Stepper:
         now = self._run.states[0, :, 0]
         return now[:n].copy(), now[n : 2 * n].copy()
 
+    @property
+    def base(self) -> Array:
+        """(13,) position, attitude and velocity of a floating base now."""
+        place = self._run.program.system.states.index(POSE[0])
+        return self._run.states[0, place : place + BASE, 0].copy()
+
     def copy(self) -> Stepper:
         """An independent copy that continues from here; the machine code is shared."""
         other, run = copy(self), self._run
@@ -383,16 +374,16 @@ class Stepper:
         exclusive.
         """
         demands, times = np.asarray(demands, float), np.asarray(times, float)
-        if demands.ndim != 2 or demands.shape[1] != len(self.arm):
+        if demands.ndim != 2 or demands.shape[1] not in (len(self.arm), len(self.arm) + self.arm.thrusters):
             raise InputError("demands", f"have shape {demands.shape}; expected (ticks, {len(self.arm)})")
         first = self._run.tick
         rows = _advance(self._run, demands, times)
         shown = demands[np.clip((times / self.period + 1e-9).astype(int) - first, 0, len(demands) - 1)]
-        return single(_motion(self._run, rows, times, shown))
+        return single(_motion(self._run, rows, times, shown[:, : len(self.arm)]))
 
 
 def system_of(arm: Arm, variations: Mapping[str, Array] | None = None) -> System:
     """The equations of an arm (and of its ``variations``) as they are compiled, for printing and counting."""
     check_terms(arm)
     arm = relinked(arm)
-    return build(arm, _zeros(numbers(arm, variations)))
+    return build(arm, zeros(numbers(arm, variations)))

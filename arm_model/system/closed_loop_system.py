@@ -7,6 +7,8 @@ F = df/dphi. Then
     (F^T M F + Jr) phi'' = tau - drag - F^T (h(q, q', F' phi') + tau_link)          rigid transmission
     F^T M F phi'' = tau_s - F^T (...),   Jr theta'' = tau - drag - tau_s            two masses
 
+On a floating base M and h have six rows more, before those of the joints (``arm_model.system.floating_base``).
+
 with tau = drive i the motor's torque at the joint side, drag and tau_link as in ``arm_model.system.mechanics``, and in
 M and h the water that the links' cylinders are in (``arm_model.rigid_body.hydrodynamics``). Friction that grows with
 the transmitted torque depends on the accelerations: they are solved for once with the torque at rest, and again with
@@ -15,13 +17,16 @@ that torque corrected, which leaves an error of the order mu^2.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from arm_model.description import Arm
 from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
+from arm_model.rigid_body.moving_base import DOF
 from arm_model.symbolic.tape import Expr, Tape
+from arm_model.system import floating_base
 from arm_model.system.mechanics import Drag, Joints, Matrix, Mechanics, Shape
 from arm_model.system.step_size import without_rotor
 
@@ -48,6 +53,14 @@ class System:
     drag: tuple[Expr, ...]  # torque that resists each motor, likewise
     passed: tuple[Expr, ...]  # torque that each transmission passes on
     flexible: tuple[int, ...] = ()  # joints (from 0) with two masses
+    thrusters: int = 0  # of a floating base; their demands and commands, N, stand behind the joints'
+    held: tuple[Expr, ...] = ()  # (6) wrench on a floating base, body frame, that keeps it from accelerating
+    feedforward: tuple[Expr, ...] = ()  # (6) wrench that its controller adds for the arm, if any
+
+    @property
+    def channels(self) -> int:
+        """Commands, currents and demands: one per joint, then one per thruster."""
+        return self.joints + self.thrusters
 
 
 @dataclass(frozen=True)
@@ -63,19 +76,29 @@ class Symbols:
 
 @dataclass(frozen=True)
 class Links:
-    """The rigid links in transmission coordinates: torque without acceleration, and the mass matrix."""
+    """The rigid links in transmission coordinates: torque without acceleration, and the mass matrix.
+
+    On a floating base both begin with its six rows.
+    """
 
     carried: list[Expr]
     matrix: Matrix
 
 
-def rigid_links(arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Joints) -> Links:
-    """Links of the arm at ``joints``, with the water round them and their effects, without a load."""
+def rigid_links(
+    arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Joints, base: floating_base.Base | None = None
+) -> Links:
+    """Links of the arm at ``joints``, with the water round them and their effects, without a load.
+
+    ``base``: where the base floats and moves; absent, it stands.
+    """
     n, tape, shape = len(arm), symbol.tape, joints.shape
+    if base is not None:
+        return _links_on_base(arm, symbol, mechanics, joints, base)
     chain = newton_euler.chain_of(arm)
     q = [shape.q[j] + symbol(f"zero{j}") for j in range(n)]
     turn = newton_euler.turns(chain, q, scalar.cos, scalar.sin)
-    bodies = [tuple(symbol(f"body{j}.{k}") for k in range(10)) for j in range(n)]
+    bodies = _bodies(symbol, n)
     gravity = [symbol(f"gravity{k}") for k in range(3)]
     wet = _cylinders(arm, symbol, chain)
     bias = newton_euler.inverse_dynamics(chain, bodies, turn, q, shape.qd, shape.bias, gravity)
@@ -86,6 +109,36 @@ def rigid_links(arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Joints)
     acting = mechanics.link_torques(joints)
     torque = [tape.expr(bias[j]) + water[j] + drag[j] + _own_friction(symbol, shape, j) + acting[j] for j in range(n)]
     return Links(shape.pulled(torque), shape.congruent(matrix))
+
+
+def _bodies(symbol: Symbols, n: int) -> list[tuple[Expr, ...]]:
+    return [tuple(symbol(f"body{j}.{k}") for k in range(10)) for j in range(n)]
+
+
+def _on_base(arm: Arm, symbol: Symbols, q: Sequence[Expr]) -> floating_base.Links:
+    """The rigid links with their motors at q, on the arm's floating base."""
+    at = floating_base.turned(arm, [q[j] + symbol(f"zero{j}") for j in range(len(arm))])
+    return floating_base.Links(at, _bodies(symbol, len(arm)), _cylinders(arm, symbol, at.links))
+
+
+def _links_on_base(arm: Arm, symbol: Symbols, mechanics: Mechanics, joints: Joints, base: floating_base.Base) -> Links:
+    n, shape = len(arm), joints.shape
+    links = _on_base(arm, symbol, shape.q)
+    whole = floating_base.carried(base, links, symbol, shape.qd, shape.bias)
+    matrix = floating_base.matrix(base, links, symbol)
+    acting = mechanics.link_torques(joints)
+    torque = [
+        whole[DOF + j]
+        + symbol(f"drag{j}") * abs(shape.qd[j]) * shape.qd[j]
+        + _own_friction(symbol, shape, j)
+        + acting[j]
+        for j in range(n)
+    ]
+    shared = [shape.pulled(row[DOF:]) for row in matrix[:DOF]]  # base and joints, (6, n)
+    inner = shape.congruent([row[DOF:] for row in matrix[DOF:]])
+    upper = [[*matrix[i][:DOF], *shared[i]] for i in range(DOF)]
+    lower = [[*(shared[i][j] for i in range(DOF)), *inner[j]] for j in range(n)]
+    return Links([*whole[:DOF], *shape.pulled(torque)], [*upper, *lower])
 
 
 def _own_friction(symbol: Symbols, shape: Shape, j: int) -> Expr:
@@ -127,41 +180,49 @@ def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
 
     unloaded = [tape.constant(0.0)] * n
     joints = Joints(theta, speed, mechanics.shape(phi, phi_speed), unloaded, tape.input("time"))
-    links = rigid_links(arm, symbol, mechanics, joints)
-    carried = links.carried
+    base = floating_base.base_of(arm, symbol, tape)
+    links = rigid_links(arm, symbol, mechanics, joints, base)
+    first = 0 if base is None else DOF  # the base's rows stand before those of the joints
+    held, carried = links.carried[:first], links.carried[first:]
     rotor = [symbol(f"rotor{j}") for j in range(n)]
     for j in flexible:
         if rotor[j].value == 0.0:
             raise without_rotor(arm, j)
-    matrix = [
-        [links.matrix[i][j] + (rotor[i] if i == j and i not in flexible else 0.0) for j in range(n)] for i in range(n)
-    ]
-    solve = _Solver(matrix)
+    rigid = {first + j: rotor[j] for j in range(n) if j not in flexible}
+    size = range(first + n)
+    solve = _Solver([[links.matrix[i][j] + (rigid.get(i, 0.0) if i == j else 0.0) for j in size] for i in size])
     drive = [symbol(f"drive{j}") * tape.input(f"current{j}") for j in range(n)]
+    pushed = [] if base is None else [thrust - needed for thrust, needed in zip(base.wrench(), held)]
 
     def moved(load: list[Expr]) -> tuple[Drag, list[Expr]]:
         drag = mechanics.drag(replace(joints, load=load))
         reached = [passed[j] if j in passed else drive[j] - drag.torque[j] for j in range(n)]
-        return drag, solve([reached[j] - carried[j] for j in range(n)])
+        return drag, solve([*pushed, *(reached[j] - carried[j] for j in range(n))])
 
     drag, acceleration = moved([passed.get(j, carried[j]) for j in range(n)])
-    inertial = [sum((links.matrix[j][k] * acceleration[k] for k in range(n)), carried[j]) for j in range(n)]
+    inertial = [sum((links.matrix[first + j][k] * acceleration[k] for k in size), carried[j]) for j in range(n)]
     drag, acceleration = moved([passed.get(j, inertial[j]) for j in range(n)])
     at_motor = [
-        (drive[j] - drag.torque[j] - passed[j]) / rotor[j] if j in passed else acceleration[j] for j in range(n)
+        (drive[j] - drag.torque[j] - passed[j]) / rotor[j] if j in passed else acceleration[first + j] for j in range(n)
     ]
 
     states = [f"theta{j}" for j in range(n)] + [f"speed{j}" for j in range(n)]
     rates = [*speed, *at_motor]
     for j in flexible:
         states += [f"phi{j}", f"phi_speed{j}"]
-        rates += [phi_speed[j], acceleration[j]]
+        rates += [phi_speed[j], acceleration[first + j]]
+    states, rates = [*states, *drag.states], [*rates, *drag.rates]
     servo = _servo(arm, symbol, mechanics, theta)
+    feedforward: tuple[Expr, ...] = ()
+    if base is not None:
+        states, rates = [*states, *base.states], [*rates, *base.rates(acceleration[:DOF])]
+        tick = floating_base.tick(arm, symbol, base, lambda q: _on_base(arm, symbol, q))
+        servo, feedforward = servo.followed_by(tick), tick.feedforward
     return System(
         tape=tape,
         joints=n,
-        states=(*states, *drag.states),
-        rates=(*rates, *drag.rates),
+        states=tuple(states),
+        rates=tuple(rates),
         memories=servo.memories,
         next_memories=servo.next_memories,
         commands=servo.commands,
@@ -171,6 +232,9 @@ def build(arm: Arm, zero: frozenset[str] = frozenset()) -> System:
         drag=tuple(drag.torque),
         passed=tuple(passed.get(j, carried[j]) for j in range(n)),
         flexible=tuple(flexible),
+        thrusters=arm.thrusters,
+        held=tuple(held),
+        feedforward=feedforward,
     )
 
 
@@ -212,6 +276,14 @@ class _Servo:
     memories: tuple[str, ...]
     next_memories: tuple[Expr, ...]
     commands: tuple[Expr, ...]
+
+    def followed_by(self, base: floating_base.Tick) -> _Servo:
+        """The servos of the joints, then the controller of the base."""
+        return _Servo(
+            (*self.memories, *base.memories),
+            (*self.next_memories, *base.next_memories),
+            (*self.commands, *base.commands),
+        )
 
 
 def _servo(arm: Arm, symbol: Symbols, mechanics: Mechanics, theta: list[Expr]) -> _Servo:

@@ -10,13 +10,18 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.symbolic.tape import evaluate
 from arm_model.system.closed_loop_system import System
+from arm_model.system.floating_base import POSE, VELOCITY
 
 SETTLED = 1e-13
 """rad: links that move less from one substitution to the next hang where they are."""
 
 
-def standing(system: System, inputs: Mapping[str, Array], theta: Array) -> tuple[dict[str, Array], Array]:
+def standing(
+    system: System, inputs: Mapping[str, Array], theta: Array, base: Array | None = None
+) -> tuple[dict[str, Array], Array]:
     """States (name -> (lanes,)) and currents (lanes, n) A at rest with the motors at ``theta`` (lanes, n) rad.
+
+    ``base`` (13,): position, attitude and velocity of a floating base; absent: at rest in the world's origin.
 
     Links behind a two-mass transmission hang where its torque carries them: found by repeated substitution, which
     converges while the spring is stiffer than gravity. Bristles are unloaded.
@@ -27,7 +32,10 @@ def standing(system: System, inputs: Mapping[str, Array], theta: Array) -> tuple
         states[f"theta{j}"] = theta[:, j].copy()
     for j in system.flexible:
         states[f"phi{j}"] = theta[:, j].copy()
-    still = {f"current{j}": np.zeros(lanes) for j in range(n)} | {"time": np.zeros(lanes)}
+    if system.held:
+        placed = (0.0,) * 3 + (1.0,) + (0.0,) * 9 if base is None else base
+        states |= {name: np.full(lanes, float(value)) for name, value in zip((*POSE, *VELOCITY), placed)}
+    still = {f"current{j}": np.zeros(lanes) for j in range(system.channels)} | {"time": np.zeros(lanes)}
     for _ in range(50 if system.flexible else 1):
         torques = evaluate(system.tape, [*system.carried, *system.drag], {**inputs, **states, **still})
         carried, drag = torques[:n], torques[n:]
@@ -42,6 +50,24 @@ def standing(system: System, inputs: Mapping[str, Array], theta: Array) -> tuple
     for j in range(n):
         current[:, j] = (carried[j] + drag[j]) / inputs[f"drive{j}"]
     return states, current
+
+
+def base_memories(
+    system: System, inputs: Mapping[str, Array], states: Mapping[str, Array], theta: Array
+) -> dict[str, Array]:
+    """Memories of a station keeping that has held the base where it is: its pose, and the wrench that this takes.
+
+    What the feed-forward gives at rest is not in the integrators.
+    """
+    n, lanes = system.joints, len(theta)
+    asked = {f"{name}{j}": theta[:, j] for name in ("demand", "last_demand", "earlier_demand") for j in range(n)}
+    still = {f"current{j}": np.zeros(lanes) for j in range(system.channels)} | {"time": np.zeros(lanes)}
+    everything = {**inputs, **states, **asked, **still}
+    held = [np.broadcast_to(value, (lanes,)) for value in evaluate(system.tape, system.held, everything)]
+    ahead = evaluate(system.tape, system.feedforward, everything) or [0.0] * len(held)
+    found = {f"base_integral{k}": held[k] - ahead[k] for k in range(len(held))}
+    found |= {f"station{k}": states[name] for k, name in enumerate(POSE)}
+    return found | {f"earlier_demand{j}": theta[:, j] for j in range(n)}
 
 
 def start_memories(arm: Arm, theta: Array, current: Array) -> dict[str, Array]:

@@ -15,6 +15,7 @@ Joints and effects are counted from 0 here. All drive quantities are at the join
     zero{j}      rad (m): what a zero offset adds to q before the links see it
     drive{j}     N m/A                                               kp{j} ki{j} kd{j} limit{j}   the servo's, A
     effect{e}.{parameter}
+    base_..., thruster_..., feedforward   of a floating base (``arm_model.system.base_inputs``)
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from arm_model.rigid_body.link_friction import LINK_FRICTION
 from arm_model.rigid_body.regressor import parameter_names, parameter_vector
 from arm_model.rigid_body.regroup import regrouped
 from arm_model.servo import servo_gains
+from arm_model.system.base_inputs import base_numbers
 from arm_model.system.step_size import contact
 
 
@@ -77,7 +79,8 @@ def _linear(arm: Arm, variations: Mapping[str, Array], lanes: int) -> dict[str, 
     chain = newton_euler.chain_of(arm)  # what a zero offset turns, zero{j} turns: the bodies with everything else
     links = p[:, : 10 * n].reshape(lanes, n, 10)
     bodies = np.stack([transform(links[:, j], chain.link[j]) for j in range(n)], axis=1)
-    bodies = regrouped(chain, bodies)
+    if arm.floating is None:  # a base that moves feels all of the first link
+        bodies = regrouped(chain, bodies)
     found = {f"body{j}.{k}": bodies[:, j, k] for j in range(n) for k in range(10)}
     drive = p[:, 10 * n : 16 * n].reshape(lanes, n, 6)
     for j in range(n):
@@ -134,7 +137,7 @@ def _water(arm: Arm, coefficients: Mapping[str, Array], lanes: int) -> dict[str,
 
 def _constants(arm: Arm, bent: Arm) -> dict[str, float]:
     """What does not enter the torque linearly; the servo belongs to the arm as described, without its effects."""
-    found = {f"gravity{k}": value for k, value in enumerate(bent.gravity)}
+    found = {f"gravity{k}": value for k, value in enumerate(bent.gravity)} | base_numbers(arm, bent)
     for j, (joint, real) in enumerate(zip(arm.joints, bent.joints)):
         found[f"zero{j}"] = real.theta - joint.theta if joint.revolute else real.d - joint.d
     for j, (joint, real) in enumerate(zip(arm.joints, bent.joints)):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from arm_io import InputError, make_folder
-from armscope.api.reading import File, Source, open_recording, read_model
+from armscope.api.reading import File, Source, fixed_model, open_recording
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -223,7 +223,7 @@ def nominal_arm(model: File | Arm) -> tuple[Arm, Array]:
     from arm_model.geometry import relinked
     from identification.kinematics.models import in_denavit_hartenberg
 
-    arm = read_model(model)
+    arm = fixed_model(model, "'armscope calibrate'")
     kept = tuple(term for term in arm.effects if not CATALOGUE[term.name].tracked_only)
     return in_denavit_hartenberg(relinked(replace(arm, effects=kept), zeros=True))
 

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, TypeAlias
 
 from arm_io import InputError, toml_of
-from armscope.api.reading import File, Source, for_analysis, read_model
+from armscope.api.reading import File, Source, fixed_model, for_analysis
 
 if TYPE_CHECKING:
     from arm_model import Arm
@@ -49,7 +49,7 @@ def compare(
 
         return compare_results(*([stored_result(one) for one in side] for side in sides))
     opened = for_analysis(*([_recording(one) for one in side] for side in sides))
-    arm = _carried([*opened[0], *opened[1]]) if model is None else read_model(model)
+    arm = _carried([*opened[0], *opened[1]]) if model is None else fixed_model(model, "'armscope compare'")
     from comparison import compare_recordings
 
     return compare_recordings(opened[0], opened[1], arm, progress=progress)
@@ -125,7 +125,7 @@ def _recording(one: Comparable) -> Source:
 
 def _carried(recordings: Sequence[Recording]) -> Arm:
     """The model that all recordings carry. InputError where one carries none, or two differ."""
-    from arm_model import arm_of
+    from arm_model import arm_of, on_fixed_base
 
     first = recordings[0]
     for one in recordings:
@@ -135,4 +135,4 @@ def _carried(recordings: Sequence[Recording]) -> Arm:
             raise InputError("--model", f"is missing: {first.path} and {one.path} carry different models")
     assert first.model is not None
     where = f"{first.path}: model.toml"
-    return arm_of(toml_of(first.model, where), where)
+    return on_fixed_base(arm_of(toml_of(first.model, where), where), where, "'armscope compare'")

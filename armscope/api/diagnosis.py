@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from arm_io import InputError
-from armscope.api.reading import File, Source, for_analysis, read_model
+from armscope.api.reading import File, Source, fixed_model, for_analysis
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -131,7 +131,7 @@ def diagnose(
     held_out    other recordings, which judge; without any, the last 40 % of each recording, a weaker test
     Raises InputError where a recording does not belong to the arm, or is both fitted and held out.
     """
-    arm = read_model(model)
+    arm = fixed_model(model, "'armscope diagnose'")
     fit, held, remarks = fit_and_held_out(recordings, held_out)
     from diagnosis import diagnose
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 from arm_io import InputError
-from armscope.api.reading import File, Source, for_analysis, read_model
+from armscope.api.reading import File, Source, fixed_model, for_analysis
 
 if TYPE_CHECKING:
     from arm_model import Arm
@@ -45,7 +45,7 @@ def identify(
                 justify it (ols, wls and irls only)
     Raises InputError where a recording does not belong to the arm or cannot be used by the method.
     """
-    arm = read_model(model)
+    arm = fixed_model(model, "'armscope identify'")
     fitted, held = for_analysis(recordings, held_out)
     # Imported last: these libraries take a second, for which a wrong file need not wait.
     from arm_report.motion import clip_of
@@ -85,7 +85,7 @@ def check(
 
     Arguments and errors as of ``identify``; its least squares are solved once, so that what refuses a fit shows here.
     """
-    arm = read_model(model)
+    arm = fixed_model(model, "'armscope identify'")
     fitted, held = for_analysis(recordings, held_out)
     from identification import check_runs, own_friction
 
@@ -110,7 +110,7 @@ def predict(
     model       the one that predicts, such as the model.toml that ``identify`` wrote
     Raises InputError where a recording does not belong to the arm.
     """
-    arm = read_model(model)
+    arm = fixed_model(model, "'armscope identify'")
     (runs,) = for_analysis(recordings)
     from identification import predict
 

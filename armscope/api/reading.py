@@ -69,6 +69,14 @@ def read_model(model: File | Arm) -> Arm:
     return model if isinstance(model, Arm) else read_model(found(model))
 
 
+def fixed_model(model: File | Arm, purpose: str) -> Arm:
+    """``read_model``, for a ``purpose`` that takes arms on a fixed base only; InputError where the base floats."""
+    from arm_model import on_fixed_base
+
+    arm = read_model(model)
+    return on_fixed_base(arm, arm.name if isinstance(model, type(arm)) else str(model), purpose)
+
+
 def read_rig(rig: File | Rig) -> Rig:
     """A rig file, checked with the settings of its drivers; docs/rig-files.md.
 

@@ -140,6 +140,7 @@ class Simulation:
             self.t,
             {"q": self.q, "i": self.i, "qref": self.qref} | ({} if self.xyz is None else {"xyz": self.xyz}),
             self.attachments,
+            extra=None if self.motion.base is None else self.motion.base.columns(),
             joints=[joint.name or f"joint{number}" for number, joint in enumerate(self.arm.joints, 1)],
             effort=[joint.drive_constant for joint in self.arm.joints],
         )
@@ -192,7 +193,7 @@ def simulate(
             model=_text(model, write_model),
             experiment=task.experiment,
             provenance=provenance("simulated", source=source),
-            chain=chain_of(task.arm),
+            chain=None if task.arm.floating is not None else chain_of(task.arm),
         ),
     )
 

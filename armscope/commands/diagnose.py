@@ -60,10 +60,10 @@ def command(
     """Diagnoses recordings against a model."""
     from arm_io import check_folder, make_folder
     from armscope.api.diagnosis import fit_and_held_out
-    from armscope.api.reading import for_analysis, read_model
+    from armscope.api.reading import fixed_model, for_analysis
 
     check_folder(out)
-    arm, kinds = read_model(_model(model, rig)), pictures(png, pdf)
+    arm, kinds = fixed_model(_model(model, rig), "'armscope diagnose'"), pictures(png, pdf)
     if distort is not None:
         return _distorted(arm, distort, for_analysis(fit)[0], Output(out, kinds), as_json)
     with shown(as_json) as progress:

@@ -68,7 +68,7 @@ def command(
     as_json: Json = False,
 ) -> None:
     from arm_clearance import pairs_of
-    from arm_model import read_model
+    from arm_model import on_fixed_base, read_model
     from arm_model.collision import chain_of
     from armscope.motion import clearance_in_words, clearance_of, draw, report_missing_meshes, space_of
     from armscope.picture import check_picture
@@ -80,7 +80,7 @@ def command(
         check_picture(plot)
     checked = None if rig is None else read_rig(rig, drivers=False)
     source = _model_path(model, checked)
-    arm = read_model(source)
+    arm = on_fixed_base(read_model(source), source, "'armscope excite'")
     report_missing_meshes(source)
     for path in trajectory or []:
         check_trajectory(path, len(arm))

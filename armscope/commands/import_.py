@@ -140,12 +140,13 @@ def _unit(mapping: Mapping, per_current: list[float] | None) -> str:
 
 
 def _chain(model: Path | None, joints: int) -> Chain | None:
-    """The arm for viewers; None where the rig has no model, or one of another number of joints."""
-    from arm_model.collision import read_chain
+    """The arm for viewers; None where the rig has no model, one of another number of joints, or one that floats."""
+    from arm_model import read_model
+    from arm_model.collision import chain_of
 
-    if model is None:
+    if model is None or (arm := read_model(model)).floating is not None:
         return None
-    chain = read_chain(model)
+    chain = chain_of(arm)
     return chain if len(chain) == joints else None
 
 

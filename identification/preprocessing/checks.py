@@ -69,6 +69,8 @@ def _check_rig(recording: Recording, arm: Arm) -> None:
     where = recording.path
     if recording.model is not None:
         own = arm_of(toml_of(recording.model, f"{where}: model.toml"), f"{where}: model.toml")
+        if own.floating is not None:
+            raise InputError(where, f"was recorded with '{own.name}', whose base floats; '{arm.name}' has a fixed one")
         for number, (mine, other) in enumerate(zip(arm.joints, own.joints), 1):
             if mine.type != other.type:
                 raise InputError(

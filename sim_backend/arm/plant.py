@@ -14,7 +14,7 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model import Arm, read_model
+from arm_model import Arm, on_fixed_base, read_model
 from arm_model.effects import check_terms
 from arm_model.rigid_body.inertia import about_com, barycentric
 from arm_model.servo import fixed_gains
@@ -70,7 +70,7 @@ def read_arm(path: Path, known: Path | None, hold: float) -> SimulatedArm:
 
     InputError where it cannot be moved.
     """
-    arm = read_model(path)
+    arm = on_fixed_base(read_model(path), path, "a simulated rig")
     check_terms(arm, path)
     Instruments(arm)  # refuses what cannot be simulated
     if arm.controller is None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from arm_model.description import Capsule, Controller, Coupling, Cylinder, EffectTerm, FrictionCurve, GearStage, Joint
 from arm_model.model_file import _ModelFile
+from arm_model.tables import FloatingBase, StationKeeping, Thruster
 
 
 def test_every_key_is_documented(root: Path) -> None:
@@ -15,6 +16,9 @@ def test_every_key_is_documented(root: Path) -> None:
     sections = dict(re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", text, flags=re.S | re.M))
     expected = {"Arm": set(_ModelFile.model_fields)}
     for heading, described in (
+        ("`[base]`", FloatingBase),
+        ("`[[base.thruster]]`", Thruster),
+        ("`[base.controller]`", StationKeeping),
         ("`[[joint]]`", Joint),
         ("`[joint.friction_curve]`", FrictionCurve),
         ("`[[joint.gear_stage]]`", GearStage),
@@ -25,6 +29,7 @@ def test_every_key_is_documented(root: Path) -> None:
         ("`[[effect]]`", EffectTerm),
     ):
         expected[heading] = {field.name for field in fields(described)}
+    expected["`[base]`"].add("mount")  # of the arm on it
     assert set(sections) == set(expected)
     for heading, keys in expected.items():
         listed = re.findall(r"^\| `(\w+)` \|", sections[heading], flags=re.M)

@@ -14,7 +14,17 @@ import pytest
 from tests.house.test_arrows import MAY_IMPORT
 
 ROOMS = {
-    "arm_model": ("rigid_body", "mjcf", "symbolic", "effects", "system", "simulation", "formulations", "control"),
+    "arm_model": (
+        "tables",
+        "rigid_body",
+        "mjcf",
+        "symbolic",
+        "effects",
+        "system",
+        "simulation",
+        "formulations",
+        "control",
+    ),
     "daq": ("rig", "acquisition", "recording", "service"),
     "sim_backend": ("electronics", "arm", "rig", "protocol"),
     "identification": (

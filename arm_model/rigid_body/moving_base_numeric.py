@@ -1,0 +1,112 @@
+"""An arm on a floating base, vectorised over N samples with plain numpy: wrench, torques, mass matrix, momentum.
+
+Shapes: attitude (N, 4) unit quaternions w, x, y, z, body to world; velocity (N, 6) of the base and its rate, body
+frame (``arm_model.tables.floating_base``); q, qd, qdd (N, n). Generalised forces are (N, 6 + n): wrench on the base in
+the body frame, then joint torques; N, N m. Drives and effects are not in them, rotors where it is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model.description import Arm
+from arm_model.rigid_body import hydrodynamics, moving_base, newton_euler, numeric
+from arm_model.rigid_body.inertia import barycentric
+from arm_model.rigid_body.link_friction import link_friction
+from arm_model.rigid_body.moving_base import DOF, BaseMotion
+from arm_model.tables.floating_base import FloatingBase
+
+
+def floating(arm: Arm) -> FloatingBase:
+    """The floating base of an arm; InputError where it is fixed."""
+    if arm.floating is None:
+        raise InputError(arm.name, 'has a fixed base; a floating one is a table [base] with kind = "floating"')
+    return arm.floating
+
+
+@dataclass(frozen=True)
+class BaseRows:
+    """N samples of a base: attitude (N, 4), velocity (N, 6) and, where it matters, the rate of the velocity (N, 6)."""
+
+    attitude: Array
+    velocity: Array
+    rate: Array | None = None
+
+    def motion(self, gravity: Sequence[float]) -> BaseMotion:
+        """The same in the body frame; ``gravity`` (3,) m/s2 in the world."""
+        rows = moving_base.rotation(list(np.asarray(self.attitude, float).T))
+        rate = np.zeros_like(self.velocity) if self.rate is None else np.asarray(self.rate, float)
+        return BaseMotion(list(np.asarray(self.velocity, float).T), list(rate.T), moving_base.into_body(rows, gravity))
+
+
+def _at(arm: Arm, q: Array) -> moving_base.Configuration:
+    turn = numeric.turns(newton_euler.chain_of(arm), q)
+    return moving_base.configuration(arm, turn, list(q.T))
+
+
+def _base_body(arm: Arm) -> tuple[float, ...]:
+    base = floating(arm)
+    return tuple(map(float, barycentric(base.mass, base.com, base.inertia)))
+
+
+def forces_with_base(arm: Arm, base: BaseRows, q: Array, qd: Array, qdd: Array, *, base_water: bool = True) -> Array:
+    """(N, 6 + n) wrench of the thrusters and torque of the rigid links for a motion, with the water and link friction.
+
+    base_water False leaves out what the water does to the base itself (not to the links).
+    """
+    q, qd, qdd = numeric.samples(arm, q, qd, qdd)
+    motion = base.motion(arm.gravity)
+    bodies, wet = [tuple(body) for body in numeric.bodies(arm)], hydrodynamics.bodies_of(arm)
+    found = moving_base.forces(_at(arm, q), _base_body(arm), bodies, wet, motion, list(qd.T), list(qdd.T))
+    total = numeric.stacked(found, q.shape[:1])
+    if base_water:
+        water = moving_base.water_wrench(moving_base.water_of_base(arm), motion)
+        total[:, :DOF] += numeric.stacked(water, q.shape[:1])
+    total[:, DOF:] += np.array([joint.drag or 0.0 for joint in arm.joints]) * np.abs(qd) * qd
+    total[:, DOF:] += link_friction(arm, qd)
+    return total
+
+
+def mass_matrix_with_base(arm: Arm, q: Array, *, rotors: bool = False) -> Array:
+    """(N, 6 + n, 6 + n) mass matrix with the added mass of base and links; reflected rotors if asked for."""
+    (q,) = numeric.samples(arm, q)
+    bodies, wet = [tuple(body) for body in numeric.bodies(arm)], hydrodynamics.bodies_of(arm)
+    found = moving_base.mass_matrix(_at(arm, q), _base_body(arm), bodies, wet)
+    matrix = np.stack([numeric.stacked(row, q.shape[:1]) for row in found], axis=-2)
+    matrix[:, :DOF, :DOF] += floating(arm).added
+    if rotors:
+        own = arm.joint_array("ratio") ** 2 * arm.joint_array("rotor_inertia")
+        matrix[:, DOF:, DOF:] += np.diag(own)
+    return matrix
+
+
+def accelerations_with_base(arm: Arm, base: BaseRows, q: Array, qd: Array, forces: Array) -> Array:
+    """(N, 6 + n) rates of (velocity, qd) under ``forces`` (N, 6 + n), with rotors, without friction of the drives."""
+    bias = forces_with_base(arm, replace(base, rate=None), q, qd, np.zeros_like(qd))
+    matrix = mass_matrix_with_base(arm, q, rotors=True)
+    return np.asarray(np.linalg.solve(matrix, (np.asarray(forces, float) - bias)[..., None])[..., 0], float)
+
+
+def momentum(arm: Arm, position: Array, base: BaseRows, q: Array, qd: Array) -> Array:
+    """(N, 6) linear (N s) and angular momentum (N m s) about the world's origin, world frame, with all added mass.
+
+    position (N, 3) m of the body frame's origin in the world.
+    """
+    q, qd = numeric.samples(arm, q, qd)
+    rates = np.concatenate([np.asarray(base.velocity, float), qd], axis=-1)
+    body = np.einsum("nij,nj->ni", mass_matrix_with_base(arm, q)[:, :DOF], rates)
+    turn = rotations(base.attitude)
+    linear, angular = (np.einsum("nij,nj->ni", turn, part) for part in (body[:, :3], body[:, 3:]))
+    return np.concatenate([linear, angular + np.cross(position, linear)], axis=-1)
+
+
+def rotations(attitude: Array) -> Array:
+    """(..., 3, 3) rotation matrices, body to world, of quaternions (..., 4) w, x, y, z."""
+    attitude = np.asarray(attitude, float)
+    rows = moving_base.rotation([attitude[..., k] for k in range(4)])
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
