@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import os
 import signal
 import sys
 import traceback
@@ -13,7 +15,7 @@ import typer
 
 from arm_io import make_folder
 from arm_model.collision import read_chain
-from armscope.commands.options import RigOption
+from armscope.commands.options import ReadyJson, RigOption
 from armscope.starter import Attached, start_attached, when_starter_ends
 from daq.service import Service
 
@@ -27,6 +29,7 @@ def command(
     page: Annotated[
         bool, typer.Option("--page", help="serve the page of the rig too, as 'armscope page' does")
     ] = False,
+    as_json: ReadyJson = False,
     attached: Attached = False,
 ) -> None:
     if recordings is not None:
@@ -46,6 +49,9 @@ def command(
     shown = None
     try:
         _say(f"rig {service.rig.name} is open on {service.rig.zenoh.endpoint}; Ctrl-C or SIGTERM ends it")
+        if as_json:
+            opened = {"rig": service.rig.name, "endpoint": service.rig.zenoh.endpoint, "pid": os.getpid()}
+            print(json.dumps(opened), flush=True)
         # A process of its own: what it draws takes no time from the sampler, and may fail without it.
         shown = start_attached(["page", str(rig)]) if page else None
         while not told_to_end:

@@ -17,7 +17,8 @@ from typing import Annotated, Any
 
 import typer
 
-from arm_io import DeviceFault, InputError, check_folder, make_folder, read_toml, write_toml
+from arm_io import DeviceFault, InputError, check_folder, make_folder, read_text, read_toml, write_toml
+from armscope.commands.options import Json
 from armscope.display import has_display
 from armscope.shipped import shipped_folder
 from armscope.starter import start_attached
@@ -25,6 +26,7 @@ from daq.rig import Rig, read_rig
 from daq.service import Subscriber, keys_of, open_session
 
 FIT, HELD_OUT = "excitation", "iso_cube"
+RESULTS = (Path("identified/identification.json"), Path("diagnosis/diagnosis.json"))
 
 
 def command(
@@ -33,12 +35,24 @@ def command(
     ] = None,
     fit: Annotated[str, typer.Option(help="experiment of config/experiments to identify from")] = FIT,
     held_out: Annotated[str, typer.Option(help="held-out experiment")] = HELD_OUT,
+    as_json: Json = False,
 ) -> None:
     folder = out or Path(time.strftime("armscope_demo_%Y%m%d_%H%M%S"))
     check_folder(folder)
     if folder.exists():
         raise InputError("--out", f"{folder} exists already; give a new folder")
     make_folder(folder)
+    if not as_json:
+        _open_page(folder, _tell(folder, fit, held_out))
+        return
+    with contextlib.redirect_stdout(sys.stderr):
+        _tell(folder, fit, held_out)
+    results = {path.stem: json.loads(read_text(folder / path)) for path in RESULTS}
+    print(json.dumps({"folder": str(folder)} | results))
+
+
+def _tell(folder: Path, fit: str, held_out: str) -> Path:
+    """The whole story, told on standard output; returns the rig file of its first arm."""
     rig_file = _write_rig(folder)
     runs = {name: folder / f"{name}.mcap" for name in (fit, held_out)}
     _say(
@@ -56,7 +70,7 @@ def command(
         _say("   " + listener.end())
     _identify_and_compare(folder, runs[fit], runs[held_out])
     _diagnose_worn(folder, (fit, held_out))
-    _open_page(folder, rig_file)
+    return rig_file
 
 
 def _identify_and_compare(folder: Path, fit: Path, held_out: Path) -> None:

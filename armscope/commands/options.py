@@ -8,6 +8,9 @@ from typing import Annotated
 import typer
 
 Json = Annotated[bool, typer.Option("--json", help="print the result as JSON and nothing else")]
+ReadyJson = Annotated[
+    bool, typer.Option("--json", help="when ready, print its addresses as one line of JSON, and nothing else there")
+]
 RigOption = Annotated[Path, typer.Option(metavar="RIG.toml", help="the rig")]
 RigArgument = Annotated[Path, typer.Argument(metavar="RIG.toml", help="the rig")]
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RUN.mcap", help="the recording, finished or not (.active)")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -17,7 +18,7 @@ import typer
 
 from arm_io import DeviceFault, make_folder
 from arm_page import Page
-from armscope.commands.options import RigArgument
+from armscope.commands.options import ReadyJson, RigArgument
 from armscope.display import has_display
 from armscope.page_analyses import ANALYSES
 from armscope.shipped import shipped_folder
@@ -39,6 +40,7 @@ def command(
         typer.Option(metavar="DIR", help="folder of experiments to choose from; default: those beside the rig file"),
     ] = None,
     browser: Annotated[bool, typer.Option(help="open the page where there is a display")] = True,
+    as_json: ReadyJson = False,
     attached: Attached = False,
 ) -> None:
     checked = read_rig(rig, drivers=False)
@@ -53,10 +55,12 @@ def command(
     if attached:
         when_starter_ends(lambda: os.kill(os.getpid(), signal.SIGTERM))
     with _daemon(rig, checked):
-        page.serve(lambda steer, watch: _ready(checked.name, steer, watch, browser))
+        page.serve(lambda steer, watch: _ready(checked.name, steer, watch, browser=browser, as_json=as_json))
 
 
-def _ready(name: str, steer: str, watch: str, browser: bool) -> None:
+def _ready(name: str, steer: str, watch: str, *, browser: bool, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps({"rig": name, "steer": steer, "watch": watch}), flush=True)
     if steer == watch:
         print(f"armscope page: rig {name}: {watch} (with a password); Ctrl-C ends it", file=sys.stderr, flush=True)
     else:

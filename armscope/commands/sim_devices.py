@@ -6,6 +6,7 @@ a simulator of every device of a rig, on its own protocol, with one simulated ar
 from __future__ import annotations
 
 import importlib
+import json
 import signal
 import sys
 import threading
@@ -18,6 +19,7 @@ import numpy as np
 import typer
 
 from arm_io import InputError
+from armscope.commands.options import ReadyJson
 from daq.rig import COUNTS_PER_LINE, DeviceTable, Rig, context_of, read_rig
 from drivers import check_config, is_loopback
 
@@ -29,13 +31,15 @@ PREFIX, SIMULATORS = "drivers.", "sim_backend.protocol."
 
 def command(
     rig: Annotated[Path, typer.Argument(help="RIG.toml; the addresses of its devices must be on this machine")],
+    as_json: ReadyJson = False,
 ) -> None:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     with simulated_devices(read_rig(rig), rig) as simulators:
-        for simulator in simulators:
-            print(f"{simulator.name}: {simulator.address}", flush=True)
+        addresses = {simulator.name: str(simulator.address) for simulator in simulators}
+        lines = [json.dumps({"devices": addresses})] if as_json else [f"{k}: {v}" for k, v in addresses.items()]
+        print(*lines, sep="\n", flush=True)
         print("ready; stop with Ctrl-C", file=sys.stderr, flush=True)
         stop.wait()
 

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from arm_io import InputError
 from arm_model.collision import read_chain
 from armscope.animation import chain_in
+from armscope.commands.options import ReadyJson
 from armscope.shipped import shipped_folder
 from daq.recording import open_long
 from daq.rig import chain_of, read_rig
 from daq.service import Columns, LiveView, Subscriber, blocks_of, keys_of, open_session, paced
-
-if TYPE_CHECKING:
-    from arm_clearance import Chain
 
 MAY_BE_INFINITE = ("--speed",)
 
@@ -30,6 +29,7 @@ def command(
     ],
     port: Annotated[int, typer.Option(help="port of the WebSocket on 127.0.0.1; 0: any free port")] = 8765,
     speed: Annotated[float, typer.Option(metavar="X", help="speed of a recording relative to real time")] = 1.0,
+    as_json: ReadyJson = False,
 ) -> None:
     if not speed > 0:
         raise InputError("--speed", f"must be above 0 (is {speed:g})")
@@ -38,11 +38,13 @@ def command(
         rig = read_rig(source, drivers=False)
         joints = [joint.name or f"joint{number}" for number, joint in enumerate(rig.joint, 1)]
         with open_session(rig, listen=False) as session, Subscriber(session, keys_of(rig.name), latest=20) as rows:
-            _show(rig.name, joints, port, _live(rows), chain_of(rig, read_chain))
+            view = LiveView(rig.name, joints, port=port, chain=chain_of(rig, read_chain))
+            _show(rig.name, view, _live(rows), as_json)
     else:
         recording = open_long(source, damaged=True)
         blocks = (block for _, block in paced(blocks_of(recording), speed))
-        _show(str(source), recording.layout.joints, port, blocks, chain_in(recording))
+        view = LiveView(str(source), recording.layout.joints, port=port, chain=chain_in(recording))
+        _show(str(source), view, blocks, as_json)
 
 
 def _live(subscriber: Subscriber) -> Iterator[Columns]:
@@ -52,14 +54,14 @@ def _live(subscriber: Subscriber) -> Iterator[Columns]:
             yield block.columns
 
 
-def _show(
-    name: str, joints: list[str] | tuple[str, ...], port: int, blocks: Iterator[Columns], chain: Chain | None
-) -> None:
-    layouts = shipped_folder() / "views"
-    view = LiveView(name, joints, port=port, chain=chain)
+def _show(name: str, view: LiveView, blocks: Iterator[Columns], as_json: bool) -> None:
+    layouts = {kind: str(shipped_folder() / f"views/{kind}") for kind in ("foxglove.json", "plotjuggler.xml")}
+    address = f"ws://127.0.0.1:{view.port}"
+    if as_json:
+        print(json.dumps({"source": name, "address": address, "layouts": layouts}), flush=True)
     print(
-        f"showing {name} on ws://127.0.0.1:{view.port}: open it in Foxglove ({layouts / 'foxglove.json'}) or in "
-        f"PlotJuggler's Foxglove bridge ({layouts / 'plotjuggler.xml'}); Ctrl-C ends it",
+        f"showing {name} on {address}: open it in Foxglove ({layouts['foxglove.json']}) or in "
+        f"PlotJuggler's Foxglove bridge ({layouts['plotjuggler.xml']}); Ctrl-C ends it",
         file=sys.stderr,
         flush=True,
     )

@@ -95,9 +95,10 @@ def lay_out(folder: Path, rig: dict[str, Any]) -> Path:
 def open_room(folder: Path, rig: dict[str, Any], *options: str, addresses: int = 2) -> Iterator[Room]:
     """``armscope page`` on a rig, until the block ends; ``addresses`` that it prints: one where passwords are asked."""
     path = lay_out(folder, rig)
-    command = [sys.executable, "-m", "armscope", "page", str(path), "--port", "0", "--no-browser", *options]
+    command = [sys.executable, "-m", "armscope", "page", str(path), "--port", "0", "--no-browser", "--json", *options]
     process = subprocess.Popen(
         [*command, "--recordings", str(folder / "recordings"), "--experiments", str(folder / "experiments")],
+        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         cwd=ROOT,
@@ -111,6 +112,9 @@ def open_room(folder: Path, rig: dict[str, Any], *options: str, addresses: int =
             said += line
             assert line, said
             found += re.findall(r"(https?://\S+?)(?:;|\s|$)", line)
+        assert process.stdout is not None
+        ready = json.loads(process.stdout.readline())
+        assert (ready["steer"], ready["watch"]) == (found[0], found[-1])
         yield Room(found[0], found[-1], folder, process)
     finally:
         process.send_signal(signal.SIGINT)

@@ -17,7 +17,7 @@ from daq.recording import open_recording
 @pytest.mark.slow
 def test_demo(root: Path, tmp_path: Path) -> None:
     ended = subprocess.run(
-        [sys.executable, "-m", "armscope", "demo", "--out", "demo"],
+        [sys.executable, "-m", "armscope", "demo", "--out", "demo", "--json"],
         cwd=tmp_path,
         env=os.environ | {"PYTHONPATH": str(root)},
         text=True,
@@ -25,13 +25,15 @@ def test_demo(root: Path, tmp_path: Path) -> None:
         timeout=300,
     )
     assert ended.returncode == 0, ended.stderr
-    assert Path(ended.stdout.splitlines()[-1]).stat().st_size > 10_000
+    assert Path(ended.stderr.splitlines()[-1]).stat().st_size > 10_000
+    answer = json.loads(ended.stdout)
     assert (tmp_path / "demo/currents.png").read_bytes().startswith(b"\x89PNG")
     diagnosis = json.loads((tmp_path / "demo/diagnosis/diagnosis.json").read_text())
+    assert answer["diagnosis"] == diagnosis and answer["identification"]["parameters"]
     named = {(cause["effect"], cause["joint"]) for cause in diagnosis["causes"]}
     assert ("load_friction", 2) in named and {joint for _, joint in named} == {1, 2, 3}
     runs = [open_recording(tmp_path / f"demo/{name}.mcap") for name in ("excitation", "iso_cube")]
-    (received,) = re.findall(r"received (\d+) rows in 2 runs and missed 0", ended.stdout)
+    (received,) = re.findall(r"received (\d+) rows in 2 runs and missed 0", ended.stderr)
     assert int(received) == sum(map(len, runs))
     assert all(recording.ledger.lost == 0 for recording in runs)
     assert (tmp_path / "demo/identified/report.html").stat().st_size > 1000

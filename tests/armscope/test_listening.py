@@ -6,6 +6,7 @@ Loopback or a Unix socket, and nothing else.
 from __future__ import annotations
 
 import ipaddress
+import json
 import os
 import signal
 import socket
@@ -66,16 +67,18 @@ def own_copy(name: str, folder: Path) -> Path:
 def running(ready: str, folder: Path, *arguments: str | Path) -> Iterator[set[str]]:
     """An armscope command, from the line on standard error with the word ``ready`` to the end of the block.
 
-    What it listens at then.
+    What it listens at then. Its standard output is one line of JSON that names an address.
     """
-    process = start(folder, *arguments)
-    assert process.stderr is not None
+    process = start(folder, *arguments, "--json")
+    assert process.stderr is not None and process.stdout is not None
     try:
         line = process.stderr.readline()
         assert ready in line, line + process.stderr.read()
         yield listening(psutil.Process(process.pid))
         process.send_signal(signal.SIGTERM)
         process.wait(20)
+        (said,) = process.stdout.read().splitlines()
+        assert json.loads(said).keys() & {"address", "devices", "endpoint"}
     finally:
         process.kill()
         process.wait()
@@ -83,7 +86,7 @@ def running(ready: str, folder: Path, *arguments: str | Path) -> Iterator[set[st
 
 def start(folder: Path, *arguments: str | Path) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "armscope", *map(str, arguments)]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def all_its_life(folder: Path, *arguments: str | Path) -> set[str]:

@@ -21,10 +21,6 @@ from armscope.usage import COMMANDS, EXAMPLES
 from tests.arm_archive.lab import record
 
 COLOUR = re.compile(r"\x1b\[[0-9;]*[349][0-7][;m]")
-SERVICES = {"daemon", "page", "sim-devices", "view"}
-"""Commands that run until they are stopped; they have no result to print."""
-NO_RESULT = {*SERVICES, "demo"}
-"""The demo shows the outputs of other commands."""
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -44,7 +40,7 @@ def test_examples_are_command_lines_that_parse(line: str) -> None:
     command_of(name).make_context(name, arguments)
 
 
-@pytest.mark.parametrize("name", sorted(COMMANDS.keys() - NO_RESULT))
+@pytest.mark.parametrize("name", COMMANDS)
 def test_every_result_is_also_json(name: str) -> None:
     assert "--json" in options_of(command_of(name))
 
