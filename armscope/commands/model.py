@@ -14,9 +14,10 @@ import numpy as np
 import typer
 
 from arm_io import InputError
-from arm_model import Arm, read_model, write_model
+from arm_model import Arm, on_fixed_base, read_model, write_model
 from arm_model.mjcf import SUFFIXES
 from arm_model.symbolic import Expr, Tape
+from arm_model.tables import FloatingBase
 from arm_report import text_table, wrapped
 from armscope.commands.options import Json
 from armscope.progress import shown
@@ -76,6 +77,14 @@ def command(
     if model is None:
         raise InputError("model", "needs a model file, as config/models/puma560.toml")
     arm = _read(model, tip if into is None else None)
+    for what, asked in (
+        ("--formulations", formulations),
+        ("--by", by is not None),
+        ("--into", into is not None),
+        ("a URDF file", out is not None and out.suffix == ".urdf"),
+    ):
+        if asked:
+            on_fixed_base(arm, model, what)
     if into is not None:
         _update(into, arm, out, tip)
     elif out is not None:
@@ -184,6 +193,7 @@ def _summary(arm: Arm) -> dict[str, Any]:
         "name": arm.name,
         "joints": joints,
         "controller": controller,
+        "base": None if arm.floating is None else _base(arm.floating),
         "effects": effects,
         "operations": operations(system.tape, system.rates),
         "states": len(system.states),
@@ -194,6 +204,7 @@ def _text(summary: dict[str, Any]) -> str:
     lines = [
         f"{summary['name']}: {len(summary['joints'])} joints, controller: {summary['controller'] or 'none'}",
         f"{summary['operations']} operations for the rates of {summary['states']} states",
+        *([] if summary["base"] is None else [_base_text(summary["base"])]),
         "",
         *text_table([_row(joint) for joint in summary["joints"]], HEADS, numbers=(0, 3, 4, 5, 6), keep=(0, 1)),
     ]
@@ -222,6 +233,28 @@ def _text(summary: dict[str, Any]) -> str:
         where = "arm" if term["joint"] is None else f"joint {term['joint']}"
         lines.append(f"effect {term['effect']} ({where}): {values}")
     return "\n".join(lines)
+
+
+def _base(floating: FloatingBase) -> dict[str, Any]:
+    """A floating base; ``restrained``: degrees of freedom that its thrusters push on."""
+    pushed = np.linalg.matrix_rank(floating.allocation) if floating.thruster else 0
+    return {
+        "mass": floating.mass,
+        "displaced_mass": floating.displaced_mass,
+        "added_mass": floating.added.diagonal().tolist(),
+        "thrusters": len(floating.thruster),
+        "restrained": int(pushed),
+        "station_keeping": floating.controller is not None,
+    }
+
+
+def _base_text(base: dict[str, Any]) -> str:
+    added = ", ".join(f"{value:.4g}" for value in base["added_mass"])
+    held = "station keeping" if base["station_keeping"] else "no controller"
+    return (
+        f"floating base of {base['mass']:g} kg that displaces {base['displaced_mass']:g} kg of water, "
+        f"added mass {added}; {base['thrusters']} thrusters on {base['restrained']} degrees of freedom, {held}"
+    )
 
 
 def _row(joint: dict[str, Any]) -> tuple[str, ...]:
