@@ -1,4 +1,4 @@
-"""``make blind``: the hidden-effect suite.
+"""``make blind``: the hidden-effect suite. ``--generator second``: by another plant (``tests.blind.second``).
 
 Recall, superfluous names, false alarms, unmodelled defects, parameters, confidence, seconds, confusion.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import tempfile
 import time
@@ -24,16 +25,25 @@ from tests.blind.generate import cache_name, generate
 from tests.blind.record import MODEL
 from tests.blind.recordings import read_recordings
 from tests.blind.score import Outcome, confusion, figures, outcome, reliability
+from tests.blind.second import cases as second_cases
+from tests.blind.second import generate as second
+from tests.blind.second.strangers import VARIABLES
+from tests.blind.unmodelled import EXPLANATORY
+
+AnyCase = Case | second_cases.Case
 
 
 def main() -> None:
     options = _options()
-    chosen = [
+    draw = second_cases.cases if options.generator == "second" else cases
+    chosen: list[AnyCase] = [
         case
-        for kind in options.kind
-        for case in cases(kind, options.seed, options.cases)
+        for kind in options.kind or (second_cases.COUNTS if options.generator == "second" else KINDS)
+        for case in draw(kind, options.seed, options.cases)
         if not options.only or any(name in case.name for name in options.only)
     ]
+    # a little of every kind first: a run that is stopped says something about all of them
+    chosen.sort(key=lambda case: case.index)
     say = sys.stderr if options.json else sys.stdout
     print(f"seed {options.seed}, {len(chosen)} cases", file=say)
     outcomes: list[Outcome] = []
@@ -42,36 +52,54 @@ def main() -> None:
         for number, done in enumerate(as_completed(running), 1):
             outcomes.append(done.result())
             print(f"{number:3}/{len(chosen)} {outcomes[-1].line()}", file=say, flush=True)
+            if options.out:
+                write(options.out, options.seed, outcomes)
     outcomes.sort(key=lambda o: o.name)
     summary = {"seed": options.seed, **figures(outcomes)} if outcomes else {"seed": options.seed}
     if options.out:
-        options.out.write_text(json.dumps({"figures": summary, "outcomes": [asdict(o) for o in outcomes]}, indent=1))
+        write(options.out, options.seed, outcomes)
     if options.json:
         print(json.dumps(summary))
     else:
         report(outcomes, summary)
 
 
-def judged(case: Case, cache: Path | None) -> Outcome:
+def write(path: Path, seed: int, outcomes: Sequence[Outcome]) -> None:
+    """Figures and every case so far, as JSON."""
+    summary = {"seed": seed, **figures(outcomes)} if outcomes else {"seed": seed}
+    path.write_text(json.dumps({"figures": summary, "outcomes": [asdict(o) for o in outcomes]}, indent=1))
+
+
+def judged(case: AnyCase, cache: Path | None) -> Outcome:
     """One case from the draw to its score."""
     with _folder(case, cache) as folder:
         start = time.perf_counter()
-        where, hidden = generate(case, folder)
+        if isinstance(case, Case):
+            where, hidden = generate(case, folder)
+            model, explanatory = MODEL, EXPLANATORY
+        else:
+            where, hidden = second.generate(case, folder)
+            model, explanatory = folder / second.MODEL, VARIABLES
         generated = time.perf_counter() - start
         fit, held_out = read_recordings(folder)
-        arm = read_model(MODEL)
-        start = time.perf_counter()
+        arm = read_model(model)
+        start, spent = time.perf_counter(), _cpu()
         result = diagnose(arm, fit, held_out)
-        seconds = time.perf_counter() - start
-        one = outcome(case, where, hidden, result, table_of(result, fit, held_out))
-    one.seconds, one.generated = seconds, generated
+        seconds, spent = time.perf_counter() - start, _cpu() - spent
+        one = outcome(case, where, hidden, result, table_of(result, fit, held_out), explanatory)
+    one.seconds, one.generated, one.cpu = seconds, generated, spent
     return one
 
 
+def _cpu() -> float:
+    """s of this process and of those that it has waited for."""
+    return sum(os.times()[:4])
+
+
 @contextmanager
-def _folder(case: Case, cache: Path | None) -> Iterator[Path]:
+def _folder(case: AnyCase, cache: Path | None) -> Iterator[Path]:
     if cache is not None:
-        yield cache / cache_name(case)
+        yield cache / (cache_name(case) if isinstance(case, Case) else second.cache_name(case))
         return
     with tempfile.TemporaryDirectory() as folder:
         yield Path(folder)
@@ -102,7 +130,8 @@ def report(outcomes: Sequence[Outcome], summary: dict[str, float]) -> None:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.blind", description=__doc__)
     parser.add_argument("--seed", type=int, default=int(time.time()) % 100000, help="of everything that is drawn")
-    parser.add_argument("--kind", nargs="+", choices=KINDS, default=list(KINDS))
+    parser.add_argument("--kind", nargs="+", choices=KINDS, default=[])
+    parser.add_argument("--generator", choices=("first", "second"), default="first")
     parser.add_argument(
         "--only", nargs="+", metavar="NAME", help="cases whose name (kind-number-effect@joint) has this in it"
     )

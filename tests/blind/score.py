@@ -9,15 +9,28 @@ import itertools
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from diagnosis.cause import Cause
 from diagnosis.diagnose import Diagnosis
-from tests.blind.cases import SAME, Case
-from tests.blind.laboratory import Laboratory
+from tests.blind.cases import SAME
 from tests.blind.unmodelled import EXPLANATORY
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+
+class Named(Protocol):
+    """A case of either generator."""
+
+    @property
+    def kind(self) -> str: ...
+
+    @property
+    def name(self) -> str: ...
+
 
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.001)
 """Edges of the reliability table."""
@@ -55,6 +68,7 @@ class Outcome:
     closed: list[float]
     seconds: float
     generated: float = 0.0
+    cpu: float = 0.0
     groups: list[list[list[Any]]] = field(default_factory=list)
     declared: list[bool] = field(default_factory=list)
 
@@ -80,9 +94,17 @@ class Outcome:
 
 
 def outcome(
-    case: Case, where: Laboratory, hidden: Sequence[Mapping[str, Any]], result: Diagnosis, table: Mapping[str, Any]
+    case: Named,
+    where: DataclassInstance,
+    hidden: Sequence[Mapping[str, Any]],
+    result: Diagnosis,
+    table: Mapping[str, Any],
+    explanatory: Mapping[str, Sequence[str]] = EXPLANATORY,
 ) -> Outcome:
-    """``table``: the content of diagnosis.json; seconds are the caller's to fill in."""
+    """``table``: the content of diagnosis.json; seconds are the caller's to fill in.
+
+    explanatory: by unmodelled defect, the variables that are right.
+    """
     rest = list(result.causes)
     unmodelled = case.kind == "unmodelled"
     found, parameters, confidence, names = [], [], [], list[str | None]()
@@ -112,7 +134,7 @@ def outcome(
         parameters=parameters,
         verdict=result.verdict,
         unexplained=left,
-        right_variable=unmodelled and right_variable(hidden[0], left),
+        right_variable=unmodelled and right_variable(hidden[0], left, explanatory),
         left=[_left(result, one["joint"]) for one in hidden],
         closed=[_closed(table, one["joint"]) for one in hidden],
         declared=[(one["effect"], one["joint"]) in unseen for one in hidden],
@@ -154,10 +176,14 @@ def compared(cause: Cause, hidden: Mapping[str, Any]) -> list[dict[str, Any]]:
     return rows
 
 
-def right_variable(hidden: Mapping[str, Any], left: Iterable[Sequence[Any]]) -> bool:
+def right_variable(
+    hidden: Mapping[str, Any],
+    left: Iterable[Sequence[Any]],
+    explanatory: Mapping[str, Sequence[str]] = EXPLANATORY,
+) -> bool:
     """Whether what is called unexplained has the defect's joint and one of its variables."""
     other = hidden["parameters"].get("other")
-    accepted = [name.format(other=int(other) if other else 0) for name in EXPLANATORY[hidden["effect"]]]
+    accepted = [name.format(other=int(other) if other else 0) for name in explanatory[hidden["effect"]]]
     for _, joint, against, _ in left:
         for name in accepted:
             more = against[len(name) :] if against.startswith(name) else "of joint"
@@ -219,6 +245,8 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, float]:
         closed = [v for o in by_kind["singles"] if all(o.found) for v in o.closed]
         table["closed_loop_left_over_noise_median"] = float(np.median(closed))
     table["seconds_median"] = float(np.median([o.seconds for o in outcomes]))
+    if any(o.cpu for o in outcomes):
+        table["cpu_seconds_median"] = float(np.median([o.cpu for o in outcomes]))
     table["seconds_worst"] = float(np.max([o.seconds for o in outcomes]))
     return table
 
