@@ -146,6 +146,10 @@ def test_size_is_the_change_of_current_over_its_noise() -> None:
     one = Hidden("current_offset", 2, {"offset": 5.0 * float(where.noise[1])}, 0.0)
     assert strength(where, one, 0.0, (_short(),)) == pytest.approx(5.0, rel=1e-6)
 
+    # two motions are compared, so what hardly changes anything must not count
+    nothing = Hidden("base_tilt", None, {"roll": 1e-7, "pitch": 1e-7}, 0.0)
+    assert strength(where, nothing, 0.0, (_short(),)) < 0.1
+
 
 def test_every_name_of_the_catalogue_is_hidden_under_its_own_parameters() -> None:
     by_name = CATALOGUE

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm_io.types import Array
+from tests.blind.second.laboratory import INTERPOLATED
 from tests.blind.second.plant import Plant
 from tests.blind.second.sensing import Sensing, changed, with_joint
 
@@ -192,7 +193,7 @@ def _encoder_ripple(p: Plant, s: Sensing, j: int, v: Mapping[str, float]) -> Wor
 
 
 def _missed(p: Plant, s: Sensing, j: int, v: Mapping[str, float]) -> World:
-    row = [v["counts"] * 50, v["time"]]  # of the counters; the plant has steps of servos, INTERPOLATED to a count
+    row = [v["counts"] * INTERPOLATED, v["time"]]
     return p._replace(missed=with_joint(p.missed, j, row)), s
 
 

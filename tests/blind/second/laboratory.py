@@ -25,8 +25,11 @@ STIFF = np.array([8e5, 1e6, 4e5, 1e4, 1e4, 3e3])
 """N m/rad of healthy gears: with 120 Hz and more, their resonances are beyond what moves."""
 DAMPING = 0.1 * np.sqrt(STIFF * np.array([0.6, 1.5, 0.4, 0.002, 4e-4, 4e-5]))
 """N m s/rad."""
-INTERPOLATED = 50
-"""Steps per count that the servos make of the encoders' sines; the counters of the rig do not."""
+INTERPOLATED = 2000
+"""Steps per count that the servos make of the encoders' sines; the counters of the rig do not.
+
+With steps of a fiftieth the differenced angle would shake the currents by several times their noise.
+"""
 SERVOS = ("bandwidth", "pid", "cascade", "cascade without feed-forward", "gravity feed-forward")
 KNOWN = SERVOS[:3]
 """Structures that a model file can say."""

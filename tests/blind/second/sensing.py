@@ -28,8 +28,8 @@ class Sensing:
     """What is wrong with what the instruments say; (6,) by joint.
 
     current_read = (1 + gain) i - cubic i^3 + offset + drift (t / T - 1/2) + hum, i ``delay`` s late and, from row
-    ``lost[0]`` on, ``lost[1]`` rows early; hum (6, 3): A, Hz, phase; geometry (6, 4): errors of theta, d, a, alpha; sag (6,)
-    rad/(N m); wrong: share of the tracker's points, m; ring: m and Hz of a tripod.
+    ``lost[0]`` on, ``lost[1]`` rows early; hum (6, 3): A, Hz, phase; geometry (6, 4): errors of theta, d, a, alpha;
+    sag (6,) rad/(N m); wrong: share of the tracker's points, m; ring: m and Hz of a tripod.
     """
 
     gain: Array = field(default_factory=lambda: _zeros(6))
