@@ -159,9 +159,11 @@ SAME = (
     {"payload", "link_inertia"},
     {"gear_ripple", "encoder_ripple"},
     {"friction_asymmetry", "current_offset"},
+    {"joint_zero_offset", "link_geometry"},
+    {"link_sag", "joint_compliance"},
 )
 """Effects that the vocabulary says currents and motor angles of moves cannot tell apart (a shunt, a known mass, a
-tracker, drives off would): either name is right if the other is in its group."""
+tracker, drives off would), nor a tracker the last two: either name is right if the other is in its group."""
 
 KINDS = ("singles", "weak", "large", "pairs", "triples", "empties", "unmodelled")
 COUNTS = {"pairs": 20, "triples": 10, "empties": 20}
