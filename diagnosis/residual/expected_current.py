@@ -180,26 +180,34 @@ def through_gap(load: Array, inertia: Array, half_gap: float, step: float) -> Ar
     return twist
 
 
-def wound_up(load: Array, inertia: Array, stiffness: float, damping: float, step: float) -> tuple[Array, Array, Array]:
-    """Twist of an elastic joint, its rate and second rate (m,), for rows ``step`` s apart.
+def wound_up(
+    load: Array, inertia: Array, stiffness: float | Array, damping: float | Array, step: float
+) -> tuple[Array, Array, Array]:
+    """Twist of an elastic joint, its rate and second rate (m,), for rows ``step`` s apart; (m, k) of k springs at once.
 
     The motor follows its own motion; the link, of ``inertia`` (m,) kg m2, would need ``load`` (m,) N m to follow it
     stiffly, and oscillates behind the spring instead: inertia d'' + damping d' + stiffness d = load, by exact steps
     with the load as it is in the middle of each; at rest at the start. A link without inertia only follows its load.
+    stiffness N m/rad and damping N m s/rad are numbers, or (k,).
     """
+    if np.ndim(stiffness):
+        load, inertia = load[:, None], inertia[:, None]
     if not (inertia > NO_INERTIA).all():
         follows = load / stiffness
-        speed = np.asarray(np.gradient(follows, step), float)
-        return follows, speed, np.asarray(np.gradient(speed, step), float)
+        speed = np.gradient(follows, step, axis=0)
+        return follows, speed, np.gradient(speed, step, axis=0)
     decay = damping / inertia / 2
     frequency = np.sqrt(np.maximum(stiffness / inertia - decay**2, 1e-9))
     shrink, cos, sin = np.exp(-decay * step), np.cos(frequency * step), np.sin(frequency * step)
     stay, go = shrink * (cos + decay / frequency * sin), shrink * sin / frequency
     back, keep = -stiffness / inertia * shrink * sin / frequency, shrink * (cos - decay / frequency * sin)
-    settled = np.append(load[1:] + load[:-1], 2 * load[-1]) / (2 * stiffness)
-    twist, rate = np.empty_like(load), np.empty_like(load)
-    d, v = float(load[0]) / stiffness, 0.0
-    rows = zip(stay.tolist(), go.tolist(), back.tolist(), keep.tolist(), settled.tolist())
+    settled = np.append(load[1:] + load[:-1], 2 * load[-1:], axis=0) / (2 * stiffness)
+    twist, rate = np.empty_like(settled), np.empty_like(settled)
+    # numbers of Python where there is one spring, rows (k,) where there are several
+    several = settled.ndim > 1
+    d, v = (load[0] / stiffness, np.zeros_like(settled[0])) if several else (float(load[0]) / stiffness, 0.0)
+    coefficients = (stay, go, back, keep, settled)
+    rows = zip(*(one if several else one.tolist() for one in coefficients))
     for k, (a, b, c, e, x) in enumerate(rows):
         twist[k], rate[k] = d, v
         away = d - x

@@ -104,8 +104,8 @@ class Run:
     @cached_property
     def by_acceleration(self) -> Array:
         """(m, n, n) A s2/rad: derivative of the expected current of joint j by the acceleration of link k."""
-        links = drive_mass_matrix(described(self.arm), self.q, rotors=False)
-        return links / self.arm.joint_array("drive_constant")[:, None]
+        links = drive_mass_matrix(described(self.arm), self.q, rotors=False).transpose(2, 0, 1)
+        return (links / self.arm.joint_array("drive_constant")).transpose(1, 2, 0)
 
     @cached_property
     def by_angle(self) -> Array:
@@ -122,10 +122,16 @@ class Run:
         """(m, n, 10 n) N m per inertial parameter of each link."""
         return regressor(described(self.arm), self.q, self.v, self.a)[0][..., : 10 * len(self.arm)]
 
+    @cached_property
+    def twists(self) -> dict[tuple[int, float, float], tuple[Array, Array, Array]]:
+        """Twist (m,) rad, rate and second rate behind springs (joint from 0, stiffness, damping) computed so far."""
+        return {}
+
     def _slopes(self, angle: float, speed: float) -> Array:
         """(m, n, n) A: slopes of the rigid torque by each angle or speed, by central differences of these steps."""
         bent, joints = described(self.arm), np.eye(len(self.arm))
-        slopes = np.empty((len(self.t), len(joints), len(joints)))
+        # the rows of one moved link follow one another in memory: columns take them link by link
+        slopes = np.empty((len(joints), len(self.t), len(joints))).transpose(1, 2, 0)
         for k, joint in enumerate(joints):
             moved = ((self.q + side * angle * joint, self.v + side * speed * joint) for side in (1.0, -1.0))
             up, down = (drive_rigid_torque(bent, q, v, self.a) for q, v in moved)

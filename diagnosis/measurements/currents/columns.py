@@ -9,7 +9,7 @@ turns coefficients back into parameters.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -111,15 +111,37 @@ def _rates(law: Law, p: Values, s: Signals, ratio: float, run: Run) -> tuple[Arr
 
 def _wound_up(run: Run, j: int, effect: Effect, p: Values) -> tuple[Array, Array, Array]:
     """Twist (m,) of a joint with a spring or with play, and its rates; at rest at the start of every recording."""
-    step, spring = 1.0 / ROWS_PER_SECOND, spring_of(effect, p)
-    load, inertia = run.brisk_rigid[:, j], run.inertia[:, j]
+    spring = spring_of(effect, p)
     if spring is not None:
-        each = [wound_up(load[part], inertia[part], *spring, step) for part in run.parts]
-        return tuple(np.concatenate(rates) for rates in zip(*each))  # type: ignore[return-value]
+        if (j, *spring) not in run.twists:
+            # the springs of the search grid together: one pass over the rows; those of one joint are kept at a time
+            grid = _springs_of_grid(effect)
+            springs = grid if spring in grid else [spring]
+            run.twists.clear()
+            run.twists.update(zip([(j, *one) for one in springs], _twists(run, j, springs)))
+        return run.twists[j, *spring]
+    load, inertia, step = run.brisk_rigid[:, j], run.inertia[:, j], 1.0 / ROWS_PER_SECOND
     gaps = [through_gap(load[part], inertia[part], gap_of(effect, p), step) for part in run.parts]
     twist = np.concatenate([low_pass(gap, COMPARE_BAND, ROWS_PER_SECOND) for gap in gaps])
     speed = run.rate(twist)
     return twist, speed, run.rate(speed)
+
+
+def _springs_of_grid(effect: Effect) -> list[tuple[float, float]]:
+    """Stiffness and damping of every spring that is searched for."""
+    grid = itertools.product(*(p.search for p in effect.parameters if p.search))
+    names = [p.name for p in effect.parameters if p.search]
+    found = (spring_of(effect, Values(dict(zip(names, values)))) for values in grid)
+    return [spring for spring in found if spring is not None]
+
+
+def _twists(run: Run, j: int, springs: Sequence[tuple[float, float]]) -> list[tuple[Array, Array, Array]]:
+    """Twist (m,) of a joint and its rates behind each of some springs."""
+    load, inertia = run.brisk_rigid[:, j], run.inertia[:, j]
+    stiffness, damping = np.array(springs).T
+    each = [wound_up(load[part], inertia[part], stiffness, damping, 1.0 / ROWS_PER_SECOND) for part in run.parts]
+    twist, speed, acceleration = (np.concatenate(rates).T.copy() for rates in zip(*each))
+    return list(zip(twist, speed, acceleration))
 
 
 def _states(effect: Effect, p: Values, s: Signals, run: Run) -> Array:
