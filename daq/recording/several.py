@@ -53,9 +53,14 @@ def open_recordings(
         extent, most = extents[path], most_numbers
         if total > most_numbers:
             most = most_numbers * extent.numbers // total
-        if rate is not None and extent.rows > 2 * rate * extent.seconds > 0.0:
-            halvings = int(math.log2(extent.rows / (rate * extent.seconds)))
-            most = min(most, -(-extent.rows // 2**halvings) * extent.joints)
+        if rate is not None and extent.seconds > 0.0:
+            # intervals, not rows, and stamps of whole ns: 2 kHz is twice 1 kHz, not more
+            times = (extent.rows - 1) / (rate * extent.seconds)
+            halvings = math.ceil(math.log2(max(times, 1.0)) - 1e-6) - 1
+            if halvings > 0:
+                # an even number, as rows are kept: one less would halve them once more
+                kept = -(-extent.rows // 2**halvings)
+                most = min(most, (kept + kept % 2) * extent.joints)
         return open_recording(path, most_numbers=most)
 
     return [[opened(path) for path in group] for group in groups]

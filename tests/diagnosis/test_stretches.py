@@ -68,6 +68,15 @@ def test_fast_recordings_are_averaged_to_the_rate_that_suffices(tmp_path: Path) 
     assert whole.averaged == 1 and np.array_equal(whole.q, run.q)
 
 
+@pytest.mark.parametrize("rows", [4001, 4002, 4003, 4004])
+@pytest.mark.parametrize(("rate", "kept"), [(2000.0, 2000.0), (2500.0, 1250.0), (4000.0, 2000.0), (20_000.0, 1250.0)])
+def test_as_few_rows_are_averaged_as_the_rate_asks(rows: int, rate: float, kept: float, tmp_path: Path) -> None:
+    run = recorded(tmp_path / "run.mcap", (rows + 0.5) / rate, rate=rate)
+    assert len(run) == rows
+    ((thinned,),) = open_recordings([run.path], rate=1000.0)
+    assert 1 / thinned.dt == pytest.approx(kept)
+
+
 def test_memory_of_reading_is_bounded(tmp_path: Path) -> None:
     recorded(tmp_path / "run.mcap", 20, rate=5000)
     numbers, peaks = 8_000, []
