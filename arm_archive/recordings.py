@@ -6,6 +6,7 @@ import hashlib
 import math
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from arm_archive.entries import RECORDING, Entry
 from arm_archive.folder import Found
@@ -37,7 +38,7 @@ def _entry(path: str, recording: LongRecording) -> Entry:
         note="; ".join(recording.notes) or None,
         date=recording.date,
         date_of="recording",
-        arm=_name(_model_table(recording)) or _name(rig),
+        arm=_model_name(recording) or _name(rig),
         rig=_name(rig),
         experiment=_name(experiment),
         source=str(made.get("kind", "measured" if recording.layout.raw else "table")),
@@ -51,9 +52,18 @@ def _entry(path: str, recording: LongRecording) -> Entry:
     )
 
 
-def _model_table(recording: LongRecording) -> dict[str, Any]:
+def _model_name(recording: LongRecording) -> str | None:
+    """Of the arm's model, a TOML table or the root of an XML text (URDF: name, MJCF: model)."""
     text = recording.model
-    return {} if text is None else toml_of(text, f"{recording.path}: model.toml")
+    if text is None:
+        return None
+    if not text.lstrip("\ufeff \t\r\n").startswith("<"):
+        return _name(toml_of(text, f"{recording.path}: model.toml"))
+    try:
+        root = ElementTree.fromstring(text.lstrip("\ufeff \t\r\n").encode())
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise InputError(f"{recording.path}: model.toml", f"cannot be read as XML: {error}") from None
+    return _name({"name": root.get("name") or root.get("model")})
 
 
 def _name(table: dict[str, Any]) -> str | None:

@@ -199,6 +199,13 @@ class Joint:
         return self.ratio * self.coulomb[0] + first[0], self.ratio * self.coulomb[1] + first[1]
 
     @property
+    def command_unit(self) -> str:
+        """Of recorded i: ``current_unit``; N m (N) of a joint without a motor, whose i is the torque at the joint."""
+        if self.current_unit != "A" or abs(self.drive_constant - 1.0) > 1e-9:
+            return self.current_unit
+        return "N m" if self.revolute else "N"
+
+    @property
     def drive_constant(self) -> float:
         """Joint torque over motor current, N m/A (N/V for a voltage drive): abs(gear) torque_constant."""
         return self.ratio * self.torque_constant

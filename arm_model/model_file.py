@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from arm_io import InputError, check_table, read_toml, write_toml
+from arm_io import InputError, check_table, read_toml, toml_of, write_toml
 from arm_io.table import Table
 from arm_io.toml import one_line
 from arm_model.description import Arm, Capsule, Controller, Coupling, EffectTerm, Joint
 from arm_model.effects import check_terms, dissipation
-from arm_model.mjcf import SUFFIXES, read_mjcf
+from arm_model.mjcf import SUFFIXES, mjcf_of, read_mjcf
 from arm_model.rigid_body.inertia import unphysical
 from arm_model.tables.fields import IDENTITY, Pose, Vector
 from arm_model.tables.floating_base import FloatingBase
-from arm_model.urdf import read_urdf
+from arm_model.urdf import read_urdf, urdf_of
 
 
 class _ModelFile(Table):
@@ -37,6 +38,7 @@ class _ModelFile(Table):
     effect: list[EffectTerm] = Field(default=[])
 
 
+_MUJOCO = re.compile(r"^\s*(?:<\?.*?\?>\s*|<!--.*?-->\s*|<!DOCTYPE[^>]*>\s*)*<mujoco[\s>]", re.DOTALL)
 _NEEDED = ("type", "mass", "com", "inertia")
 
 
@@ -49,6 +51,17 @@ def read_model(path: str | Path) -> Arm:
     if suffix in SUFFIXES:
         return read_mjcf(path)
     return read_urdf(path) if suffix == ".urdf" else arm_of(read_toml(path), path)
+
+
+def carried_arm(text: str, where: str | Path) -> Arm:
+    """The arm in the text of a model file, as a recording carries it: TOML, URDF or MJCF; ``where`` names it in errors.
+
+    What an XML file includes, and its meshes, are not in the recording. InputError as ``read_model``.
+    """
+    start = text.lstrip("\ufeff \t\r\n")
+    if not start.startswith("<"):
+        return arm_of(toml_of(text, where), where)
+    return mjcf_of(start, where) if _MUJOCO.search(start) else urdf_of(start.encode(), where)
 
 
 def arm_of(table: dict[str, Any], where: str | Path) -> Arm:

@@ -42,7 +42,11 @@ def read_urdf(path: str | Path, *, tip: str | None = None) -> Arm:
     What is fixed to a link is merged into it; what is fixed behind the last joint and ``tip`` itself make the tool.
     InputError for anything that is not a serial chain of revolute, continuous and prismatic joints with physical links.
     """
-    text = read_file(path)
+    return urdf_of(read_file(path), path, tip=tip)
+
+
+def urdf_of(text: str | bytes, path: str | Path, *, tip: str | None = None) -> Arm:
+    """``read_urdf`` of a text; ``path`` names it in errors, and is where meshes are looked for."""
     try:
         robot = xml.fromstring(text)
     except (ValueError, LookupError, xml.ParseError) as error:  # LookupError: an encoding that nobody knows

@@ -104,16 +104,13 @@ def chain_in(recording: LongRecording) -> Chain | None:
 
     InputError where the model is wrong.
     """
-    from arm_io import toml_of
-    from arm_model import arm_of, on_fixed_base
+    from arm_model import carried_arm, on_fixed_base
     from arm_model.collision import chain_of
 
     if recording.model is None:
         return None
-    arm = on_fixed_base(
-        arm_of(toml_of(recording.model, recording.path), recording.path), recording.path, "an animation"
-    )
-    chain = chain_of(arm)
+    where = f"{recording.path}: model.toml"
+    chain = chain_of(on_fixed_base(carried_arm(recording.model, where), where, "an animation"))
     return chain if len(chain) == recording.joints else None
 
 

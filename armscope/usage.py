@@ -35,7 +35,7 @@ COMMANDS: dict[str, str] = {
 """Command -> one line of help, in the order in which they are listed."""
 
 EXAMPLES: dict[str, tuple[str, ...]] = {
-    "init": ("armscope init my_arm --like csv",),
+    "init": ("armscope init my_arm --like csv", "armscope init my_arm --model arm.urdf"),
     "doctor": ("armscope doctor config/puma560_sim.toml", "armscope doctor rig.toml --json"),
     "daemon": ("armscope daemon --rig config/puma560_sim.toml",),
     "record": ("armscope record --rig rig.toml --experiment config/experiments/excitation.toml --out fit.mcap",),

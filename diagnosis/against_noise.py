@@ -53,6 +53,6 @@ def ratios(runs: Sequence[Run], whitened: Array) -> list[JointNoise]:
         # noise that is as large in the quietest seconds is the floor, though the standstill shows less of it
         floor, limit = error / ratio, LIMITS.above_noise
         found.append(
-            JointNoise(joint=j + 1, error=error, floor=floor, ratio=ratio, limit=limit, unit=joint.current_unit)
+            JointNoise(joint=j + 1, error=error, floor=floor, ratio=ratio, limit=limit, unit=joint.command_unit)
         )
     return found

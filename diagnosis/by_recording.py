@@ -161,7 +161,7 @@ def cause_of(own: OwnValues, state: State, others: Sequence[EffectTerm]) -> Caus
         rms.append(np.sqrt(np.nan_to_num(np.nanmean(squares, axis=0))))
     noise = np.mean([run.noise for run in runs], axis=0)
     joint = c.joint or int(np.argmax((rms[0] ** 2 - rms[1] ** 2) / noise**2)) + 1
-    unit = state.model.arm.joints[joint - 1].current_unit
+    unit = state.model.arm.joints[joint - 1].command_unit
     before, after = (float(one[joint - 1]) for one in rms)
     mean = [
         Estimate(several[0].name, float(np.mean(values)), float(np.std(values)), several[0].unit)

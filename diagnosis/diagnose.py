@@ -369,7 +369,7 @@ def _of_axis(axis: AxisSide, arm: Arm) -> tuple[str, ...]:
     """Residual of a single axis, and the wave over position that no second run confirms."""
     said = []
     if axis.causes:
-        left = f"{axis.causes[-1].after:.3g} {arm.joints[0].current_unit} rms"
+        left = f"{axis.causes[-1].after:.3g} {arm.joints[0].command_unit} rms"
         said.append(f"{left} of the held-out current below 60 Hz remain unexplained")
     if axis.wave:
         drive = arm.joints[0]

@@ -28,10 +28,10 @@ def unit_at(joint: Joint, unit: str, name: str = "") -> str:
     ``name`` of the parameter: a phase stays one.
     """
     if unit in ("A", "1/A2"):
-        own = joint.current_unit if " " not in joint.current_unit else f"({joint.current_unit})"
-        return joint.current_unit if unit == "A" else unit.replace("A", own)
+        own = joint.command_unit if " " not in joint.command_unit else f"({joint.command_unit})"
+        return joint.command_unit if unit == "A" else unit.replace("A", own)
     if unit == "N m/A":
-        return f"{'N m' if joint.revolute else 'N'}/{joint.current_unit}"
+        return f"{'N m' if joint.revolute else 'N'}/{joint.command_unit}"
     return unit if joint.revolute or name == "phase" else SLIDING.get(unit, unit)
 
 

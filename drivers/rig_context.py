@@ -20,6 +20,8 @@ class RigContext:
     simulation  table [simulation] of the rig file
     model       path of the arm's model; None: the rig has none
     folder      of the rig file, to which its paths are relative
+    gears       (J,) motor angle over joint position, with its sign
+    counts      (J,) x4 counts of each joint's encoder per rad (m) of the joint, with the sign; None: no encoder
     clock       the host's time. A backend that runs on its own time puts its clock here, at the latest when its
                 devices have been opened
     """
@@ -27,6 +29,8 @@ class RigContext:
     simulation: dict[str, Any] = field(default_factory=dict)
     model: Path | None = None
     folder: Path = Path()
+    gears: tuple[float, ...] = ()
+    counts: tuple[float | None, ...] = ()
     clock: HostClock = field(default_factory=SystemClock)
     _shared: dict[Hashable, Any] = field(default_factory=dict, repr=False)
 

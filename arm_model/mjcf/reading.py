@@ -59,9 +59,14 @@ def read_mjcf(path: str | Path, *, tip: str | None = None) -> Arm:
     return read_all(path, tip=tip).arm
 
 
-def read_all(path: str | Path, *, tip: str | None = None) -> Reading:
-    """As ``read_mjcf``, with the places of the numbers."""
-    tree = read_tree(path)
+def mjcf_of(text: str, path: str | Path) -> Arm:
+    """``read_mjcf`` of a text; ``path`` names it in errors, and what it includes is looked for beside it."""
+    return read_all(path, content=text.encode()).arm
+
+
+def read_all(path: str | Path, *, tip: str | None = None, content: bytes | None = None) -> Reading:
+    """As ``read_mjcf``, with the places of the numbers; ``content``: see ``read_tree``."""
+    tree = read_tree(path, content)
     _check_compiler(tree)
     chain = _Chain(tree, tip)
     joints: list[Joint] = []

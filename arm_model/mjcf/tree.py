@@ -133,10 +133,13 @@ class Tree:
         return _unit(values)
 
 
-def read_tree(path: str | Path) -> Tree:
-    """Reads a file and what it includes. InputError where it is no MJCF, or has elements that are not read here."""
+def read_tree(path: str | Path, content: bytes | None = None) -> Tree:
+    """Reads a file and what it includes. InputError where it is no MJCF, or has elements that are not read here.
+
+    ``content``: of the file, where there is none; None: it is read.
+    """
     path = Path(path)
-    text = XmlText(path, read_file(path))
+    text = XmlText(path, read_file(path) if content is None else content)
     if text.root.tag != "mujoco":
         raise InputError(path, f"is <{text.root.tag}>, not a MuJoCo model <mujoco>")
     tree = Tree(path, text, [], [])

@@ -6,6 +6,7 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from arm_model.rigid_body.friction_curve import curve_at, curve_level
+    from arm_model.rigid_body.gears import regeared
     from arm_model.rigid_body.gravity_level import gravity_levels
     from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
     from arm_model.rigid_body.kinematics import forward, jacobian, link_frames, placement
@@ -27,5 +28,6 @@ __all__ = [
     "link_frames",
     "mass_matrix",
     "placement",
+    "regeared",
     "rigid_torque",
 ]

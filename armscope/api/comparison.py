@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, TypeAlias
 
-from arm_io import InputError, toml_of
+from arm_io import InputError
 from armscope.api.reading import File, Source, fixed_model, for_analysis
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ def _recording(one: Comparable) -> Source:
 
 def _carried(recordings: Sequence[Recording]) -> Arm:
     """The model that all recordings carry. InputError where one carries none, or two differ."""
-    from arm_model import arm_of, on_fixed_base
+    from arm_model import carried_arm, on_fixed_base
 
     first = recordings[0]
     for one in recordings:
@@ -135,4 +135,4 @@ def _carried(recordings: Sequence[Recording]) -> Arm:
             raise InputError("--model", f"is missing: {first.path} and {one.path} carry different models")
     assert first.model is not None
     where = f"{first.path}: model.toml"
-    return on_fixed_base(arm_of(toml_of(first.model, where), where), where, "'armscope compare'")
+    return on_fixed_base(carried_arm(first.model, where), where, "'armscope compare'")

@@ -127,7 +127,7 @@ class Simulation:
             position.plot(self.t, self.q[:, j], lw=1, label="simulated")
             position.set_ylabel(f"{self.arm.joints[j].name or f'joint {j + 1}'}\nposition [{unit}]")
             current.plot(self.t, self.i[:, j], lw=0.8)
-            current.set_ylabel(f"current [{self.arm.joints[j].current_unit}]")
+            current.set_ylabel(f"current [{self.arm.joints[j].command_unit}]")
         axes[0, 0].legend(fontsize="small")
         for axis in axes[-1]:
             axis.set_xlabel("t [s]")

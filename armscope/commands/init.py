@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from arm_io import InputError, check_folder, make_folder, write_text
+from arm_io import InputError, check_folder, make_folder, read_text, write_text
 from armscope.commands.options import Json
 from armscope.shipped import shipped_folder
 from daq.rig import LONGEST_RIG_NAME
@@ -67,27 +67,75 @@ def command(
             " csv: tables measured elsewhere"
         ),
     ] = Like.SIM,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="ARM.urdf|xml|toml",
+            help="a simulated rig of this arm instead of the Puma; drives that the file does not state are assumed",
+        ),
+    ] = None,
+    torques: Annotated[
+        bool, typer.Option(help="with --model: the drives report torques at the joints, not motor currents")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Writes a starter project."""
-    written = write_starter(folder, like)
+    if model is not None and like is not Like.SIM:
+        raise InputError("--model", f"makes a simulated rig; --like {like} has a model of its own")
+    if torques and model is None:
+        raise InputError("--torques", "needs --model, the arm")
+    assumed: tuple[str, ...] = ()
+    if model is None:
+        written = write_starter(folder, like)
+    else:
+        written, assumed = write_own_rig(folder, model, torques=torques)
     if as_json:
-        print(json.dumps({"folder": str(folder), "files": written}))
+        print(json.dumps({"folder": str(folder), "files": written, "assumed": list(assumed)}))
         return
     print(f"{folder}: {', '.join(written)}")
+    for one in assumed:
+        print(f"assumed: {one}")
     print(f"next: cd {folder}; README.md says what to run first and what to edit")
 
 
 def write_starter(folder: Path, like: Like) -> list[str]:
     """The names of the files written; InputError where the folder holds something already."""
-    check_folder(folder)
-    if folder.is_dir() and any(folder.iterdir()):
-        raise InputError(folder, "is not empty; a starter project must have a folder of its own")
+    _check_empty(folder)
     texts = {place: _text(folder, source) for place, source in STARTERS[like].files(like).items()}
     for place, text in texts.items():
         make_folder((folder / place).parent)
         write_text(folder / place, text)
     return list(texts)
+
+
+def write_own_rig(folder: Path, model: Path, *, torques: bool = False) -> tuple[list[str], tuple[str, ...]]:
+    """The names of the files written for an arm of one's own, and what was assumed of its drives.
+
+    InputError where the folder holds something already, and as ``own_project``.
+    """
+    from arm_model import write_model
+    from armscope.own_rig import own_project
+
+    _check_empty(folder)
+    project = own_project(model, _rig_name(folder), torques=torques)
+    for place, text in project.files.items():
+        make_folder((folder / place).parent)
+        write_text(folder / place, text)
+    if model.suffix == ".toml" and not project.assumed:
+        write_text(folder / "model.toml", read_text(model))
+    else:
+        write_model(folder / "model.toml", project.arm, heading=project.heading)
+    return [*project.files, "model.toml"], project.assumed
+
+
+def _check_empty(folder: Path) -> None:
+    check_folder(folder)
+    if folder.is_dir() and any(folder.iterdir()):
+        raise InputError(folder, "is not empty; a starter project must have a folder of its own")
+
+
+def _rig_name(folder: Path) -> str:
+    return re.sub(r"\W+", "_", folder.resolve().name, flags=re.ASCII).strip("_")[:LONGEST_RIG_NAME] or "my_arm"
 
 
 def _text(folder: Path, source: str) -> str:
@@ -98,7 +146,6 @@ def _text(folder: Path, source: str) -> str:
     text = (shipped_folder() / source).read_text(encoding="utf-8")
     if source not in {starter.rig for starter in STARTERS.values()}:
         return text
-    name = re.sub(r"\W+", "_", folder.resolve().name, flags=re.ASCII).strip("_")[:LONGEST_RIG_NAME] or "my_arm"
-    text = re.sub(r'^name = ".*"', f'name = "{name}"', text, count=1, flags=re.MULTILINE)
+    text = re.sub(r'^name = ".*"', f'name = "{_rig_name(folder)}"', text, count=1, flags=re.MULTILINE)
     text = re.sub(r'^model = ".*?"', 'model = "model.toml"', text, count=1, flags=re.MULTILINE)
     return text.replace(f"config/{source}", "rig.toml")

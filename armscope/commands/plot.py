@@ -111,8 +111,7 @@ def _animate(
 
 def _chain(recording: LongRecording, model: Path | None) -> Chain:
     """Of --model, else of the model in the recording."""
-    from arm_io import toml_of
-    from arm_model import arm_of, on_fixed_base, read_model
+    from arm_model import carried_arm, on_fixed_base, read_model
     from arm_model.collision import chain_of
 
     purpose = "a picture of the arm's motion"
@@ -120,9 +119,8 @@ def _chain(recording: LongRecording, model: Path | None) -> Chain:
         return chain_of(on_fixed_base(read_model(model), model, purpose))
     if recording.model is None:
         raise InputError(recording.path, "has no model with it; give one: --model MODEL.toml")
-    return chain_of(
-        on_fixed_base(arm_of(toml_of(recording.model, recording.path), recording.path), recording.path, purpose)
-    )
+    where = f"{recording.path}: model.toml"
+    return chain_of(on_fixed_base(carried_arm(recording.model, where), where, purpose))
 
 
 def _draw_motion(path: Path, out: Path, model: Path | None, rig: Path | None, space: Path | None) -> None:

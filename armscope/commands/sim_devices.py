@@ -20,7 +20,7 @@ import typer
 
 from arm_io import InputError
 from armscope.commands.options import ReadyJson
-from daq.rig import COUNTS_PER_LINE, DeviceTable, Rig, context_of, read_rig
+from daq.rig import DeviceTable, Rig, context_of, read_rig
 from drivers import check_config, is_loopback
 
 if TYPE_CHECKING:
@@ -124,13 +124,11 @@ def _encoders(rig: Rig, device: str, config: Any) -> dict[int, EncoderWire]:
         if encoder.lines is not None and not hasattr(config, "nodes"):
             wires[encoder.channel] = EncoderWire(j)
             continue
-        scale = encoder.counts_per_radian
-        if scale is None:
-            assert encoder.lines is not None
-            scale = encoder.lines * COUNTS_PER_LINE[encoder.mode] * joint.gear / (2 * np.pi)
+        scale = joint.scale
+        assert scale is not None  # there is an encoder
         # An absolute encoder of the simulator stands at half its range where its wires show 0.
         middle = 1 << (config.bits - 1) if hasattr(config, "nodes") else 0
-        wires[encoder.channel] = EncoderWire(j, encoder.sign * scale, encoder.offset + middle / (encoder.sign * scale))
+        wires[encoder.channel] = EncoderWire(j, scale, encoder.offset + middle / scale)
     return wires
 
 

@@ -91,7 +91,24 @@ class RecordingHead:
         return None if data is None else toml_of(data.decode(), f"{self.path}: {name}")
 
 
-def current_unit(recording: RecordingHead) -> str:
-    """Of ``i``: A, N m (torques at the joint), or "drive": an imported table may be in the drive's own unit."""
+def position_unit(recording: RecordingHead, joint: int) -> str:
+    """rad, or m of a joint (from 1) that slides, as the rig says."""
+    return "m" if _joint_table(recording, joint).get("type") == "prismatic" else "rad"
+
+
+def current_unit(recording: RecordingHead, joint: int) -> str:
+    """Of ``i`` of a joint (from 1): A, N m or N (torque or force at the joint), or "drive".
+
+    An imported table may be in the drive's own unit.
+    """
     unit: str = recording.provenance.get("current_unit", "")
-    return unit or ("drive" if recording.provenance.get("kind") == "imported" else "A")
+    if not unit and recording.provenance.get("kind") == "imported":
+        return "drive"
+    unit = unit or _joint_table(recording, joint).get("current", {}).get("unit", "A")
+    return "N" if unit == "N m" and position_unit(recording, joint) == "m" else unit
+
+
+def _joint_table(recording: RecordingHead, joint: int) -> dict[str, Any]:
+    tables = recording.rig.get("joint", [])
+    table: dict[str, Any] = tables[joint - 1] if joint <= len(tables) else {}
+    return table

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.recording.head import RecordingHead, current_unit
+from daq.recording.head import RecordingHead, current_unit, position_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,19 +69,14 @@ def _draw_joint(
         for axis, signal, width in zip(row, ("q", "i", "deviation"), (1.0, 0.8, 0.8)):
             if (signal, joint) in drawn:
                 axis.plot(*drawn[signal, joint], linewidth=width, **style)
-    unit, current = _unit(first, joint), current_unit(first)
+    unit, current = position_unit(first, joint), current_unit(first, joint)
     row[0].set_ylabel(f"{first.layout.joints[joint - 1]}\nposition [{unit}]")
-    labels = {"A": "current [A]", "N m": "torque [N m]"}
+    labels = {"A": "current [A]", "N m": "torque [N m]", "N": "force [N]"}
     row[1].set_ylabel(labels.get(current, "current [drive's unit]"))
     if len(row) > 2:
         row[2].set_ylabel(f"position - demand [{unit}]")
     for axis in row:
         axis.grid(alpha=0.3)
-
-
-def _unit(recording: RecordingHead, joint: int) -> str:
-    tables = recording.rig.get("joint", [])
-    return "m" if joint <= len(tables) and tables[joint - 1].get("type") == "prismatic" else "rad"
 
 
 def _lines(recording: Recording | LongRecording, joints: Sequence[int]) -> dict[tuple[str, int], Line]:

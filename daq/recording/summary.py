@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.recording.blocks import LongRecording
-from daq.recording.head import RecordingHead, current_unit
+from daq.recording.head import RecordingHead, current_unit, position_unit
 from daq.recording.mcap_file.checksums import SENTENCES, verify
 from daq.recording.mcap_file.pages import mapped
 from daq.recording.messages.row_format import JOINT_TOPICS, format_of
@@ -154,14 +154,13 @@ class _Rows:
 
 def _signals(recording: RecordingHead, found: _Rows) -> list[dict[str, Any]]:
     """Each measured column: which samples are missing, and what the others are like."""
-    kinds = [joint.get("type", "revolute") for joint in recording.rig.get("joint", [])]
     table = []
     for signal in JOINT_TOPICS:
         for joint in recording.layout.signals.get(signal, ()):
             if signal == "i":
-                unit = current_unit(recording)
+                unit = current_unit(recording, joint)
             else:
-                unit = _UNITS.get(signal, "m" if kinds[joint - 1 : joint] == ["prismatic"] else "rad")
+                unit = _UNITS.get(signal) or position_unit(recording, joint)
             table.append({"signal": signal, "joint": joint, "unit": unit} | found.signals[signal].column(joint - 1))
     if recording.layout.points:
         points = found.signals["points" if recording.layout.points == "tracker" else "xyz"]

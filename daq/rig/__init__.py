@@ -6,7 +6,6 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from daq.rig.bench import Bench
-    from daq.rig.calibration import COUNTS_PER_LINE
     from daq.rig.channels import channel_names
     from daq.rig.endpoints import read_passwords
     from daq.rig.preflight import chain_of, check_motion, check_plan
@@ -15,7 +14,6 @@ else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
-    "COUNTS_PER_LINE",
     "LONGEST_RIG_NAME",
     "Bench",
     "DeviceTable",

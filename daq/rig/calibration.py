@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 
 from daq.rig.channels import Columns
 from daq.rig.rig_file import CurrentSensor, JointTable, Rig
-from drivers.protocols import CounterMode, Quality
+from drivers.protocols import Quality
 
-COUNTS_PER_LINE = {CounterMode.X1: 1, CounterMode.X2: 2, CounterMode.X4: 4}
 NONE = -1  # column of a joint that has no such sensor
 
 
@@ -71,22 +70,12 @@ def calibration_of(rig: Rig, columns: Columns) -> Calibration:
     sensors = [joint.current for joint in rig.joint]
     return Calibration(
         count_column=tuple(columns.counters.index((e.device, e.channel)) if e else NONE for e in encoders),
-        scale=tuple(_scale(joint) for joint in rig.joint),
+        scale=tuple(1.0 if joint.scale is None else joint.scale for joint in rig.joint),
         offset=tuple(e.offset if e else 0.0 for e in encoders),
         volt_column=tuple(columns.inputs.index((s.device, s.channel)) if s else NONE for s in sensors),
         amperes_per_volt=tuple(_amperes_per_volt(joint, s) if s else 1.0 for joint, s in zip(rig.joint, sensors)),
         volt_offset=tuple(s.offset if s else 0.0 for s in sensors),
     )
-
-
-def _scale(joint: JointTable) -> float:
-    encoder = joint.encoder
-    if encoder is None:
-        return 1.0
-    if encoder.counts_per_radian is not None:
-        return encoder.sign * encoder.counts_per_radian
-    assert encoder.lines is not None  # the rig file was checked
-    return encoder.sign * encoder.lines * COUNTS_PER_LINE[encoder.mode] * joint.gear / (2 * np.pi)
 
 
 def _amperes_per_volt(joint: JointTable, sensor: CurrentSensor) -> float:

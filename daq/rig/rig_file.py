@@ -35,6 +35,7 @@ from drivers.protocols import (
 Positive = Annotated[float, Field(gt=0)]
 Channel = Annotated[int, Field(ge=0)]
 Sign = Literal[-1, 1]
+COUNTS_PER_LINE = {CounterMode.X1: 1, CounterMode.X2: 2, CounterMode.X4: 4}
 LONGEST_RIG_NAME = 100
 """Characters: the name of the rig's lock file and its Zenoh keys follow from it."""
 Vector = tuple[float, float, float]
@@ -91,9 +92,11 @@ class Encoder(Table):
 
 
 class CurrentSensor(Table):
-    """Where a motor's current comes from: an analogue channel behind a Hall transducer.
+    """Where a motor's current comes from: an analogue channel behind a Hall transducer, or a torque sensor's.
 
     Current = (V - offset) rated_current / rated_voltage / turns; the thesis's I = (20 V - C_off) / N for 200 A -> 10 V.
+    unit  of the result: "N m" ("N" of a prismatic joint) where the drive or a sensor reports torques at the joint;
+          rated_current is in it too
     """
 
     device: str
@@ -103,6 +106,7 @@ class CurrentSensor(Table):
     turns: Annotated[int, Field(gt=0)] = 1
     sign: Sign = 1
     offset: float = 0.0  # V at no current
+    unit: Literal["A", "N m", "N"] = "A"
 
 
 class JointTable(Table):
@@ -120,6 +124,17 @@ class JointTable(Table):
         if gear == 0 or not np.isfinite(gear):
             raise ValueError("must be a number other than 0")
         return gear
+
+    @property
+    def scale(self) -> float | None:
+        """Counts per rad (m) of the joint, with its sign; None without an encoder."""
+        encoder = self.encoder
+        if encoder is None:
+            return None
+        if encoder.counts_per_radian is not None:
+            return encoder.sign * encoder.counts_per_radian
+        assert encoder.lines is not None  # Encoder has one of the two
+        return encoder.sign * encoder.lines * COUNTS_PER_LINE[encoder.mode] * self.gear / (2 * np.pi)
 
 
 class TrackerTable(Table):
@@ -299,7 +314,20 @@ def read_rig(path: str | Path, *, drivers: bool = True) -> Rig:
 
 def context_of(rig: Rig) -> RigContext:
     """What the rig's drivers share."""
-    return RigContext(simulation=dict(rig.simulation), model=rig.model_path, folder=rig._folder)
+    return RigContext(
+        simulation=dict(rig.simulation),
+        model=rig.model_path,
+        folder=rig._folder,
+        gears=tuple(joint.gear for joint in rig.joint),
+        counts=tuple(_x4_counts(joint) for joint in rig.joint),
+    )
+
+
+def _x4_counts(joint: JointTable) -> float | None:
+    """Counts per rad (m) of the joint if its counter counted all four edges of a line."""
+    if joint.encoder is None or joint.scale is None:
+        return None
+    return joint.scale * COUNTS_PER_LINE[CounterMode.X4] / COUNTS_PER_LINE[joint.encoder.mode]
 
 
 def make_devices(rig: Rig, context: RigContext, where: str | Path = "rig") -> dict[str, Device]:

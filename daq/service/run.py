@@ -19,6 +19,7 @@ from daq.recording.parts import Attachments, ledger_table, loss_tables
 from daq.recording.provenance import provenance
 from daq.recording.recorder import Recorder, rows_layout
 from daq.rig.bench import Bench
+from daq.rig.rig_file import JointTable
 from daq.service.publisher import Publisher
 from daq.service.row_block import columns_of
 from drivers import SystemClock
@@ -142,7 +143,7 @@ class Run:
             inputs=inputs,
             tracker=bench.columns.tracker is not None,
             demand=controller is not None and controller.demand(np.zeros(1)) is not None,
-            effort=_torque_per_ampere(model, [joint.gear for joint in rig.joint]),
+            effort=_torque_per_ampere(model, rig.joint),
         )
         identities = {name: asdict(identity) for name, identity in bench.identities.items()}
         attachments = Attachments(
@@ -195,11 +196,15 @@ class Run:
         }
 
 
-def _torque_per_ampere(model: str | None, gears: list[float]) -> list[float]:
-    """N m/A (N/A) of each joint, |gear| x torque constant, as the model file has it; [] unless it has all of them."""
+def _torque_per_ampere(model: str | None, joints: list[JointTable]) -> list[float]:
+    """N m/A (N/A) of each joint, |gear| x torque constant, as the model file has it; [] unless it has all of them.
+
+    1 where the rig measures torques.
+    """
+    if all(joint.current is not None and joint.current.unit != "A" for joint in joints):
+        return [1.0] * len(joints)
     try:
-        joints = toml_of(model or "", "model").get("joint", [])
-        constants = [float(joint["torque_constant"]) for joint in joints]
+        constants = [float(joint["torque_constant"]) for joint in toml_of(model or "", "model").get("joint", [])]
     except (InputError, KeyError, TypeError, ValueError):
         return []
-    return [k * abs(gear) for k, gear in zip(constants, gears)] if len(constants) == len(gears) else []
+    return [k * abs(joint.gear) for k, joint in zip(constants, joints)] if len(constants) == len(joints) else []

@@ -255,7 +255,7 @@ def _judged(
     p = p_value(gains)
     if not excess[1] < (1.0 - LIMITS.explained) * excess[0] or p > LIMITS.significant:
         return None
-    unit = arm.joints[j].current_unit
+    unit = arm.joints[j].command_unit
     shows = CATALOGUE[trial.effect].shown(Instrument.CLOSED_LOOP, trial.values, {})
     sentence = (
         f"{shows}: with it, the held-out closed-loop error of the current of joint {trial.joint} between "

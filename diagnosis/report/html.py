@@ -86,7 +86,7 @@ def _counted(recordings: int) -> str:
 
 def _simulated(result: Diagnosis) -> Iterator[tuple[str, Chart]]:
     """Closed-loop simulation next to the measurement, for some recordings of either set."""
-    units = tuple(dict.fromkeys(joint.current_unit for joint in result.arm.joints))
+    units = tuple(dict.fromkeys(joint.command_unit for joint in result.arm.joints))
     for side, words in (("held_out", "held out"), ("fit", "fitted")):
         pairs = result.compared.get(side) or []
         for number, (before, after) in enumerate(pairs[: MOST_CHARTS[side]], 1):

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_io import InputError, toml_of
+from arm_io import InputError
 from arm_io.types import Array
-from arm_model import Arm, arm_of
+from arm_model import Arm, carried_arm
 from daq.recording import Recording
 from identification.preprocessing.quality import as_trusted
 from identification.preprocessing.signals import Motion
@@ -68,7 +68,7 @@ def _check_rig(recording: Recording, arm: Arm) -> None:
     """
     where = recording.path
     if recording.model is not None:
-        own = arm_of(toml_of(recording.model, f"{where}: model.toml"), f"{where}: model.toml")
+        own = carried_arm(recording.model, f"{where}: model.toml")
         if own.floating is not None:
             raise InputError(where, f"was recorded with '{own.name}', whose base floats; '{arm.name}' has a fixed one")
         for number, (mine, other) in enumerate(zip(arm.joints, own.joints), 1):

@@ -20,7 +20,7 @@ from identification.preprocessing import checks
 from identification.preprocessing.signals import parallel_filter, sliding_rows, with_reversals
 from identification.preprocessing.spectrum import Band
 from identification.regression.effect_columns import is_effect, shown_torque
-from identification.regression.equations import Equations, model_values, shown_rows
+from identification.regression.equations import Equations, lifts, model_values, shown_rows
 from identification.regression.identifiability import named
 from identification.regression.least_squares import Fit, least_squares, relative_error
 from identification.regression.physical_consistency import consistent_parameters, friction_rows
@@ -65,10 +65,14 @@ def with_values(problem: Problem, physical: Array) -> Arm:
         if joint.coulomb[0] == joint.coulomb[1]:
             continue
         name = f"joint{j + 1}.coulomb"
-        difference = joint.ratio * (joint.coulomb[0] - joint.coulomb[1]) / 2
-        difference += values[f"joint{j + 1}.offset"] - now[f"joint{j + 1}.offset"]
+        difference, offset = joint.ratio * (joint.coulomb[0] - joint.coulomb[1]) / 2, joint.ratio * joint.offset
+        change = values[f"joint{j + 1}.offset"] - now[f"joint{j + 1}.offset"]
+        if lifts(problem.arm, j):
+            offset += change
+        else:
+            difference += change
         sides = {f"{name}_positive": values[name] + difference, f"{name}_negative": values[name] - difference}
-        uneven = with_parameters(even, {**sides, f"joint{j + 1}.offset": joint.ratio * joint.offset})
+        uneven = with_parameters(even, {**sides, f"joint{j + 1}.offset": offset})
         even = even if j in driven(uneven, problem.top_speeds) else uneven
     return even
 

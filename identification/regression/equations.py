@@ -20,6 +20,7 @@ from arm_io.types import Array
 from arm_model import Arm, parameter
 from arm_model.effects import coupled
 from arm_model.friction_split import departures, follows
+from arm_model.rigid_body import jacobian
 from arm_model.rigid_body.regressor import parameter_names, parameter_vector, regressor
 from identification.preprocessing.aliased_ripple import drifting
 from identification.preprocessing.signals import (
@@ -35,7 +36,8 @@ from identification.regression.effect_columns import effect_columns, effect_para
 from identification.regression.generic_arm import generic_arms
 
 Friction = Literal["symmetric", "asymmetric"]
-
+LEVEL = 1e-6
+"""Sine of the slope below which a sliding joint counts as level."""
 
 PER_ROW = ("columns", "torque", "joint", "run", "t", "rest", "systematic", "sliding")
 
@@ -102,11 +104,16 @@ def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Frict
     Of other effects a Gauss-Newton step needs nothing here: links and drives move alike.
 
     With symmetric friction, the offset of a joint whose Coulomb friction the model has by direction is half of that
-    difference, and goes through zero with the velocity: sign^2 instead of 1.
+    difference, and goes through zero with the velocity: sign^2 instead of 1. Not so where the offset is also a weight
+    (``lifts``): there the difference is a constant, with either friction.
     """
     full, names = regressor(coupled(arm), q, qd, qdd, friction=friction)
-    for j, joint in enumerate(arm.joints if friction == "symmetric" else ()):
-        if joint.coulomb[0] != joint.coulomb[1]:
+    for j, joint in enumerate(arm.joints):
+        if friction == "asymmetric" and lifts(arm, j):
+            forwards, backwards = (names.index(f"joint{j + 1}.coulomb_{way}") for way in ("positive", "negative"))
+            sign = full[:, j, forwards] + full[:, j, backwards]
+            full[:, j, forwards], full[:, j, backwards] = (sign + 1.0) / 2.0, (sign - 1.0) / 2.0
+        elif friction == "symmetric" and joint.coulomb[0] != joint.coulomb[1] and not lifts(arm, j):
             sign = full[:, j, names.index(f"joint{j + 1}.coulomb")]
             full[:, j, names.index(f"joint{j + 1}.offset")] = sign**2
     for j, joint in enumerate(arm.joints):
@@ -117,6 +124,14 @@ def described_columns(arm: Arm, q: Array, qd: Array, qdd: Array, friction: Frict
                 own = np.array([names.index(point) for point in points])
                 full[:, j, own[kept]] = full[:, j, own] @ basis
     return full[:, :, [k for k, name in enumerate(names) if not _left_out(arm, name, friction)]]
+
+
+def lifts(arm: Arm, j: int) -> bool:
+    """Whether joint j (from 0) slides and bears weight: a constant force, indistinguishable from an offset."""
+    if arm.joints[j].revolute:
+        return False
+    axis = jacobian(arm, np.zeros(len(arm)))[:3, j]
+    return bool(abs(axis @ arm.gravity) > LEVEL * np.linalg.norm(arm.gravity))
 
 
 def curve_names(j: int, count: int, direction: str) -> list[str]:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from arm_io import InputError
+from arm_io import DeviceFault, InputError
 from arm_io.types import Array
 from arm_model import Arm, Motion
 from arm_model.effects import CATALOGUE, Signals, values_of
@@ -89,6 +89,12 @@ class Servoed:
         rows = np.arange(first * ROWS_PER_TICK, first * ROWS_PER_TICK + CHUNK_ROWS, dtype=np.float64)
         times = rows * (self._stepper.period / ROWS_PER_TICK)
         self._last = self._stepper.advance(references(self._arm, self._demand, first, ticks), times)
+        if not np.isfinite(self._last.q).all():
+            raise DeviceFault(
+                self._arm.name,
+                f"its simulation left all bounds before t = {times[-1]:.3g} s; give each joint a rotor inertia, less "
+                "friction or a weaker servo",
+            )
         return self._instruments.see(self._last)
 
     def state(self) -> object:

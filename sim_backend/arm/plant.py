@@ -7,15 +7,18 @@ as its maker knew it.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from pydantic import ValidationError
 
 from arm_io import InputError
+from arm_io.toml import one_line
 from arm_io.types import Array
-from arm_model import Arm, on_fixed_base, read_model
+from arm_model import Arm, Controller, Joint, on_fixed_base, read_model
 from arm_model.effects import check_terms
+from arm_model.rigid_body import regeared
 from arm_model.rigid_body.inertia import about_com, barycentric
 from arm_model.servo import fixed_gains
 from arm_model.tracking import latency, target_at
@@ -25,14 +28,15 @@ from sim_backend.arm.signals import Mover
 
 FREE, ROUNDING = 1e15, 1e-9
 """rad (m): no stop, and by how much a position may be beyond one."""
+COUNTS_PER_LINE = 4
+"""Edges of a line and its quadrature."""
 
 
 class SimulatedArm:
     """sim_backend.rig.world.Plant."""
 
-    def __init__(self, arm: Arm, hold: float) -> None:
-        self.arm, self._hold = arm, hold
-        self.encoder_lines = arm.joint_array("encoder_lines")
+    def __init__(self, arm: Arm, encoder_lines: Array, hold: float) -> None:
+        self.arm, self._hold, self.encoder_lines = arm, hold, encoder_lines
         self.rest = np.zeros(len(arm))
         self.tracker_latency = latency(arm)
 
@@ -61,31 +65,86 @@ class SimulatedArm:
         return target_at(self.arm, position, point)
 
 
-def read_arm(path: Path, known: Path | None, hold: float) -> SimulatedArm:
-    """The arm in a model file, with the servos that the model ``known`` asks for.
+@dataclass(frozen=True)
+class Drives:
+    """What a rig file says of the drives: for models that say nothing of them, as URDF files.
 
-    Where ``known`` is None or has no controller, as a URDF file has none, the servos are those of the file itself.
+    gears       (n,) motor angle over joint position, with its sign
+    counts      (n,) x4 counts per rad (m) of the joint, with the sign; None where the rig has no encoder
+    controller  the servos; None: the rig file has none
+    rotors      (n,) kg m2 at the motors; empty: the rig file has none
+    """
 
-    ``hold``: see ``Servoed``.
+    gears: tuple[float, ...] = ()
+    counts: tuple[float | None, ...] = ()
+    controller: Controller | None = None
+    rotors: tuple[float, ...] = ()
+
+
+def read_arm(path: Path, known: Path | None, drives: Drives, hold: float) -> SimulatedArm:
+    """The arm in a model file, with the servos of the rig file, else of the model ``known``.
+
+    Where ``known`` is None or has no controller, as a URDF file has none, the servos are those of the file itself. A
+    joint without encoder lines is given the gear and the encoder of the rig file, one without a rotor that of the rig
+    file. ``hold``: see ``Servoed``.
 
     InputError where it cannot be moved.
     """
     arm = on_fixed_base(read_model(path), path, "a simulated rig")
     check_terms(arm, path)
     Instruments(arm)  # refuses what cannot be simulated
-    if arm.controller is None:
-        raise InputError(path, "has no [controller]; an arm that is to move needs one")
-    for number, joint in enumerate(arm.joints, 1):
-        if joint.encoder_lines is None:
-            raise InputError(path, f"joint[{number}].encoder_lines: is missing; the simulated encoder needs it")
     tuned = arm
-    if known is not None and arm.controller.kind == "bandwidth":
+    if known is not None and (drives.controller or arm.controller is None or arm.controller.kind == "bandwidth"):
         nominal = read_model(known)
         if len(nominal) != len(arm):
             raise InputError(path, f"has {len(arm)} joints; the rig's own model, {known}, has {len(nominal)}")
-        if nominal.controller is not None:
+        if drives.controller or nominal.controller is not None:
             tuned = nominal
-    return SimulatedArm(replace(arm, controller=fixed_gains(tuned).controller), hold)
+    if drives.controller is not None:
+        tuned = _with_controller(tuned, drives.controller)
+    if tuned.controller is None:
+        raise InputError(
+            path,
+            "has no [controller]; an arm that is to move needs one, here or as [simulation.controller] of the rig file",
+        )
+    if drives.rotors and len(drives.rotors) != len(arm):
+        raise InputError("simulation", f"rotor_inertia: has {len(drives.rotors)} entries for {len(arm)} joints")
+    joints, lines = zip(*(_with_encoder(joint, j, drives, path) for j, joint in enumerate(arm.joints)))
+    servos = fixed_gains(_with_rotors(tuned, drives)).controller
+    moving = _with_rotors(replace(arm, joints=joints, controller=servos), drives)
+    return SimulatedArm(moving, np.array(lines, float), hold)
+
+
+def _with_controller(arm: Arm, controller: Controller) -> Arm:
+    try:
+        return replace(arm, controller=controller)
+    except ValidationError as error:
+        raise InputError("simulation.controller", one_line(error)) from None
+
+
+def _with_rotors(arm: Arm, drives: Drives) -> Arm:
+    """Joints without a rotor get that of the rig file."""
+    rotors = drives.rotors or (0.0,) * len(arm)
+    joints = tuple(
+        joint if joint.rotor_inertia else replace(joint, rotor_inertia=rotor)
+        for joint, rotor in zip(arm.joints, rotors)
+    )
+    return replace(arm, joints=joints)
+
+
+def _with_encoder(joint: Joint, j: int, drives: Drives, path: Path) -> tuple[Joint, float]:
+    """Joint j and the lines of its encoder per motor revolution: of the model, else of the rig file, with its gear."""
+    if joint.encoder_lines is not None:
+        return joint, joint.encoder_lines
+    counts = drives.counts[j] if j < len(drives.counts) else None
+    if counts is None:
+        raise InputError(
+            path,
+            f"joint[{j + 1}].encoder_lines: is missing; the simulated encoder needs it, or the rig file's encoder of "
+            "this joint",
+        )
+    joint = regeared(joint, drives.gears[j])
+    return joint, counts / COUNTS_PER_LINE * 2 * np.pi / joint.gear
 
 
 def with_payload(arm: Arm, payload: Payload) -> Arm:

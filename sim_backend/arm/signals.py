@@ -106,7 +106,6 @@ class Run:
 
     def _begin(self) -> None:
         """Computes the first chunk, and which edges the lines are past at its start."""
-        self._begun = True
         first = self.mover.advance()
         self._raw_current = first.current[:1]
         if self._before is not None:
@@ -120,6 +119,7 @@ class Run:
                 sine_encoder.bounds(*sine_encoder.place(line, phi), *sine_encoder.switching(line, quiet))[0]
                 for line in self._lines
             ]
+        self._begun = True
         self._keep(first)
 
     def motor_angle(self, at: Times) -> Array:

@@ -5,11 +5,12 @@ The simulated arm, its pace, its electronics and the faults of its instruments.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from arm_io.table import NoSeconds, Seconds, Table
+from arm_model import Controller
 from sim_backend.electronics.electronics import EncoderTable, TransducerTable
 from sim_backend.rig.faults import Fault
 
@@ -24,6 +25,8 @@ class Simulation(Table):
     settle  s after the end of the motion before the controller says that it has finished
     hold    s after that before the brakes come on
     stamp_jitter  s by which the host's stamps are late (magnitude of a normal): interrupts
+    controller    the servos; left out: those of the rig's model. For models that have none, as URDF files
+    rotor_inertia kg m2 at the motor, per joint, of joints whose model has none
     """
 
     model: str | None = None
@@ -32,6 +35,8 @@ class Simulation(Table):
     settle: NoSeconds = 0.3
     hold: Seconds = 5.0
     stamp_jitter: NoSeconds = 5e-6
+    controller: Controller | None = None
+    rotor_inertia: list[Annotated[float, Field(ge=0)]] = Field(default_factory=list)
     encoder: EncoderTable = EncoderTable()
     transducer: TransducerTable = TransducerTable()
     fault: list[Fault] = Field(default_factory=list)

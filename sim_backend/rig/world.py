@@ -241,11 +241,13 @@ def world_of(context: RigContext) -> World:
 
 
 def _make_world(context: RigContext) -> World:
-    from sim_backend.arm.plant import read_arm
+    from sim_backend.arm.plant import Drives, read_arm
 
     settings = check_table("simulation", context.simulation, Simulation)
     clock: HostClock = FastClock() if settings.pace == "fast" else SystemClock()
-    plant = read_arm(*_models(settings, context), settings.settle + settings.hold)
+    path, known = _models(settings, context)
+    drives = Drives(context.gears, context.counts, settings.controller, tuple(settings.rotor_inertia))
+    plant = read_arm(path, known, drives, settings.settle + settings.hold)
     try:
         world = World(settings, plant, clock)
     except ValueError as error:

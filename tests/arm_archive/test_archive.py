@@ -15,13 +15,14 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from arm_archive import INDEX, Filters, open_archive
 from arm_io import InputError
-from daq.recording import open_long
+from daq.recording import Attachments, open_long, write_table
 from daq.recording.summary import summary
 from tests.arm_archive.lab import diagnosis, identification, record
 
@@ -354,3 +355,14 @@ def test_a_folder_that_cannot_be_written(lab: Path, root: Path, index: str, read
 def test_no_folder_at_all(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="must be a folder of recordings"):
         open_archive(tmp_path / "none")
+
+
+@pytest.mark.parametrize(
+    ("model", "arm"),
+    [('<?xml version="1.0"?><robot name="UR5e"/>', "UR5e"), ('<mujoco model="panda"/>', "panda"), ("<mujoco/>", None)],
+)
+def test_a_recording_with_an_xml_model_is_whole(tmp_path: Path, model: str, arm: str | None) -> None:
+    t = np.arange(20) * 0.01
+    write_table(tmp_path / "run.mcap", t, {"q": t[:, None], "i": t[:, None]}, Attachments(model=model))
+    (entry,) = rows_of(tmp_path)
+    assert (entry["state"], entry["arm"]) == ("whole", arm)

@@ -14,7 +14,7 @@ import tomli_w
 
 from arm_io import InputError
 from arm_model.description import EffectTerm
-from arm_model.model_file import read_model, write_model
+from arm_model.model_file import carried_arm, read_model, write_model
 
 
 def test_every_model_reads_and_writes_back(root: Path, tmp_path: Path) -> None:
@@ -105,3 +105,17 @@ def test_a_wrong_file_gets_one_line(
     assert said in str(caught.value)
     assert str(caught.value).startswith(str(tmp_path / "model.toml"))
     assert "\n" not in str(caught.value)
+
+
+def test_a_recording_carries_a_model_of_any_kind(root: Path, tmp_path: Path) -> None:
+    from arm_model.mjcf import read_mjcf
+    from tests.arm_model.mjcf_arms import mjcf
+
+    toml, urdf = root / "config/models/gantry.toml", root / "config/models/ur5e.urdf"
+    assert carried_arm(toml.read_text(), "x") == read_model(toml)
+    assert carried_arm("\ufeff\n " + urdf.read_text(), "x") == read_model(urdf)
+    (tmp_path / "arm.xml").write_text("<?xml version='1.0'?>\n<!-- <robot> -->\n" + mjcf(1))
+    assert carried_arm((tmp_path / "arm.xml").read_text(), "x") == read_mjcf(tmp_path / "arm.xml")
+    for wrong in ("<robot", "name = ", "<mujoco/>", "<html/>", ""):
+        with pytest.raises(InputError, match="^run.mcap: model.toml"):
+            carried_arm(wrong, "run.mcap: model.toml")

@@ -118,3 +118,21 @@ def test_without_ffmpeg_mp4_is_refused_in_one_line(
     assert re.fullmatch(r"error: .*a\.mp4: mp4 needs ffmpeg, or pip install .*\n", capsys.readouterr().err)
     assert run(["plot", str(recordings[1]), "--animate", str(tmp_path / "a.gif")]) == 2
     assert "has no model with it; give one: --model" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["urdf", "mjcf"])
+def test_the_arm_of_a_recording_made_with_an_xml_model_is_known(kind: str, root: Path, tmp_path: Path) -> None:
+    text = (root / "examples/own_arm/arm.urdf").read_text() if kind == "urdf" else TWO_HINGES
+    t = np.arange(100) * 0.01
+    q = np.column_stack([np.sin(3 * t), np.cos(3 * t)])
+    write_table(tmp_path / "run.mcap", t, {"q": q, "i": q}, Attachments(model=text))
+    out = tmp_path / "arm.gif"
+    assert run(["plot", str(tmp_path / "run.mcap"), "--animate", str(out), "--fps", "2"]) == 0
+    assert out.read_bytes().startswith(b"GIF8")
+
+
+TWO_HINGES = """<?xml version="1.0"?>
+<mujoco model="two"><worldbody><body name="a"><joint name="q1" axis="0 0 1"/>
+<inertial pos="0.2 0 0" mass="1" diaginertia="0.1 0.1 0.1"/><body name="b" pos="0.4 0 0">
+<joint name="q2" axis="0 1 0"/><inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body></body></worldbody>
+</mujoco>"""

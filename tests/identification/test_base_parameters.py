@@ -24,7 +24,7 @@ def test_puma_has_the_thirty_six_inertial_base_parameters_of_the_literature(root
     assert len(base) == 34 + 6 + 3 * 6
 
 
-@pytest.mark.parametrize("model", ["puma560", "panda", "emps"])
+@pytest.mark.parametrize("model", ["puma560", "panda", "emps", "gantry", "cylindrical"])
 @pytest.mark.parametrize("friction", ["symmetric", "asymmetric"])
 def test_grouped_columns_give_the_same_torque(root: Path, model: str, friction: str) -> None:
     arm = read_model(root / f"config/models/{model}.toml")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from arm_model import read_model
+from arm_io import DeviceFault, InputError
+from arm_model import Controller, read_model, write_model
 from arm_model.urdf import write_urdf
 from experiment import read_experiment
+from sim_backend.arm.arm_motion import Servoed
 from sim_backend.arm.history import History
-from sim_backend.arm.plant import read_arm
+from sim_backend.arm.plant import Drives, read_arm
 from sim_backend.electronics import noise
 from sim_backend.rig.faults import ExtraEdge, LostEdge, LostRow
 from sim_backend.rig.trigger_line import TriggerLine, seen
@@ -28,7 +32,7 @@ def test_servos_are_the_arms_own_where_the_rigs_model_has_no_controller(tmp_path
     write_urdf(urdf, read_model(model))
     experiment = read_experiment(ROOT / "config/experiments/excitation.toml")
     alone, beside = (
-        read_arm(model, known, 0.1).moving(experiment).advance() for known in (None, tmp_path / "arm.urdf")
+        read_arm(model, known, Drives(), 0.1).moving(experiment).advance() for known in (None, tmp_path / "arm.urdf")
     )
     assert np.array_equal(alone.motor, beside.motor) and np.array_equal(alone.current, beside.current)
 
@@ -93,3 +97,55 @@ def test_edges_as_they_are_seen_are_the_same_however_they_are_cut() -> None:
         tail = seen(line, faults, cut, 30, len(head.edge))
         assert np.concatenate([head.time, tail.time]).tolist() == whole.time.tolist()
         assert np.concatenate([head.number, tail.number]).tolist() == whole.number.tolist()
+
+
+def test_what_a_urdf_file_lacks_comes_from_the_rig_file(tmp_path: Path) -> None:
+    """Encoders, gears, rotors and servos of the rig: a gantry of URDF moves as the one whose model says all."""
+    arm = read_model(ROOT / "config/models/gantry.toml")
+    even = replace(arm, joints=tuple(replace(joint, coulomb=(0.03, 0.03)) for joint in arm.joints))
+    write_model(tmp_path / "arm.toml", even)
+    write_urdf(tmp_path / "arm.urdf", even)
+    drives = Drives(
+        gears=tuple(joint.gear for joint in arm.joints),
+        counts=tuple(4 * (joint.encoder_lines or 0) * joint.gear / (2 * np.pi) for joint in arm.joints),
+        controller=arm.controller,
+        rotors=tuple(joint.rotor_inertia for joint in arm.joints),
+    )
+    whole = read_arm(tmp_path / "arm.toml", None, Drives(), 0.1)
+    bare = read_arm(tmp_path / "arm.urdf", tmp_path / "arm.urdf", drives, 0.1)
+    np.testing.assert_allclose(bare.encoder_lines, whole.encoder_lines)
+    experiment = read_experiment(ROOT / "config/experiments/arms/gantry_fit.toml")
+    told, found = (plant.moving(experiment).advance() for plant in (whole, bare))
+    # a URDF file has no smoothing velocity, so friction turns over more slowly
+    np.testing.assert_allclose(found.motor, told.motor, atol=2e-3 * np.abs(told.motor).max())
+    scale = whole.arm.joint_array("drive_constant")  # of the bare one 1: its currents are forces
+    np.testing.assert_allclose(found.current[:3], told.current[:3] * scale, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("drives", "error"),
+    [
+        (Drives(), "has no [controller]"),
+        (Drives(controller=read_model(ROOT / "config/models/gantry.toml").controller), "encoder_lines: is missing"),
+        (Drives(controller=read_model(ROOT / "config/models/puma560.toml").controller), "controller.natural_frequency"),
+        (
+            Drives(controller=read_model(ROOT / "config/models/gantry.toml").controller, rotors=(1.0,)),
+            "rotor_inertia: has 1 entries for 3 joints",
+        ),
+    ],
+)
+def test_what_neither_file_says_is_asked_for(tmp_path: Path, drives: Drives, error: str) -> None:
+    write_urdf(tmp_path / "arm.urdf", read_model(ROOT / "config/models/gantry.toml"))
+    with pytest.raises(InputError, match=re.escape(error)):
+        read_arm(tmp_path / "arm.urdf", None, drives, 0.1)
+
+
+def test_an_arm_that_cannot_be_simulated_is_a_device_that_failed(root: Path) -> None:
+    """The wrist of a URDF file without rotors: friction stops its milligrams faster than any step."""
+    arm = read_model(root / "config/models/ur5e.urdf")
+    controller = Controller(kind="gains", position_gain=(100.0,) * 6, velocity_gain=(10.0,) * 6)
+    experiment = read_experiment(root / "config/experiments/arms/ur5e_fit.toml")
+    mover = Servoed(replace(arm, controller=controller), experiment, 0.1)
+    with pytest.raises(DeviceFault, match="rotor inertia"):
+        for _ in range(8):
+            mover.advance()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from arm_io.types import Array
-from daq.recording.head import RecordingHead, current_unit
+from daq.recording.head import RecordingHead, current_unit, position_unit
 
 if TYPE_CHECKING:
     from daq.recording.reader import Recording
@@ -24,14 +24,10 @@ def columns_of(block: Recording) -> dict[str, Array]:
 
 def units_of(recording: RecordingHead) -> dict[str, str]:
     """Column -> its unit; a table's further columns have none."""
-    kinds = [joint.get("type") for joint in recording.rig.get("joint", [])]
-    current = current_unit(recording)
     units = {"t": "s", **dict.fromkeys("xyz", "m")}
     for signal, having in recording.layout.signals.items():
         for joint in having:
-            position = "m" if kinds[joint - 1 : joint] == ["prismatic"] else "rad"
-            unit = {"i": "drive unit" if current == "drive" else current, "v": "V", "temp": "degC"}.get(
-                signal, position
-            )
-            units[f"{signal}{joint}"] = unit
+            current = current_unit(recording, joint)
+            named = {"i": "drive unit" if current == "drive" else current, "v": "V", "temp": "degC"}
+            units[f"{signal}{joint}"] = named.get(signal) or position_unit(recording, joint)
     return units

@@ -42,7 +42,7 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
     group += [(name, candidate.joint) for name in aliases if (name, candidate.joint) not in group]
     where, unit = (
         f"of joint {candidate.joint}" if candidate.joint else "of all joints",
-        model.arm.joints[joint - 1].current_unit,
+        model.arm.joints[joint - 1].command_unit,
     )
     turn = in_words(candidate, model.arm.joints[joint - 1])
     of_wheel = f" ({turn})" if turn else ""
@@ -126,7 +126,7 @@ def from_event(event: Event, arm: Arm, data: Split[Dataset]) -> Cause:
 
 def from_axis(axis_cause: AxisCause, arm: Arm) -> Cause:
     joint = 1 if CATALOGUE[axis_cause.effect].per_joint else None
-    unit, values = arm.joints[0].current_unit, {p.name: p.value for p in axis_cause.parameters}
+    unit, values = arm.joints[0].command_unit, {p.name: p.value for p in axis_cause.parameters}
     effect, drive = CATALOGUE[axis_cause.effect], arm.joints[0]
     units = {p.name: unit_at(drive, p.unit, p.name) for p in effect.parameters}
     sentence = (

@@ -101,7 +101,7 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
         change = f"changed by at most {np.ptp(gravity):.2g} {unit_at(drive, 'N m')}"
         return f"the gravity torque of joint {joint} {change if np.abs(gravity).max() > 1e-6 else 'is zero'}"
     if need is Excitation.CURRENT:
-        return f"the current of joint {joint} was at most {np.abs(current).max():.2g} {drive.current_unit}"
+        return f"the current of joint {joint} was at most {np.abs(current).max():.2g} {drive.command_unit}"
     if need is Excitation.ACCELERATION:
         return f"the acceleration of joint {joint} was at most {np.abs(a).max():.2g} {unit_at(drive, 'rad/s2')}"
     return (

@@ -101,7 +101,7 @@ def _current_chart(picture: str, result: Diagnosis, cause: Cause, joint: int) ->
     noise = float(np.sqrt(np.mean(side.at_joint("instruments", joint)[known] ** 2))) if known.any() else 0.0
     residuals = [(y[side.of(joint)] * deviation)[known] for y in (side.y, result.left.held_out)]
     largest = max((float(np.abs(values).max()) for values in residuals if len(values)), default=1.0)
-    factor, unit = readable(result.arm.joints[joint - 1].current_unit, [largest])
+    factor, unit = readable(result.arm.joints[joint - 1].command_unit, [largest])
     at = held_out_time(result)[known]
     room = 1.05 * factor * largest or 1.0
     panels = tuple(

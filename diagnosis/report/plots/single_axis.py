@@ -25,7 +25,7 @@ def axis_chart(name: str, axis: AxisSide, effect: str, drive: Joint) -> Chart:
     definition = CATALOGUE[effect]
     match definition.observed_by[Instrument.SINGLE_AXIS].against:
         case Variable.CURRENT_RATE:
-            x, label = axis.held_out.rate, f"change of the command, {drive.current_unit}/s"
+            x, label = axis.held_out.rate, f"change of the command, {drive.command_unit}/s"
         case Variable.POSITION:
             x, label = axis.held_out.q, f"position, {unit_at(drive, 'rad')}"
         case _:
@@ -40,7 +40,7 @@ def axis_chart(name: str, axis: AxisSide, effect: str, drive: Joint) -> Chart:
             series=(Series(x=x[shown], y=values[shown], kind="dots", colour=colour, label=title),),
             title=title,
             x=label,
-            y=f"residual, {drive.current_unit}",
+            y=f"residual, {drive.command_unit}",
             y_range=(-top, top),
         )
         for values, colour, title in sides
@@ -70,7 +70,7 @@ def wave_chart(axis: AxisSide, drive: Joint) -> Chart:
     panel = Panel(
         series=(*clouds, *means),
         x=f"position modulo {length:.4g} {unit}, {unit}",
-        y=f"residual with all causes, {drive.current_unit}",
+        y=f"residual with all causes, {drive.command_unit}",
         y_range=(-top, top),
     )
     title = f"residual with all causes against position modulo {length:.4g} {unit}"
