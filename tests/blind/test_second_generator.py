@@ -18,7 +18,7 @@ from tests.blind.second.cases import COUNTS, cases
 from tests.blind.second.effects import KINDS
 from tests.blind.second.generate import Hidden, strength
 from tests.blind.second.laboratory import Laboratory, arm_of, laboratory, plant_of
-from tests.blind.second.motions import HOME, SPEEDS
+from tests.blind.second.motions import HOME, SPEEDS, suite
 from tests.blind.second.plant import Plant, rates, step
 from tests.blind.second.rigid_body import mass_matrix, target, torques
 from tests.blind.second.sensing import Sensing
@@ -149,6 +149,20 @@ def test_size_is_the_change_of_current_over_its_noise() -> None:
     # two motions are compared, so what hardly changes anything must not count
     nothing = Hidden("base_tilt", None, {"roll": 1e-7, "pitch": 1e-7}, 0.0)
     assert strength(where, nothing, 0.0, (_short(),)) < 0.1
+    # and an effect counts as much as its torque: twice the drag is twice the size
+    single, double = (
+        strength(where, Hidden("hydrodynamic_drag", 1, {"drag": d}, 0.0), 0.0, (_short(),)) for d in (1, 2)
+    )
+    assert double == pytest.approx(2.0 * single, rel=0.05)
+
+
+def test_healthy_drives_stay_below_their_limits() -> None:
+    # at a limit, integrals wind up, and two motions that differ by a trifle part
+    where = laboratory(110)
+    plant = plant_of(where, arm_of(where))
+    fit, held_out = suite(where.motions, where.seed)
+    motion = simulated(where, plant, [*fit, *held_out][0])
+    assert np.all(np.abs(motion.current) < 0.8 * plant.limit)
 
 
 def test_every_name_of_the_catalogue_is_hidden_under_its_own_parameters() -> None:

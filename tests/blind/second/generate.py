@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
 from arm_model.model_file import write_model
 from daq.recording.parts import Attachments
@@ -30,6 +31,11 @@ CLOSE = 0.15
 SHOWN = 2.0
 """Times the noise: what shows less is hidden elsewhere."""
 ATTEMPTS = 5
+AT_REST = {"limit_cycle", "mains_hum"}
+AT_REVERSALS = {"presliding_friction", "stribeck_friction", "backlash"}
+"""Effects that show where nothing moves, and where a joint turns round; others do while it moves."""
+MOVING, AWAY = 0.02, 0.08
+"""rad/s of a joint that moves, and s from any row in which it does not."""
 
 
 @dataclass(frozen=True)
@@ -124,26 +130,30 @@ def _sized(case: Case, number: int) -> Hidden:
 def strength(where: Laboratory, one: Hidden, growth: float, experiments: tuple[Experiment, ...]) -> float:
     """Change of what is recorded over its noise, rms over the rows in which the joint moves; the largest of the arm's.
 
-    Two simulations without noise, with the effect and without.
+    Two simulations without noise, with the effect and without. An effect that does not act at reversals is measured
+    away from them: the slightest change of torque shifts the instant at which a joint breaks away, and with it a step
+    of twice the friction, which says nothing about the effect.
     """
     plant, sensing = _world(where, [one], growth)
-    power, count = np.zeros(6), np.zeros(6)
-    still = one.effect in ("limit_cycle", "mains_hum")
-    points = 0.0
+    power, count, points = np.zeros(6), np.zeros(6), 0.0
     for experiment in experiments:
-        bare = _bare(where, experiment.model_dump_json())
+        bare, motion = _bare(where, experiment.model_dump_json()), simulated(where, plant, experiment)
         plain = rows(where, plant_of(where, arm_of(where)), Sensing(), bare, None)
-        other = rows(where, plant, sensing, simulated(where, plant, experiment), None)
+        other = rows(where, plant, sensing, motion, None)
         if ALL[one.effect].shown_by == "points":
             points += np.mean((other["xyz"] - plain["xyz"]) ** 2) / len(experiments)
             continue
-        moving = np.abs(np.gradient(plain["qref"], plain["t"], axis=0)) > 0.02
-        moving |= still
-        power += np.sum(moving * (other["i"] - plain["i"]) ** 2, axis=0)
-        count += np.sum(moving, axis=0)
+        seen = np.ones_like(plain["i"], dtype=bool)
+        if one.effect not in AT_REST:
+            near = 1 if one.effect in AT_REVERSALS else round(2 * AWAY * where.rate) + 1
+            speed = np.minimum(*(np.abs(np.gradient(taken["q"], taken["t"], axis=0)) for taken in (plain, other)))
+            seen = minimum_filter1d(speed, near, axis=0) > MOVING
+        power += np.sum(seen * (other["i"] - plain["i"]) ** 2, axis=0)
+        count += np.sum(seen, axis=0)
     if ALL[one.effect].shown_by == "points":
         return float(np.sqrt(points) / POINT_NOISE)
-    ratio = np.sqrt(power / np.maximum(count, 1)) / where.noise
+    # of a joint that hardly moves nothing is judged
+    ratio = np.where(count > 0.03 * where.rate * 10.0, np.sqrt(power / np.maximum(count, 1)) / where.noise, 0.0)
     return float(ratio.max() if one.joint is None else ratio[one.joint - 1])
 
 

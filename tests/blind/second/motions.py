@@ -25,7 +25,7 @@ def _experiment(name: str, segments: Segments) -> Experiment:
             "name": name,
             "start": HOME,
             "full_speed": SPEEDS,
-            "full_acceleration": [6.0, 5.0, 8.0, 12.0, 12.0, 12.0],
+            "full_acceleration": [3.5, 3.0, 6.0, 10.0, 10.0, 10.0],
             "segment": [{"type": "hold", "duration": 0.7}, *segments, {"type": "hold", "duration": 0.6}],
         }
     )
@@ -69,9 +69,10 @@ def _waves(name: str, rng: np.random.Generator, fundamental: float, duration: fl
     w = 2 * np.pi * fundamental * np.arange(1, 5)
     phase = np.outer(np.linspace(0.0, 1.0 / fundamental, 400), w)
     speed = np.abs((np.cos(phase) * w) @ shape[0].T - (np.sin(phase) * w) @ shape[1].T).max(axis=0)
-    shape *= np.minimum(1.0, 0.95 * np.array(SPEEDS) / speed)[:, None]
+    hard = np.abs((np.sin(phase) * w**2) @ shape[0].T + (np.cos(phase) * w**2) @ shape[1].T).max(axis=0)
+    shape *= np.minimum(1.0, np.minimum(0.9 * np.array(SPEEDS) / speed, 2.5 / hard))[:, None]
     start: dict[str, Any] = {"type": "move", "to": [0.0, 0.5, -0.4, 0.0, 0.2, 0.0], "speed": 0.7}
-    wave = {"type": "fourier", "duration": duration, "fundamental": fundamental}
+    wave = {"type": "fourier", "duration": duration, "fundamental": fundamental, "fade": 2.0}
     return _experiment(name, [start, {**wave, "sine": shape[0].tolist(), "cosine": shape[1].tolist()}])
 
 
