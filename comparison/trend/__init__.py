@@ -6,9 +6,12 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from comparison.trend.forecast import Limit
+    from comparison.trend.movement import Movement
     from comparison.trend.outcome import Trend
+    from comparison.trend.plots import histories_chart
+    from comparison.trend.text import limit_sentence, sentence
     from comparison.trend.trend import trend_of
 else:
     __getattr__ = lazy(__name__)
 
-__all__ = ["Limit", "Trend", "trend_of"]
+__all__ = ["Limit", "Movement", "Trend", "histories_chart", "limit_sentence", "sentence", "trend_of"]

@@ -10,6 +10,7 @@ import pytest
 MAY_IMPORT = {
     "armscope": {
         "arm_archive",
+        "arm_fleet",
         "comparison",
         "diagnosis",
         "identification",
@@ -24,6 +25,7 @@ MAY_IMPORT = {
         "arm_report",
     },
     "arm_archive": {"daq", "arm_report", "arm_io"},
+    "arm_fleet": {"arm_archive", "comparison", "daq", "arm_model", "experiment", "arm_report", "arm_io"},
     "comparison": {"diagnosis", "identification", "arm_model", "daq", "experiment", "arm_report", "arm_io"},
     "diagnosis": {"identification", "arm_model", "daq", "experiment", "arm_report", "arm_io"},
     "identification": {"arm_clearance", "arm_model", "daq", "experiment", "arm_report", "arm_io"},
@@ -37,9 +39,9 @@ MAY_IMPORT = {
     "arm_report": {"arm_io"},
     "arm_io": set(),
 }
-# Of daq, the archive, identification, diagnosis and comparison take recordings, and nothing else.
+# Of daq, the archive, the fleet, identification, diagnosis and comparison take recordings, and nothing else.
 READERS = ("daq.recording", "daq.recording.losses")
-ONLY_READ = ("arm_archive", "identification", "diagnosis", "comparison")
+ONLY_READ = ("arm_archive", "arm_fleet", "identification", "diagnosis", "comparison")
 
 
 def _imports(path: Path) -> set[str]:

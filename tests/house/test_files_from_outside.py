@@ -7,6 +7,7 @@ from pathlib import Path
 
 PACKAGES = (
     "arm_archive",
+    "arm_fleet",
     "arm_model",
     "arm_page",
     "armscope",
@@ -19,6 +20,9 @@ PACKAGES = (
     "sim_backend",
 )
 OWN = {
+    "arm_fleet/tasks/bounded.py": "files that its own child has written",
+    "arm_fleet/tasks/store.py": "results, which it writes itself",
+    "arm_fleet/simulation/recordings.py": "a file that it has just written itself",
     "arm_model/simulation/engine.py": "compiled code in our own cache",
     "armscope/api/simulation.py": "a file that it has just written itself",
     "armscope/commands/init.py": "files of the package",

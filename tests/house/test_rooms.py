@@ -41,6 +41,7 @@ ROOMS = {
         "kinematics.use",
         "kinematics.report",
     ),
+    "arm_fleet": ("tasks", "judging", "report", "simulation"),
     "diagnosis": (
         "residual",
         "screening",

@@ -10,6 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PACKAGES = (
     "arm_clearance",
+    "arm_fleet",
     "arm_io",
     "arm_model",
     "arm_report",

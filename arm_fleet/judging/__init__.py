@@ -1,0 +1,1 @@
+"""From results to verdicts: which arms changed, since when, how fast."""

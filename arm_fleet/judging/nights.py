@@ -1,0 +1,43 @@
+"""Kept results of a plan as what ``comparison`` reads: per arm its nights, with identification and diagnosis."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+from arm_fleet.judging.alarms import Night
+from arm_fleet.tasks.store import Record, Store
+from arm_fleet.tasks.task import State
+from arm_io import read_file
+from arm_model import Arm
+from comparison import Stored
+
+KINDS: Mapping[str, Literal["identifications", "diagnoses"]] = {
+    "identification.json": "identifications",
+    "diagnosis.json": "diagnoses",
+}
+
+
+def nights_of(store: Store, records: Sequence[Record], models: Mapping[str, Arm]) -> dict[str, list[Night]]:
+    """Arm -> its nights with results, in order.
+
+    models  arm -> the nominal model, with whose structure its results were made
+    """
+    found: dict[str, list[Night]] = {name: [] for name in models}
+    for record in sorted(records, key=lambda one: str(one["night"])):
+        if record["state"] == State.DONE and record["night"]:
+            place = store.place(record["key"])
+            results = tuple(
+                _stored(place / name, kind, models[record["arm"]])
+                for name, kind in KINDS.items()
+                if name in record["files"]
+            )
+            found[record["arm"]].append(Night(night=record["night"], key=record["key"], results=results))
+    return found
+
+
+def _stored(path: Path, kind: Literal["identifications", "diagnoses"], arm: Arm) -> Stored:
+    """One result; causes are relative to the model of the plan, whichever stands beside them."""
+    return Stored(path, kind, json.loads(read_file(path)), arm)

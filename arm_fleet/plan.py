@@ -1,0 +1,107 @@
+"""The plan of a fleet: a TOML file that names arms, their recordings, and what to compute from them (docs/fleet.md)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from arm_io import InputError, check_table, read_toml
+from arm_io.table import Seconds, Table
+
+Name = Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[\w .:+-]+$")]
+Night = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
+StepName = Literal["identify", "diagnose", "calibrate"]
+LEAST_MEMORY, MOST_MEMORY = 0.2, 1e5
+"""GB of a task: less does not hold the libraries, more no machine has."""
+
+
+class ArmTable(Table):
+    """One arm; what is left out is as at the top of the plan.
+
+    recordings   pattern of paths or URLs; {arm}: its name, {night}: a date such as 2026-01-31
+    calibration  hash (or its beginning) of the calibration that the recordings must carry
+    rig          name of the rig that the recordings must carry
+    """
+
+    name: Name
+    model: str | None = None
+    recordings: str | None = None
+    calibration: str | None = None
+    rig: str | None = None
+
+
+class Plan(Table):
+    """What ``armscope fleet`` runs.
+
+    folder      of the plan: paths in it are relative to this
+    archive     folder of an archive (``armscope archive``) that has the recordings, instead of a pattern
+    run         what is computed per arm and night
+    baseline    nights in which the arms were healthy, first and last; None: the first ``reference`` nights of each arm
+    reference   number of nights that others are compared with, at most
+    adapt       nights are diagnosed against a model identified from the baseline, instead of the nominal one
+    report      of which nights report.html is written: those with causes, all, or none
+    timeout     s of one task; memory: GB of one task
+    night_begins  hour (UTC) with which the day of a night begins: recordings before it belong to the night before
+    limits      quantity -> value that it must not pass, or "+50%" of its first value
+    rate        expected share of false names among all arms and nights that are named
+    storage     options of the file system (fsspec), such as endpoint_url; no secrets: those belong into the environment
+    """
+
+    name: Name = "fleet"
+    model: str | None = None
+    recordings: str | None = None
+    archive: str | None = None
+    run: tuple[StepName, ...] = ("identify", "diagnose")
+    baseline: tuple[Night, Night] | None = None
+    reference: Annotated[int, Field(ge=2, le=1000)] = 5
+    adapt: bool = False
+    report: Literal["causes", "all", "none"] = "causes"
+    timeout: Seconds = 3600.0
+    memory: Annotated[float, Field(ge=LEAST_MEMORY, le=MOST_MEMORY)] = 4.0
+    night_begins: Annotated[int, Field(ge=0, le=23)] = 12
+    limits: Mapping[str, float | str] = Field(default_factory=dict)
+    rate: Annotated[float, Field(gt=0, le=0.5)] = 0.001
+    storage: Mapping[str, str | int | float | bool | dict[str, str]] = Field(default_factory=dict)
+    arm: Annotated[tuple[ArmTable, ...], Field(min_length=1)]
+    folder: Path = Path()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not self.run or len(set(self.run)) < len(self.run):
+            raise ValueError("run: must name identify, diagnose or calibrate, each at most once")
+        if self.baseline is not None and self.baseline[0] > self.baseline[1]:
+            raise ValueError("baseline: the first night must not be after the last")
+        names = [arm.name for arm in self.arm]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice:
+            raise ValueError(f"arm {twice!r} is named twice")
+        for arm in self.arm:
+            if arm.model is None and self.model is None:
+                raise ValueError(f"arm {arm.name!r} has no model; give 'model' to it or to the plan")
+            if arm.recordings is None and self.recordings is None and self.archive is None:
+                raise ValueError(f"arm {arm.name!r} has no recordings; give 'recordings' or 'archive'")
+        return self
+
+    def place(self, text: str) -> str:
+        """A path relative to the plan; a URL as it is."""
+        return text if re.match(r"^\w+://", text) else str(self.folder / text)
+
+    def model_of(self, arm: ArmTable) -> Path:
+        return Path(self.place(arm.model or self.model or ""))
+
+    def pattern_of(self, arm: ArmTable) -> str | None:
+        """Where its recordings are; None: in the archive."""
+        text = arm.recordings or (None if self.archive is not None else self.recordings)
+        return None if text is None else self.place(text)
+
+
+def read_plan(path: str | Path) -> Plan:
+    """InputError names the entry that is wrong, and what would be right."""
+    table = read_toml(path)
+    if "folder" in table:
+        raise InputError(path, "folder: unknown entry")
+    return check_table(path, table | {"folder": Path(path).parent}, Plan)

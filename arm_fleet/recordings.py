@@ -1,0 +1,190 @@
+"""The recordings of a plan by arm and night, each with an identity by content that is read from its last bytes.
+
+The end of a finished recording (docs/recordings.md) holds a checksum of all that is before it, and where every chunk
+lies: size and end identify it, so that a disk or an object store is asked for kilobytes, not for the file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from arm_fleet.plan import ArmTable, Plan
+from arm_fleet.tasks.cluster import EXTRA
+from arm_io import InputError
+from arm_io.optional import optional
+
+FOOTER = 37
+"""Bytes: footer record (29) and magic (8) of an MCAP file."""
+DATA_END = 13
+"""Bytes of the record with the checksum of all data, directly before the summary."""
+STATISTICS = 0x0B
+MAGIC = b"\x89MCAP0\r\n"
+CALENDAR = 10**17
+"""ns since 1970: earlier times of rows count from the beginning of a table, and are no dates."""
+BLOCK = 1 << 20
+
+
+@dataclass(frozen=True)
+class ArmNight:
+    """The recordings of one arm in one night: places, and identities by content in the same order."""
+
+    arm: ArmTable
+    night: str
+    places: tuple[str, ...]
+    contents: tuple[str, ...]
+
+
+def arm_nights(plan: Plan) -> list[ArmNight]:
+    """All arms and nights for which there are recordings, by arm as in the plan, then by night.
+
+    InputError where an arm has none at all, or the night of a recording is not known.
+    """
+    found = []
+    archived = None if plan.archive is None else _archived(plan)
+    for arm in plan.arm:
+        pattern = plan.pattern_of(arm)
+        by_night = _by_pattern(plan, arm, pattern) if pattern is not None else (archived or {}).get(arm.name, {})
+        if not by_night:
+            raise InputError(pattern or str(plan.archive), f"has no recording of arm {arm.name!r}")
+        for night in sorted(by_night):
+            places = sorted(by_night[night])
+            found.append(ArmNight(arm, night, tuple(places), tuple(by_night[night][place] for place in places)))
+    return found
+
+
+Nights = dict[str, dict[str, str]]
+"""Night -> place -> content."""
+
+
+def _by_pattern(plan: Plan, arm: ArmTable, pattern: str) -> Nights:
+    system, path = file_system(pattern.replace("{arm}", arm.name), plan.storage)
+    expression = re.compile(_expression(path))
+    nights: Nights = {}
+    for place in sorted(system.glob(path.replace("{night}", "????-??-??"))):
+        matched = expression.fullmatch(place)
+        if matched is None:
+            continue
+        content, moment = identity(system, place)
+        night = matched["night"] if "{night}" in path else _night(moment, plan.night_begins)
+        where = system.unstrip_protocol(place) if system.protocol not in ("file", ("file", "local")) else place
+        if night is None:
+            raise InputError(where, "does not say when it was made; put {night} into the pattern of recordings")
+        nights.setdefault(night, {})[where] = content
+    return nights
+
+
+def _expression(path: str) -> str:
+    """A pattern of ``glob`` as a regular expression in which {night} is a group."""
+    parts = []
+    for part in re.split(r"(\{night\}|\*\*|\*|\?)", path):
+        known = {"{night}": r"(?P<night>\d{4}-\d\d-\d\d)", "**": ".*", "*": "[^/]*", "?": "[^/]"}
+        parts.append(known.get(part, re.escape(part)))
+    first, group, rest = "".join(parts).partition(known["{night}"])
+    # A night that stands in the pattern twice is the same night.
+    return first + group + rest.replace(known["{night}"], "(?P=night)")
+
+
+def _archived(plan: Plan) -> dict[str, Nights]:
+    """Arm -> its nights: recordings in the archive whose arm or rig has its name."""
+    from arm_archive import Filters, open_archive
+
+    folder = Path(plan.place(plan.archive or ""))
+    with open_archive(folder) as archive:
+        rows = archive.rows(Filters(kind="recording"))
+    found: dict[str, Nights] = {}
+    names = {arm.name for arm in plan.arm}
+    for row in rows:
+        name = next((one for one in (row["rig"], row["arm"]) if one in names), None)
+        if name is None or row["state"] != "whole" or row["date"] is None:
+            continue
+        moment = int(datetime.fromisoformat(row["date"]).timestamp() * 1e9)
+        night = _night(moment, plan.night_begins)
+        path = str(folder / row["path"])
+        if night is not None:
+            system, place = file_system(path, plan.storage)
+            found.setdefault(name, {}).setdefault(night, {})[path] = identity(system, place)[0]
+    return found
+
+
+def _night(moment: int | None, begins: int) -> str | None:
+    """The date on whose evening a night began."""
+    if moment is None or moment < CALENDAR:
+        return None
+    when = datetime.fromtimestamp(moment / 1e9, UTC) - timedelta(hours=begins)
+    return date(when.year, when.month, when.day).isoformat()
+
+
+def file_system(url: str, storage: Mapping[str, Any]) -> tuple[Any, str]:
+    """The file system of a path or URL (fsspec), and the path in it. InputError where it is not known."""
+    fsspec = optional("fsspec", EXTRA, url)
+    try:
+        system, path = fsspec.core.url_to_fs(url, **({} if "://" not in url else storage))
+    except (ImportError, ValueError) as error:
+        raise InputError(url, f"cannot be read: {error}") from None
+    return system, str(path)
+
+
+def identity(system: Any, place: str) -> tuple[str, int | None]:
+    """Identity by content, and ns since 1970 of the first row (None: not known) of a file.
+
+    InputError where it cannot be read.
+    """
+    try:
+        size = int(system.size(place))
+        footer = system.cat_file(place, start=max(0, size - FOOTER), end=size)
+        summary = _summary(footer)
+        if not DATA_END < summary < size - FOOTER:
+            return _of_all(system, place, size), None
+        end = system.cat_file(place, start=summary - DATA_END, end=size)
+    except OSError as error:
+        raise InputError(place, f"cannot be read: {error.strerror or error}") from None
+    return f"mcap {size} {hashlib.sha256(end).hexdigest()}", _first_time(end[DATA_END:])
+
+
+def _summary(footer: bytes) -> int:
+    """Where the summary begins; 0 where the file is no finished MCAP file."""
+    if len(footer) != FOOTER or footer[:9] != struct.pack("<BQ", 2, 20) or footer[-8:] != MAGIC:
+        return 0
+    return int(struct.unpack_from("<Q", footer, 9)[0])
+
+
+def _first_time(summary: bytes) -> int | None:
+    """Of the statistics record; None where there is none."""
+    place = 0
+    while place + 9 <= len(summary) - FOOTER:
+        opcode, length = struct.unpack_from("<BQ", summary, place)
+        if opcode == STATISTICS and length >= 42 and place + 51 <= len(summary):
+            # message_count u64, schema_count u16, channel_count, attachment_count, metadata_count, chunk_count u32
+            return int(struct.unpack_from("<Q", summary, place + 9 + 8 + 2 + 4 * 4)[0])
+        place += 9 + length
+    return None
+
+
+def _of_all(system: Any, place: str, size: int) -> str:
+    """A table, or a recording that was cut off: its whole content."""
+    digest = hashlib.sha256()
+    with system.open(place, "rb") as file:
+        while block := file.read(BLOCK):
+            digest.update(block)
+    return f"file {size} {digest.hexdigest()}"
+
+
+def fetched(place: str, folder: Path, storage: Mapping[str, Any]) -> str:
+    """A path of this machine at which the recording is: as it is, or copied from where the URL says."""
+    if "://" not in place:
+        return place
+    system, path = file_system(place, storage)
+    folder.mkdir(parents=True, exist_ok=True)
+    local = folder / path.rsplit("/", 1)[-1]
+    try:
+        system.get_file(path, str(local))
+    except OSError as error:
+        raise InputError(place, f"cannot be read: {error.strerror or error}") from None
+    return str(local)

@@ -1,0 +1,1 @@
+"""Pages, text and Parquet tables of a fleet."""

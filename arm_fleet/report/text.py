@@ -1,0 +1,54 @@
+"""The state of a fleet in sentences and as a table of text."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from arm_report import text_table
+
+if TYPE_CHECKING:
+    from arm_fleet.fleet import Fleet
+
+HEADS = ("arm", "changed since", "cause", "p corr.")
+MOST_FAILED = 5
+"""Failed tasks whose reason is printed; tasks.parquet has all."""
+
+
+def verdict(fleet: Fleet) -> str:
+    """The one sentence."""
+    nights, named = len(fleet.alarms), sum(one.named for one in fleet.alarms)
+    share = f"at most {fleet.plan.rate:.1%} of named nights are expected to be false"
+    if not fleet.alarms:
+        return "No night could be compared with reference nights of its arm."
+    changed, arms = len(fleet.changed), len(fleet.verdicts)
+    return f"{changed} of {arms} arms are changed; {named} of {nights} compared nights are named ({share})."
+
+
+def tasks(fleet: Fleet) -> str:
+    """'120 tasks: 118 done, 2 timeout; 40 ran now'."""
+    states = Counter(one["state"] for one in fleet.records)
+    words = ", ".join(f"{count} {state}" for state, count in states.most_common())
+    return f"{len(fleet.records)} tasks: {words or 'none'}; {fleet.ran} ran now"
+
+
+def text(fleet: Fleet) -> str:
+    """A table of arms that changed, sentences about each, what failed, and the verdict."""
+    rows = [(one.arm, one.since or "", one.cause, f"{one.p or 0.0:.2g}") for one in fleet.changed]
+    lines = text_table(rows, HEADS, numbers=(3,), shorten=(2,), keep=(0, 1)) if rows else []
+    for one in fleet.changed:
+        lines += [f"{one.arm}: {sentence}" for sentence in one.moved[:2]]
+        lines += [f"{one.arm}: next: {action}" for action in one.actions[:2]]
+    lines += [
+        f"{one.arm}: {one.condition} (named {one.since} to {one.until}: {one.cause})"
+        for one in fleet.verdicts
+        if one.since and one not in fleet.changed
+    ]
+    for record in fleet.failed[:MOST_FAILED]:
+        lines.append(
+            f"no result: {record['arm']} {record['night'] or 'baseline'}: {record['state']}: {record['reason']}"
+        )
+    if len(fleet.failed) > MOST_FAILED:
+        lines.append(f"no result: {len(fleet.failed) - MOST_FAILED} more; tasks.parquet has all")
+    lines += [f"note: {note}" for note in fleet.notes]
+    return "\n".join([*lines, tasks(fleet), verdict(fleet)])

@@ -1,0 +1,93 @@
+"""The workers of a fleet: processes of this machine, or any Dask cluster by the address of its scheduler."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from arm_io import InputError
+from arm_io.optional import optional
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+EXTRA = "fleet"
+PATIENCE = 60.0
+"""s that a scheduler, or its first worker, may take to appear."""
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Where tasks run.
+
+    scheduler  tcp://HOST:PORT of a running one; None: workers of this machine
+    workers    processes of this machine, one task each at a time
+    patience   s to wait for a scheduler that is not there (any more)
+    """
+
+    scheduler: str | None = None
+    workers: int = 1
+    patience: float = PATIENCE
+
+    @contextmanager
+    def client(self) -> Iterator[Client]:
+        """A connected client. InputError where there is no scheduler, or it has no worker."""
+        distributed = optional("distributed", EXTRA, "armscope fleet")
+        if self.scheduler is None:
+            with _local(self.workers) as address, distributed.Client(address, set_as_default=False) as client:
+                yield client
+            return
+        client = _connected(self.scheduler, self.patience)
+        try:
+            if not client.scheduler_info(n_workers=-1)["workers"]:
+                _await_worker(client, self.scheduler, self.patience)
+            yield client
+        finally:
+            # A scheduler that is gone does not answer to a farewell.
+            client.close(timeout=2)
+
+
+@contextmanager
+def _local(workers: int) -> Iterator[str]:
+    import dask
+    from distributed import LocalCluster
+
+    with (
+        # Each task is bounded by its own process (``tasks.bounded``); a nanny that kills the worker would take
+        # results with it that are still to be fetched.
+        dask.config.set({"distributed.worker.memory.terminate": False, "distributed.worker.memory.pause": False}),
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            memory_limit=0,
+            dashboard_address=None,
+            silence_logs=50,
+        ) as cluster,
+    ):
+        yield cluster.scheduler_address
+
+
+def _connected(address: str, patience: float) -> Client:
+    from distributed import Client
+
+    until = time.monotonic() + patience
+    while True:
+        try:
+            return Client(address, timeout=max(1.0, min(5.0, patience)), set_as_default=False)
+        except (OSError, TimeoutError) as error:
+            if time.monotonic() >= until:
+                reason = str(error).partition("\n")[0]
+                raise InputError(address, f"no scheduler answers ({reason}); start 'dask scheduler'") from None
+        except ValueError as error:
+            raise InputError(address, f"is no address of a scheduler: {error}; must be tcp://HOST:PORT") from None
+
+
+def _await_worker(client: Client, address: str, patience: float) -> None:
+    try:
+        client.wait_for_workers(1, timeout=patience)
+    except TimeoutError:
+        raise InputError(address, f"has no worker after {patience:g} s; start 'dask worker {address}'") from None

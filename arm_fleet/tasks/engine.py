@@ -1,0 +1,186 @@
+"""Runs tasks on Dask and keeps what comes of them: what is kept already does not run, what is lost runs again.
+
+This process alone writes results, one after the other, as workers hand them over; workers need no common disk. A worker
+that dies has its tasks run elsewhere by Dask. A scheduler that dies takes the tasks that were running with it; they
+are handed to the next one, and results that were kept are kept.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from arm_fleet.tasks.bounded import bounded
+from arm_fleet.tasks.cluster import Cluster
+from arm_fleet.tasks.store import Record, Store
+from arm_fleet.tasks.task import Outcome, State, Task
+from arm_fleet.tasks.version import code_version
+from arm_io import InputError
+from arm_io.progress import Progress, Step
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+MOST_LOSSES = 20
+"""Times that a plan may lose its scheduler before it gives up."""
+
+
+class _SchedulerLost(Exception):
+    """The scheduler, and with it whatever it was doing, is gone."""
+
+
+@dataclass
+class Engine:
+    """Runs plans.
+
+    notes  what happened to workers and scheduler, a sentence each
+    ran    tasks that ran, other than those that were kept already
+    """
+
+    store: Store
+    cluster: Cluster
+    progress: Progress = lambda _: None
+    notes: list[str] = field(default_factory=list)
+    ran: int = 0
+    _refusing: set[str] = field(default_factory=set)
+
+    def run(self, tasks: Sequence[Task]) -> dict[str, Record]:
+        """Key -> what came of each task, now or earlier. InputError where results cannot be kept, or nobody computes.
+
+        tasks  each after the one that it needs
+        """
+        waiting = {task.key: task for task in tasks if not self.store.settled(task)}
+        total = len(waiting)
+        for _ in range(MOST_LOSSES):
+            if not waiting:
+                break
+            with self.cluster.client() as client, suppress(_SchedulerLost):
+                for address, why in _refusing(client, next(iter(waiting.values())).code).items():
+                    self._refuse(address, why)
+                self._collect(client, waiting, total)
+        if waiting:
+            raise InputError(
+                str(self.cluster.scheduler), f"was lost {MOST_LOSSES} times; {len(waiting)} tasks are left"
+            )
+        return {task.key: record for task in tasks if (record := self.store.record(task.key)) is not None}
+
+    def _collect(self, client: Client, waiting: dict[str, Task], total: int) -> None:
+        """Submits all that is waiting and keeps what comes; takes each from ``waiting`` once it is kept."""
+        from distributed import as_completed
+
+        running: dict[Future, Task] = {}
+        # Kept only for those that need them: Dask forgets the result of a task whose future is gone.
+        needed: dict[str, Future] = {}
+        keys = {task.after for task in waiting.values()}
+        for task in waiting.values():
+            future = self._submit(client, task, needed)
+            running[future] = task
+            if task.key in keys:
+                needed[task.key] = future
+        finished = as_completed(list(running), loop=client.loop)
+        for future in finished:
+            task = running.pop(future)
+            outcome = _outcome(future)
+            if outcome.state is State.REFUSED:
+                self._refuse(outcome.worker, outcome.reason)
+                again = self._submit(client, task, needed, anew=True)
+                running[again] = task
+                if task.key in keys:
+                    needed[task.key] = again
+                finished.add(again)
+                continue
+            self.store.put(task, outcome)
+            self.ran += 1
+            del waiting[task.key]
+            self.progress(Step("tasks", total - len(waiting), total, detail=task.name))
+
+    def _submit(self, client: Client, task: Task, needed: Mapping[str, Future], anew: bool = False) -> Future:
+        """Hands a task to Dask, with the outcome of the one that it needs, which Dask carries from worker to worker."""
+        before: Any = {}
+        if task.after is not None:
+            before = needed.get(task.after) or self._kept(task.after)
+        named: dict[str, Any] = {"key": f"{task.key}-{len(self._refusing)}" if anew else task.key}
+        if self._refusing:
+            named["workers"] = self._willing(client)
+        return client.submit(execute, task.to_json(), before, pure=False, **named)
+
+    def _kept(self, key: str) -> Outcome:
+        record = self.store.record(key)
+        if record is None:
+            return Outcome(state=State.BEFORE, reason="it did not run")
+        return Outcome(state=State(record["state"]), reason=record["reason"], files=self.store.files(key))
+
+    def _refuse(self, worker: str, why: str) -> None:
+        if worker not in self._refusing:
+            self._refusing.add(worker)
+            self.notes.append(f"worker {worker} is not used: {why}")
+
+    def _willing(self, client: Client) -> list[str]:
+        """Workers with the same code. InputError where there is none."""
+        willing = [
+            address for address in client.scheduler_info(n_workers=-1)["workers"] if address not in self._refusing
+        ]
+        if not willing:
+            raise InputError(
+                str(self.cluster.scheduler),
+                f"all its workers run another version of armscope than this command ({code_version()}); "
+                "install the same on all",
+            )
+        return willing
+
+
+def execute(table: Mapping[str, Any], before: Outcome | Mapping[str, Any]) -> Outcome:
+    """What runs on a worker: refuses other code than its own, else the task in a process of its own.
+
+    before  what came of the task that this one needs
+    """
+    task = Task(**table)
+    where = _worker()
+    if task.code != code_version():
+        return Outcome(state=State.REFUSED, reason=_other_code(code_version(), task.code), worker=where)
+    files: Mapping[str, bytes] = {}
+    if isinstance(before, Outcome):
+        if before.state is State.REFUSED:
+            return before
+        if not before.done:
+            return Outcome(state=State.BEFORE, reason=f"its baseline failed: {before.reason}", worker=where)
+        files = before.files
+    outcome = bounded(task, files)
+    return Outcome(**(vars(outcome) | {"worker": where}))
+
+
+def _worker() -> str:
+    from distributed import get_worker
+
+    try:
+        return str(get_worker().address)
+    except ValueError:
+        return platform.node()
+
+
+def _refusing(client: Client, code: str) -> dict[str, str]:
+    """Address -> why, of workers with other code, or without ours."""
+    found: Mapping[str, Any] = client.run(code_version, on_error="return")
+    return {address: _other_code(version, code) for address, version in found.items() if version != code}
+
+
+def _other_code(version: Any, code: str) -> str:
+    return f"it runs code {version}, the plan was made with {code}"
+
+
+def _outcome(future: Future) -> Outcome:
+    """What a future holds, or why it holds nothing. Raises ``_SchedulerLost``."""
+    from distributed import KilledWorker
+    from distributed.comm.core import CommClosedError
+
+    try:
+        found: Outcome = future.result()
+        return found
+    except KilledWorker as error:
+        return Outcome(state=State.KILLED, reason=f"{error.allowed_failures + 1} workers died while they ran it")
+    except (CancelledError, CommClosedError, TimeoutError) as error:
+        raise _SchedulerLost from error

@@ -1,0 +1,139 @@
+"""Results in a folder, each in one named by its content: there whole, or not at all.
+
+    FOLDER/results/KEY/record.json   what came of the task, and the files beside it
+
+A result is written beside its place, brought to the disk, and then renamed: a process that is killed leaves none, a
+full disk leaves those before it, and two processes that have the same result leave one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from arm_fleet.tasks.task import BY_LIMIT, PASSING, Outcome, State, Task
+from arm_io import InputError, check_plain, make_folder, read_file
+from arm_io.handles import folder_to_disk, to_disk
+
+RECORD = "record.json"
+SCHEMA = "armscope.fleet.record/1"
+Record = dict[str, Any]
+
+
+class Store:
+    """The results below a folder. InputError where it cannot be made or written."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.results = folder / "results"
+        make_folder(self.results)
+        for part in self.results.glob(".*.part"):
+            shutil.rmtree(part, ignore_errors=True)
+
+    def place(self, key: str) -> Path:
+        """The folder of a result."""
+        return self.results / key
+
+    def record(self, key: str) -> Record | None:
+        """What came of a task; None where nothing did, or where what is there is not whole."""
+        place = self.place(key)
+        try:
+            table = json.loads(read_file(place / RECORD))
+            check_plain(place / RECORD, table)
+            sizes = table["files"]
+            whole = table["schema"] == SCHEMA and all((place / name).stat().st_size == sizes[name] for name in sizes)
+        except (InputError, ValueError, KeyError, TypeError, OSError):
+            return None
+        return table if whole else None
+
+    def settled(self, task: Task) -> bool:
+        """Whether a task need not run: it has a result, or a failure that would come again."""
+        record = self.record(task.key)
+        if record is None or record["state"] in PASSING:
+            return False
+        if record["state"] not in BY_LIMIT:
+            return True
+        limit = (record["timeout"], task.timeout) if record["state"] == State.TIME else (record["memory"], task.memory)
+        return bool(limit[0] >= limit[1])
+
+    def files(self, key: str) -> dict[str, bytes]:
+        """Name -> content of the files of a result."""
+        record = self.record(key) or {"files": {}}
+        return {name: read_file(self.place(key) / name) for name in record["files"]}
+
+    def put(self, task: Task, outcome: Outcome) -> Record:
+        """Keeps what came of a task; a failure that was there before is replaced, a result is not.
+
+        InputError where the disk refuses; what was there before is still there then.
+        """
+        record = _record(task, outcome)
+        place = self.place(task.key)
+        try:
+            part = Path(tempfile.mkdtemp(dir=self.results, prefix=f".{task.key}.", suffix=".part"))
+            try:
+                for name, content in (outcome.files | {RECORD: _text(record)}).items():
+                    _write(part / name, content)
+                if place.exists():
+                    before = self.record(task.key)
+                    if before is not None and before["state"] == State.DONE:
+                        return before
+                    shutil.rmtree(place)
+                os.replace(part, place)
+                folder_to_disk(self.results)
+            finally:
+                shutil.rmtree(part, ignore_errors=True)
+        except OSError as error:
+            raise InputError(self.folder, f"results cannot be written: {error.strerror or error}") from None
+        return record
+
+
+def _record(task: Task, outcome: Outcome) -> Record:
+    return {
+        "schema": SCHEMA,
+        "key": task.key,
+        "arm": task.arm,
+        "night": task.night,
+        "state": str(outcome.state),
+        "reason": outcome.reason,
+        "seconds": outcome.seconds,
+        "cpu_seconds": outcome.cpu,
+        "peak_bytes": outcome.peak,
+        "worker": outcome.worker,
+        "timeout": task.timeout,
+        "memory": task.memory,
+        "code": task.code,
+        "call": task.call,
+        "after": task.after,
+        "arguments": _without_texts(task.arguments),
+        "places": task.places,
+        "value": outcome.value,
+        "files": {name: len(content) for name, content in outcome.files.items()},
+    }
+
+
+def _without_texts(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Long texts, such as a model, by their hash."""
+    return {
+        name: f"sha256 {hashlib.sha256(value.encode()).hexdigest()}"
+        if isinstance(value, str) and len(value) > 200
+        else value
+        for name, value in arguments.items()
+    }
+
+
+def _text(record: Record) -> bytes:
+    return (json.dumps(record, indent=1, default=float) + "\n").encode()
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path, "wb") as file:
+        file.write(content)
+        file.flush()
+        to_disk(file.fileno())

@@ -1,0 +1,43 @@
+"""``armscope fleet``: many arms and nights on Dask; which arms changed, since when, how fast, what to do."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from arm_io import InputError, check_folder
+from armscope.commands.options import Json
+from armscope.progress import shown
+
+
+def command(
+    plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="arms, their recordings, what to compute")],
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="folder of the results; what it holds is not computed again")
+    ],
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="a running Dask scheduler; default: workers of this machine"),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, max=1024, help="processes of this machine, a task each")] = 1,
+    as_json: Json = False,
+) -> None:
+    """Runs a plan."""
+    from arm_report import wrapped
+    from armscope.api.fleet import fleet
+
+    check_folder(out)
+    if scheduler is not None and workers != 1:
+        raise InputError("--workers", "are of this machine; must not be given with --scheduler")
+    with shown(as_json) as progress:
+        found = fleet(plan, out, scheduler=scheduler, workers=workers, progress=progress)
+    for note in found.notes:
+        print(f"note: {note}", file=sys.stderr)
+    if as_json:
+        print(json.dumps(found.to_json(), allow_nan=False))
+    else:
+        print(wrapped(f"{found}\n{out / 'fleet.html'}"))

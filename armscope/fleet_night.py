@@ -1,0 +1,131 @@
+"""What one task of a fleet computes: identification, diagnosis and calibration of an arm's night, in one process."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from arm_io import InputError, toml_of, write_text
+from arm_model import Arm, arm_of, write_model
+from armscope.api.calibration import calibrate
+from armscope.api.diagnosis import diagnose
+from armscope.api.identification import identify
+from daq.recording import Recording, open_recording
+
+PRELOAD = (
+    "diagnosis.diagnose",
+    "diagnosis.report.write",
+    "identification.identify",
+    "identification.report.html",
+    "arm_report.paper",
+    "matplotlib.backends.backend_agg",
+)
+"""Modules that take seconds to import: the server from which tasks are forked imports them once."""
+for _name in PRELOAD:
+    import_module(_name)
+
+BASELINE_MODEL = "model.toml"
+
+
+def night(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) -> dict[str, Any]:
+    """Computes the steps ``job["run"]`` and writes their JSON files, models and reports into the folder.
+
+    job     name, model (TOML text), recordings (their content), run, report, rig, calibration; places (paths or URLs of
+            the recordings), storage
+    before  files of the arm's baseline: its model is the one that nights are compared with
+    Returns the verdict, causes and parameters in short. InputError where the recordings cannot be used.
+    """
+    where = f"model of {job['name']}"
+    text = before[BASELINE_MODEL].decode() if BASELINE_MODEL in before else job["model"]
+    arm = arm_of(toml_of(text, where), where)
+    recordings = [open_recording(path) for path in _local(job, folder / "recordings")]
+    for one in recordings:
+        _check(one, job)
+    fit, held_out = (recordings[:-1], recordings[-1:]) if len(recordings) > 1 else (recordings, [])
+    value: dict[str, Any] = {
+        "recorded": min((one.date for one in recordings if one.date), default=None),
+        "rows": sum(len(one) for one in recordings),
+        "lost": sum(one.ledger.lost for one in recordings),
+        "bytes": sum(one.path.stat().st_size for one in recordings),
+    }
+    for step in job["run"]:
+        _STEPS[step](arm, fit, held_out, folder, job["report"], value)
+    shutil.rmtree(folder / "recordings", ignore_errors=True)
+    return value
+
+
+def baseline(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) -> dict[str, Any]:
+    """The model of an arm as its healthy recordings show it: identification.json and model.toml."""
+    return night({**job, "run": ["identify"], "report": "none"}, folder, before)
+
+
+def _local(job: Mapping[str, Any], folder: Path) -> list[str]:
+    """Paths of the recordings on this machine."""
+    from arm_fleet import fetched
+
+    return [fetched(place, folder, job["storage"]) for place in job["places"]]
+
+
+def _check(recording: Recording, job: Mapping[str, Any]) -> None:
+    """InputError where the rig or the calibration is not the one that the plan names."""
+    rig = recording.rig.get("name")
+    if job["rig"] is not None and rig != job["rig"]:
+        raise InputError(recording.path.name, f"is of rig {rig!r}; the plan says {job['rig']!r}")
+    its = str((recording.calibration or {}).get("hash") or "")
+    if job["calibration"] is not None and not its.startswith(job["calibration"]):
+        raise InputError(
+            recording.path.name, f"has calibration {its[:12] or 'none'!r}; the plan says {job['calibration']!r}"
+        )
+
+
+def _identify(
+    arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], folder: Path, report: str, value: dict[str, Any]
+) -> None:
+    found = identify(fit, arm, held_out=held_out)
+    if report == "all":
+        table = found.write(folder / "identified")
+        shutil.move(folder / "identified/identification.json", folder / "identification.json")
+    else:
+        table = found.to_json()
+        write_text(folder / "identification.json", json.dumps(table, default=float))
+    write_model(folder / BASELINE_MODEL, found.arm)
+    value["relative_error"] = table["relative_error"]
+    value["parameters"] = [one for one in table["parameters"] if one["identifiable"] and one["value"] is not None]
+
+
+def _diagnose(
+    arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], folder: Path, report: str, value: dict[str, Any]
+) -> None:
+    found = diagnose(fit, arm, held_out=held_out)
+    if report == "all" or (report == "causes" and found.causes):
+        table = found.write(folder / "diagnosed")
+        shutil.move(folder / "diagnosed/diagnosis.json", folder / "diagnosis.json")
+    else:
+        table = found.to_json()
+        write_text(folder / "diagnosis.json", json.dumps(table, default=float))
+    value["verdict"] = table["verdict"]
+    value["too_short"] = table["too_short"]
+    value["signals"] = table["signals"]
+    value["causes"] = [
+        {name: one[name] for name in ("effect", "joint", "parameters", "confidence", "group", "evidence")}
+        | {"origins": one.get("origins", [])}
+        for one in table["causes"]
+    ]
+
+
+def _calibrate(
+    arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording], folder: Path, report: str, value: dict[str, Any]
+) -> None:
+    found = calibrate([*fit, *held_out], arm)
+    table = found.to_json()
+    if report == "all":
+        found.write(folder / "calibrated")
+    write_text(folder / "kinematics.json", json.dumps(table, default=float))
+    value["position_rms"] = table["position_rms"]
+
+
+_STEPS = {"identify": _identify, "diagnose": _diagnose, "calibrate": _calibrate}

@@ -1,0 +1,111 @@
+"""A simulated fleet from its wear to the verdict: the night of the first name against that when wear became visible."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_fleet import Scene, lives, write_fleet
+from arm_fleet.simulation.recordings import night_of
+from arm_fleet.simulation.wear import KINDS, Life
+from arm_model import read_model
+from armscope.cli import run
+from armscope.fleet_night import night
+from daq.recording import open_recording
+
+GAP, SEAL, TRANSDUCER = KINDS
+
+
+@pytest.fixture
+def scene(root: Path) -> Scene:
+    return Scene(arm=read_model(root / "config/models/two_link.toml"), seconds=10.0)
+
+
+def test_the_truth_is_what_is_recorded(scene: Scene, tmp_path: Path) -> None:
+    """A transducer that shows 20 % too much, and after the repair what it showed before."""
+    drifting = replace(TRANSDUCER, growth=0.1)
+    fleet = [Life(arm="a", wear=drifting, begins=0, repaired=3), Life(arm="b")]
+    truth = write_fleet(tmp_path, replace(scene, runs=1, seconds=4.0), fleet, 4, seed=3)
+    assert json.loads((tmp_path / "truth.json").read_text()) == truth
+    worn, healthy = truth["arms"]
+    assert worn["values"] == [0.0, 0.1, 0.2, 0.0] and worn["repaired"] == "2026-01-04"
+    assert healthy["ratios"] == [0.0] * 4 and worn["visible"] == "2026-01-02"
+
+    def current(arm: str, number: int) -> np.ndarray:
+        return open_recording(tmp_path / f"nights/{night_of(number)}/{arm}_1.mcap").i[:, 0]
+
+    still = current("b", 2)
+    for number, factor in ((0, 1.0), (2, 1.2), (3, 1.0)):
+        measured = current("a", number)
+        assert np.vdot(still, measured) / np.vdot(still, still) == pytest.approx(factor, abs=0.01)
+    size = np.sqrt(np.mean((current("a", 2) - still) ** 2)) / truth["noise"]
+    assert size == pytest.approx(np.hypot(worn["ratios"][2], np.sqrt(2)), rel=0.1)
+
+
+def test_lives_are_drawn_as_asked() -> None:
+    fleet = lives(40, 30, worn=0.5, seed=1)
+    worn = [life for life in fleet if life.wear is not None]
+    assert len(fleet) == 40 and len(worn) == 20 and {life.wear for life in worn} == set(KINDS)
+    assert all(life.begins >= 5 and not life.values(30)[: life.begins + 1].any() for life in worn)
+    assert sum(life.repaired is not None for life in worn) == 10
+    assert fleet == lives(40, 30, worn=0.5, seed=1) != lives(40, 30, worn=0.5, seed=2)
+
+
+def test_one_night(scene: Scene, tmp_path: Path) -> None:
+    """What a task computes, without Dask: friction that grew is named; a wrong calibration is refused."""
+    write_fleet(tmp_path, scene, [Life(arm="a", wear=replace(SEAL, growth=0.5))], 2, seed=3)
+    job: dict[str, Any] = {
+        "name": "a",
+        "model": (tmp_path / "model.toml").read_text(),
+        "places": sorted(str(path) for path in (tmp_path / "nights/2026-01-02").iterdir()),
+        "storage": {},
+        "run": ["identify", "diagnose"],
+        "report": "none",
+        "rig": None,
+        "calibration": None,
+    }
+    out = tmp_path / "out"
+    out.mkdir()
+    value = night(job, out, {})
+    assert [(cause["effect"], cause["joint"]) for cause in value["causes"]] == [("coulomb_friction", 2)]
+    assert value["recorded"] == "2026-01-02T22:00:00Z" and value["lost"] == 0
+    assert sorted(path.name for path in out.iterdir()) == ["diagnosis.json", "identification.json", "model.toml"]
+    with pytest.raises(Exception, match=r"a_1\.mcap: has calibration 'none'; the plan says 'abc'"):
+        night(job | {"calibration": "abc"}, out, {})
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1500)
+def test_a_fleet_that_wears(scene: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Named at the latest three nights after wear became visible; healthy arms and repaired ones are silent."""
+    fleet = [
+        Life(arm="gap", wear=GAP, begins=5),
+        Life(arm="seal", wear=replace(SEAL, growth=0.2), begins=5, repaired=9),
+        Life(arm="healthy"),
+    ]
+    truth = {one["arm"]: one for one in write_fleet(tmp_path, scene, fleet, 12, seed=3)["arms"]}
+    plan = tmp_path / "plan.toml"
+    plan.write_text(plan.read_text().replace("timeout", 'report = "none"\ntimeout', 1))
+    out = tmp_path / "out"
+    arguments = ["fleet", str(plan), "--out", str(out), "--json"]
+    assert run(arguments) == 0
+    table = json.loads(capsys.readouterr().out)
+    assert table["ran"] == 36 and table["failed"] == 0
+    arms = {one["arm"]: one for one in table["arms"]}
+    assert arms["healthy"]["condition"] == "no change" and arms["healthy"]["since"] is None
+    for name, cause in (("gap", "backlash of joint 1"), ("seal", "coulomb friction of joint 2")):
+        visible = truth[name]["visible"]
+        latest = np.datetime64(visible) + np.timedelta64(3, "D")
+        assert truth[name]["begins"] <= arms[name]["since"] <= str(latest)
+        assert arms[name]["cause"].lower() == cause
+    assert arms["gap"]["condition"] == "changed"
+    # The first night after the repair is compared together with the last one before it.
+    assert arms["seal"]["condition"] == "changed, and is as before again"
+    assert arms["seal"]["until"] <= truth["seal"]["repaired"]
+    assert run(arguments) == 0
+    assert json.loads(capsys.readouterr().out)["ran"] == 0
