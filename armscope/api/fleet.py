@@ -14,7 +14,7 @@ from arm_io.progress import Progress
 from arm_model import Arm, write_model
 from armscope.api.reading import File, read_model
 
-NIGHT, BASELINE = "armscope.fleet_night:night", "armscope.fleet_night:baseline"
+NIGHT, BASELINE = "armscope.api.fleet_night:night", "armscope.api.fleet_night:baseline"
 GIGABYTE = 10**9
 
 

@@ -14,8 +14,8 @@ from arm_fleet import Scene, lives, write_fleet
 from arm_fleet.simulation.recordings import night_of
 from arm_fleet.simulation.wear import KINDS, Life
 from arm_model import read_model
+from armscope.api.fleet_night import night
 from armscope.cli import run
-from armscope.fleet_night import night
 from daq.recording import open_recording
 
 GAP, SEAL, TRANSDUCER = KINDS
