@@ -6,6 +6,10 @@ NAME_x_real_time: simulated seconds (of all parameter sets together) a second of
 these. differs_PEER: largest difference of a joint angle from ours, rad. Wants the extra "bench"; peers that do not
 import are left out. MuJoCo's batch (mujoco.rollout, two threads) runs open loop without friction, which is the most it
 can do at once in C.
+
+peak_gflops: fused multiply-adds on all cores, measured in the same run (benchmarks/peak_rate.py). NAME_operations: of
+one Runge-Kutta step; NAME_share_of_peak: operations per second of 1000 sets over the peak. six_over_three,
+water_over_dry, floating_over_fixed: time of 1000 sets over that of three dry links on a fixed base.
 """
 
 from __future__ import annotations
@@ -17,21 +21,24 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from arm_io.types import Array
-from arm_model.description import Arm
+from arm_model.description import Arm, Cylinder
 from arm_model.model_file import read_model
-from arm_model.simulation.engine import cores
-from arm_model.simulation.simulation import references, row_times, servo_period, simulate, simulate_batch
+from arm_model.simulation.engine import LANES, cores
+from arm_model.simulation.simulation import prepared, references, row_times, servo_period, simulate, simulate_batch
 from benchmarks import simulation_peers as peers
+from benchmarks.peak_rate import operations_a_step, peak_rate
 from benchmarks.pendulum import double_pendulum, timed
 from benchmarks.report import report
 
 MODELS = Path(__file__).resolve().parent.parent / "config" / "models"
 SETS = 1000
+CYLINDER = Cylinder(start=(-0.3, 0.0, 0.0), end=(0.0, 0.0, 0.0), radius=0.05)
 
 
 def first_joints(arm: Arm, n: int) -> Arm:
@@ -63,6 +70,26 @@ def ours(figures: dict[str, float], puma: Arm) -> None:
             lambda a=arm, n=n, sets=sets: simulate_batch(a, move(n), row_times(5.0, 20), parameters=sets)
         )
         figures[f"{name}_1000_sets_x_real_time"] = 5.0 * SETS / seconds
+
+
+def at_the_limit(figures: dict[str, float], puma: Arm) -> None:
+    """Share of the machine's peak, and what more links, water and a floating base cost."""
+    peak = peak_rate()
+    figures["peak_gflops"] = peak / 1e9
+    for n, name in ((3, "three_links"), (6, "six_links")):
+        run = prepared(first_joints(puma, n), variations(LANES), np.zeros(n), None)
+        figures[f"{name}_operations"] = operations_a_step(run.program.system, run.program.params, run.substeps)
+        rate = figures[f"{name}_1000_sets_x_real_time"] / run.step
+        figures[f"{name}_share_of_peak"] = figures[f"{name}_operations"] * rate / peak
+    dry = first_joints(puma, 3)
+    wet = replace(dry, joints=tuple(replace(joint, cylinder=CYLINDER) for joint in dry.joints))
+    floating = replace(dry, floating=read_model(MODELS / "rov_arm.toml").floating)
+    seconds = {}
+    for name, arm in (("dry", dry), ("six", first_joints(puma, 6)), ("water", wet), ("floating", floating)):
+        task = partial(simulate_batch, arm, move(len(arm)), row_times(2.0, 20), parameters=variations(SETS))
+        seconds[name], _ = timed(task)
+    for name, figure in (("six", "six_over_three"), ("water", "water_over_dry"), ("floating", "floating_over_fixed")):
+        figures[figure] = seconds[name] / seconds["dry"]
 
 
 def against(figures: dict[str, float], puma: Arm) -> None:
@@ -158,6 +185,7 @@ def main() -> None:
     puma = read_model(MODELS / "puma560.toml")
     figures: dict[str, float] = {"cores": cores()}
     ours(figures, puma)
+    at_the_limit(figures, puma)
     against(figures, puma)
     ready(figures)
     double_pendulum(figures)

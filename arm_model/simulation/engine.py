@@ -68,7 +68,7 @@ def _generator() -> bytes:
 
 
 @cache
-def _target() -> tuple[Any, Any, str]:
+def target() -> tuple[Any, Any, str]:
     """llvmlite's binding, a target machine for this processor, and what identifies it."""
     import llvmlite
     import llvmlite.binding as llvm
@@ -88,7 +88,7 @@ def _key(system: System, params: tuple[Expr, ...], width: int) -> str:
     tape = system.tape
     roots = (*system.rates, *system.next_memories, *system.commands)
     text = [
-        _target()[2],
+        target()[2],
         str(width),
         repr([(index, tape.nodes[index]) for index in needed(tape, roots)]),
         repr([[expr.index for expr in part] for part in (system.rates, system.next_memories, system.commands, params)]),
@@ -102,7 +102,7 @@ def program_of(system: System, width: int) -> Program:
     params = layout_of(system)
     key = _key(system, params, width)
     code = _kept(key) or _compiled(system, params, width, key)
-    llvm = _target()[0]
+    llvm = target()[0]
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine_for_engine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
@@ -111,7 +111,7 @@ def program_of(system: System, width: int) -> Program:
 
 def machine_for_engine() -> Any:
     """A target machine of its own for an engine, which takes it over."""
-    llvm, _, _ = _target()
+    llvm, _, _ = target()
     return llvm.Target.from_default_triple().create_target_machine(jit=True)
 
 
@@ -125,7 +125,7 @@ def _kept(key: str) -> bytes | None:
 def _compiled(system: System, params: tuple[Expr, ...], width: int, key: str) -> bytes:
     from arm_model.simulation.kernel import module_of
 
-    llvm, machine, _ = _target()
+    llvm, machine, _ = target()
     module = llvm.parse_assembly(str(module_of(system, params, width)))
     # The tape is free of common and dead parts already: LLVM's passes double the time and change nothing.
     code: bytes = machine.emit_object(module)

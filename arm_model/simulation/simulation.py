@@ -100,7 +100,7 @@ def row_times(duration: float, rate: float) -> Array:
     return np.asarray(np.arange(int(np.floor(duration * rate + 1e-9)) + 1) / rate)
 
 
-def _prepared(arm: Arm, variations: Mapping[str, Array] | None, start: Array, substeps: int | None) -> _Run:
+def prepared(arm: Arm, variations: Mapping[str, Array] | None, start: Array, substeps: int | None) -> _Run:
     """Lanes standing still at ``start`` ((n,) or (lanes, n) rad of the motors), held by their motors.
 
     (n + 13,) rad, m, m/s: a floating base begins with the position, attitude and velocity that come last.
@@ -281,7 +281,7 @@ def simulate_batch(
         raise InputError("demand", f"gives {given.shape[-1]} positions at a time, the arm has {len(arm)} joints")
     if start is None:
         start = np.zeros(len(arm)) if arm.controller is None else given[0, : len(arm)]
-    run = _prepared(arm, parameters, start, substeps)
+    run = prepared(arm, parameters, start, substeps)
     rows = _advance_in_parts(run, given, times)
     # a lane that diverged overflows; its callers look for that
     rows = np.where(np.abs(rows) < 1e100, rows, np.nan)
@@ -336,7 +336,7 @@ class Stepper:
 
     def __init__(self, arm: Arm, q0: Array, *, substeps: int | None = None) -> None:
         self.arm = arm
-        self._run = _prepared(arm, None, np.asarray(q0, float), substeps)
+        self._run = prepared(arm, None, np.asarray(q0, float), substeps)
         self.period = self._run.period
 
     @property
