@@ -11,6 +11,7 @@ link{j}.drag_coefficient .added_mass_coefficient .buoyancy  of its cylinder in w
 joint{j}.drag                                              N m s2/rad2
 joint{j}.link_viscous .link_coulomb                        N m s/rad, N m: of the joint's own axis
 joint{j}.theta .d .a .alpha .beta .torque_constant .torque_limit .sign_velocity    as the model file has them
+base.NAME, thruster{k}.gain                                of a floating base (``arm_model.tables.base_values``)
 joint{j}.EFFECT.PARAMETER, EFFECT.PARAMETER                of an effect term of that joint, of the whole arm
 """
 
@@ -26,6 +27,7 @@ from arm_model.rigid_body.hydrodynamics import COEFFICIENTS
 from arm_model.rigid_body.inertia import PARAMETERS, about_com, barycentric
 from arm_model.rigid_body.link_friction import LINK_FRICTION
 from arm_model.servo import fixed_gains
+from arm_model.tables import base_parameters, with_base_parameters
 
 _DIRECT = (
     "drag",
@@ -61,6 +63,8 @@ def _split(arm: Arm, name: str) -> tuple[str, int, str]:
 
 def parameter(arm: Arm, name: str) -> float:
     """The value of one parameter, by the names above; InputError for a name the arm has not."""
+    if arm.floating is not None and name in (known := base_parameters(arm.floating)):
+        return known[name]
     kind, index, rest = _split(arm, name)
     if kind == "effect":
         place = _effect_place(arm, name, index, rest)
@@ -93,6 +97,11 @@ def with_parameters(arm: Arm, values: Mapping[str, float]) -> Arm:
     its servos.
     """
     arm = fixed_gains(arm)
+    if arm.floating is not None:
+        known = base_parameters(arm.floating)
+        own = {name: float(value) for name, value in values.items() if name in known}
+        arm = replace(arm, floating=with_base_parameters(arm.floating, own)) if own else arm
+        values = {name: value for name, value in values.items() if name not in known}
     joints = list(arm.joints)
     links: dict[int, dict[str, float]] = {}
     for name, value in values.items():

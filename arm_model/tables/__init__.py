@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
+    from arm_model.tables.base_values import base_parameters, unit_of, with_base_parameters
     from arm_model.tables.floating_base import DEGREES, FloatingBase, StationKeeping, Thruster
 else:
     __getattr__ = lazy(__name__)
@@ -14,4 +15,7 @@ __all__ = [
     "FloatingBase",
     "StationKeeping",
     "Thruster",
+    "base_parameters",
+    "unit_of",
+    "with_base_parameters",
 ]

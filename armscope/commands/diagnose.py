@@ -61,8 +61,13 @@ def command(
     from arm_io import check_folder, make_folder
     from armscope.api.diagnosis import fit_and_held_out
     from armscope.api.reading import fixed_model, for_analysis
+    from armscope.commands import floating_base
 
     check_folder(out)
+    if rig is None and model is not None and floating_base.floats(model):
+        floating_base.refuse(model, {"--distort": distort is not None, "--png": png, "--pdf": pdf})
+        floating_base.diagnose(fit, model, out, held_out or [], as_json)
+        return _DONE
     arm, kinds = fixed_model(_model(model, rig), "'armscope diagnose'"), pictures(png, pdf)
     if distort is not None:
         return _distorted(arm, distort, for_analysis(fit)[0], Output(out, kinds), as_json)

@@ -84,11 +84,25 @@ def command(
     from arm_io import InputError, check_folder
     from arm_report import wrapped
     from armscope.api.identification import check, identify
+    from armscope.commands import floating_base
 
     if out is None and not only_check:
         raise InputError("--out", "is missing: a folder for the results; or give --check to check the recordings only")
     if out is not None:
         check_folder(out)
+    if floating_base.floats(model):
+        options = {
+            "--method": method is not Method.wls,
+            "--friction": friction is not None,
+            "--shape": shape is not Shape.auto,
+            "--check": only_check,
+            "--png": png,
+            "--pdf": pdf,
+        }
+        floating_base.refuse(model, options)
+        assert out is not None, "only --check needs none"
+        floating_base.identify(run, model, out, held_out or [], as_json)
+        return
     chosen: dict[str, Any] = {
         "held_out": held_out or [],
         "method": method.value,

@@ -32,9 +32,13 @@ COLUMNS = (
 
 
 def columns_of(recording: Recording) -> dict[str, NDArray]:
-    """All columns, each with one entry per row; t (n,) s from the first row is always there."""
+    """All columns, each with one entry per row; t (n,) s from the first row is always there.
+
+    Further columns of a table, such as the pose of a floating base, have their own names.
+    """
     columns = {name: getattr(recording, name) for name in COLUMNS}
-    return {"t": recording.t} | {name: values for name, values in columns.items() if values is not None}
+    there = {name: values for name, values in columns.items() if values is not None}
+    return {"t": recording.t} | recording.extra | there
 
 
 def blocks_of(

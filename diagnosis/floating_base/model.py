@@ -1,0 +1,117 @@
+"""The wrench on a floating base as a measurement model of the stepwise selection.
+
+A candidate is one parameter (``arm_model.rigid_body.moving_base_regressor``): a thruster's gain, a drag or an added
+mass of one degree of freedom, the displaced mass or a component of its moment, the arm's reaction or payload. What
+it gains is judged on held-out rows, in blocks of time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_io.types import Array
+from identification.floating_base import Rows, Sides, fitted
+from identification.selection import Index, Limits, MeasurementModel, Score, block_sums, p_value
+
+LIMITS = Limits(max_causes=12, fdr=0.01, min_gain=0.02, kept_gain=0.01, ambiguity=0.8, block_seconds=3.0)
+"""min_gain, kept_gain: of the held-out residual that is left without the candidate. systematic: a change that makes a
+smaller share of the thrusters' wrench is within what thrust, filters and instruments are known by."""
+
+Chosen = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class BaseWrench(MeasurementModel[str, Chosen]):
+    """Rows of both sides, the model's values (p,), and the noise (6,) that weighs the degrees of freedom."""
+
+    rows: Sides
+    nominal: Array
+    scale: Array
+    limits: Limits = LIMITS
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parameters, in the order of the columns."""
+        return self.rows.fit.names
+
+    def numbers(self, state: Chosen) -> list[int]:
+        """Columns of the chosen parameters."""
+        return [self.names.index(name) for name in state]
+
+    @property
+    def folds(self) -> list[tuple[Rows, Rows]]:
+        """(fitted, judged by): once, or of two parts of the same recordings both ways."""
+        both = [(self.rows.fit, self.rows.held_out)]
+        return [*both, (self.rows.held_out, self.rows.fit)] if self.rows.split else both
+
+    def values(self, state: Chosen, rows: Rows | None = None) -> Array:
+        """(p,) with the chosen parameters fitted (to ``rows``, by default of the fit), the others as in the model."""
+        if not state:
+            return self.nominal
+        return fitted(self.rows.fit if rows is None else rows, self.nominal, self.numbers(state), self.scale)
+
+    def residual(self, state: Chosen) -> Array:
+        """(k, 6) residual of the rows of all folds that are judged by, over the noise."""
+        parts = [judged.residual(self.values(state, rows)) for rows, judged in self.folds]
+        return np.asarray(np.concatenate(parts) / self.scale)
+
+    @property
+    def block(self) -> Index:
+        """(k,) of the same rows, the number of their block, from 0."""
+        first, found = 0, []
+        for _, judged in self.folds:
+            found.append(judged.block + first)
+            first += int(judged.block.max()) + 1
+        return np.concatenate(found)
+
+    def start(self) -> Chosen:
+        return ()
+
+    def chosen(self, state: Chosen) -> Chosen:
+        return state
+
+    def scores(self, state: Chosen) -> Sequence[Score[str]]:
+        return [self.score(name, state) for name in self.names if name not in state]
+
+    def score(self, name: str, without: Chosen) -> Score[str]:
+        """One candidate conditional on ``without``."""
+        block = self.block
+        before, after = ((self.residual(state) ** 2).sum(axis=1) for state in (without, (*without, name)))
+        blocks = block_sums(before - after, block, int(block.max()) + 1)
+        share = float(blocks.sum()) / max(float(before.sum()), 1e-300)
+        return Score(
+            candidate=name,
+            gain=float(blocks.sum()),
+            p=p_value(blocks),
+            blocks=blocks,
+            coefficients=np.zeros(1),
+            share=share,
+        )
+
+    def admissible(self, score: Score[str], state: Chosen) -> bool:
+        return score.share > self.limits.min_gain and self.size(score.candidate, state) > self.limits.systematic
+
+    def size(self, name: str, without: Chosen) -> float:
+        """Wrench of a candidate's change, as a share of that of the thrusters in its largest degree of freedom."""
+        held, at = self.rows.held_out, self.names.index(name)
+        values = self.values((*without, name))
+        pushed = [k for k, other in enumerate(self.names) if other.startswith("thruster")]
+        thrust = held.columns[:, :, pushed] @ values[pushed]
+        change = held.columns[:, :, at] * (values[at] - self.nominal[at])
+        sizes = [np.sqrt(np.mean(one**2, axis=0)) for one in (change, thrust)]
+        return float(np.max(sizes[0] / np.maximum(sizes[1], self.scale)))
+
+    def entered(self, score: Score[str], admissible: Sequence[Score[str]], state: Chosen) -> Chosen:
+        return (*state, score.candidate)
+
+    def without(self, candidate: str, state: Chosen) -> Chosen:
+        return tuple(name for name in state if name != candidate)
+
+    def conditional(self, candidate: str, without: Chosen, state: Chosen) -> Score[str]:
+        return self.score(candidate, without)
+
+    def needed(self, score: Score[str], state: Chosen) -> bool:
+        return self.limits.kept_gain is None or score.share > self.limits.kept_gain

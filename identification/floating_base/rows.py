@@ -1,0 +1,158 @@
+"""From a recording of a floating base to the smooth motion behind it, on a uniform grid.
+
+Columns that the recording must have beside q: base_x .. base_qw .. (``arm_model.motion.POSE_COLUMNS``: a tracker, USBL
+and compass) and thruster1 .. (N, demanded). Where it has the velocities base_vx .. base_wz (a Doppler log, gyroscopes)
+they are taken; where not, poses are differentiated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy import signal
+
+from arm_io import InputError
+from arm_io.types import Array
+from arm_model import Arm
+from arm_model.motion import POSE_COLUMNS, VELOCITY_COLUMNS, thruster_column
+from arm_model.rigid_body.moving_base_numeric import BaseRows, floating, rotations
+from daq.recording import Recording
+from identification.preprocessing.grid import on_grid, uniform_grid
+
+MOTION_BAND = 4.0
+"""Hz: low-pass of motion and thrust. A vehicle with its arm moves below 1 Hz."""
+COMPARE_BAND = 1.0
+"""Hz: low-pass of the wrenches that are compared, the same on both sides."""
+ENDS = 1.0
+"""s at either end of a recording that filters spoil."""
+ROWS_PER_SECOND = 5.0
+BLOCK_SECONDS = 3.0
+"""Length of a block: several times the longest correlation of the residual."""
+MOST_ROWS = 100_000
+"""Of one recording: each has two hundred numbers. 33 minutes at 50 rows/s."""
+HOLE = 0.5
+"""s without samples that are bridged at most."""
+
+
+@dataclass(frozen=True)
+class BaseRun:
+    """One recording on a uniform grid of dt s: m rows at the full rate.
+
+    base            attitude, velocity and its rate, body frame
+    q, qd, qdd      (m, n) of the joints
+    thrust          (m, thrusters) N: demands within their limits, behind their time constants, before their gains
+    kept            rows that are compared, after the second low-pass
+    block           (len(kept),) number of each kept row's block, from 0
+    """
+
+    name: str
+    dt: float
+    base: BaseRows
+    q: Array
+    qd: Array
+    qdd: Array
+    thrust: Array
+    kept: slice
+    block: np.ndarray
+
+    @property
+    def t(self) -> Array:
+        """s of the kept rows from the first row."""
+        return np.asarray(self.dt * np.arange(len(self.q)))[self.kept]
+
+    def compared(self, values: Array) -> Array:
+        """(kept, ...) of values (m, ...), after the second low-pass."""
+        return _low_pass(values, COMPARE_BAND, self.dt)[self.kept]
+
+
+def base_run(recording: Recording, arm: Arm) -> BaseRun:
+    """The run of a recording; InputError where columns are missing or it is too short or has holes."""
+    thrusters = floating(arm).thruster
+    names = [*POSE_COLUMNS, *(thruster_column(k) for k in range(len(thrusters)))]
+    for name in names:
+        if name not in recording.extra:
+            raise InputError(
+                recording.path,
+                f"has no column '{name}'; a recording of a floating base has {POSE_COLUMNS[0]} .. "
+                f"{POSE_COLUMNS[-1]} and thruster1 .. thruster{len(thrusters)} (armscope import --keep-extra)",
+            )
+    if recording.joints != len(arm):
+        raise InputError(recording.path, f"has {recording.joints} joints, the model has {len(arm)}")
+    measured = all(name in recording.extra for name in VELOCITY_COLUMNS)
+    names += VELOCITY_COLUMNS if measured else ()
+    columns = np.column_stack([recording.q, *(recording.extra[name] for name in names)])
+    t, dt, columns = _gridded(recording, columns)
+    n, m = len(arm), len(thrusters)
+    q, pose, demand = columns[:, :n], columns[:, n : n + 7], columns[:, n + 7 : n + 7 + m]
+    limits = np.array([thruster.limits for thruster in thrusters]).reshape(m, 2)
+    thrust = _lagged(np.clip(demand, *limits.T), [thruster.time_constant for thruster in thrusters], dt)
+    q, thrust = _low_pass(q, MOTION_BAND, dt), _low_pass(thrust, MOTION_BAND, dt)
+    attitude = _low_pass(_continuous(pose[:, 3:], recording), MOTION_BAND, dt)
+    attitude /= np.linalg.norm(attitude, axis=1, keepdims=True)
+    if measured:
+        velocity = _low_pass(columns[:, n + 7 + m :], MOTION_BAND, dt)
+    else:
+        velocity = _velocity(_low_pass(pose[:, :3], MOTION_BAND, dt), attitude, dt)
+    qd = np.gradient(q, dt, axis=0)
+    base = BaseRows(attitude, velocity, np.gradient(velocity, dt, axis=0))
+    kept = slice(round(ENDS / dt), len(t) - round(ENDS / dt), max(1, round(1 / (ROWS_PER_SECOND * dt))))
+    block = ((t[kept] - t[kept][0]) // BLOCK_SECONDS).astype(np.intp)
+    return BaseRun(recording.path.name, dt, base, q, qd, np.gradient(qd, dt, axis=0), thrust, kept, block)
+
+
+def _gridded(recording: Recording, columns: Array) -> tuple[Array, float, Array]:
+    where = recording.path
+    if len(recording) < 2 or recording.t[-1] - recording.t[0] < 4 * ENDS + 2 * BLOCK_SECONDS:
+        raise InputError(where, f"is too short; at least {4 * ENDS + 2 * BLOCK_SECONDS:g} s are needed")
+    grid, dt = uniform_grid(recording.t)
+    if len(grid) > MOST_ROWS:
+        raise InputError(where, f"has {len(grid)} rows; at most {MOST_ROWS} at a time are taken for a floating base")
+    if dt > 1 / (4 * MOTION_BAND):
+        raise InputError(where, f"has {1 / dt:.3g} rows/s; at least {4 * MOTION_BAND:g} are needed")
+    if not np.isfinite(columns).any(axis=0).all():
+        raise InputError(where, "has a column of joints, pose or thrusters without any value")
+    values, far = on_grid(recording.t, columns, grid, dt)
+    if far.max() > HOLE / 2:
+        raise InputError(where, f"has a hole of more than {HOLE:g} s in q, pose or thrusters; use the part before it")
+    return grid, dt, values
+
+
+def _continuous(quaternion: Array, recording: Recording) -> Array:
+    """The same attitudes without jumps of sign."""
+    length = np.linalg.norm(quaternion, axis=1)
+    if length.min() < 0.5 or length.max() > 2.0:
+        raise InputError(recording.path, "base_qw .. base_qz are no unit quaternions; expected w, x, y, z of length 1")
+    signs = [1.0]
+    for before, after in pairwise(quaternion):
+        signs.append(signs[-1] * (1.0 if before @ after >= 0 else -1.0))
+    return quaternion * np.array(signs)[:, None]
+
+
+def _velocity(position: Array, attitude: Array, dt: float) -> Array:
+    """(m, 6) in the body frame, of poses."""
+    rate = np.gradient(attitude, dt, axis=0)
+    s, v = attitude[:, :1], attitude[:, 1:]
+    spin = 2 * (s * rate[:, 1:] - rate[:, :1] * v - np.cross(v, rate[:, 1:]))
+    moved = np.einsum("nji,nj->ni", rotations(attitude), np.gradient(position, dt, axis=0))
+    return np.concatenate([moved, spin], axis=1)
+
+
+def _lagged(demand: Array, constants: list[float], dt: float) -> Array:
+    """Thrust behind its demand, a first-order lag each."""
+    out = demand.copy()
+    for k, constant in enumerate(constants):
+        if constant > 0:
+            # exact for demands that are straight lines between the rows
+            keep = np.exp(-dt / constant)
+            slope = (1 - keep) * constant / dt
+            start = np.array([slope * demand[0, k]])
+            out[:, k] = signal.lfilter([1 - slope, slope - keep], [1.0, -keep], demand[:, k], zi=start)[0]
+    return out
+
+
+def _low_pass(values: Array, band: float, dt: float) -> Array:
+    """Zero-phase, along the first axis."""
+    low = signal.butter(3, min(band * dt * 2, 0.98), output="sos")
+    return np.asarray(signal.sosfiltfilt(low, values, axis=0), float)
