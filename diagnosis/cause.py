@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from arm_model import Arm, EffectTerm
+from arm_model.effects import CATALOGUE
 from arm_model.servo import fixed_gains
 
 EffectKey = tuple[str, int | None]
@@ -31,12 +32,27 @@ class Signal(StrEnum):
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter of a cause: its value and standard deviation, both in ``unit``."""
+    """One parameter of a cause: its value and standard deviation, both in ``unit``.
+
+    of_own: value over the same quantity of the model's own friction (1: it has doubled); None where it has none.
+    """
 
     name: str
     value: float
     std: float
     unit: str
+    of_own: float | None = None
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What no effect explains beside a cause that explains nearly all of the excess over the noise at its joint.
+
+    share: rms of what is left over that of the cause's excess; against: variables that it depends on.
+    """
+
+    share: float
+    against: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +107,7 @@ class Cause:
     of_recordings  parameters in each recording, by its file name, where no one value serves them all
     of_joints      of a cause of the whole rig that acts joint by joint: its parameters at each joint (from 1)
     harmonics      of a ripple: those of its own order, as effects of a model (``diagnosis.harmonics``)
+    remainder      what is left unexplained beside it; None: nothing, or it is not the dominant cause of its joint
     support        evidence that the confidence follows from; None: it is that of the gain alone
     lost_rows      of dropped triggers: every loss
     """
@@ -110,9 +127,16 @@ class Cause:
     of_arm: bool = True
     of_joints: Mapping[int, list[Estimate]] = field(default_factory=dict)
     of_recordings: Mapping[str, list[Estimate]] = field(default_factory=dict)
+    remainder: Remainder | None = None
     support: Support | None = None
     harmonics: tuple[EffectTerm, ...] = ()
     lost_rows: tuple[LostRows, ...] = ()
+
+    @property
+    def next_orders(self) -> tuple[str, ...]:
+        """Next-order terms of its law that it has: ``hardening`` of a spring."""
+        effect, named = CATALOGUE[self.effect], {p.name for p in self.parameters}
+        return tuple(term for term in effect.terms if effect.of_term(term).name in named)
 
     @property
     def key(self) -> EffectKey:

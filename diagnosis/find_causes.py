@@ -17,7 +17,7 @@ from arm_model import Arm
 from arm_model.effects import CATALOGUE, same_columns
 from daq.recording import Recording
 from diagnosis.by_recording import cause_of, contradicted, own_values, promising, quiet
-from diagnosis.cause import Cause, EffectKey, extend
+from diagnosis.cause import Cause, EffectKey, Remainder, extend
 from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
 from diagnosis.harmonics import with_harmonics
@@ -25,11 +25,11 @@ from diagnosis.last_gate import negligible
 from diagnosis.measurements.currents.causes import from_axis, of_candidate
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import bounded, columns_of, dataset_of, dataset_with, free_columns
+from diagnosis.measurements.currents.dominant import dominant, remainder_of
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.possible import impossible
-from diagnosis.measurements.currents.ripple_orders import of_shafts, order_of
 from diagnosis.measurements.currents.search import Found, search, without
 from diagnosis.measurements.currents.shortage import Shortage, shortage
 from diagnosis.measurements.single_axis.causes import AxisSide, axis_side, with_sharp_friction
@@ -37,6 +37,7 @@ from diagnosis.residual.run import Run, with_own
 from diagnosis.screening.cleaned import Residuals, Screened, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
+from diagnosis.selection.ripple_orders import of_shafts, order_of
 from identification.selection import Split
 
 
@@ -220,8 +221,18 @@ def has_dynamics(arm: Arm) -> bool:
 
 def _of_search(found: Found) -> list[Cause]:
     """The causes that a search found, in its order, with parameters."""
-    state = found.state
-    return [of_candidate(c, values, state) for c, values in zip(state.chosen, estimates_of(state))]
+    state, first = found.state, dominant(found.state) if found.unexplained.structures else []
+    return [
+        replace(of_candidate(c, values, state), remainder=_remainder(c, found) if c in first else None)
+        for c, values in zip(state.chosen, estimates_of(state))
+    ]
+
+
+def _remainder(candidate: Candidate, found: Found) -> Remainder | None:
+    """What is left beside the dominant cause of a joint, where that has structure."""
+    against = [one.against for one in found.unexplained.structures if one.joint == candidate.joint]
+    share = remainder_of(candidate, found.state) if against else 0.0
+    return Remainder(share, tuple(against)) if share > 0.0 else None
 
 
 def _indistinct(causes: Sequence[Cause]) -> int | None:

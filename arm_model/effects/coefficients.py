@@ -16,11 +16,13 @@ from arm_model.effects.definition import Effect, Values
 from arm_model.effects.observation import Span
 
 
-def units(effect: Effect, held: Mapping[str, float], amplitude: str = "") -> list[Values]:
+def units(effect: Effect, held: Mapping[str, float], amplitude: str = "", terms: Sequence[str] = ()) -> list[Values]:
     """Parameter values, one set per column: each of ``Effect.sizes`` at 1 in turn, a spanned one at each of its values.
 
-    ``held``: all others.
+    ``held``: all others. ``terms``: next-order terms of the law, whose columns come last; they refer to the spanned
+    value in ``held``. What is not given of terms, and of the joint's own, is 0.
     """
+    held = {p.name: 0.0 for p in effect.parameters if p.term or p.own} | dict(held)
     spanned = [(p.name, p.span.values) for p in effect.nonlinear if p.span is not None and p.span.values]
     sets = []
     for values in itertools.product(*(values for _, values in spanned)):
@@ -31,17 +33,28 @@ def units(effect: Effect, held: Mapping[str, float], amplitude: str = "") -> lis
             if one is not None:
                 chosen[one.name] = 1.0
             sets.append(Values(chosen))
-    return sets
+    still = {p.name: 0.0 for p in effect.linear} | held
+    return sets + [Values(still | {effect.of_term(term).name: 1.0}) for term in terms]
 
 
 def solved(
-    effect: Effect, held: Mapping[str, float], coefficients: Sequence[float], amplitude: str = ""
+    effect: Effect,
+    held: Mapping[str, float],
+    coefficients: Sequence[float],
+    amplitude: str = "",
+    terms: Sequence[str] = (),
 ) -> dict[str, float]:
     """Parameter values (SI) that the coefficients (k,) of the columns at ``units`` stand for.
 
-    ``held``: of parameters that are no coefficient.
+    ``held``: of parameters that are no coefficient. ``terms``: next-order terms whose coefficients come last.
     """
-    c = [float(value) for value in coefficients]
+    every = [float(value) for value in coefficients]
+    law = len(every) - len(terms)
+    of_terms = {effect.of_term(term).name: value for term, value in zip(terms, every[law:])}
+    return _of_law(effect, held, every[:law], amplitude) | of_terms
+
+
+def _of_law(effect: Effect, held: Mapping[str, float], c: Sequence[float], amplitude: str) -> dict[str, float]:
     if effect.delay is not None:
         return {effect.parameters[0].name: c[0]}
     linear = effect.sizes(amplitude)

@@ -82,6 +82,11 @@ class Parameter:
     inverse        the effect is largest where this is least
     most           largest magnitude that is physically admissible
     scale, shares  on an axis of any size and unit, the search is at these shares of that scale instead
+    own            0, or a value that the joint's own friction has: both are tried, and nothing between
+    term           the next-order term of the law that it belongs to, 0 unless what the law leaves asks for it; "": it
+                   belongs to the law itself
+    term_share     of a coefficient of a term: largest share of what law and term explain that may be the term's. With
+                   more, it is no next order, and another law is at work
     chain          value of the kinematic chain that it changes: theta, alpha, a, d or beta of its joint
     tracker_prior  prior standard deviation where only tracked points show it, in ``unit`` (``inverse``: of its
                    reciprocal)
@@ -102,6 +107,9 @@ class Parameter:
     most: float = inf
     scale: Scale | None = None
     shares: tuple[float, ...] = ()
+    own: bool = False
+    term: str = ""
+    term_share: float = 0.0
     chain: str = ""
     tracker_prior: float | None = None
 
@@ -233,8 +241,8 @@ class Effect:
 
     @property
     def linear(self) -> tuple[Parameter, ...]:
-        """Parameters that can be estimated as coefficients of columns."""
-        return tuple(p for p in self.parameters if p.linear)
+        """Parameters that can be estimated as coefficients of columns; without those of next-order terms."""
+        return tuple(p for p in self.parameters if p.linear and not p.term)
 
     def sizes(self, amplitude: str = "") -> tuple[Parameter, ...]:
         """The linear parameters that coefficients stand for: all; of a wave its ``amplitude``, by default the first."""
@@ -244,8 +252,17 @@ class Effect:
 
     @property
     def nonlinear(self) -> tuple[Parameter, ...]:
-        """Parameters that have to be searched for."""
-        return tuple(p for p in self.parameters if not p.linear)
+        """Parameters that have to be searched for; without those of next-order terms."""
+        return tuple(p for p in self.parameters if not p.linear and not p.term)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of the next-order terms of the law."""
+        return tuple(dict.fromkeys(p.term for p in self.parameters if p.term))
+
+    def of_term(self, term: str) -> Parameter:
+        """The coefficient of a next-order term."""
+        return next(p for p in self.parameters if p.term == term)
 
     def shown(self, instrument: Instrument, values: Mapping[str, float], unit: Mapping[str, str]) -> str:
         """What a person sees of it in an instrument's signal.
@@ -268,7 +285,7 @@ class Effect:
     @property
     def span(self) -> Parameter | None:
         """The parameter by which the law spans a plane, if there is one."""
-        return next((p for p in self.parameters if p.span is not None and p.span.values), None)
+        return next((p for p in self.nonlinear if p.span is not None and p.span.values), None)
 
     def cycles(self, values: Mapping[str, float]) -> float:
         """Cycles of a wave per turn of the motor; 0 where it is no wave over the motor's angle."""

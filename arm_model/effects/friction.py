@@ -37,10 +37,20 @@ COULOMB_FRICTION = Effect(
     place=Place.MECHANICS,
     parameters=(
         Parameter(
-            "coulomb", "N m", (0.1, 15.0), True, "missing Coulomb friction, equal in both directions", signed=True
+            "coulomb", "N m", (0.1, 15.0), True, "missing Coulomb friction, mean of both directions", signed=True
+        ),
+        Parameter(
+            "skew",
+            "1",
+            (0.0, 0.5),
+            False,
+            "more while moving positive and less while moving negative, as a share: 0, or that of the joint's own "
+            "friction, which has then grown in proportion",
+            signed=True,
+            own=True,
         ),
     ),
-    equation="tau = F sign(q')",
+    equation="tau = F (1 + s sign(q')) sign(q')",
     settable="not the same in all recordings",
     shows="a step where the velocity changes sign",
     confused_with={
@@ -50,7 +60,7 @@ COULOMB_FRICTION = Effect(
     observed_by=_AGAINST_VELOCITY,
     directional=True,
     friction=True,
-    torque=lambda p, s: p.coulomb * s.sign,
+    torque=lambda p, s: p.coulomb * (1 + p.skew * s.sign) * s.sign,
 )
 
 FRICTION_ASYMMETRY = Effect(
@@ -191,15 +201,27 @@ FRICTION_DRIFT = Effect(
             "time constant of the warm-up",
             search=geometric(3.0, 600.0, 6),
         ),
+        Parameter(
+            "difference",
+            "1",
+            (0.01, 0.3),
+            True,
+            "by how much a larger share disappears while moving positive, and a smaller one while moving negative",
+            signed=True,
+            term="difference between directions",
+            term_share=0.3,
+        ),
     ),
-    equation="tau = -a F (1 - exp(-t/T)) sign(q')",
+    equation="tau = -(a + d sign(q')) F (1 - exp(-t/T)) sign(q')",
     shows="the same move needs less torque each time",
     confused_with={"torque_constant": "one cycle repeated, with holds"},
     observed_by={
         Instrument.CURRENT: Observation(),
         Instrument.SINGLE_AXIS: Observation(against=Variable.VELOCITY),
     },
-    torque=lambda p, s: -p.fraction * s.coulomb * (1 - scalar.exp(-s.t / p.time_constant)) * s.sign,
+    torque=lambda p, s: (
+        -(p.fraction + p.difference * s.sign) * s.coulomb * (1 - scalar.exp(-s.t / p.time_constant)) * s.sign
+    ),
 )
 
 EFFECTS = (

@@ -22,13 +22,24 @@ GRAVITY_SPRING = Effect(
             most=9.0,
             span=Span.SHIFT,
         ),
+        Parameter(
+            "hardening",
+            "N m/rad3",
+            (0.1, 20.0),
+            True,
+            "by how much the spring gets stiffer away from its rest angle",
+            signed=True,
+            term="hardening",
+            # of a torque with the cube of the angle alone, a spring explains 84 to 91 %
+            term_share=0.05,
+        ),
     ),
-    equation="tau = k (q - q0)",
+    equation="tau = k (q - q0) + h (q - q0)^3",
     shows="error proportional to joint angle",
     confused_with={"current_offset": "the full range of the joint", "link_inertia": "the full range of the joint"},
     observed_by={Instrument.CURRENT: Observation(), Instrument.SINGLE_AXIS: Observation()},
     directional=True,
-    torque=lambda p, s: p.stiffness * (s.q - p.rest_angle),
+    torque=lambda p, s: p.stiffness * (s.q - p.rest_angle) + p.hardening * (s.q - p.rest_angle) ** 3,
     link_side=True,
 )
 
@@ -47,8 +58,18 @@ COGGING = Effect(
             signed=True,
             span=Span.PHASE,
         ),
+        Parameter(
+            "per_load",
+            "1",
+            (0.005, 0.1),
+            True,
+            "growth of the amplitude with the transmitted torque",
+            signed=True,
+            term="growth with load",
+            term_share=0.5,
+        ),
     ),
-    equation="tau = A sin(Np q_motor + phi)",
+    equation="tau = (A + c |tau_load|) sin(Np q_motor + phi)",
     shows="a fixed order of the motor angle, also without load",
     confused_with={
         "gear_ripple": "the motor off its gear: then the torque of uneven teeth vanishes, that of magnets does not"
@@ -60,7 +81,9 @@ COGGING = Effect(
     excited_by=Excitation.SPEED,
     # a torque that goes with the motor's angle is made by uneven teeth as well as by magnets
     aliases=("gear_ripple",),
-    torque=lambda p, s: p.amplitude * scalar.sin(p.pole_pairs * s.motor + p.phase),
+    torque=lambda p, s: (
+        (p.amplitude + p.per_load * scalar.absolute(s.load)) * scalar.sin(p.pole_pairs * s.motor + p.phase)
+    ),
 )
 
 EFFECTS = (GRAVITY_SPRING, COGGING)

@@ -99,8 +99,20 @@ CURRENT_GAIN = Effect(
 CURRENT_NONLINEARITY = Effect(
     name="current_nonlinearity",
     place=Place.SENSING,
-    parameters=(Parameter("cubic", "1/A2", (1e-4, 0.05), True, "cubic coefficient of saturation", signed=True),),
-    equation="i_read = i - c i^3",
+    parameters=(
+        Parameter("cubic", "1/A2", (1e-4, 0.05), True, "cubic coefficient of saturation", signed=True),
+        Parameter(
+            "quintic",
+            "1/A4",
+            (1e-6, 0.01),
+            True,
+            "next coefficient of saturation",
+            signed=True,
+            term="next order",
+            term_share=0.05,
+        ),
+    ),
+    equation="i_read = i - c i^3 - d i^5",
     shows="error as a function of the measured current",
     confused_with={"load_friction": "a reference shunt"},
     observed_by={
@@ -110,7 +122,7 @@ CURRENT_NONLINEARITY = Effect(
     excited_by=Excitation.CURRENT,
     # the current has transients that the smoothed motion does not show, and they are cubed as well
     model_error=0.05,
-    current=lambda p, s: -p.cubic * s.current**3,
+    current=lambda p, s: -p.cubic * s.current**3 - p.quintic * s.current**5,
 )
 
 MAINS_HUM = Effect(

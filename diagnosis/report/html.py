@@ -23,7 +23,7 @@ from diagnosis.report.plots.motion import motion_of
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
 from diagnosis.report.plots.single_axis import wave_chart
 from diagnosis.report.tables import errors, left, rough, summary, unseen
-from diagnosis.report.wording import sentence, title, uncertain, value, values_of
+from diagnosis.report.wording import remainder, sentence, title, uncertain, value, values_of
 from diagnosis.units import readable
 
 MOST_CHARTS = {"held_out": 2, "fit": 1}
@@ -132,7 +132,7 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any], number: int) 
                 value(p),
                 f"± {2 * p.std:.2g}" if uncertain(p) else "",
                 "" if p.unit == "1" else p.unit,
-                meaning.get(p.name, ""),
+                meaning.get(p.name, "") + ("" if p.of_own is None else f"; {100 * p.of_own:+.0f} % of the model's own"),
             )
             for p in cause.parameters
         ],
@@ -150,9 +150,10 @@ def _gain(cause: Cause) -> str:
     factor, unit = readable(cause.unit, (cause.before, cause.after))
     less = f", {cause.before / cause.after:.3g} times smaller" if 0.0 < cause.after < cause.before else ""
     sure = "" if len(cause.group) == 1 else " that this cause, or one indistinguishable from it, is present"
+    beside = f" {said[:1].upper()}{said[1:]}." if (said := remainder(cause)) else ""
     return (
         f"Held-out error of {where}: {factor * cause.before:.3g} {unit} without it, {factor * cause.after:.3g} "
-        f"{unit} with it{less}. Confidence {cause.confidence:.0%}{sure}."
+        f"{unit} with it{less}. Confidence {cause.confidence:.0%}{sure}.{beside}"
     )
 
 

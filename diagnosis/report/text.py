@@ -7,7 +7,7 @@ from typing import Any
 from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.report.origins import origin_lines
-from diagnosis.report.wording import gain, sentence, title, values_of
+from diagnosis.report.wording import gain, remainder, sentence, title, values_of
 
 
 def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
@@ -20,6 +20,8 @@ def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
         lines.append(
             f"   held-out error of {where} without -> with it: {gain(cause)}; confidence {cause.confidence:.0%}"
         )
+        if left := remainder(cause):
+            lines.append(f"   {left}")
         if len(cause.group) > 1:
             others, by = ", ".join(map(in_words, cause.group[1:])), row["separate_by"]
             lines.append(f"   indistinguishable here from {others}" + (f"; discriminated by: {by}" if by else ""))

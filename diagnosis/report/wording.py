@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm_model.effects import CATALOGUE
-from diagnosis.cause import Cause, Estimate, LostRows, Signal, in_words
+from diagnosis.cause import NO_VARIABLE, Cause, Estimate, LostRows, Signal, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.remaining import remaining
 from diagnosis.units import readable
@@ -37,7 +37,8 @@ def _either(cause: Cause) -> str:
     if len({joint for _, joint in cause.group}) > 1:
         return " or ".join(map(in_words, cause.group))
     names = " or ".join(effect.replace("_", " ") for effect, _ in cause.group)
-    return f"{names} of joint {cause.joint}" if cause.joint else names
+    terms = f" with {' and '.join(cause.next_orders)}" if cause.next_orders else ""
+    return (f"{names} of joint {cause.joint}" if cause.joint else names) + terms
 
 
 def sentence(result: Diagnosis) -> str:
@@ -82,9 +83,22 @@ def against(signal: str, joint: int | None, variable: str) -> str:
 
 
 def estimate(one: Estimate) -> str:
-    """``half gap 0.001021 ± 0.000007 rad``: two std, and no more digits than these determine."""
+    """``half gap 0.001021 ± 0.000007 rad``: two std, and no more digits than these determine.
+
+    Of friction, its share of the model's own: ``coulomb 2.35 ± 0.1 N m (+47 % of the model's own)``.
+    """
     unit = "" if one.unit == "1" else f" {one.unit}"
-    return f"{one.name.replace('_', ' ')} {value(one)}{f' ± {2 * one.std:.2g}' if uncertain(one) else ''}{unit}"
+    own = "" if one.of_own is None else f" ({100 * one.of_own:+.0f} % of the model's own)"
+    return f"{one.name.replace('_', ' ')} {value(one)}{f' ± {2 * one.std:.2g}' if uncertain(one) else ''}{unit}{own}"
+
+
+def remainder(cause: Cause) -> str:
+    """``beside it, 14 % of its excess is unexplained, against position``; empty where nothing is."""
+    if cause.remainder is None:
+        return ""
+    known = [name for name in cause.remainder.against if name != NO_VARIABLE]
+    depends = f", against {' and '.join(known)}" if known else f", against {NO_VARIABLE}"
+    return f"beside it, {100 * cause.remainder.share:.0f} % of its excess is unexplained{depends}"
 
 
 def values_of(cause: Cause) -> list[str]:

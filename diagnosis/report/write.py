@@ -11,6 +11,7 @@ import numpy as np
 
 from arm_io import make_folder
 from arm_model import write_model
+from arm_model.effects import CATALOGUE
 from arm_report import write_report
 from daq.recording import Recording
 from diagnosis.against_noise import ratios
@@ -166,7 +167,17 @@ def _tracker_signal(result: Diagnosis) -> list[dict[str, Any]]:
 
 
 def _values(parameters: Sequence[Estimate]) -> dict[str, dict[str, Any]]:
-    return {p.name: {"value": p.value, "std": p.std, "unit": p.unit} for p in parameters}
+    return {
+        p.name: {"value": p.value, "std": p.std, "unit": p.unit}
+        | ({} if p.of_own is None else {"of_own": round(p.of_own, 4)})
+        for p in parameters
+    }
+
+
+def _terms(cause: Cause) -> list[dict[str, Any]]:
+    """Next-order terms of its law that a cause has, with the parameters that are theirs."""
+    effect = CATALOGUE[cause.effect]
+    return [{"term": term, "parameters": [effect.of_term(term).name]} for term in cause.next_orders]
 
 
 def _cause(cause: Cause) -> dict[str, Any]:
@@ -180,6 +191,8 @@ def _cause(cause: Cause) -> dict[str, Any]:
         **({"recordings": of_recordings} if of_recordings else {}),
         **({"harmonics": [asdict(term) for term in cause.harmonics]} if cause.harmonics else {}),
         **({"lost_rows": [asdict(one) for one in cause.lost_rows]} if cause.lost_rows else {}),
+        **({"terms": _terms(cause)} if cause.next_orders else {}),
+        **({"remainder": asdict(cause.remainder)} if cause.remainder else {}),
         "confidence": round(cause.confidence, 4),
         "support": asdict(cause.support) if cause.support else None,
         "gain": {"held_out_rms_before": cause.before, "held_out_rms_after": cause.after, "unit": cause.unit},

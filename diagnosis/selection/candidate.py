@@ -16,7 +16,8 @@ class Candidate:
     """One effect at one joint, with values for its nonlinear parameters that are not spanned by columns.
 
     joint: from 1; None: of the whole arm. body: with an inertia of its own (a payload), not a mass point. amplitude: of
-    a wave with several, the name of the one that it has; "": the first.
+    a wave with several, the name of the one that it has; "": the first. terms: the next-order terms of the law that it
+    has; these refer to the phase or the rest position in ``shape``.
     """
 
     effect: str
@@ -24,6 +25,7 @@ class Candidate:
     shape: tuple[tuple[str, float], ...] = ()
     body: bool = False
     amplitude: str = ""
+    terms: tuple[str, ...] = ()
 
     @property
     def definition(self) -> Effect:
@@ -43,6 +45,8 @@ class Candidate:
     def largest(self, k: int) -> float:
         """Largest typical magnitude of coefficient k: the std of one that the data says nothing of."""
         linear = self.definition.sizes(self.amplitude)
+        if self.terms and k >= (law := len(self.units()) - len(self.terms)):
+            return self.definition.of_term(self.terms[k - law]).typical[1]
         if self.definition.link_parameters:
             return CATALOGUE[self.definition.body or self.effect].linear[k].typical[1]
         return linear[k].typical[1] if k < len(linear) else linear[0].typical[1] if linear else 1.0
@@ -55,7 +59,8 @@ class Candidate:
 
     def searched(self) -> list[str]:
         """Names of the nonlinear parameters that are continuous and determined by the data."""
-        continuous = {p.name for p in self.definition.parameters if not (p.whole or p.fixed)}
+        held = [p for p in self.definition.parameters if p.whole or p.fixed or p.own or p.span is not None]
+        continuous = {p.name for p in self.definition.parameters if p not in held}
         return [name for name, _ in self.shape if name in continuous]
 
     def at(self, name: str, value: float) -> Self:
@@ -65,12 +70,14 @@ class Candidate:
     def units(self) -> list[Values]:
         """Parameter values, one set per column: each linear parameter at 1, each spanned one at its two values."""
         held = dict(self.shape)
-        return [Values(held)] if self.unit_amplitude else units(self.definition, held, self.amplitude)
+        return [Values(held)] if self.unit_amplitude else units(self.definition, held, self.amplitude, self.terms)
 
     def parameters(self, coefficients: Sequence[float]) -> dict[str, float]:
         """Parameter values (SI) that the coefficients (k,) of its columns stand for; see ``units`` for their order."""
         held = dict(self.shape)
-        return held if self.unit_amplitude else solved(self.definition, held, coefficients, self.amplitude)
+        if self.unit_amplitude:
+            return held
+        return solved(self.definition, held, coefficients, self.amplitude, self.terms)
 
     @property
     def is_torque(self) -> bool:

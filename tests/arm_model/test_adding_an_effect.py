@@ -56,7 +56,7 @@ def test_passes_the_tests_that_every_effect_has(effect: Effect) -> None:
     definitions.test_names_other_effects_by_names_that_exist(effect)
     definitions.test_law_is_linear_in_what_it_calls_linear(effect.name)
     definitions.test_symbols_give_the_numbers_of_the_law(effect.name)
-    coefficients.test_law_at_solved_parameters_is_the_sum_of_columns(effect.name, "")
+    coefficients.test_law_at_solved_parameters_is_the_sum_of_columns(effect.name, "", ())
     coefficients.test_spans_one_plane_of_one_size(effect)
 
 

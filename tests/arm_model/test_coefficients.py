@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm_model.effects import CATALOGUE, Effect, Signals, Span, Values, solved, units
+from arm_model.effects import CATALOGUE, Effect, Signals, Span, solved, units, values_of
 
 
 def _law(effect: Effect, amplitude: str = ""):
@@ -18,8 +18,14 @@ def _law(effect: Effect, amplitude: str = ""):
 LINEAR = [(name, "") for name, effect in CATALOGUE.items() if effect.linear and _law(effect)]
 
 
-@pytest.mark.parametrize(("name", "amplitude"), [*LINEAR, ("gear_ripple", "torque")])
-def test_law_at_solved_parameters_is_the_sum_of_columns(name: str, amplitude: str) -> None:
+TERMS = [(name, "", (term,)) for name, effect in CATALOGUE.items() for term in effect.terms]
+
+
+@pytest.mark.parametrize(
+    ("name", "amplitude", "terms"), [*((*one, ()) for one in [*LINEAR, ("gear_ripple", "torque")]), *TERMS]
+)
+def test_law_at_solved_parameters_is_the_sum_of_columns(name: str, amplitude: str, terms: tuple[str, ...]) -> None:
+    """Of next-order terms as well, while the phase or rest angle that they refer to is the one that is solved."""
     effect, generator = CATALOGUE[name], np.random.default_rng(len(name))
     law, held = _law(effect, amplitude), {p.name: float(generator.uniform(*p.typical)) for p in effect.nonlinear}
     v, n = generator.normal(size=60), 60
@@ -35,11 +41,13 @@ def test_law_at_solved_parameters_is_the_sum_of_columns(name: str, amplitude: st
         state=generator.uniform(size=n),
         driver=generator.normal(size=n),
     )
-    columns = [law(values, signals) for values in units(effect, held, amplitude)]
-    assert not amplitude or all(np.any(column) for column in columns)
+    of_law = len(units(effect, held, amplitude))
     for _ in range(10):
-        c = generator.normal(size=len(columns))
-        whole = law(Values(solved(effect, held, c, amplitude)), signals)
+        c = generator.normal(size=of_law + len(terms))
+        held |= {key: value for key, value in solved(effect, held, c[:of_law], amplitude).items() if key in held}
+        columns = [law(values, signals) for values in units(effect, held, amplitude, terms)]
+        assert not amplitude or all(np.any(column) for column in columns)
+        whole = law(values_of(effect, solved(effect, held, c, amplitude, terms)), signals)
         np.testing.assert_allclose(whole, sum(k * x for k, x in zip(c, columns)), rtol=1e-9, atol=1e-9)
 
 

@@ -21,8 +21,8 @@ from diagnosis.experiments.t_optimality import predicted_run
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
 from diagnosis.measurements.currents.detectability import not_visible
-from diagnosis.measurements.currents.ripple_orders import order_of
 from diagnosis.residual.run import Run
+from diagnosis.selection.ripple_orders import order_of
 from identification.selection.split import Split
 from tests.diagnosis.runs import seen
 

@@ -13,13 +13,14 @@ from arm_model.effects import CATALOGUE, Instrument
 from diagnosis.cause import Cause, EffectKey, Estimate, Signal, confidence_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import State
-from diagnosis.measurements.currents.ripple_orders import in_words
 from diagnosis.measurements.single_axis.causes import AxisCause
+from diagnosis.own_friction import with_shares
 from diagnosis.screening.event import Event, Gain
 from diagnosis.selection.aliasing import confusability, span_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset
 from diagnosis.selection.regression import Fitted, score
+from diagnosis.selection.ripple_orders import in_words
 from diagnosis.units import unit_at
 from identification.selection import Split
 
@@ -58,7 +59,7 @@ def of_candidate(candidate: Candidate, values: list[Estimate], state: State) -> 
     return Cause(
         effect=candidate.effect,
         joint=candidate.joint,
-        parameters=values,
+        parameters=with_shares(candidate.effect, values, model.arm.joints[joint - 1]),
         confidence=confidence_of(conditional.p),
         before=before,
         after=after,
@@ -142,7 +143,7 @@ def from_axis(axis_cause: AxisCause, arm: Arm) -> Cause:
     return Cause(
         effect=axis_cause.effect,
         joint=joint,
-        parameters=axis_cause.parameters,
+        parameters=with_shares(axis_cause.effect, axis_cause.parameters, arm.joints[0]),
         confidence=confidence_of(axis_cause.p),
         before=axis_cause.before,
         after=axis_cause.after,

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_io.types import Array
-from arm_model import Arm
+from arm_model import Arm, Joint
 from arm_model.effects import CATALOGUE, Effect, Instrument, Signals, Values
 from arm_model.effects.definition import Law
 from arm_model.system import inverse_dynamics
@@ -210,12 +210,27 @@ def candidates(arm: Arm) -> Iterator[Candidate]:
         if Instrument.CURRENT not in effect.observed_by or (effect.coupling and len(arm) < 6):
             continue
         searched = [p for p in effect.parameters if p.search and not p.derived]
-        shapes = [
+        shapes: list[tuple[tuple[str, float], ...]] = [
             tuple(zip((p.name for p in searched), values))
             for values in itertools.product(*(p.search for p in searched))
         ]
+        own = next((p.name for p in effect.parameters if p.own), None)
         for joint in range(1, len(arm) + 1) if effect.per_joint else (None,):
             if effect.cylinder and joint is not None and arm.joints[joint - 1].cylinder is None:
                 continue
             for shape in shapes:
                 yield Candidate(effect.name, joint, shape)
+            if own is not None and joint is not None and (skew := own_skew(arm.joints[joint - 1])):
+                yield Candidate(effect.name, joint, ((own, skew),))
+
+
+LEAST_SKEW = 0.005
+"""Directions that differ by less count as equal."""
+
+
+def own_skew(joint: Joint) -> float:
+    """(F+ - F-) / (F+ + F-) of a joint's own Coulomb friction; 0 where it has none, or is equal in both directions."""
+    positive, negative = joint.coulomb
+    total = positive + negative
+    skew = (positive - negative) / total if total > 0.0 else 0.0
+    return skew if abs(skew) > LEAST_SKEW else 0.0

@@ -41,6 +41,14 @@ class CurrentLimits(Limits):
     body_deviations          std by which the mass of a body must be positive, and its second moments may be negative
     searched_again           refuted causes in whose place another is searched; what has no better name by then is
                              unexplained
+    family                   share of its gain by which a term of an effect that is chosen may gain less than another
+                             effect and still come first: harmonics and directions belong to one cause
+    swapped                  share of what is left to which it must fall for a rival to take the place of a cause
+    follows                  share of what no effect explains that more coefficients of friction may follow: two
+                             directions that differ by less are equal
+    dominant                 share of the excess over the noise at its joint, in fitted and held-out recordings, from
+                             which a cause keeps its name beside unexplained structure: of effects outside the catalogue
+                             the nearest effect explains 50 to 94 %
     structure_gain           share of a joint's noise energy that unexplained structure must explain ...
     structure_share          ... and share of what the causes explain there: a law that is right to a seventh of its
                              amplitude is the right law
@@ -72,6 +80,10 @@ class CurrentLimits(Limits):
     significant_sizes: float = 2.0
     body_deviations: float = 3.0
     searched_again: int = 2
+    family: float = 0.05
+    swapped: float = 0.5
+    follows: float = 0.25
+    dominant: float = 0.95
     structure_gain: float = 0.15
     structure_share: float = 0.02
     structure_p: float = 5e-3

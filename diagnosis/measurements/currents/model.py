@@ -23,12 +23,13 @@ from diagnosis.measurements.currents.design_matrix import columns_of, dataset_wi
 from diagnosis.measurements.currents.limits import LIMITS, CurrentLimits, leakage, matters
 from diagnosis.measurements.currents.pairs import pair_of
 from diagnosis.measurements.currents.refinement import is_physical, refined
-from diagnosis.measurements.currents.ripple_orders import detectable
 from diagnosis.measurements.currents.unexplained import joints_above_noise
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
+from diagnosis.selection.next_order import next_orders, of_last_term, term_share
 from diagnosis.selection.regression import Fitted, best_of_each, fit_together, score
+from diagnosis.selection.ripple_orders import detectable
 from identification.selection import MeasurementModel, Score, Split, p_value
 
 Rivals = Mapping[EffectKey, Sequence[Score[Candidate]]]
@@ -72,6 +73,7 @@ class Currents(MeasurementModel[Candidate, State]):
 
     ripples   candidates whose columns are computed only for the strongest orders of the residual
     excluded  effects that may not be chosen
+    extended  columns of candidates with next-order terms, which are candidates only once their effect is chosen
     """
 
     arm: Arm
@@ -81,6 +83,7 @@ class Currents(MeasurementModel[Candidate, State]):
     ripples: tuple[Candidate, ...] = ()
     excluded: Set[EffectKey] = frozenset()
     limits: CurrentLimits = LIMITS
+    extended: dict[Candidate, Pair] = field(default_factory=dict, repr=False)
 
     def start(self) -> State:
         """Nothing chosen."""
@@ -100,7 +103,13 @@ class Currents(MeasurementModel[Candidate, State]):
             for body in (body_of(c) for c in state.chosen if not c.body)
             if body is not None
         ]
-        return sorted(scores, key=lambda score: -score.gain)
+        scores += [
+            score(c, of_last_term(self.columns(c)), state.fitted, state.data.held_out)
+            for chosen, own in zip(state.chosen, state.coefficients)
+            for c in next_orders(chosen, own)
+        ]
+        # of equals, the term of an effect that is chosen already comes before another effect
+        return sorted(scores, key=lambda score: -score.gain * (1.0 + self.limits.family * bool(score.candidate.terms)))
 
     def fdr(self, score: Score[Candidate]) -> float | None:
         """Relaxed for a large gain, which may be active in few blocks only."""
@@ -115,8 +124,11 @@ class Currents(MeasurementModel[Candidate, State]):
     def admissible(self, score: Score[Candidate], state: State) -> bool:
         """Whether a candidate is physically admissible and matters.
 
-        Whether a body is one is decided when all causes are known (``bodies.named_by_body``).
+        Whether a body is one is decided when all causes are known (``bodies.named_by_body``). A term must be small
+        against its effect.
         """
+        if score.candidate.terms:
+            return self.needed(score, state) and self._next_order(score, state)
         physical = score.candidate.body or is_physical(score.candidate, score.coefficients)
         return physical and self.needed(score, state)
 
@@ -138,17 +150,21 @@ class Currents(MeasurementModel[Candidate, State]):
             if (one.gain >= best.gain - self.tolerance(one, best) and len(one.coefficients) == fewest)
             or (one.gain > limits.ambiguity * best.gain and p_value(score.blocks - one.blocks) > limits.ambiguity_p)
         ]
+        if score.candidate.terms:
+            before = next(c for c in state.chosen if c.key == score.candidate.key)
+            sharp = refined(score.candidate, self.without(before, state).fitted, self.data.fit)
+            return _replaced(state, before, sharp)
         if score.candidate.body:
             return self._with_body(score.candidate, rivals, state)
         sharp = refined(score.candidate, state.fitted, self.data.fit)
         return State(self, (*state.chosen, sharp), state.data, {**state.rivals, sharp.key: rivals})
 
     def stalled(self, state: State) -> State | None:
-        """Two effects that hide each other may enter together."""
+        """Two effects that hide each other may enter together, or a rival take the place of a cause."""
         joints = joints_above_noise(state.fitted, state.data.held_out, self.arm)
         both = pair_of(self.library, state.fitted, state.data, joints, self._taken(state))
         if not both:
-            return None
+            return self._swapped(state, joints)
         held_out = state.data.held_out
         alone = {c.key: [score(c, self.library[c], state.fitted, held_out)] for c in both}
         return State(self, (*state.chosen, *both), state.data, {**state.rivals, **alone})
@@ -169,14 +185,49 @@ class Currents(MeasurementModel[Candidate, State]):
         """Columns of a candidate, each computed once."""
         if candidate.body:
             return self.columns(link_of(candidate, self.arm))
-        if candidate not in self.library:
-            self.library[candidate] = self.data.map(lambda data: columns_of(candidate, data))
-        return self.library[candidate]
+        known = self.extended if candidate.terms else self.library
+        if candidate not in known:
+            known[candidate] = self.data.map(lambda data: columns_of(candidate, data))
+        return known[candidate]
 
     def refitted(self, chosen: Sequence[Candidate], rivals: Rivals) -> State:
         """Other candidates, the data corrected from the start."""
         state = State(self, tuple(chosen), self.data, rivals)
         return corrected(state) if chosen else state
+
+    def _swapped(self, state: State, joints: Sequence[int]) -> State | None:
+        """With a rival, and the next-order terms of its law, in the place of a cause of one of the ``joints``.
+
+        Where what is left falls to ``LIMITS.swapped`` of it: the nearest single law need not be the one whose terms
+        explain the rest. None where none does.
+        """
+        best, least = None, self.limits.swapped * _left(state)
+        for c in (one for one in state.chosen if one.joint in joints):
+            for rival in (one.candidate for one in state.rivals[c.key] if one.candidate.definition.terms):
+                if rival.key in self._taken(state):
+                    continue
+                trial = self._with_terms(replace(state, rivals={**state.rivals, rival.key: ()}), c, rival)
+                # first-order columns screen: only what they show is evaluated exactly
+                if _left(trial) < least and _left(exact := self.refitted(trial.chosen, trial.rivals)) < least:
+                    best, least = exact, _left(exact)
+        return best
+
+    def _with_terms(self, state: State, chosen: Candidate, rival: Candidate) -> State:
+        """With a rival in the place of a chosen candidate, and with the first of its terms that is admissible."""
+        others = self.without(chosen, state).fitted
+        sharp, place = refined(rival, others, self.data.fit), state.chosen.index(chosen)
+        trial = _replaced(state, chosen, sharp)
+        for with_term in next_orders(sharp, trial.coefficients[place]):
+            own = of_last_term(self.columns(with_term))
+            if self.admissible(score(with_term, own, trial.fitted, trial.data.held_out), trial):
+                return _replaced(trial, sharp, refined(with_term, others, self.data.fit))
+        return trial
+
+    def _next_order(self, score: Score[Candidate], state: State) -> bool:
+        """Whether a term explains no more than a next order does of what its effect and the term explain."""
+        chosen = next(c for c in state.chosen if c.key == score.candidate.key)
+        alone = self.conditional(chosen, self.without(chosen, state), state).gain
+        return score.gain <= term_share(score.candidate) * (alone + score.gain)
 
     def _of_inertia(self, body: Candidate) -> Pair:
         """The columns that a body has in addition to those of a mass point: its inertia."""
@@ -202,6 +253,15 @@ class Currents(MeasurementModel[Candidate, State]):
             own = [c for c in self.ripples if c.joint == joint]
             for c in detectable(self.data.fit, residual, self.arm, joint, own):
                 self.columns(c)
+
+
+def _replaced(state: State, old: Candidate, new: Candidate) -> State:
+    return replace(state, chosen=tuple(new if c is old else c for c in state.chosen))
+
+
+def _left(state: State) -> float:
+    """Squared residual, fitted and held out, in units of the noise variance."""
+    return float(np.sum(state.fitted.fit**2) + np.sum(state.fitted.held_out**2))
 
 
 def terms(chosen: Sequence[Candidate], coefficients: Sequence[Array]) -> list[EffectTerm]:

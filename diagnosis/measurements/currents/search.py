@@ -5,13 +5,16 @@ Stepwise selection, refinement by the exact model, simplification, and compariso
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import itertools
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from arm_model.effects import CATALOGUE
+from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import dataset_with
+from diagnosis.measurements.currents.dominant import dominant
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents, State, corrected, terms
 from diagnosis.measurements.currents.possible import exists
@@ -43,7 +46,7 @@ def search(model: Currents, progress: Callable[[str], None]) -> Found:
         state = model.refitted(fewer, state.rivals)
     progress("searching for unexplained structure")
     found = _with_unexplained(state)
-    while dissolved := _superfluous(found) or _outdone(state):
+    while dissolved := _dissolved(found):
         state = corrected(replace(state, chosen=tuple(c for c in state.chosen if c not in dissolved)))
         found = _with_unexplained(state)
     return found
@@ -83,8 +86,17 @@ def _with_unexplained(state: State) -> Found:
     return Found(state, unexplained_structure(state.data, state.fitted, state.model.arm))
 
 
-def _superfluous(found: Found) -> list[Candidate]:
-    """The cause that is most superfluous conditional on unexplained structure, if one is.
+def _dissolved(found: Found) -> list[Candidate]:
+    """Causes that are names for parts of unexplained structure.
+
+    Not one that explains nearly all of the excess at its joint: what it leaves is told beside it (``dominant``).
+    """
+    kept = dominant(found.state)
+    return _superfluous(found, kept) or _outdone(found.state, kept)
+
+
+def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
+    """The cause that is most superfluous conditional on unexplained structure, if one is and may not be ``kept``.
 
     Where the residual depends on no known variable and is far above noise, a cause that explains less than it is part
     of it.
@@ -93,6 +105,8 @@ def _superfluous(found: Found) -> list[Candidate]:
     model, held_out = state.model, state.data.held_out
     unknown = {structure.joint for structure in found.unexplained.structures if not structure.share}
     for c in state.chosen:
+        if c in kept:
+            continue
         others, own = model.without(c, state), model.columns(c)
         touching = [pair for pair in found.unexplained.pairs if _overlap(pair.fit, own.fit)]
         alone = score(c, own, others.fitted, held_out).gain
@@ -106,11 +120,17 @@ def _superfluous(found: Found) -> list[Candidate]:
     return [least] if least is not None and shares[least] < model.limits.superfluous else []
 
 
-def _outdone(state: State) -> list[Candidate]:
-    """The causes of a joint that one function of one variable explains better than all of them together."""
+def _outdone(state: State, kept: Container[Candidate]) -> list[Candidate]:
+    """The causes of a joint that one function of one variable explains better than all of them together.
+
+    Less those that are ``kept``.
+    """
     model, limits, held_out = state.model, state.model.limits, state.data.held_out
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
         own = [c for c in state.chosen if c.joint == joint]
+        fewer = [c for c in own if c not in kept]
+        if not fewer:
+            continue
         reduced = replace(state, chosen=tuple(c for c in state.chosen if c not in own))
         before, after = (float(np.sum(s.fitted.held_out[held_out.of(joint)] ** 2)) for s in (reduced, state))
         allowed = 0.0
@@ -119,7 +139,7 @@ def _outdone(state: State) -> list[Candidate]:
         if len(own) > 3 and _cancelling(own, state) > limits.makeshift:
             allowed = max(allowed, limits.makeshift_leave * (before - after))
         if better_than_causes(state.data, reduced.fitted, state.fitted, model.arm, joint, allowed):
-            return own
+            return fewer
     return []
 
 
@@ -146,34 +166,57 @@ def simplified(state: State) -> State:
     it contains. While other causes were missing, the additional coefficients may have fitted their residual.
     """
     model = state.model
-    for substitute, replaced in _simpler(state.chosen):
+    for substitutes, replaced in _simpler(state.chosen, model.library):
         chosen = state.chosen
-        available = substitute in model.library and substitute.key not in model.excluded
-        if not available or substitute in chosen or not set(replaced) <= set(chosen):
+        available = all(c in model.library and c.key not in model.excluded for c in substitutes)
+        if not available or set(substitutes) & set(chosen) or not set(replaced) <= set(chosen):
             continue
         rivals = [rival for rival in state.rivals[replaced[0].key] if rival.candidate.key != replaced[0].key]
+        place = chosen.index(replaced[0])
+        others = [c for c in chosen if c not in replaced]
         trial = model.refitted(
-            [substitute if c is replaced[0] else c for c in chosen if c not in replaced[1:]],
-            {**state.rivals, substitute.key: rivals},
+            [*others[:place], *substitutes, *others[place:]],
+            {**state.rivals, **{c.key: rivals for c in substitutes}},
         )
-        increase = np.sum(trial.fitted.held_out**2) - np.sum(state.fitted.held_out**2)
-        if increase < model.limits.min_gain * state.data.held_out.rows:
+        left, left_by_trial = (float(np.sum(one.fitted.held_out**2)) for one in (state, trial))
+        noise = float(state.data.held_out.rows)
+        # where much is left that no effect explains, more coefficients follow some of it
+        beyond = max(left - noise * len(model.arm), 0.0) if _friction_alone(substitutes, replaced) else 0.0
+        if left_by_trial - left < max(model.limits.min_gain * noise, model.limits.follows * beyond):
             state = trial
     return state
 
 
-def _simpler(chosen: Sequence[Candidate]) -> Iterator[tuple[Candidate, tuple[Candidate, ...]]]:
-    """An effect, and those of the chosen that it may replace: the whole for several parts, a part for the whole."""
+def _friction_alone(*candidates: Sequence[Candidate]) -> bool:
+    """Whether all of them are friction: level and slope, equal in both directions or not."""
+    return all(c.definition.friction for several in candidates for c in several)
+
+
+def _simpler(
+    chosen: Sequence[Candidate], library: Iterable[Candidate]
+) -> Iterator[tuple[tuple[Candidate, ...], tuple[Candidate, ...]]]:
+    """Candidates, and those of the chosen that they may replace.
+
+    The whole for several parts, a part for the whole, and two parts that are friction for a whole. Level and slope of
+    friction that is equal in both directions are two causes: they are no parts of an asymmetry.
+    """
+    of_key: dict[EffectKey, list[Candidate]] = {}
+    for c in library:
+        of_key.setdefault(c.key, []).append(c)
     for whole in CATALOGUE.values():
         for joint in sorted({c.joint for c in chosen if c.joint}):
             own = tuple(c for c in chosen if c.joint == joint and c.effect in whole.special_cases)
-            if len(own) > 1:
-                yield Candidate(whole.name, joint), own
+            if len(own) > 1 and not all(c.definition.friction for c in own):
+                yield (Candidate(whole.name, joint),), own
     for c in chosen:
         if c.body:
-            yield replace(c, body=False), (c,)
+            yield (replace(c, body=False),), (c,)
         for part in (*c.definition.special_cases, *c.definition.near_cases):
-            yield Candidate(part, c.joint), (c,)
+            yield from (((substitute,), (c,)) for substitute in of_key.get((part, c.joint), ()))
+        friction = [part for part in c.definition.special_cases if CATALOGUE[part].friction]
+        for pair in itertools.combinations(friction, 2):
+            several = itertools.product(*(of_key.get((part, c.joint), ()) for part in pair))
+            yield from ((both, (c,)) for both in several)
 
 
 def gauss_newton_refined(state: State) -> State:

@@ -1,0 +1,62 @@
+"""Causes that explain nearly all of the excess at their joint, and what remains beside them.
+
+Excess is the squared residual above that of the noise. A smooth function of the right variable follows any effect
+better than a law that is nearly right. A law that alone explains nearly all of the excess, in fitted and held-out
+recordings, is still the name of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from arm_io.types import Array
+from diagnosis.measurements.currents.model import State
+from diagnosis.selection.candidate import Candidate
+from diagnosis.selection.design import Dataset
+
+
+def dominant(state: State) -> list[Candidate]:
+    """The chosen candidates of one joint that alone explain ``LIMITS.dominant`` of its excess; one per joint."""
+    found = []
+    for joint in sorted({c.joint for c in state.chosen if c.joint}):
+        own = [c for c in state.chosen if c.joint == joint]
+        shares = {c: explained_alone(c, state) for c in own}
+        best = max(own, key=lambda c: shares[c])
+        if shares[best] > state.model.limits.dominant:
+            found.append(best)
+    return found
+
+
+def explained_alone(candidate: Candidate, state: State) -> float:
+    """Share of the excess at its joint that a candidate explains without others of that joint.
+
+    The smaller one of fitted and held-out recordings.
+    """
+    assert candidate.joint is not None
+    others = tuple(c for c in state.chosen if c.joint != candidate.joint)
+    without = replace(state, chosen=others).fitted
+    alone = replace(state, chosen=(*others, candidate)).fitted
+    shares = []
+    for side, before, after in (
+        (state.data.fit, without.fit, alone.fit),
+        (state.data.held_out, without.held_out, alone.held_out),
+    ):
+        excess, left = (_excess(y, side, candidate.joint) for y in (before, after))
+        shares.append(1.0 - left / excess if excess > 0.0 else 0.0)
+    return min(shares)
+
+
+def remainder_of(candidate: Candidate, state: State) -> float:
+    """Rms of the excess that all causes leave at its joint, over that without the candidate; held out."""
+    assert candidate.joint is not None
+    without = state.model.without(candidate, state).fitted
+    side = state.data.held_out
+    excess, left = (_excess(y, side, candidate.joint) for y in (without.held_out, state.fitted.held_out))
+    return float(np.sqrt(left / excess)) if excess > 0.0 else 0.0
+
+
+def _excess(whitened: Array, side: Dataset, joint: int) -> float:
+    """Squared residual of a joint above the noise, whose variance is 1."""
+    return max(float(np.sum(whitened[side.of(joint)] ** 2)) - side.rows, 0.0)

@@ -1,0 +1,165 @@
+"""Names of the right size: one cause for a whole family, and a dominant cause that keeps its name beside a remainder.
+
+The arm and what is wrong with it are a few lines of numpy (``tests.diagnosis.numpy_arm``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armscope
+from tests.diagnosis.numpy_arm import REST, Friction, NumpyArm, humped, model, straight
+
+COULOMB, VISCOUS = ((10.0, 7.0), (6.0, 4.0)), (8.0, 5.0)
+"""N m by direction, and N m s/rad, of the joints of the model."""
+
+
+def _rubbing(positive: Friction, negative: Friction) -> tuple:
+    """Friction of joint 1 as in the model, and of joint 2."""
+    return (straight(10.0, 8.0), straight(7.0, 8.0)), (positive, negative)
+
+
+HEALTHY = _rubbing(straight(6.0, 5.0), straight(4.0, 5.0))
+
+
+def _diagnosed(arm: NumpyArm, folder: Path, curve: Friction | None = None) -> armscope.Diagnosis:
+    fit, held_out = (arm.record(folder / f"{seed}.mcap", seed) for seed in (1, 2))
+    return armscope.diagnose(fit, model(COULOMB, VISCOUS, curve), held_out=held_out)
+
+
+def _named(result: armscope.Diagnosis) -> list[tuple[str, int | None]]:
+    return [(cause.effect, cause.joint) for cause in result.causes]
+
+
+def _sizes(result: armscope.Diagnosis, number: int = 0) -> dict[str, float]:
+    return {p.name: p.value for p in result.causes[number].parameters}
+
+
+def _at_joint_2(law: Callable) -> Callable:
+    return lambda q, v, t, load: np.column_stack([0 * t, law(q[:, 1], v[:, 1], t, load[:, 1])])
+
+
+def test_friction_that_grew_in_both_directions_is_no_asymmetry(tmp_path: Path) -> None:
+    grown = NumpyArm(_rubbing(straight(1.47 * 6.0, 5.0), straight(1.47 * 4.0, 5.0)))
+    result = _diagnosed(grown, tmp_path)
+    assert _named(result) == [("coulomb_friction", 2)] and result.verdict == "explained"
+    coulomb = result.to_json()["causes"][0]["parameters"]["coulomb"]
+    assert coulomb["value"] == pytest.approx(0.47 * 5.0, rel=0.02)
+    assert coulomb["of_own"] == pytest.approx(0.47, abs=0.01)
+    assert "(+47 % of the model's own)" in str(result)
+
+
+@pytest.mark.slow
+def test_friction_of_one_direction_is_an_asymmetry(tmp_path: Path) -> None:
+    result = _diagnosed(NumpyArm(_rubbing(straight(9.0, 5.0), straight(4.0, 5.0))), tmp_path)
+    assert _named(result) == [("friction_asymmetry", 2)]
+    shares = {p.name: p.of_own for p in result.causes[0].parameters}
+    assert shares["positive"] == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.slow
+def test_level_and_slope_equal_in_both_directions_are_no_asymmetry(tmp_path: Path) -> None:
+    result = _diagnosed(NumpyArm(_rubbing(straight(8.0, 7.0), straight(6.0, 7.0))), tmp_path)
+    assert set(_named(result)) == {("coulomb_friction", 2), ("viscous_friction", 2)}
+
+
+@pytest.mark.slow
+def test_drift_of_friction_brings_no_asymmetry(tmp_path: Path) -> None:
+    """What disappears is the same in both directions, though the friction that it is a share of differs."""
+    drift = _at_joint_2(lambda q, v, t, load: -1.5 * (1 - np.exp(-t / 6.0)) * np.tanh(v / REST))
+    result = _diagnosed(NumpyArm(HEALTHY, torque=drift), tmp_path)
+    assert _named(result) == [("friction_drift", 2)] and result.verdict == "explained"
+    sizes = _sizes(result)
+    assert sizes["time_constant"] == pytest.approx(6.0, rel=0.05)
+    by_direction = (sizes["fraction"] + sizes["difference"]) * 6.0, (sizes["fraction"] - sizes["difference"]) * 4.0
+    assert by_direction == pytest.approx((1.5, 1.5), rel=0.05)
+
+
+def test_both_orders_of_an_encoder_are_one_cause(tmp_path: Path) -> None:
+    def error(motor: np.ndarray) -> np.ndarray:
+        second = motor[:, 1]
+        return np.column_stack([0 * second, 4e-4 * np.sin(second - 0.7) + 1.5e-4 * np.sin(2 * second + 0.4)])
+
+    result = _diagnosed(NumpyArm(HEALTHY, error=error), tmp_path)
+    assert _named(result) == [("encoder_ripple", 2)] and result.verdict == "explained"
+    expected = {"amplitude": 4e-4, "phase": 0.7, "order": 1.0}
+    assert {name: _sizes(result)[name] for name in expected} == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.slow
+def test_ripple_that_grows_with_the_load_is_one_cause(tmp_path: Path) -> None:
+    ripple = _at_joint_2(lambda q, v, t, load: (0.8 + 0.08 * np.abs(load)) * np.sin(6 * 80.0 * q + 0.3))
+    result = _diagnosed(NumpyArm(HEALTHY, torque=ripple), tmp_path)
+    assert _named(result) == [("cogging", 2)] and result.verdict == "explained"
+    assert _sizes(result)["per_load"] == pytest.approx(0.08, rel=0.1)
+
+
+def _spring(stiffness: float, hardening: float, rest: float) -> Callable:
+    return _at_joint_2(lambda q, v, t, load: stiffness * (q - rest) + hardening * (q - rest) ** 3)
+
+
+def test_a_spring_that_hardens_keeps_its_name(tmp_path: Path) -> None:
+    result = _diagnosed(NumpyArm(HEALTHY, torque=_spring(6.0, 0.6, 0.4)), tmp_path)
+    assert _named(result) == [("gravity_spring", 2)] and result.verdict == "explained"
+    assert _sizes(result) == pytest.approx({"stiffness": 6.0, "rest_angle": 0.4, "hardening": 0.6}, rel=0.05)
+    assert result.to_json()["causes"][0]["terms"] == [{"term": "hardening", "parameters": ["hardening"]}]
+    assert str(result).startswith("Explained: gravity spring of joint 2 with hardening.")
+    (spring,) = result.extended.effects
+    assert spring.parameters["hardening"] == pytest.approx(0.6, rel=0.05)
+
+
+def test_a_dominant_cause_keeps_its_name_beside_what_no_effect_explains(tmp_path: Path) -> None:
+    wavy = _at_joint_2(lambda q, v, t, load: 6.0 * (q - 0.4) + 0.7 * np.sin(5 * q))
+    result = _diagnosed(NumpyArm(HEALTHY, torque=wavy), tmp_path)
+    assert _named(result) == [("gravity_spring", 2)] and result.verdict == "unexplained"
+    assert _sizes(result)["stiffness"] == pytest.approx(6.0, rel=0.1)
+    left = result.to_json()["causes"][0]["remainder"]
+    assert 0.08 < left["share"] < 0.2 and left["against"][0].startswith("position")
+    assert f"beside it, {100 * left['share']:.0f} % of its excess is unexplained, against position" in str(result)
+
+
+def test_a_cable_is_no_spring(tmp_path: Path) -> None:
+    """A spring follows the cube of an angle to 84 to 91 %: neither is that dominant, nor the cube its next order."""
+    result = _diagnosed(NumpyArm(HEALTHY, torque=_spring(0.0, 2.0, 0.2)), tmp_path)
+    assert _named(result) == [] and result.verdict == "unexplained"
+
+
+CHANGES: dict[str, tuple[Friction, Friction, str, float]] = {
+    "level": (lambda v: humped(v) + 2.5, lambda v: humped(v) + 2.5, "coulomb_friction", 2.5),
+    "slope": (lambda v: humped(v) + 2.0 * v, lambda v: humped(v) + 2.0 * v, "viscous_friction", 2.0),
+    "hump": (
+        lambda v: humped(v) + 1.2 * np.exp(-((v / 0.08) ** 2)),
+        lambda v: humped(v) + 1.2 * np.exp(-((v / 0.08) ** 2)),
+        "stribeck_friction",
+        1.2,
+    ),
+    "one direction": (lambda v: humped(v) + 2.0, humped, "friction_asymmetry", 2.0),
+}
+
+
+@pytest.mark.parametrize("change", ["level", *(pytest.param(c, marks=pytest.mark.slow) for c in list(CHANGES)[1:])])
+def test_changes_of_a_friction_curve_have_their_name_and_size(change: str, tmp_path: Path) -> None:
+    positive, negative, effect, size = CHANGES[change]
+    result = _diagnosed(NumpyArm(_rubbing(positive, negative)), tmp_path, humped)
+    assert _named(result) == [(effect, 2)] and result.verdict == "explained"
+    first = result.causes[0].parameters[0]
+    assert abs(first.value - size) < 2 * first.std + 0.01 * size
+    assert first.of_own is not None and first.of_own > 0.0
+
+
+@pytest.mark.slow
+def test_a_curve_that_grew_as_a_whole_is_level_and_slope_with_little_beside_them(tmp_path: Path) -> None:
+    grown = NumpyArm(_rubbing(lambda v: 1.5 * humped(v), lambda v: 1.5 * humped(v)))
+    result = _diagnosed(grown, tmp_path, humped)
+    assert set(_named(result)) == {("coulomb_friction", 2), ("viscous_friction", 2)}
+    level = next(c for c in result.causes if c.effect == "coulomb_friction").parameters[0]
+    assert level.of_own == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.slow
+def test_nothing_is_named_where_nothing_changed(tmp_path: Path) -> None:
+    assert _diagnosed(NumpyArm(HEALTHY), tmp_path).verdict == "consistent"
