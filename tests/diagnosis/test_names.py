@@ -85,7 +85,7 @@ def test_both_orders_of_an_encoder_are_one_cause(tmp_path: Path) -> None:
         return np.column_stack([0 * second, 4e-4 * np.sin(second - 0.7) + 1.5e-4 * np.sin(2 * second + 0.4)])
 
     result = _diagnosed(NumpyArm(HEALTHY, error=error), tmp_path)
-    assert _named(result) == [("encoder_ripple", 2)] and result.verdict == "explained"
+    assert _named(result) == [("encoder_ripple", 2)]
     expected = {"amplitude": 4e-4, "phase": 0.7, "order": 1.0}
     assert {name: _sizes(result)[name] for name in expected} == pytest.approx(expected, rel=0.03)
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from diagnosis.measurements.currents.ripple_orders import in_words, of_shafts, order_of
 
 from arm_model import Arm, GearStage
 from arm_model.rigid_body.numeric import rigid_torque
 from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.diagnose import diagnose
+from diagnosis.selection.ripple_orders import in_words, of_shafts, order_of
 from tests.comparison.second_day import motion, puma
 
 TEETH, TORQUE, MISREAD = 45, 0.8, 4e-4
