@@ -224,10 +224,17 @@ class Currents(MeasurementModel[Candidate, State]):
         return trial
 
     def _next_order(self, score: Score[Candidate], state: State) -> bool:
-        """Whether a term explains no more than a next order does of what its effect and the term explain."""
+        """Whether a term is smaller than its effect, and explains no more than a next order of what the two explain."""
         chosen = next(c for c in state.chosen if c.key == score.candidate.key)
-        alone = self.conditional(chosen, self.without(chosen, state), state).gain
-        return score.gain <= term_share(score.candidate) * (alone + score.gain)
+        others = self.without(chosen, state)
+        alone = self.conditional(chosen, others, state).gain
+        if score.gain > term_share(score.candidate) * (alone + score.gain):
+            return False
+        # a law that is free to move follows much of a cube or a kink: with the term, the law must still be the larger
+        sharp = refined(score.candidate, others.fitted, self.data.fit)
+        own = _replaced(state, chosen, sharp).coefficients[state.chosen.index(chosen)]
+        parts = self.columns(sharp).fit.x * own
+        return bool(np.sum(parts[:, -1] ** 2) <= self.limits.next_order**2 * np.sum(parts[:, :-1].sum(axis=1) ** 2))
 
     def _of_inertia(self, body: Candidate) -> Pair:
         """The columns that a body has in addition to those of a mass point: its inertia."""
