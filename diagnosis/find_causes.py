@@ -37,6 +37,7 @@ from diagnosis.residual.run import Run, with_own
 from diagnosis.screening.cleaned import Residuals, Screened, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
+from diagnosis.selection.next_order import is_harmonic
 from diagnosis.selection.ripple_orders import of_shafts, order_of
 from identification.selection import Split
 
@@ -188,6 +189,9 @@ def _tenable(
         if removed is None:
             return found, causes
         candidate = found.state.chosen[removed]
+        if is_harmonic(candidate, found.state.chosen):
+            found = without(found, candidate)
+            continue
         refused.append(candidate.key)
         if len(refused) <= LIMITS.searched_again:
             # another effect may explain the same

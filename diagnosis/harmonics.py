@@ -11,13 +11,10 @@ from dataclasses import replace
 
 from arm_model.effects import CATALOGUE
 from diagnosis.cause import Cause
+from diagnosis.selection.next_order import are_multiples
 
-HIGHEST = 3
-"""Multiples that belong to a ripple; higher ones have origins of their own (a motor's poles, the teeth of a wheel)."""
 WEAKER = 0.5
-"""Most that a harmonic explains, as a share of what the ripple explains."""
-SAME = 0.01
-"""Relative difference of two orders that are multiples."""
+"""Most that a harmonic that is another effect explains, as a share of what the ripple explains."""
 
 
 def with_harmonics(causes: Sequence[Cause]) -> list[Cause]:
@@ -41,14 +38,14 @@ def with_harmonics(causes: Sequence[Cause]) -> list[Cause]:
 
 
 def _is_harmonic(cause: Cause, ripple: Cause) -> bool:
-    """Whether a cause is a ripple at the joint of another one, weaker, with a multiple of its order or a fraction."""
-    if cause.joint != ripple.joint or not (_order(cause) and _order(ripple)):
+    """Whether a cause is a ripple at the joint of another one, with a multiple of its order or a fraction.
+
+    The same effect; or another one that is weaker.
+    """
+    if cause.joint != ripple.joint or not are_multiples(_order(cause), _order(ripple)):
         return False
-    ratio = _order(cause) / _order(ripple)
-    multiple = max(ratio, 1.0 / ratio)
-    whole = 2 <= round(multiple) <= HIGHEST and abs(multiple / round(multiple) - 1.0) < SAME
     explained, by_ripple = (one.before**2 - one.after**2 for one in (cause, ripple))
-    return whole and explained < WEAKER * by_ripple
+    return cause.effect == ripple.effect or explained < WEAKER * by_ripple
 
 
 def _order(cause: Cause) -> float:

@@ -216,7 +216,7 @@ FRICTION_DRIFT = Effect(
     shows="the same move needs less torque each time",
     confused_with={"torque_constant": "one cycle repeated, with holds"},
     observed_by={
-        Instrument.CURRENT: Observation(),
+        Instrument.CURRENT: Observation(against=Variable.VELOCITY),
         Instrument.SINGLE_AXIS: Observation(against=Variable.VELOCITY),
     },
     torque=lambda p, s: (

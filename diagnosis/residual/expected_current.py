@@ -79,13 +79,12 @@ def terms_of(arm: Arm) -> list[Term]:
 def true_angle(arm: Arm, q: Array) -> Array:
     """(m, n) rad: true motor angles, at joint side, while their encoders read q."""
     angle = q.copy()
-    for effect, joint, values in terms_of(arm):
-        if effect.angle is not None and joint is not None:
-            j, ratio = joint - 1, arm.joints[joint - 1].ratio
-            # a fixed-point iteration for the error at the true angle: it contracts, as errors are far below their
-            # period
-            for _ in range(2):
-                angle[:, j] = q[:, j] - effect.angle(values, Signals(motor=angle[:, j] * ratio))
+    errors = [(effect.angle, joint - 1, values) for effect, joint, values in terms_of(arm) if effect.angle and joint]
+    # a fixed-point iteration for the errors at the true angle: it contracts, as errors are far below their period
+    for _ in range(2 if errors else 0):
+        at, angle = angle, q.copy()
+        for law, j, values in errors:
+            angle[:, j] -= law(values, Signals(motor=at[:, j] * arm.joints[j].ratio))
     return angle
 
 

@@ -27,7 +27,7 @@ from diagnosis.measurements.currents.unexplained import joints_above_noise
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
-from diagnosis.selection.next_order import next_orders, of_last_term, term_share
+from diagnosis.selection.next_order import harmonics, is_harmonic, next_orders, of_last_term, term_share
 from diagnosis.selection.regression import Fitted, best_of_each, fit_together, score
 from diagnosis.selection.ripple_orders import detectable
 from identification.selection import MeasurementModel, Score, Split, p_value
@@ -105,11 +105,20 @@ class Currents(MeasurementModel[Candidate, State]):
         ]
         scores += [
             score(c, of_last_term(self.columns(c)), state.fitted, state.data.held_out)
-            for chosen, own in zip(state.chosen, state.coefficients)
+            for k, (chosen, own) in enumerate(zip(state.chosen, state.coefficients))
+            if not is_harmonic(chosen, state.chosen[:k])
             for c in next_orders(chosen, own)
         ]
-        # of equals, the term of an effect that is chosen already comes before another effect
-        return sorted(scores, key=lambda score: -score.gain * (1.0 + self.limits.family * bool(score.candidate.terms)))
+        scores += [
+            score(c, self.library[c], state.fitted, state.data.held_out)
+            for c in harmonics(state.chosen, self.library)
+            if c.key not in self.excluded
+        ]
+        return sorted(scores, key=lambda score: -score.gain * (1.0 + self.limits.family * self._of_chosen(score, state)))
+
+    def _of_chosen(self, score: Score[Candidate], state: State) -> bool:
+        """Whether a candidate belongs to an effect that is chosen: of equals, that comes before another effect."""
+        return bool(score.candidate.terms) or is_harmonic(score.candidate, state.chosen)
 
     def fdr(self, score: Score[Candidate]) -> float | None:
         """Relaxed for a large gain, which may be active in few blocks only."""
@@ -156,6 +165,8 @@ class Currents(MeasurementModel[Candidate, State]):
             return _replaced(state, before, sharp)
         if score.candidate.body:
             return self._with_body(score.candidate, rivals, state)
+        if is_harmonic(score.candidate, state.chosen):
+            return replace(state, chosen=(*state.chosen, score.candidate))
         sharp = refined(score.candidate, state.fitted, self.data.fit)
         return State(self, (*state.chosen, sharp), state.data, {**state.rivals, sharp.key: rivals})
 

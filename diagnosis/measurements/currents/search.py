@@ -14,7 +14,7 @@ import numpy as np
 from arm_model.effects import CATALOGUE
 from diagnosis.cause import EffectKey
 from diagnosis.measurements.currents.design_matrix import dataset_with
-from diagnosis.measurements.currents.dominant import dominant
+from diagnosis.measurements.currents.dominant import dominant, of_own_variable
 from diagnosis.measurements.currents.estimates import estimates_of
 from diagnosis.measurements.currents.model import Currents, State, corrected, terms
 from diagnosis.measurements.currents.possible import exists
@@ -89,15 +89,17 @@ def _with_unexplained(state: State) -> Found:
 def _dissolved(found: Found) -> list[Candidate]:
     """Causes that are names for parts of unexplained structure.
 
-    Not one that explains nearly all of the excess at its joint: what it leaves is told beside it (``dominant``).
+    Not one that explains nearly all of the excess at its joint, where the rest depends on the variable of its own law:
+    what it leaves is told beside it (``dominant``).
     """
     kept = dominant(found.state)
     return _superfluous(found, kept) or _outdone(found.state, kept)
 
 
 def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
-    """The cause that is most superfluous conditional on unexplained structure, if one is and may not be ``kept``.
+    """The cause that is most superfluous conditional on unexplained structure, if one is.
 
+    None of the ``kept`` where that structure depends on the variable of its own law.
     Where the residual depends on no known variable and is far above noise, a cause that explains less than it is part
     of it.
     """
@@ -105,7 +107,8 @@ def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
     model, held_out = state.model, state.data.held_out
     unknown = {structure.joint for structure in found.unexplained.structures if not structure.share}
     for c in state.chosen:
-        if c in kept:
+        against = [one.against for one in found.unexplained.structures if one.joint == c.joint]
+        if c in kept and of_own_variable(c, against):
             continue
         others, own = model.without(c, state), model.columns(c)
         touching = [pair for pair in found.unexplained.pairs if _overlap(pair.fit, own.fit)]
@@ -123,14 +126,11 @@ def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
 def _outdone(state: State, kept: Container[Candidate]) -> list[Candidate]:
     """The causes of a joint that one function of one variable explains better than all of them together.
 
-    Less those that are ``kept``.
+    Less those of the ``kept`` that have a law of that variable.
     """
     model, limits, held_out = state.model, state.model.limits, state.data.held_out
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
         own = [c for c in state.chosen if c.joint == joint]
-        fewer = [c for c in own if c not in kept]
-        if not fewer:
-            continue
         reduced = replace(state, chosen=tuple(c for c in state.chosen if c not in own))
         before, after = (float(np.sum(s.fitted.held_out[held_out.of(joint)] ** 2)) for s in (reduced, state))
         allowed = 0.0
@@ -138,8 +138,10 @@ def _outdone(state: State, kept: Container[Candidate]) -> list[Candidate]:
             allowed = limits.many_leave * after
         if len(own) > 3 and _cancelling(own, state) > limits.makeshift:
             allowed = max(allowed, limits.makeshift_leave * (before - after))
-        if better_than_causes(state.data, reduced.fitted, state.fitted, model.arm, joint, allowed):
-            return fewer
+        better = better_than_causes(state.data, reduced.fitted, state.fitted, model.arm, joint, allowed)
+        outdone = [c for c in own if better and not (c in kept and of_own_variable(c, better))]
+        if outdone:
+            return outdone
     return []
 
 

@@ -101,25 +101,25 @@ def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
 
 def better_than_causes(
     data: Split[Dataset], without: Fitted, with_causes: Fitted, arm: Arm, joint: int, allowed: float
-) -> bool:
-    """Whether one function of one variable leaves significantly less than the causes of a joint (``without`` them).
+) -> set[str]:
+    """Variables of which one function leaves significantly less than the causes of a joint (``without`` them).
 
     Functions of one variable only approximate a true cause, but may explain more than a wrong one. allowed: squared
     error by which the function may be worse, where there are implausibly many causes; not for the velocity, on which
     several effects depend.
     """
     fit, held_out = data
-    rows = held_out.of(joint)
+    rows, better = held_out.of(joint), set()
     for shape in shapes_of(fit, held_out, without.fit, arm, joint):
         _, c = fit_gain(shape.pair.fit, without)
         by_function = residual_with(shape.pair, c, without, held_out)
         improvement = (with_causes.held_out**2 - by_function**2)[rows] * shape.known
         blocks = np.bincount(held_out.block[rows], weights=improvement).astype(float)
         if blocks.sum() > LIMITS.structure_gain * held_out.rows and p_value(blocks) < LIMITS.structure_p:
-            return True
+            better.add(shape.name)
         if allowed and shape.name != "velocity" and blocks.sum() > -allowed:
-            return True
-    return False
+            better.add(shape.name)
+    return better
 
 
 def _strongest(
