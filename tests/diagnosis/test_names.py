@@ -85,8 +85,11 @@ def test_both_orders_of_an_encoder_are_one_cause(tmp_path: Path) -> None:
         return np.column_stack([0 * second, 4e-4 * np.sin(second - 0.7) + 1.5e-4 * np.sin(2 * second + 0.4)])
 
     result = _diagnosed(NumpyArm(HEALTHY, error=error), tmp_path)
-    assert _named(result) == [("encoder_ripple", 2)]
-    assert _sizes(result)["order"] == 1.0 and _sizes(result)["amplitude"] == pytest.approx(4e-4, rel=0.1)
+    assert _named(result) == [("encoder_ripple", 2)] and result.verdict == "explained"
+    assert _sizes(result) == pytest.approx({"amplitude": 4e-4, "phase": 0.7, "order": 1.0}, rel=0.02)
+    (second,) = result.to_json()["causes"][0]["harmonics"]
+    assert second["name"] == "encoder_ripple"
+    assert second["parameters"] == pytest.approx({"amplitude": 1.5e-4, "phase": -0.4, "order": 2.0}, rel=0.05)
 
 
 @pytest.mark.slow
