@@ -100,8 +100,8 @@ def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
     """The cause that is most superfluous conditional on unexplained structure, if one is.
 
     None of the ``kept`` where that structure depends on the variable of its own law.
-    Where the residual depends on no known variable and is far above noise, a cause that explains less than it is part
-    of it.
+    Where the residual is above the noise and depends on no known variable, a cause that explains less than is left is
+    part of it.
     """
     state, shares = found.state, dict[Candidate, float]()
     model, held_out = state.model, state.data.held_out
@@ -117,8 +117,7 @@ def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
             shares[c] = score(c, own, with_columns(others.fitted, touching), held_out).gain / alone
         elif c.joint is not None and c.joint in unknown:
             energy = float(np.sum(state.fitted.held_out[held_out.of(c.joint)] ** 2))
-            if energy > model.limits.far_above_noise**2 * held_out.rows:
-                shares[c] = model.limits.superfluous * alone / energy
+            shares[c] = model.limits.superfluous * alone / energy
     least = min(shares, key=lambda c: shares[c], default=None)
     return [least] if least is not None and shares[least] < model.limits.superfluous else []
 
