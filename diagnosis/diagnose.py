@@ -20,7 +20,7 @@ from arm_model import Arm
 from arm_model.effects import Instrument, dissipative
 from daq.recording import Recording
 from diagnosis.against_noise import ratios
-from diagnosis.cause import NO_VARIABLE, Cause, Signal, Structure, Undetectable, extend, merge
+from diagnosis.cause import Cause, Signal, Structure, Undetectable, extend, merge
 from diagnosis.closed_loop.clear_errors import clear_errors
 from diagnosis.closed_loop.comparison import (
     Compared,
@@ -35,13 +35,12 @@ from diagnosis.find_causes import Named, Progress, Recordings, has_dynamics, nam
 from diagnosis.last_gate import idle_limits
 from diagnosis.measurements.currents.causes import from_event
 from diagnosis.measurements.currents.detectability import not_judged, not_visible
-from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.shortage import Shortage
-from diagnosis.measurements.currents.unexplained import noise_ratio
 from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
 from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
+from diagnosis.not_held_out import not_held_out, structures_of_fit
 from diagnosis.origins import Suspect, evidence_of, suspects
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.folding import folding_warnings
@@ -175,7 +174,7 @@ def diagnose(
     state, structures = named.found.state, _structures(measured, named)
     unexplained = [
         *_judged(structures, named.shortage),
-        *(_of_fit(state.fitted.fit, state.data.fit, structures) if measured.judged else []),
+        *(structures_of_fit(state.fitted.fit, state.data.fit, structures) if measured.judged else []),
         *(measured.link.unexplained if measured.link else []),
         *measured.tracked.unexplained,
     ]
@@ -295,22 +294,6 @@ def _in_loop(verified: Verified, data: Split[Dataset], reported: Sequence[int | 
     return clear_errors(after, {"fit": data.fit.runs, "held_out": data.held_out.runs}, reported)
 
 
-def _of_fit(left: Array, fit: Dataset, structures: Sequence[Structure]) -> list[Structure]:
-    """Residuals above the noise in the fitted recordings alone: no held-out one shows on what they depend."""
-    return [
-        Structure(Signal.CURRENT, joint, NO_VARIABLE, 0.0, f"{ratio:.1f} times the noise, in fitted recordings")
-        for joint, ratio in _above_in_fit(left, fit, structures).items()
-    ]
-
-
-def _above_in_fit(left: Array, fit: Dataset, structures: Sequence[Structure]) -> dict[int, float]:
-    """Joint -> residual over the noise in the fitted recordings, where that is no noise and was not reported."""
-    reported = {one.joint for one in structures}
-    joints = range(1, len(left) // fit.rows + 1)
-    by_joint = {joint: noise_ratio(left, fit, joint) for joint in joints if joint not in reported}
-    return {joint: ratio for joint, ratio in by_joint.items() if ratio > LIMITS.above_noise}
-
-
 def _judged(structures: Sequence[Structure], shortage: Shortage | None) -> list[Structure]:
     """Those for which the recordings were long enough."""
     return [one for one in structures if shortage is None or one.joint not in shortage.joints]
@@ -337,15 +320,6 @@ def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[S
     yield from _smoothing(named.arm, named.base)
     yield from _of_axis(named.axis, arm) if named.axis else ()
     yield from measured.link.remarks if measured.link else ()
-
-
-def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure]) -> tuple[str, ...]:
-    """Warns of joints whose residual exceeds the noise in the fitted recordings alone, where no cause is named."""
-    return tuple(
-        f"the residual current of joint {joint} is {ratio:.1f} times the noise in the fitted recordings, but not in "
-        "the held-out ones: hold out a recording with a similar motion of this joint"
-        for joint, ratio in _above_in_fit(left, fit, structures).items()
-    )
 
 
 def _smoothing(arm: Arm, base: Arm) -> tuple[str, ...]:

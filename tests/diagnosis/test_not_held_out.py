@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
-from diagnosis.diagnose import _of_fit, not_held_out
+from diagnosis.not_held_out import not_held_out, structures_of_fit
 from diagnosis.selection.design import Dataset
 
 ROWS = 1200
@@ -26,7 +26,7 @@ def test_a_joint_that_only_the_fitted_recordings_find_loud_is_told() -> None:
     left = np.random.default_rng(1).normal(size=(6, ROWS))
     left[1, : ROWS // 3] += 12.0 * np.sin(np.arange(ROWS // 3) / 20.0)
 
-    (structure,) = _of_fit(left.ravel(), _side(), [])
+    (structure,) = structures_of_fit(left.ravel(), _side(), [])
     assert (structure.joint, structure.share) == (2, 0.0)
     assert structure.against == NO_VARIABLE and "in fitted recordings" in structure.size
     (said,) = not_held_out(left.ravel(), _side(), [])

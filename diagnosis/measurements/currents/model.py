@@ -114,7 +114,9 @@ class Currents(MeasurementModel[Candidate, State]):
             for c in harmonics(state.chosen, self.library)
             if c.key not in self.excluded
         ]
-        return sorted(scores, key=lambda score: -score.gain * (1.0 + self.limits.family * self._of_chosen(score, state)))
+        return sorted(
+            scores, key=lambda score: -score.gain * (1.0 + self.limits.family * self._of_chosen(score, state))
+        )
 
     def _of_chosen(self, score: Score[Candidate], state: State) -> bool:
         """Whether a candidate belongs to an effect that is chosen: of equals, that comes before another effect."""
