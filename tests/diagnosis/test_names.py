@@ -130,6 +130,14 @@ def test_a_cable_is_no_spring(tmp_path: Path) -> None:
     assert _named(result) == [] and result.verdict == "unexplained"
 
 
+@pytest.mark.parametrize("share", [pytest.param(0.1, marks=pytest.mark.slow), 0.3])
+def test_a_drive_that_loses_torque_where_it_drives_has_no_name(share: float, tmp_path: Path) -> None:
+    """Load friction and a payload that friction at joint 1 makes up for would explain it together."""
+    lost = _at_joint_2(lambda q, v, t, load: share * np.abs(load) * (load * v > 0) * np.tanh(v / REST))
+    result = _diagnosed(NumpyArm(HEALTHY, torque=lost), tmp_path)
+    assert _named(result) == [] and result.verdict == "unexplained"
+
+
 CHANGES: dict[str, tuple[Friction, Friction, str, float]] = {
     "level": (lambda v: humped(v) + 2.5, lambda v: humped(v) + 2.5, "coulomb_friction", 2.5),
     "slope": (lambda v: humped(v) + 2.0 * v, lambda v: humped(v) + 2.0 * v, "viscous_friction", 2.0),

@@ -39,18 +39,17 @@ def of_own_variable(candidate: Candidate, variables: Iterable[str]) -> bool:
     Only of a law at its own joint: a change of the description depends on many variables.
     """
     effect = candidate.definition
-    if effect.torque is None and effect.current is None:
-        return False
-    return all(variable == effect.observed_by[Instrument.CURRENT].against for variable in variables)
+    own_law = effect.torque is not None or effect.current is not None
+    return own_law and all(variable == effect.observed_by[Instrument.CURRENT].against for variable in variables)
 
 
 def explained_alone(candidate: Candidate, state: State) -> float:
-    """Share of the excess at its joint that a candidate explains without others of that joint.
+    """Share of the excess at its joint that a candidate explains without others that act there.
 
     The smaller one of fitted and held-out recordings.
     """
     assert candidate.joint is not None
-    others = tuple(c for c in state.chosen if c.joint != candidate.joint)
+    others = tuple(c for c in state.chosen if c.joint not in (candidate.joint, None))
     without = replace(state, chosen=others).fitted
     alone = replace(state, chosen=(*others, candidate)).fitted
     shares = []

@@ -34,6 +34,8 @@ class CurrentLimits(Limits):
     makeshift                energies of four or more causes over the energy of their sum above which they are one as
                              well: independent causes add up, hidden triples to 1.0 ...
     makeshift_leave          ... if that function leaves at most this share of what they explain more
+    compensating             energies of what several causes contribute to a joint, over all that there was to explain,
+                             above which they make up for each other
     superfluous              share of its gain that a cause must keep conditional on unexplained structure, or it was a
                              name for part of that
     significant_sizes        std that the linear parameter of a cause must be from zero; of several, one, by so many
@@ -78,6 +80,7 @@ class CurrentLimits(Limits):
     many_leave: float = 0.2
     makeshift: float = 1.5
     makeshift_leave: float = 0.1
+    compensating: float = 4.0
     superfluous: float = 0.5
     significant_sizes: float = 2.0
     body_deviations: float = 3.0

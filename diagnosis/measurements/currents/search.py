@@ -93,7 +93,7 @@ def _dissolved(found: Found) -> list[Candidate]:
     what it leaves is told beside it (``dominant``).
     """
     kept = dominant(found.state)
-    return _superfluous(found, kept) or _outdone(found.state, kept)
+    return _superfluous(found, kept) or _outdone(found.state, kept) or _compensating(found.state)
 
 
 def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
@@ -125,7 +125,8 @@ def _superfluous(found: Found, kept: Container[Candidate]) -> list[Candidate]:
 def _outdone(state: State, kept: Container[Candidate]) -> list[Candidate]:
     """The causes of a joint that one function of one variable explains better than all of them together.
 
-    Less those of the ``kept`` that have a law of that variable.
+    Less those of the ``kept`` that have a law of that variable, or than which no function is better by more than what
+    a right law may miss.
     """
     model, limits, held_out = state.model, state.model.limits, state.data.held_out
     for joint in sorted({c.joint for c in state.chosen if c.joint}):
@@ -138,9 +139,29 @@ def _outdone(state: State, kept: Container[Candidate]) -> list[Candidate]:
         if len(own) > 3 and _cancelling(own, state) > limits.makeshift:
             allowed = max(allowed, limits.makeshift_leave * (before - after))
         better = better_than_causes(state.data, reduced.fitted, state.fitted, model.arm, joint, allowed)
-        outdone = [c for c in own if better and not (c in kept and of_own_variable(c, better))]
-        if outdone:
+        missed = limits.structure_share * (before - after)
+        clearly = [variable for variable, gain in better.items() if gain > missed]
+        if better and (outdone := [c for c in own if not (c in kept and of_own_variable(c, clearly))]):
             return outdone
+    return []
+
+
+def _compensating(state: State) -> list[Candidate]:
+    """Causes of a joint, and of the arm or another joint, whose contributions there cancel each other.
+
+    What they contribute is far more than there was to explain: one name was given to something that acts at another
+    joint alone, and the others make up for what it does here.
+    """
+    held_out = state.data.held_out
+    for joint in sorted({c.joint for c in state.chosen if c.joint}):
+        rows = held_out.of(joint)
+        energy = {
+            c: float(np.sum(state.model.columns(c).held_out.spread(own, len(held_out.y))[rows] ** 2))
+            for c, own in zip(state.chosen, state.coefficients)
+        }
+        foreign = any(energy[c] > held_out.rows for c in state.chosen if c.joint != joint)
+        if foreign and sum(energy.values()) > state.model.limits.compensating * float(np.sum(held_out.y[rows] ** 2)):
+            return [c for c in state.chosen if energy[c] > held_out.rows]
     return []
 
 
