@@ -9,7 +9,7 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.rigid_body.moving_base_numeric import mass_matrix_with_base
+from arm_model.moving_base.numeric import mass_matrix_with_base
 from arm_model.rigid_body.numeric import drive_mass_matrix
 from arm_model.tables.floating_base import Six
 

@@ -20,8 +20,8 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.model_file import read_model
 from arm_model.motion import Motion
+from arm_model.moving_base import rotations
 from arm_model.rigid_body.kinematics import forward
-from arm_model.rigid_body.moving_base_numeric import rotations
 from arm_model.simulation.simulation import simulate
 from experiment import Experiment, demand_of, read_experiment
 

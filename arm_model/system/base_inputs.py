@@ -10,8 +10,8 @@ base_kp{k} base_ki{k} base_kd{k} feedforward    of the station keeping: N/m, N/(
 from __future__ import annotations
 
 from arm_model.description import Arm
+from arm_model.moving_base.recursion import DOF
 from arm_model.rigid_body.inertia import barycentric
-from arm_model.rigid_body.moving_base import DOF
 from arm_model.servo import station_inertia
 
 

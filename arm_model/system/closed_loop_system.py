@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm_model.description import Arm
+from arm_model.moving_base.recursion import DOF
 from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
-from arm_model.rigid_body.moving_base import DOF
 from arm_model.symbolic.tape import Expr, Tape
 from arm_model.system import floating_base
 from arm_model.system.mechanics import Drag, Joints, Matrix, Mechanics, Shape

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm_model.description import Arm
-from arm_model.rigid_body import hydrodynamics, moving_base, newton_euler, scalar
-from arm_model.rigid_body.moving_base import DOF, BaseMotion, BaseWater
+from arm_model.moving_base import recursion
+from arm_model.moving_base.recursion import DOF, BaseMotion, BaseWater
+from arm_model.rigid_body import hydrodynamics, newton_euler, scalar
 from arm_model.rigid_body.vectors import Triple
 from arm_model.symbolic.tape import Expr, Tape
 from arm_model.system.mechanics import Matrix
@@ -54,7 +55,7 @@ class Base:
         """Rates of ``states`` for the rate of the velocity (6)."""
         v, w = self.motion.velocity[:3], self.motion.velocity[3:]
         moved = [row[0] * v[0] + row[1] * v[1] + row[2] * v[2] for row in self.rows]
-        turned = moving_base.attitude_rate(self.attitude, (w[0], w[1], w[2]))
+        turned = recursion.attitude_rate(self.attitude, (w[0], w[1], w[2]))
         return [*moved, *turned, *acceleration, *self.thrust_states.values()]
 
 
@@ -68,8 +69,8 @@ def base_of(arm: Arm, symbol: Symbol, tape: Tape) -> Base | None:
     if floating is None:
         return None
     attitude = [tape.input(name) for name in POSE[3:]]
-    rows = moving_base.rotation(attitude)
-    gravity = moving_base.into_body(rows, [symbol(f"gravity{k}") for k in range(3)])
+    rows = recursion.rotation(attitude)
+    gravity = recursion.into_body(rows, [symbol(f"gravity{k}") for k in range(3)])
     velocity = [tape.input(name) for name in VELOCITY]
     added = [[symbol(f"base_added{min(i, k)}{max(i, k)}") for k in range(DOF)] for i in range(DOF)]
     water = BaseWater(
@@ -100,7 +101,7 @@ def base_body(symbol: Symbol) -> tuple[Expr, ...]:
 class Links:
     """What the rigid links of an arm on a base consist of, on the tape."""
 
-    at: moving_base.Configuration
+    at: recursion.Configuration
     bodies: Sequence[tuple[Expr, ...]]
     wet: hydrodynamics.Bodies
 
@@ -108,15 +109,15 @@ class Links:
 def carried(base: Base, links: Links, symbol: Symbol, qd: Sequence[Expr], bias: Sequence[Expr]) -> list[Expr]:
     """(6 + n) wrench on the base and joint torques without its acceleration; ``bias`` (n) of the joints'."""
     tape = base.attitude[0].tape
-    found = moving_base.forces(links.at, base_body(symbol), links.bodies, links.wet, base.motion, qd, bias)
-    water = moving_base.water_wrench(base.water, base.motion)
+    found = recursion.forces(links.at, base_body(symbol), links.bodies, links.wet, base.motion, qd, bias)
+    water = recursion.water_wrench(base.water, base.motion)
     return [tape.expr(found[k]) + water[k] if k < DOF else tape.expr(found[k]) for k in range(len(found))]
 
 
 def matrix(base: Base, links: Links, symbol: Symbol) -> Matrix:
     """(6 + n) x (6 + n) mass matrix with all added mass."""
     tape = base.attitude[0].tape
-    found = moving_base.mass_matrix(links.at, base_body(symbol), links.bodies, links.wet)
+    found = recursion.mass_matrix(links.at, base_body(symbol), links.bodies, links.wet)
     return [
         [
             tape.expr(entry) + base.water.added[i][k] if max(i, k) < DOF else tape.expr(entry)
@@ -176,7 +177,7 @@ def _error(base: Base, tape: Tape) -> list[Expr]:
     """(6) position error in the body frame, m, and twice the vector part of the attitude's error quaternion, rad."""
     station = [tape.input(f"station{k}") for k in range(len(POSE))]
     away = [station[k] - base.position[k] for k in range(3)]
-    moved = moving_base.into_body(base.rows, away)
+    moved = recursion.into_body(base.rows, away)
     w, x, y, z = base.attitude
     sw, sx, sy, sz = station[3:]
     whole = w * sw + x * sx + y * sy + z * sz
@@ -207,11 +208,11 @@ def _feedforward(
     at = links(now)
     still = BaseMotion(STILL, STILL, base.motion.gravity)
     nothing = (0.0,) * 10
-    found = moving_base.forces(at.at, nothing, at.bodies, at.wet, still, qd, qdd)[:DOF]
+    found = recursion.forces(at.at, nothing, at.bodies, at.wet, still, qd, qdd)[:DOF]
     share = symbol("feedforward")
     return [share * one for one in found], {f"earlier_demand{j}": last[j] for j in range(n)}
 
 
-def turned(arm: Arm, q: Sequence[Expr]) -> moving_base.Configuration:
+def turned(arm: Arm, q: Sequence[Expr]) -> recursion.Configuration:
     """The arm with its links at q, on its base."""
-    return moving_base.configuration(arm, newton_euler.turns(newton_euler.chain_of(arm), q, scalar.cos, scalar.sin), q)
+    return recursion.configuration(arm, newton_euler.turns(newton_euler.chain_of(arm), q, scalar.cos, scalar.sin), q)

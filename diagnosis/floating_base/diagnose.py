@@ -15,8 +15,7 @@ from scipy import stats
 
 from arm_io.types import Array, Progress
 from arm_model import Arm
-from arm_model.rigid_body.moving_base_numeric import floating
-from arm_model.rigid_body.moving_base_regressor import OF_ARM, PAYLOAD, loaded, nominal_wrench_parameters
+from arm_model.moving_base import OF_ARM, PAYLOAD, floating, loaded, nominal_wrench_parameters
 from arm_model.tables import unit_of, with_base_parameters
 from daq.recording import Recording
 from diagnosis.floating_base.model import BaseWrench, Chosen

@@ -1,6 +1,6 @@
 """The wrench on a floating base as a measurement model of the stepwise selection.
 
-A candidate is one parameter (``arm_model.rigid_body.moving_base_regressor``): a thruster's gain, a drag or an added
+A candidate is one parameter (``arm_model.moving_base.regressor``): a thruster's gain, a drag or an added
 mass of one degree of freedom, the displaced mass or a component of its moment, the arm's reaction or payload. What
 it gains is judged on held-out rows, in blocks of time.
 """

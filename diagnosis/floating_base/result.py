@@ -13,7 +13,7 @@ from typing import Any
 from arm_io import make_folder, write_text
 from arm_io.types import Array
 from arm_model import Arm, write_model
-from arm_model.rigid_body.moving_base_regressor import PAYLOAD, REACTION
+from arm_model.moving_base import PAYLOAD, REACTION
 from arm_model.tables import DEGREES
 
 EXPLAINED = 1.5

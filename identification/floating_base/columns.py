@@ -1,6 +1,6 @@
 """Rows of the wrench on a floating base, filtered alike on both sides.
 
-Columns and signs: ``arm_model.rigid_body.moving_base_regressor``.
+Columns and signs: ``arm_model.moving_base.regressor``.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm
-from arm_model.rigid_body.moving_base_regressor import hull_wrench, nominal_wrench_parameters, wrench_columns
+from arm_model.moving_base import hull_wrench, nominal_wrench_parameters, wrench_columns
 from identification.floating_base.rows import BaseRun
 
 

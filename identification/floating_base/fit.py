@@ -17,8 +17,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm
 from arm_model.effects import described
 from arm_model.geometry import relinked
-from arm_model.rigid_body.moving_base_numeric import floating
-from arm_model.rigid_body.moving_base_regressor import OF_ARM, REACTION, nominal_wrench_parameters
+from arm_model.moving_base import OF_ARM, REACTION, floating, nominal_wrench_parameters
 from arm_model.tables import unit_of, with_base_parameters
 from daq.recording import Recording
 from identification.floating_base.columns import Rows, rows_of, whitened

@@ -17,7 +17,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.motion import POSE_COLUMNS, VELOCITY_COLUMNS, thruster_column
-from arm_model.rigid_body.moving_base_numeric import BaseRows, floating, rotations
+from arm_model.moving_base import BaseRows, floating, rotations
 from daq.recording import Recording
 from identification.preprocessing.grid import on_grid, uniform_grid
 

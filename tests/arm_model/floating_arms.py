@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from arm_model.description import Arm
-from arm_model.rigid_body.moving_base_numeric import BaseRows
+from arm_model.moving_base.numeric import BaseRows
 from arm_model.tables import FloatingBase, Thruster
 from tests.arm_model.random_arms import in_water, random_arm, random_joint
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from arm_model.description import Arm, Controller, Joint
-from arm_model.rigid_body import kinematics
-from arm_model.rigid_body.moving_base_numeric import (
+from arm_model.moving_base.numeric import (
     BaseRows,
     accelerations_with_base,
     forces_with_base,
@@ -17,6 +16,7 @@ from arm_model.rigid_body.moving_base_numeric import (
     momentum,
     rotations,
 )
+from arm_model.rigid_body import kinematics
 from arm_model.rigid_body.numeric import drive_torque, rigid_torque
 from arm_model.simulation.simulation import Stepper, simulate, system_of
 from arm_model.symbolic.tape import evaluate

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from arm_model.model_file import read_model
-from arm_model.rigid_body.moving_base_numeric import mass_matrix_with_base
+from arm_model.moving_base.numeric import mass_matrix_with_base
 from examples.rov import figures, run, with_station
 from experiment import read_experiment
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from arm_model import parameter, with_parameters
-from arm_model.rigid_body.moving_base_numeric import forces_with_base
-from arm_model.rigid_body.moving_base_regressor import PAYLOAD, hull_wrench, nominal_wrench_parameters, wrench_columns
+from arm_model.moving_base.numeric import forces_with_base
+from arm_model.moving_base.regressor import PAYLOAD, hull_wrench, nominal_wrench_parameters, wrench_columns
 from arm_model.tables import base_parameters
 from tests.arm_model.floating_arms import floating_arm, random_rows
 from tests.arm_model.random_arms import random_states

@@ -34,7 +34,7 @@ PUBLIC = {
         "visuals",
     ),
     "arm_model.effects": ("definition", "description_errors", "sensing", "tracking", "wrist"),
-    "arm_model.rigid_body": ("inertia", "moving_base_numeric", "moving_base_regressor", "regressor"),
+    "arm_model.rigid_body": ("inertia", "regressor"),
     "drivers": ("can_bus", "linux_counter", "protocols"),
     "experiment": ("segments",),
     "daq.recording": ("losses", "provenance", "recover", "summary"),

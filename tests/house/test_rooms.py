@@ -17,6 +17,7 @@ ROOMS = {
     "arm_model": (
         "tables",
         "rigid_body",
+        "moving_base",
         "mjcf",
         "symbolic",
         "effects",

@@ -15,10 +15,11 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.rigid_body import hydrodynamics, moving_base, newton_euler, numeric
+from arm_model.moving_base import recursion
+from arm_model.moving_base.recursion import DOF, BaseMotion
+from arm_model.rigid_body import hydrodynamics, newton_euler, numeric
 from arm_model.rigid_body.inertia import barycentric
 from arm_model.rigid_body.link_friction import link_friction
-from arm_model.rigid_body.moving_base import DOF, BaseMotion
 from arm_model.tables.floating_base import FloatingBase
 
 
@@ -39,14 +40,14 @@ class BaseRows:
 
     def motion(self, gravity: Sequence[float]) -> BaseMotion:
         """The same in the body frame; ``gravity`` (3,) m/s2 in the world."""
-        rows = moving_base.rotation(list(np.asarray(self.attitude, float).T))
+        rows = recursion.rotation(list(np.asarray(self.attitude, float).T))
         rate = np.zeros_like(self.velocity) if self.rate is None else np.asarray(self.rate, float)
-        return BaseMotion(list(np.asarray(self.velocity, float).T), list(rate.T), moving_base.into_body(rows, gravity))
+        return BaseMotion(list(np.asarray(self.velocity, float).T), list(rate.T), recursion.into_body(rows, gravity))
 
 
-def _at(arm: Arm, q: Array) -> moving_base.Configuration:
+def _at(arm: Arm, q: Array) -> recursion.Configuration:
     turn = numeric.turns(newton_euler.chain_of(arm), q)
-    return moving_base.configuration(arm, turn, list(q.T))
+    return recursion.configuration(arm, turn, list(q.T))
 
 
 def _base_body(arm: Arm) -> tuple[float, ...]:
@@ -62,10 +63,10 @@ def forces_with_base(arm: Arm, base: BaseRows, q: Array, qd: Array, qdd: Array, 
     q, qd, qdd = numeric.samples(arm, q, qd, qdd)
     motion = base.motion(arm.gravity)
     bodies, wet = [tuple(body) for body in numeric.bodies(arm)], hydrodynamics.bodies_of(arm)
-    found = moving_base.forces(_at(arm, q), _base_body(arm), bodies, wet, motion, list(qd.T), list(qdd.T))
+    found = recursion.forces(_at(arm, q), _base_body(arm), bodies, wet, motion, list(qd.T), list(qdd.T))
     total = numeric.stacked(found, q.shape[:1])
     if base_water:
-        water = moving_base.water_wrench(moving_base.water_of_base(arm), motion)
+        water = recursion.water_wrench(recursion.water_of_base(arm), motion)
         total[:, :DOF] += numeric.stacked(water, q.shape[:1])
     total[:, DOF:] += np.array([joint.drag or 0.0 for joint in arm.joints]) * np.abs(qd) * qd
     total[:, DOF:] += link_friction(arm, qd)
@@ -76,7 +77,7 @@ def mass_matrix_with_base(arm: Arm, q: Array, *, rotors: bool = False) -> Array:
     """(N, 6 + n, 6 + n) mass matrix with the added mass of base and links; reflected rotors if asked for."""
     (q,) = numeric.samples(arm, q)
     bodies, wet = [tuple(body) for body in numeric.bodies(arm)], hydrodynamics.bodies_of(arm)
-    found = moving_base.mass_matrix(_at(arm, q), _base_body(arm), bodies, wet)
+    found = recursion.mass_matrix(_at(arm, q), _base_body(arm), bodies, wet)
     matrix = np.stack([numeric.stacked(row, q.shape[:1]) for row in found], axis=-2)
     matrix[:, :DOF, :DOF] += floating(arm).added
     if rotors:
@@ -108,5 +109,5 @@ def momentum(arm: Arm, position: Array, base: BaseRows, q: Array, qd: Array) -> 
 def rotations(attitude: Array) -> Array:
     """(..., 3, 3) rotation matrices, body to world, of quaternions (..., 4) w, x, y, z."""
     attitude = np.asarray(attitude, float)
-    rows = moving_base.rotation([attitude[..., k] for k in range(4)])
+    rows = recursion.rotation([attitude[..., k] for k in range(4)])
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -15,10 +15,10 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.rigid_body import moving_base
+from arm_model.moving_base import recursion
+from arm_model.moving_base.numeric import BaseRows, floating, forces_with_base
+from arm_model.moving_base.recursion import DOF
 from arm_model.rigid_body.inertia import about_com, barycentric
-from arm_model.rigid_body.moving_base import DOF
-from arm_model.rigid_body.moving_base_numeric import BaseRows, floating, forces_with_base
 from arm_model.rigid_body.numeric import stacked
 from arm_model.tables import base_parameters
 
@@ -55,7 +55,7 @@ def hull_wrench(arm: Arm, base: BaseRows) -> Array:
     added = floating(arm).added
     coupled = (added - np.diag(np.diag(added))).tolist()
     count = len(base.velocity)
-    return _alone(arm, base, count) + stacked(moving_base.added_wrench(coupled, base.motion(arm.gravity)), (count,))
+    return _alone(arm, base, count) + stacked(recursion.added_wrench(coupled, base.motion(arm.gravity)), (count,))
 
 
 def _alone(arm: Arm, base: BaseRows, count: int) -> Array:
@@ -73,7 +73,7 @@ def _water(arm: Arm, base: BaseRows) -> list[Array]:
     found = []
     for k in range(DOF):
         unit = [[float(i == j == k) for j in range(DOF)] for i in range(DOF)]
-        found.append(-stacked(moving_base.added_wrench(unit, motion), count))
+        found.append(-stacked(recursion.added_wrench(unit, motion), count))
     for power in (0, 1):
         for k in range(DOF):
             column, v = np.zeros((*count, DOF)), base.velocity[:, k]
