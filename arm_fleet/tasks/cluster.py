@@ -64,7 +64,8 @@ def _local(workers: int) -> Iterator[str]:
             threads_per_worker=1,
             processes=True,
             memory_limit=0,
-            dashboard_address=None,
+            # A port of its own on loopback: without it Dask takes 8787, and warns where that is taken.
+            dashboard_address="127.0.0.1:0",
             silence_logs=50,
         ) as cluster,
     ):

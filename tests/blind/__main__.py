@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -29,6 +29,7 @@ from tests.blind.second import cases as second_cases
 from tests.blind.second import generate as second
 from tests.blind.second.strangers import VARIABLES
 from tests.blind.unmodelled import EXPLANATORY
+from tests.executors import executor
 
 AnyCase = Case | second_cases.Case
 
@@ -47,7 +48,7 @@ def main() -> None:
     say = sys.stderr if options.json else sys.stdout
     print(f"seed {options.seed}, {len(chosen)} cases", file=say)
     outcomes: list[Outcome] = []
-    with ProcessPoolExecutor(options.workers) as pool:
+    with executor(options.workers, options.scheduler) as pool:
         running = [pool.submit(judged, case, options.cache) for case in chosen]
         for number, done in enumerate(as_completed(running), 1):
             outcomes.append(done.result())
@@ -138,6 +139,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--cases", type=int, metavar="N", help="of every kind")
     parser.add_argument("--cache", type=Path, metavar="DIR", help="keeps the recordings for the next run")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="instead: the workers of a Dask scheduler")
     parser.add_argument("--out", type=Path, metavar="FILE.json", help="figures and every case")
     parser.add_argument(
         "--json", action="store_true", help="print the figures as one flat JSON object and nothing else"

@@ -15,7 +15,7 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from diagnosis.confidence import TABLE
 from tests.confidence import bank, diagram
 from tests.confidence.bank import BANK, PUMA_KINDS, Name
 from tests.confidence.fit import fitted, halves, reliability, stated
+from tests.executors import executor
 
 ROOT = Path(__file__).resolve().parents[2]
 DIAGRAM = ROOT / "docs" / "images" / "reliability.svg"
@@ -34,7 +35,7 @@ def main() -> None:
     options = _options()
     if options.do in ("run", "add"):
         new = [name for file in options.files for name in bank.of_foreign(file)]
-        new += _run(options.seed, options.cases, options.workers) if options.do == "run" else []
+        new += _run(options.seed, options.cases, options.workers, options.scheduler) if options.do == "run" else []
         _keep(new)
     names = bank.read()
     table = fitted(halves(names)[0])
@@ -91,7 +92,7 @@ def _keep(new: Sequence[Name]) -> None:
     bank.write(together, commit.stdout.strip())
 
 
-def _run(seed: int, cases: int, workers: int) -> list[Name]:
+def _run(seed: int, cases: int, workers: int, scheduler: str | None) -> list[Name]:
     """Names of new cases, ``cases`` of every kind."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder, "foreign.json")
@@ -106,10 +107,11 @@ def _run(seed: int, cases: int, workers: int) -> list[Name]:
             workers,
             "--out",
             out,
+            *([] if scheduler is None else ["--scheduler", scheduler]),
         ]
         subprocess.run([sys.executable, *map(str, line)], cwd=ROOT, check=True)
         names = list(bank.of_foreign(out))
-    with ProcessPoolExecutor(workers) as pool:
+    with executor(workers, scheduler) as pool:
         jobs = [pool.submit(bank.of_puma, seed, kind, number) for kind in PUMA_KINDS for number in range(cases)]
         for done in as_completed(jobs):
             names += done.result()
@@ -124,6 +126,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0, help="of the new cases: one that the bank has not")
     parser.add_argument("--cases", type=int, default=20, help="of every kind, suite and protocol")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
+    parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="instead: the workers of a Dask scheduler")
     parser.add_argument("--json", action="store_true", help="print the figures as one flat JSON object")
     return parser.parse_args()
 

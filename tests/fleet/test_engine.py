@@ -5,13 +5,16 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import as_completed
 from pathlib import Path
 
 import pytest
 
-from arm_fleet import Cluster, Engine, Store, engine
+from arm_fleet import Cluster, Engine, Store
+from arm_fleet.tasks import engine
 from arm_fleet.tasks.task import Task
 from arm_io import InputError
+from tests.executors import executor
 from tests.fleet.calls import task
 from tests.fleet.processes import OTHER_CODE, Processes, kill_worker, wait_for
 
@@ -143,3 +146,11 @@ def test_no_scheduler(tmp_path: Path) -> None:
         Engine(Store(tmp_path), Cluster("tcp://127.0.0.1:1", patience=0.5)).run([task("a")])
     with pytest.raises(InputError, match=r"is no address of a scheduler.*must be tcp://HOST:PORT"):
         Engine(Store(tmp_path), Cluster("nonsense://x", patience=0.5)).run([task("a")])
+
+
+@pytest.mark.slow
+def test_suites_run_on_a_scheduler(dask: Processes) -> None:
+    """The executor of ``tests.blind --scheduler`` and the others."""
+    with executor(None, dask.address) as pool:
+        running = [pool.submit(pow, k, 2) for k in range(8)]
+        assert sorted(one.result() for one in as_completed(running)) == [k**2 for k in range(8)]

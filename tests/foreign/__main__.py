@@ -9,10 +9,11 @@ import sys
 import time
 import traceback
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from tests.executors import executor
 from tests.foreign.commands import Ended, kind, through_every_command, unrendered
 
 RENDERED = 10
@@ -25,7 +26,7 @@ def main() -> int:
     crashed: set[int] = set()
     crashes, refusals = Counter[str](), Counter[str]()
     ended = 0
-    with ProcessPoolExecutor(options.workers) as pool:
+    with executor(options.workers, options.scheduler) as pool:
         running = {pool.submit(of_arm, seed): seed for seed in seeds}
         for number, done in enumerate(as_completed(running), 1):
             seed, (several, seconds) = running[done], done.result()
@@ -73,6 +74,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--arms", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0, help="of the first arm; the others follow")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
+    parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="instead: the workers of a Dask scheduler")
     return parser.parse_args()
 
 

@@ -14,10 +14,11 @@ import tempfile
 import time
 import traceback
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict
 from pathlib import Path
 
+from tests.executors import executor
 from tests.foreign import arms, cases, hide, log, motions, plant
 from tests.foreign.cases import KINDS, PROTOCOLS, Case, Days
 from tests.foreign.commands import unrendered
@@ -37,7 +38,7 @@ def main() -> None:
     say = sys.stderr if options.json else sys.stdout
     print(f"seed {options.seed}, {len(chosen)} cases", file=say, flush=True)
     outcomes: list[Outcome] = []
-    with ProcessPoolExecutor(options.workers) as pool:
+    with executor(options.workers, options.scheduler) as pool:
         running = [pool.submit(judged, case, options.cache, options.keep) for case in chosen]
         for number, done in enumerate(as_completed(running), 1):
             outcomes.append(done.result())
@@ -110,6 +111,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=int(time.time()) % 100000, help="of everything that is drawn")
     parser.add_argument("--only", nargs="+", metavar="WORD", help="cases whose name has this in it")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="instead: the workers of a Dask scheduler")
     parser.add_argument("--cache", type=Path, metavar="DIR", help="keeps the logs for the next run")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="keeps what the commands wrote")
     parser.add_argument("--out", type=Path, metavar="FILE.json", help="figures and every case")
