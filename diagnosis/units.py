@@ -21,6 +21,9 @@ SLIDING = {
 MILLI = ("A", "rad", "m")
 """Units whose small values are written in thousandths."""
 
+LONGEST = 1e5
+"""Values from here on are written with an exponent."""
+
 
 def unit_at(joint: Joint, unit: str, name: str = "") -> str:
     """A unit of the catalogue, which is written for revolute joints driven by currents, at a joint.
@@ -39,3 +42,9 @@ def readable(unit: str, values: Sequence[float]) -> tuple[float, str]:
     """Factor and unit in which some values are written: mA, mrad and mm where all are far below one."""
     finite = [abs(v) for v in values if np.isfinite(v)]
     return (1e3, f"m{unit}") if unit in MILLI and max(finite, default=1.0) < 0.5 else (1.0, unit)
+
+
+def rounded(value: float, digits: int = 3) -> str:
+    """A value to ``digits`` significant ones, without an exponent between 0.001 and 100 000."""
+    short = f"{value:.{digits}g}"
+    return f"{float(short):.0f}" if "e+" in short and abs(float(short)) < LONGEST else short

@@ -90,6 +90,7 @@ class Parameter:
     chain          value of the kinematic chain that it changes: theta, alpha, a, d or beta of its joint
     tracker_prior  prior standard deviation where only tracked points show it, in ``unit`` (``inverse``: of its
                    reciprocal)
+    noun           what a sentence calls it, with the place of its value as ``{}`` unless that comes last; "": its name
     """
 
     name: str
@@ -112,6 +113,13 @@ class Parameter:
     term_share: float = 0.0
     chain: str = ""
     tracker_prior: float | None = None
+    noun: str = ""
+
+    def sized(self, size: str) -> str:
+        """``a viscous friction of 10 N m s/rad``: the parameter at a size, in words."""
+        noun = self.noun or self.name.replace("_", " ")
+        words = noun.replace("{}", size) if "{}" in noun else f"{noun} of {size}"
+        return f"{'an' if words[0] in 'aeiou' else 'a'} {words}"
 
 
 @dataclass(frozen=True)

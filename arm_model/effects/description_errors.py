@@ -90,7 +90,7 @@ PAYLOAD = Effect(
     name="payload",
     place=Place.MECHANICS,
     parameters=(
-        Parameter("mass", "kg", (0.1, 5.0), True, "mass at the flange"),
+        Parameter("mass", "kg", (0.1, 5.0), True, "mass at the flange", noun="payload mass"),
         Parameter(
             "x",
             "m",
@@ -132,7 +132,7 @@ LINK_INERTIA = Effect(
     name="link_inertia",
     place=Place.MECHANICS,
     parameters=(
-        Parameter("mass", "kg", (0.1, 5.0), True, "error of the mass", signed=True),
+        Parameter("mass", "kg", (0.1, 5.0), True, "error of the mass", signed=True, noun="mass error"),
         *(
             Parameter(f"m{c}", "kg m", (0.01, 1.0), True, f"error of mass times centre, {c}", signed=True)
             for c in "xyz"
@@ -157,7 +157,15 @@ ROTOR_INERTIA = Effect(
     name="rotor_inertia",
     place=Place.MECHANICS,
     parameters=(
-        Parameter("inertia", "kg m2", (0.05, 3.0), True, "missing rotor inertia, at the joint: G^2 Jm", signed=True),
+        Parameter(
+            "inertia",
+            "kg m2",
+            (0.05, 3.0),
+            True,
+            "missing rotor inertia, at the joint: G^2 Jm",
+            signed=True,
+            noun="rotor inertia",
+        ),
     ),
     equation="tau = G^2 Jm q''",
     shows="follows acceleration in every pose",
@@ -189,7 +197,17 @@ BASE_TILT = Effect(
 TORQUE_CONSTANT = Effect(
     name="torque_constant",
     place=Place.MECHANICS,
-    parameters=(Parameter("error", "1", (0.02, 0.2), True, "relative error of the torque constant", signed=True),),
+    parameters=(
+        Parameter(
+            "error",
+            "1",
+            (0.02, 0.2),
+            True,
+            "relative error of the torque constant",
+            signed=True,
+            noun="torque constant error",
+        ),
+    ),
     equation="tau = (1 + e) k i",
     shows="all torques of one joint scaled",
     confused_with={"current_gain": "a reference shunt", "link_inertia": "a known payload"},
@@ -212,6 +230,7 @@ JOINT_ZERO_OFFSET = Effect(
             "encoder reading with the link at 0",
             signed=True,
             chain="theta",
+            noun="zero offset",
         ),
     ),
     equation="q_read = q + delta",
@@ -234,7 +253,7 @@ JOINT_ZERO_OFFSET = Effect(
 CURRENT_LIMIT = Effect(
     name="current_limit",
     place=Place.MECHANICS,
-    parameters=(Parameter("limit", "A", (0.5, 20.0), False, "largest current of the drive"),),
+    parameters=(Parameter("limit", "A", (0.5, 20.0), False, "largest current of the drive", noun="current limit"),),
     equation="|i| <= limit",
     shows="current flat while the error grows",
     confused_with={"current_nonlinearity": "whether the motion is clipped too"},

@@ -20,7 +20,17 @@ _AGAINST_VELOCITY = {
 VISCOUS_FRICTION = Effect(
     name="viscous_friction",
     place=Place.MECHANICS,
-    parameters=(Parameter("viscous", "N m s/rad", (0.2, 10.0), True, "missing viscous coefficient", signed=True),),
+    parameters=(
+        Parameter(
+            "viscous",
+            "N m s/rad",
+            (0.2, 10.0),
+            True,
+            "missing viscous coefficient",
+            signed=True,
+            noun="viscous friction",
+        ),
+    ),
     equation="tau = B q'",
     settable="not the same in all recordings",
     shows="error proportional to velocity",
@@ -37,7 +47,13 @@ COULOMB_FRICTION = Effect(
     place=Place.MECHANICS,
     parameters=(
         Parameter(
-            "coulomb", "N m", (0.1, 15.0), True, "missing Coulomb friction, mean of both directions", signed=True
+            "coulomb",
+            "N m",
+            (0.1, 15.0),
+            True,
+            "missing Coulomb friction, mean of both directions",
+            signed=True,
+            noun="Coulomb friction",
         ),
         Parameter(
             "skew",
@@ -48,6 +64,7 @@ COULOMB_FRICTION = Effect(
             "friction, which has then grown in proportion",
             signed=True,
             own=True,
+            noun="difference between directions",
         ),
     ),
     equation="tau = F (1 + s sign(q')) sign(q')",
@@ -67,13 +84,41 @@ FRICTION_ASYMMETRY = Effect(
     name="friction_asymmetry",
     place=Place.MECHANICS,
     parameters=(
-        Parameter("positive", "N m", (0.1, 8.0), True, "missing Coulomb friction while moving positive", signed=True),
-        Parameter("negative", "N m", (0.1, 8.0), True, "missing Coulomb friction while moving negative", signed=True),
         Parameter(
-            "viscous_positive", "N m s/rad", (0.2, 10.0), True, "missing viscous coefficient, positive", signed=True
+            "positive",
+            "N m",
+            (0.1, 8.0),
+            True,
+            "missing Coulomb friction while moving positive",
+            signed=True,
+            noun="friction asymmetry of {} in the positive direction",
         ),
         Parameter(
-            "viscous_negative", "N m s/rad", (0.2, 10.0), True, "missing viscous coefficient, negative", signed=True
+            "negative",
+            "N m",
+            (0.1, 8.0),
+            True,
+            "missing Coulomb friction while moving negative",
+            signed=True,
+            noun="friction asymmetry of {} in the negative direction",
+        ),
+        Parameter(
+            "viscous_positive",
+            "N m s/rad",
+            (0.2, 10.0),
+            True,
+            "missing viscous coefficient, positive",
+            signed=True,
+            noun="viscous friction asymmetry of {} in the positive direction",
+        ),
+        Parameter(
+            "viscous_negative",
+            "N m s/rad",
+            (0.2, 10.0),
+            True,
+            "missing viscous coefficient, negative",
+            signed=True,
+            noun="viscous friction asymmetry of {} in the negative direction",
         ),
     ),
     equation="tau = F+ + B+ q' for q' > 0, -F- + B- q' for q' < 0",
@@ -93,7 +138,9 @@ STRIBECK_FRICTION = Effect(
     name="stribeck_friction",
     place=Place.MECHANICS,
     parameters=(
-        Parameter("breakaway", "N m", (0.05, 15.0), True, "friction above Coulomb's at rest"),
+        Parameter(
+            "breakaway", "N m", (0.05, 15.0), True, "friction above Coulomb's at rest", noun="break-away friction"
+        ),
         Parameter(
             "stribeck_velocity",
             "rad/s",
@@ -144,6 +191,7 @@ PRESLIDING_FRICTION = Effect(
             inverse=True,
             scale=Scale.YIELD,
             shares=geometric(1e-5, 1e-2, 10),
+            noun="bristle stiffness",
         ),
         Parameter(
             "damping",
@@ -153,6 +201,7 @@ PRESLIDING_FRICTION = Effect(
             "damping s1 of the bristles",
             search=(10.0,),
             fixed=True,
+            noun="bristle damping",
         ),
     ),
     equation="tau = s0 z + s1 z' - F sign(q'),  z' = q' - s0 |q'| z / F   (Canudas de Wit et al., IEEE TAC 40(3), "
@@ -169,7 +218,16 @@ PRESLIDING_FRICTION = Effect(
 LOAD_FRICTION = Effect(
     name="load_friction",
     place=Place.MECHANICS,
-    parameters=(Parameter("mu", "1", (0.02, 0.2), True, "friction as a share of the transmitted torque"),),
+    parameters=(
+        Parameter(
+            "mu",
+            "1",
+            (0.02, 0.2),
+            True,
+            "friction as a share of the transmitted torque",
+            noun="load friction coefficient",
+        ),
+    ),
     equation="tau = mu |tau_load| sign(q')",
     shows="a step at reversal that grows with the gravity load",
     confused_with={
@@ -192,6 +250,7 @@ FRICTION_DRIFT = Effect(
             True,
             "share of the Coulomb friction that disappears as the arm warms up",
             most=1.0,
+            noun="loss of {} of the Coulomb friction",
         ),
         Parameter(
             "time_constant",

@@ -10,7 +10,15 @@ GRAVITY_SPRING = Effect(
     name="gravity_spring",
     place=Place.MECHANICS,
     parameters=(
-        Parameter("stiffness", "N m/rad", (1.0, 60.0), True, "stiffness of the balancing spring", signed=True),
+        Parameter(
+            "stiffness",
+            "N m/rad",
+            (1.0, 60.0),
+            True,
+            "stiffness of the balancing spring",
+            signed=True,
+            noun="spring stiffness",
+        ),
         Parameter(
             "rest_angle",
             "rad",
@@ -47,7 +55,7 @@ COGGING = Effect(
     name="cogging",
     place=Place.MECHANICS,
     parameters=(
-        Parameter("amplitude", "N m", (0.05, 5.0), True, "amplitude at the joint"),
+        Parameter("amplitude", "N m", (0.05, 5.0), True, "amplitude at the joint", noun="cogging amplitude"),
         Parameter("pole_pairs", "1", (1, 60), False, "cycles per motor revolution", whole=True, search=integers(1, 60)),
         Parameter(
             "phase",

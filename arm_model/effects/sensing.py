@@ -12,7 +12,14 @@ ENCODER_RIPPLE = Effect(
     place=Place.SENSING,
     parameters=(
         Parameter(
-            "amplitude", "rad", (1e-5, 2e-3), True, "amplitude at the joint", most=WORST_RIPPLE, tracker_prior=0.01
+            "amplitude",
+            "rad",
+            (1e-5, 2e-3),
+            True,
+            "amplitude at the joint",
+            most=WORST_RIPPLE,
+            tracker_prior=0.01,
+            noun="ripple amplitude",
         ),
         Parameter(
             "order",
@@ -49,7 +56,15 @@ MISSED_COUNTS = Effect(
     name="missed_counts",
     place=Place.SENSING,
     parameters=(
-        Parameter("counts", "1", (1, 400), True, "counts gained (negative: lost), in joint angle", signed=True),
+        Parameter(
+            "counts",
+            "1",
+            (1, 400),
+            True,
+            "counts gained (negative: lost), in joint angle",
+            signed=True,
+            noun="loss of {} counts",
+        ),
         Parameter("time", "s", (0.0, 60.0), False, "when"),
         Parameter("resolution", "rad", (1e-6, 1e-3), False, "joint angle of one count"),
     ),
@@ -64,7 +79,9 @@ MISSED_COUNTS = Effect(
 CURRENT_OFFSET = Effect(
     name="current_offset",
     place=Place.SENSING,
-    parameters=(Parameter("offset", "A", (0.005, 0.5), True, "reading at no current", signed=True),),
+    parameters=(
+        Parameter("offset", "A", (0.005, 0.5), True, "reading at no current", signed=True, noun="current offset"),
+    ),
     equation="i_read = i + o",
     settable="it drifted, or was set differently",
     shows="a constant",
@@ -81,7 +98,11 @@ CURRENT_OFFSET = Effect(
 CURRENT_GAIN = Effect(
     name="current_gain",
     place=Place.SENSING,
-    parameters=(Parameter("error", "1", (0.02, 0.2), True, "relative error of the reading", signed=True),),
+    parameters=(
+        Parameter(
+            "error", "1", (0.02, 0.2), True, "relative error of the reading", signed=True, noun="current gain error"
+        ),
+    ),
     equation="i_read = (1 + g) i",
     settable="set differently",
     shows="all torques of one joint scaled",
@@ -100,7 +121,15 @@ CURRENT_NONLINEARITY = Effect(
     name="current_nonlinearity",
     place=Place.SENSING,
     parameters=(
-        Parameter("cubic", "1/A2", (1e-4, 0.05), True, "cubic coefficient of saturation", signed=True),
+        Parameter(
+            "cubic",
+            "1/A2",
+            (1e-4, 0.05),
+            True,
+            "cubic coefficient of saturation",
+            signed=True,
+            noun="cubic coefficient",
+        ),
         Parameter(
             "quintic",
             "1/A4",
@@ -110,6 +139,7 @@ CURRENT_NONLINEARITY = Effect(
             signed=True,
             term="next order",
             term_share=0.05,
+            noun="quintic coefficient",
         ),
     ),
     equation="i_read = i - c i^3 - d i^5",
@@ -129,7 +159,7 @@ MAINS_HUM = Effect(
     name="mains_hum",
     place=Place.SENSING,
     parameters=(
-        Parameter("amplitude", "A", (0.003, 0.5), True, "amplitude"),
+        Parameter("amplitude", "A", (0.003, 0.5), True, "amplitude", noun="hum amplitude"),
         Parameter("frequency", "Hz", (45.0, 65.0), False, "frequency"),
         Parameter("phase", "rad", (-3.15, 3.15), False, "phase at the start", signed=True),
     ),

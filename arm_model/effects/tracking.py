@@ -34,7 +34,15 @@ LINK_GEOMETRY = Effect(
     place=Place.GEOMETRY,
     parameters=(
         Parameter(
-            "d_theta", "rad", (5e-4, 0.05), True, "error of theta", signed=True, chain="theta", tracker_prior=0.05
+            "d_theta",
+            "rad",
+            (5e-4, 0.05),
+            True,
+            "error of theta",
+            signed=True,
+            chain="theta",
+            tracker_prior=0.05,
+            noun="joint angle error",
         ),
         Parameter(
             "d_alpha",
@@ -45,9 +53,30 @@ LINK_GEOMETRY = Effect(
             signed=True,
             chain="alpha",
             tracker_prior=0.05,
+            noun="link twist error",
         ),
-        Parameter("d_a", "m", (2e-4, 5e-3), True, "error of a, the length", signed=True, chain="a", tracker_prior=0.02),
-        Parameter("d_d", "m", (2e-4, 5e-3), True, "error of d, the offset", signed=True, chain="d", tracker_prior=0.02),
+        Parameter(
+            "d_a",
+            "m",
+            (2e-4, 5e-3),
+            True,
+            "error of a, the length",
+            signed=True,
+            chain="a",
+            tracker_prior=0.02,
+            noun="link length error",
+        ),
+        Parameter(
+            "d_d",
+            "m",
+            (2e-4, 5e-3),
+            True,
+            "error of d, the offset",
+            signed=True,
+            chain="d",
+            tracker_prior=0.02,
+            noun="link offset error",
+        ),
         Parameter(
             "beta",
             "rad",
@@ -57,6 +86,7 @@ LINK_GEOMETRY = Effect(
             signed=True,
             chain="beta",
             tracker_prior=0.05,
+            noun="tilt of parallel axes",
         ),
     ),
     equation="link = Rz(theta + d_theta) Tz(d + d_d) Tx(a + d_a) Rx(alpha + d_alpha) Ry(beta)",
@@ -107,7 +137,14 @@ GRAVITY_SAG = Effect(
     place=Place.GEOMETRY,
     parameters=(
         Parameter(
-            "along", "rad", (1e-5, 2e-3), True, "turn where the link's x axis is level", signed=True, tracker_prior=0.02
+            "along",
+            "rad",
+            (1e-5, 2e-3),
+            True,
+            "turn where the link's x axis is level",
+            signed=True,
+            tracker_prior=0.02,
+            noun="sag",
         ),
         Parameter(
             "across", "rad", (1e-5, 2e-3), True, "turn where its other axis is level", signed=True, tracker_prior=0.02
@@ -157,7 +194,14 @@ TRACKER_OUTLIERS = Effect(
     name="tracker_outliers",
     place=Place.SENSING,
     parameters=(
-        Parameter("share", "1", (1e-4, 0.05), False, "share of the points that are wrong or missing"),
+        Parameter(
+            "share",
+            "1",
+            (1e-4, 0.05),
+            False,
+            "share of the points that are wrong or missing",
+            noun="share of wrong points",
+        ),
         Parameter("size", "m", (1e-3, 0.1), True, "distance of wrong points"),
     ),
     equation="xyz_read = xyz + size e in a share of the rows, in any direction e",
@@ -181,6 +225,7 @@ ENCODER_SCALE = Effect(
             "relative error of counts per turn, gear ratio or belt",
             signed=True,
             tracker_prior=0.05,
+            noun="encoder scale error",
         ),
     ),
     equation="link angle = (1 + s) q",
@@ -194,8 +239,26 @@ ENCODER_ECCENTRICITY = Effect(
     name="encoder_eccentricity",
     place=Place.SENSING,
     parameters=(
-        Parameter("sine", "rad", (1e-5, 2e-3), True, "amplitude of sin q", signed=True, tracker_prior=0.02),
-        Parameter("cosine", "rad", (1e-5, 2e-3), True, "amplitude of cos q", signed=True, tracker_prior=0.02),
+        Parameter(
+            "sine",
+            "rad",
+            (1e-5, 2e-3),
+            True,
+            "amplitude of sin q",
+            signed=True,
+            tracker_prior=0.02,
+            noun="sine amplitude",
+        ),
+        Parameter(
+            "cosine",
+            "rad",
+            (1e-5, 2e-3),
+            True,
+            "amplitude of cos q",
+            signed=True,
+            tracker_prior=0.02,
+            noun="cosine amplitude",
+        ),
     ),
     equation="link angle = q + A sin q + B cos q",
     shows="the tracked point leads and lags once per turn of the joint",
@@ -212,7 +275,14 @@ TRANSMISSION_COUPLING = Effect(
     place=Place.TRANSMISSION,
     parameters=(
         Parameter(
-            "ratio", "1", (1e-4, 0.3), True, "turn per turn of the driving joint", signed=True, tracker_prior=0.05
+            "ratio",
+            "1",
+            (1e-4, 0.3),
+            True,
+            "turn per turn of the driving joint",
+            signed=True,
+            tracker_prior=0.05,
+            noun="coupling ratio",
         ),
         Parameter("driver", "1", (1, 6), False, "number of the driving joint", whole=True, search=integers(1, 6)),
     ),

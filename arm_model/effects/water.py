@@ -52,6 +52,7 @@ HYDRODYNAMIC_DRAG = Effect(
             (0.1, 10.0),
             True,
             "torque over square of velocity while the joint moves alone, all strips of the link together",
+            noun="drag coefficient",
         ),
     ),
     equation="dF = rho C_d R |v| v dl across the link (Morison); D |q'| q' on a joint that moves alone, or has no "
@@ -68,7 +69,12 @@ ADDED_MASS = Effect(
     place=Place.MECHANICS,
     parameters=(
         Parameter(
-            "coefficient", "1", (0.5, 2.0), True, "missing coefficient C_a of the water that moves with the link"
+            "coefficient",
+            "1",
+            (0.5, 2.0),
+            True,
+            "missing coefficient C_a of the water that moves with the link",
+            noun="added mass coefficient",
         ),
         Parameter("buoyancy", "1", (0.1, 1.0), True, "missing share of the displaced water's weight"),
     ),

@@ -24,7 +24,7 @@ from diagnosis.report.plots.residuals import against_all, left_against, side_by_
 from diagnosis.report.plots.single_axis import wave_chart
 from diagnosis.report.tables import errors, left, rough, summary, unseen
 from diagnosis.report.wording import remainder, sentence, title, uncertain, value, values_of
-from diagnosis.units import readable
+from diagnosis.units import readable, rounded
 
 MOST_CHARTS = {"held_out": 2, "fit": 1}
 """Recordings of either set that are drawn; the tables have all."""
@@ -130,7 +130,7 @@ def _section(result: Diagnosis, cause: Cause, row: dict[str, Any], number: int) 
             (
                 p.name.replace("_", " "),
                 value(p),
-                f"± {2 * p.std:.2g}" if uncertain(p) else "",
+                f"± {rounded(2 * p.std, 2)}" if uncertain(p) else "",
                 "" if p.unit == "1" else p.unit,
                 meaning.get(p.name, "") + ("" if p.of_own is None else f"; {100 * p.of_own:+.0f} % of the model's own"),
             )
@@ -148,12 +148,13 @@ def _gain(cause: Cause) -> str:
     if cause.signal is Signal.LINK_ANGLE and cause.joint is None:
         where = "the joints with two encoders"
     factor, unit = readable(cause.unit, (cause.before, cause.after))
-    less = f", {cause.before / cause.after:.3g} times smaller" if 0.0 < cause.after < cause.before else ""
+    less = f", {rounded(cause.before / cause.after)} times smaller" if 0.0 < cause.after < cause.before else ""
     sure = "" if len(cause.group) == 1 else " that this cause, or one indistinguishable from it, is present"
     beside = f" {said[:1].upper()}{said[1:]}." if (said := remainder(cause)) else ""
+    before, after = (rounded(factor * value) for value in (cause.before, cause.after))
     return (
-        f"Held-out error of {where}: {factor * cause.before:.3g} {unit} without it, {factor * cause.after:.3g} "
-        f"{unit} with it{less}. Confidence {cause.confidence:.0%}{sure}.{beside}"
+        f"Held-out error of {where}: {before} {unit} without it, {after} {unit} with it{less}. "
+        f"Confidence {cause.confidence:.0%}{sure}.{beside}"
     )
 
 

@@ -13,6 +13,8 @@ from diagnosis.origins import Suspect
 
 IN_TEXT = 2
 """Origins per place that are printed; diagnosis.json and the report have all."""
+LEAST_LIKELY = 0.1
+"""... and the likelihood from which on they are."""
 
 
 def origin_row(one: Suspect) -> dict[str, Any]:
@@ -41,7 +43,7 @@ def origin_lines(table: dict[str, Any]) -> list[str]:
     """The most likely origins of every place, each with its check; ``table`` is what diagnosis.json holds."""
     lines: list[str] = []
     for place, rows in _by_place(table).items():
-        for row in rows[:IN_TEXT]:
+        for row in (one for one in rows[:IN_TEXT] if one["likelihood"] >= LEAST_LIKELY):
             lines += [
                 f"   {place}: {row['title']} (likelihood {row['likelihood']:.2f}: {_speaking(row)})",
                 f"      check: {row['check']}",

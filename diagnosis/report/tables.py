@@ -15,7 +15,7 @@ from diagnosis.measurements.currents.design_matrix import dataset_of
 from diagnosis.measurements.currents.structure_share import FROM
 from diagnosis.report.wording import gain, place, title, values_of
 from diagnosis.residual.comparable_rows import comparable_rows
-from diagnosis.units import readable
+from diagnosis.units import readable, rounded
 
 
 def summary(result: Diagnosis) -> Markup:
@@ -38,7 +38,7 @@ def errors(table: dict[str, Any], extended: bool) -> Markup | None:
         held = s["error_rms"].get("held_out", {})
         values = [held.get("before", nan), held.get("after", nan), s["noise_rms"]]
         factor, unit = readable(s["unit"], values)
-        texts = [f"{factor * v:.3g}" for v in (values if extended else values[1:])]
+        texts = [rounded(factor * v) for v in (values if extended else values[1:])]
         rows.append([s["signal"] if s["joint"] else "tracked points", str(s["joint"] or ""), *texts, unit])
     head = ["signal", "joint", *(["before", "after"] if extended else ["error"]), "noise", "unit"]
     return arm_report.table(rows, head, range(1, len(head) - 1))

@@ -8,6 +8,7 @@ from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.report.origins import origin_lines
 from diagnosis.report.wording import gain, remainder, sentence, title, values_of
+from diagnosis.units import rounded
 
 
 def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
@@ -38,6 +39,6 @@ def _over_noise(table: dict[str, Any]) -> list[str]:
         return []
     sizes = []
     for row in rows:
-        before, after = (f"{row['noise_ratio'][when]:.2g}" for when in ("before", "after"))
+        before, after = (rounded(row["noise_ratio"][when], 2) for when in ("before", "after"))
         sizes.append(f"joint {row['joint']}: {before if before == after else f'{before} -> {after}'}")
     return [f"held-out residual current over the noise floor of the instruments: {'; '.join(sizes)}"]

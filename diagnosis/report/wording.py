@@ -11,7 +11,7 @@ from arm_model.effects import CATALOGUE
 from diagnosis.cause import NO_VARIABLE, Cause, Estimate, LostRows, Signal, in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.remaining import remaining
-from diagnosis.units import readable
+from diagnosis.units import readable, rounded
 
 
 def title(cause: Cause) -> str:
@@ -88,8 +88,9 @@ def estimate(one: Estimate) -> str:
     Of friction, its share of the model's own: ``coulomb 2.35 ± 0.1 N m (+47 % of the model's own)``.
     """
     unit = "" if one.unit == "1" else f" {one.unit}"
+    about = f" ± {rounded(2 * one.std, 2)}" if uncertain(one) else ""
     own = "" if one.of_own is None else f" ({100 * one.of_own:+.0f} % of the model's own)"
-    return f"{one.name.replace('_', ' ')} {value(one)}{f' ± {2 * one.std:.2g}' if uncertain(one) else ''}{unit}{own}"
+    return f"{one.name.replace('_', ' ')} {value(one)}{about}{unit}{own}"
 
 
 def remainder(cause: Cause) -> str:
@@ -137,4 +138,4 @@ def value(one: Estimate) -> str:
 def gain(cause: Cause) -> str:
     """``0.154 -> 0.0042 A``, before and after."""
     factor, unit = readable(cause.unit, (cause.before, cause.after))
-    return f"{cause.before * factor:.3g} -> {cause.after * factor:.2g} {unit}"
+    return f"{rounded(cause.before * factor)} -> {rounded(cause.after * factor, 2)} {unit}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -148,3 +149,14 @@ def test_vocabulary_is_complete(shared: Path) -> None:
         line.split("|")[1].strip() for line in table.splitlines() if line.startswith("| ") and "name" not in line[:7]
     }
     assert names <= set(CATALOGUE)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=lambda effect: effect.name)
+def test_a_size_reads_as_a_sentence_part(effect: Effect) -> None:
+    """By words, not by symbols such as mu, c54 or d_theta; coordinates keep theirs."""
+    for one in effect.parameters:
+        words = one.sized("3 N m")
+        assert words.count("3 N m") == 1 and words.startswith(("a ", "an ")) and "{" not in words
+        coordinate = re.fullmatch(r"an? (m?[xyz]|i[xyz]{2}) of 3 N m", words)
+        noun = re.sub(r"^an? |3 N m", "", words)
+        assert coordinate or not re.search(r"\b(mu|[a-z]\d+|[a-z]|\w*_\w*)\b", noun), words

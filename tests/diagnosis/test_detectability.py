@@ -63,6 +63,13 @@ def test_says_what_a_joint_did_not_do(one_joint: Run, arm: Arm) -> None:
         assert unseen[effect, 2].why.startswith("joint 2 stood still"), effect
         assert "joint 2" in unseen[effect, 2].experiment
     assert "is zero" in unseen["joint_zero_offset", 1].why  # its axis is upright
+    for effect, words in (
+        ("viscous_friction", "even a viscous friction of 10 N m s/rad changes"),
+        ("friction_asymmetry", "even a friction asymmetry of 8 N m in the positive direction changes"),
+        ("load_friction", "even a load friction coefficient of 0.2 changes"),
+        ("coulomb_friction", "even a Coulomb friction of 15 N m changes"),
+    ):
+        assert words in unseen[effect, 2].why, unseen[effect, 2].why
     for effect in ("viscous_friction", "coulomb_friction", "cogging"):
         assert (effect, 1) not in unseen, effect
 

@@ -24,7 +24,7 @@ from diagnosis.origins.evidence import Finding
 from diagnosis.origins.ranking import likelihood, ranking
 from diagnosis.origins.table import EFFECT, PATH
 from diagnosis.report.html import report
-from diagnosis.report.origins import origins_table
+from diagnosis.report.origins import origin_lines, origins_table
 from tests.comparison.second_day import motion, puma
 
 TABLE = read_table()
@@ -255,6 +255,14 @@ def test_the_order_of_causes_is_irrelevant(findings, data) -> None:
         for f in (findings, mixed)
     )
     assert sorted(one) == sorted(other)
+
+
+def test_an_origin_that_is_hardly_likely_is_not_printed() -> None:
+    row = {"joint": 2, "supported_by": ["backlash"], "contradicted_by": [], "missing": [], "check": "turn it by hand"}
+    rows = [row | {"title": "worn wheel", "likelihood": 0.1}, row | {"title": "loose key", "likelihood": 0.09}]
+    printed = "\n".join(origin_lines({"origins": rows, "origins_are": "judgement"}))
+    assert "worn wheel" in printed and "loose key" not in printed
+    assert origin_lines({"origins": rows[1:], "origins_are": "judgement"}) == []
 
 
 def test_no_cause_gives_no_origin() -> None:

@@ -22,6 +22,7 @@ from diagnosis.measurements.currents.structure_share import predictable
 from diagnosis.remaining import Remaining
 from diagnosis.report.tables import unseen
 from diagnosis.report.wording import either, estimate, gain, sentence
+from diagnosis.units import rounded
 from tests.diagnosis.runs import group_of, seen
 
 
@@ -139,3 +140,8 @@ def test_joints_alike_share_a_line_and_no_effect_is_left_out() -> None:
         ["cogging", "1, 2", "c", "y"],
         ["link sag", "", "d", "z"],
     ]
+
+
+def test_numbers_have_no_exponent_where_a_reader_needs_none() -> None:
+    assert [rounded(x, 2) for x in (190.0, 0.0012, 99400.0, -190.0, 0.0)] == ["190", "0.0012", "99000", "-190", "0"]
+    assert [rounded(x) for x in (1234.0, 1.234e6, 2.5e-7)] == ["1230", "1.23e+06", "2.5e-07"]

@@ -13,7 +13,7 @@ from diagnosis.cause import EffectKey, Undetectable
 from diagnosis.screening.plausibility import STANDSTILL
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
-from diagnosis.units import unit_at
+from diagnosis.units import rounded, unit_at
 
 SHOWS_FROM = 1 / 3
 """Effect-to-noise ratio of the currents above which an effect is detectable."""
@@ -77,7 +77,7 @@ def felt(candidate: Candidate, columns: Columns, rows: int) -> float:
 
 def times_noise(strength: float) -> str:
     """``0.2 times the noise``."""
-    return "less than 0.005 times the noise" if strength < 0.005 else f"{strength:.2g} times the noise"
+    return "less than 0.005 times the noise" if strength < 0.005 else f"{rounded(strength, 2)} times the noise"
 
 
 def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
@@ -90,22 +90,22 @@ def _did(need: Excitation, joint: int | None, side: Dataset, arm: Arm) -> str:
         return f"joint {joint} stood still"
     if need is Excitation.LOAD_REVERSAL and load.min() * load.max() > 0.0:
         return (
-            f"the load of joint {joint} never changed sign ({load.min():.3g} to {load.max():.3g} "
+            f"the load of joint {joint} never changed sign ({rounded(load.min())} to {rounded(load.max())} "
             f"{unit_at(drive, 'N m')})"
         )
     if need in (Excitation.LOAD, Excitation.LOAD_REVERSAL):
-        return f"the load of joint {joint} was at most {np.abs(load).max():.2g} {unit_at(drive, 'N m')}"
+        return f"the load of joint {joint} was at most {rounded(np.abs(load).max(), 2)} {unit_at(drive, 'N m')}"
     if need is Excitation.GRAVITY:
         poses = np.concatenate([run.q[::10] for run in side.runs])
         gravity = drive_rigid_torque(arm, poses, 0.0 * poses, 0.0 * poses)[:, j]
-        change = f"changed by at most {np.ptp(gravity):.2g} {unit_at(drive, 'N m')}"
+        change = f"changed by at most {rounded(np.ptp(gravity), 2)} {unit_at(drive, 'N m')}"
         return f"the gravity torque of joint {joint} {change if np.abs(gravity).max() > 1e-6 else 'is zero'}"
     if need is Excitation.CURRENT:
-        return f"the current of joint {joint} was at most {np.abs(current).max():.2g} {drive.command_unit}"
+        return f"the current of joint {joint} was at most {rounded(np.abs(current).max(), 2)} {drive.command_unit}"
     if need is Excitation.ACCELERATION:
-        return f"the acceleration of joint {joint} was at most {np.abs(a).max():.2g} {unit_at(drive, 'rad/s2')}"
+        return f"the acceleration of joint {joint} was at most {rounded(np.abs(a).max(), 2)} {unit_at(drive, 'rad/s2')}"
     return (
-        f"joint {joint} moved {np.ptp(q):.2g} {unit_at(drive, 'rad')}, at up to {np.abs(v).max():.2g} "
+        f"joint {joint} moved {rounded(np.ptp(q), 2)} {unit_at(drive, 'rad')}, at up to {rounded(np.abs(v).max(), 2)} "
         f"{unit_at(drive, 'rad/s')}"
     )
 
@@ -155,7 +155,4 @@ def _size(effect: str, arm: Arm, joint: int | None) -> str:
     parameter = (definition.linear or definition.parameters)[0]
     value = parameter.typical[0] if parameter.inverse else parameter.typical[1]
     unit = unit_at(arm.joints[(joint or 1) - 1], parameter.unit, parameter.name)
-    return (
-        f"{'an' if parameter.name[0] in 'aeiou' else 'a'} {parameter.name.replace('_', ' ')} of "
-        f"{value:g}{'' if unit == '1' else f' {unit}'}"
-    )
+    return parameter.sized(f"{value:g}{'' if unit == '1' else f' {unit}'}")

@@ -96,7 +96,7 @@ def _typical(candidate: TrackedCandidate) -> tuple[list[float], str]:
     own = candidate.names and set(candidate.names) <= set(parameters)
     names = candidate.names if own else (next(iter(parameters)),)
     values = [parameters[name].typical[1] for name in names]
-    words = ", ".join(f"{parameters[n].name} of {v:g} {parameters[n].unit}" for n, v in zip(names, values))
+    words = ", ".join(parameters[n].sized(f"{v:g} {parameters[n].unit}") for n, v in zip(names, values))
     return values, words
 
 
