@@ -33,6 +33,7 @@ from pydantic.dataclasses import dataclass
 from arm_io.types import Array
 from arm_model.tables.fields import IDENTITY, STRICT, Directions, NotNegative, Pose, Positive, Vector
 from arm_model.tables.floating_base import FloatingBase
+from arm_model.tables.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -305,6 +306,8 @@ class Arm:
     capsule: tuple[Capsule, ...] | None = None
     unphysical: str = ""  # why impossible inertias are kept (a published set, say); without a reason they are refused
     floating: FloatingBase | None = None  # absent: the base is fixed to the ground
+    # how well an identified arm is known; two arms of the same numbers are equal whatever is known of them
+    uncertainty: Uncertainty | None = field(default=None, compare=False, repr=False)
 
     @model_validator(mode="after")
     def _belongs_together(self) -> Arm:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,9 +15,11 @@ from arm_io.toml import one_line
 from arm_model.description import Arm, Capsule, Controller, Coupling, EffectTerm, Joint
 from arm_model.effects import check_terms, dissipation
 from arm_model.mjcf import SUFFIXES, mjcf_of, read_mjcf
+from arm_model.parameters import parameter
 from arm_model.rigid_body.inertia import unphysical
 from arm_model.tables.fields import IDENTITY, Pose, Vector
 from arm_model.tables.floating_base import FloatingBase
+from arm_model.tables.uncertainty import Uncertainty, read_uncertainty, write_uncertainty
 from arm_model.urdf import read_urdf, urdf_of
 
 
@@ -28,6 +30,7 @@ class _ModelFile(Table):
     units: Literal["SI"]
     source: str = ""
     unphysical: str = ""
+    uncertainty: str = Field(default="", pattern=r"^[^/\\]*$")
     gravity: Vector = (0.0, 0.0, -9.80665)
     base: Pose = IDENTITY
     tool: Pose = IDENTITY
@@ -45,12 +48,28 @@ _NEEDED = ("type", "mass", "com", "inertia")
 def read_model(path: str | Path) -> Arm:
     """The arm in a model file (.toml), or in a URDF (.urdf) or MuJoCo model (.xml, .mjcf) with one serial chain.
 
-    InputError (one line: file, entry, what would be right) for anything wrong or unphysical.
+    With its uncertainty, where the file that it names is beside it. InputError (one line: file, entry, what would be
+    right) for anything wrong or unphysical.
     """
     suffix = Path(path).suffix
     if suffix in SUFFIXES:
         return read_mjcf(path)
-    return read_urdf(path) if suffix == ".urdf" else arm_of(read_toml(path), path)
+    return read_urdf(path) if suffix == ".urdf" else _with_uncertainty(arm_of(read_toml(path), path), Path(path))
+
+
+def _with_uncertainty(arm: Arm, path: Path) -> Arm:
+    """The arm with what the file says that it names, if that is beside the model; InputError where it is of another."""
+    if arm.uncertainty is None or not (beside := path.parent / arm.uncertainty.file).exists():
+        return arm
+    known = read_uncertainty(beside)
+    for name in known.parameters:
+        try:
+            parameter(arm, name)
+        except InputError as error:
+            raise InputError(beside, f"{error}; it must be of this model ({path.name}): identify again") from None
+    if len(known.left_over) not in (0, len(arm)):
+        raise InputError(beside, f"left_over: has {len(known.left_over)} entries, the arm has {len(arm)} joints")
+    return replace(arm, uncertainty=known)
 
 
 def carried_arm(text: str, where: str | Path) -> Arm:
@@ -92,6 +111,7 @@ def arm_of(table: dict[str, Any], where: str | Path) -> Arm:
             capsule=None if layout.capsule is None else tuple(layout.capsule),
             unphysical=layout.unphysical,
             floating=floating,
+            uncertainty=Uncertainty(layout.uncertainty) if layout.uncertainty else None,
         )
     except ValidationError as error:
         raise InputError(where, one_line(error)) from None
@@ -194,5 +214,13 @@ def _short(name: str, value: Any) -> Any:
 
 
 def write_model(path: str | Path, arm: Arm, *, heading: str = "") -> None:
-    """Writes a model file that ``read_model`` reads back as an equal arm; whole or not at all."""
-    write_toml(path, model_table(arm), heading=heading)
+    """Writes a model file that ``read_model`` reads back as an equal arm; whole or not at all.
+
+    What is known of its parameters goes into a file beside it, ``model_uncertainty.json`` for model.toml.
+    """
+    table, known = model_table(arm), arm.uncertainty
+    if known is not None and known.parameters:
+        beside = Path(path).with_name(f"{Path(path).stem}_uncertainty.json")
+        write_uncertainty(beside, known)
+        table = {"name": table.pop("name"), "units": table.pop("units"), "uncertainty": beside.name, **table}
+    write_toml(path, table, heading=heading)

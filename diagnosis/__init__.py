@@ -1,6 +1,6 @@
 """Measured against simulated -> causes -> extended model -> gain; the report."""
 
-from diagnosis.against_noise import against_noise
+from diagnosis.against_noise import against_noise, left_over
 from diagnosis.cause import Cause, in_words
 from diagnosis.diagnose import Diagnosis, check_recordings, diagnose
 
@@ -11,4 +11,5 @@ __all__ = [
     "check_recordings",
     "diagnose",
     "in_words",
+    "left_over",
 ]

@@ -110,6 +110,8 @@ class Cause:
     remainder      what is left unexplained beside it; None: nothing, or it is not the dominant cause of its joint
     support        evidence that the confidence follows from; None: it is that of the gain alone
     lost_rows      of dropped triggers: every loss
+    deviations     standard deviations from nothing with the model exact, and with its parameters free within what it
+                   says of them; None: it says nothing
     """
 
     effect: str
@@ -131,6 +133,7 @@ class Cause:
     support: Support | None = None
     harmonics: tuple[EffectTerm, ...] = ()
     lost_rows: tuple[LostRows, ...] = ()
+    deviations: tuple[float, float] | None = None
 
     @property
     def next_orders(self) -> tuple[str, ...]:

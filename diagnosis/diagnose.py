@@ -40,7 +40,7 @@ from diagnosis.measurements.demands.wrist_coupling import wrist_coupling
 from diagnosis.measurements.link_encoders.causes import LinkSide, link_side
 from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
-from diagnosis.not_held_out import not_held_out, structures_of_fit
+from diagnosis.not_held_out import known_to, not_held_out, structures_of_fit
 from diagnosis.origins import Suspect, evidence_of, suspects
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.folding import folding_warnings
@@ -64,6 +64,7 @@ class Diagnosis:
     along          ... and (n,) A rms of its residual under both along the measured motion
     judged         whether the currents were compared: not with a model that predicts none
     shortage       what the held-out recordings are too short for
+    known_to       (n,) times the noise that held-out residuals may be by what the model says of its own uncertainty
     """
 
     arm: Arm
@@ -82,6 +83,7 @@ class Diagnosis:
     axis: AxisSide | None = None
     judged: bool = True
     shortage: Shortage | None = None
+    known_to: Array | None = None
     warnings: tuple[str, ...] = ()
 
     @property
@@ -172,9 +174,10 @@ def diagnose(
     extended = dissipative(said, top_speeds(named))
     verified = verify(arm, extended, causes, recordings, named, judged=measured.judged)
     state, structures = named.found.state, _structures(measured, named)
+    known = known_to(state)
     unexplained = [
         *_judged(structures, named.shortage),
-        *(structures_of_fit(state.fitted.fit, state.data.fit, structures) if measured.judged else []),
+        *(structures_of_fit(state.fitted.fit, state.data.fit, structures, known.fit) if measured.judged else []),
         *(measured.link.unexplained if measured.link else []),
         *measured.tracked.unexplained,
     ]
@@ -197,6 +200,7 @@ def diagnose(
         axis=named.axis,
         judged=measured.judged,
         shortage=named.shortage if measured.judged else None,
+        known_to=known.held_out if state.model.uncertain else None,
         warnings=(*_warnings(arm, measured, named, structures), *_of_friction(said, extended)),
     )
 
@@ -314,9 +318,11 @@ def _warnings(arm: Arm, measured: Measured, named: Named, structures: Sequence[S
     if measured.judged:
         yield from mixed_up([*state.data.fit.runs, *state.data.held_out.runs])
         yield from folding_warnings([*state.data.fit.runs, *state.data.held_out.runs])
-        yield from not_held_out(state.fitted.fit, state.data.fit, structures)
+        yield from not_held_out(state.fitted.fit, state.data.fit, structures, known_to(state).fit)
     else:
         yield f"{arm.name} has neither masses nor friction: its currents were not judged"
+    if arm.uncertainty is not None and not arm.uncertainty.parameters:
+        yield f"the model names {arm.uncertainty.file}, which is not beside it: its parameters are taken for exact"
     yield from _smoothing(named.arm, named.base)
     yield from _of_axis(named.axis, arm) if named.axis else ()
     yield from measured.link.remarks if measured.link else ()

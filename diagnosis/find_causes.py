@@ -21,7 +21,7 @@ from diagnosis.cause import Cause, EffectKey, Remainder, extend
 from diagnosis.closed_loop import resonance
 from diagnosis.closed_loop.comparison import refuted, with_smoothing_velocities
 from diagnosis.harmonics import with_harmonics
-from diagnosis.last_gate import negligible
+from diagnosis.last_gate import negligible, with_significance, within_model
 from diagnosis.measurements.currents.causes import from_axis, of_candidate
 from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import bounded, columns_of, dataset_of, dataset_with, free_columns
@@ -37,6 +37,7 @@ from diagnosis.residual.run import Run, with_own
 from diagnosis.screening.cleaned import Residuals, Screened, confirmed, realigned, residuals_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Dataset, Pair
+from diagnosis.selection.model_uncertainty import model_uncertainty
 from diagnosis.selection.next_order import is_harmonic
 from diagnosis.selection.ripple_orders import of_shafts, order_of
 from identification.selection import Split
@@ -124,7 +125,7 @@ def _searched(
     free = [Split(*pair) for pair in zip(free_columns(data.fit, arm), free_columns(data.held_out, arm))]
     data, free = bounded(data, free)
     searched, ripples = (library, ripples) if axis is None else ({}, ())
-    model = Currents(arm, data, searched, free, ripples, excluded)
+    model = Currents(arm, data, searched, free, ripples, excluded, model_uncertainty(arm, data))
     found, causes = _tenable(model, recordings.held_out, runs[first:], progress)
     return Named(
         arm=arm,
@@ -182,12 +183,15 @@ def _tenable(
         progress("estimating parameters")
         causes = _of_search(found)
         progress("judging in closed loop")
-        if (removed := negligible(found.state, causes)) is not None:
+        removed = within_model(found.state)
+        if removed is None:
+            removed = negligible(found.state, causes)
+        if removed is not None:
             found = without(found, found.state.chosen[removed])
             continue
         removed = _untenable(model.arm, causes, recordings, runs)
         if removed is None:
-            return found, causes
+            return found, with_significance(found.state, causes)
         candidate = found.state.chosen[removed]
         if is_harmonic(candidate, found.state.chosen):
             found = without(found, candidate)
@@ -239,9 +243,12 @@ def _remainder(candidate: Candidate, found: Found) -> Remainder | None:
     return Remainder(share, tuple(against)) if share > 0.0 else None
 
 
-def _indistinct(causes: Sequence[Cause]) -> int | None:
-    """The first cause without a linear parameter that differs significantly from zero, corrected for their number."""
-    for index, cause in enumerate(causes):
+def _indistinct(arm: Arm, causes: Sequence[Cause]) -> int | None:
+    """The first cause without a linear parameter that differs significantly from zero, corrected for their number.
+
+    None where the model says how well it is known, which is judged by ``within_model``.
+    """
+    for index, cause in enumerate(causes if arm.uncertainty is None else ()):
         sizes = {p.name for p in CATALOGUE[cause.effect].linear}
         values = [p for p in cause.parameters if p.name in sizes]
         # of k parameters without any effect, one exceeds it as often as one alone exceeds the limit
@@ -255,7 +262,7 @@ def _untenable(arm: Arm, causes: list[Cause], recordings: Sequence[Recording], r
     """The first cause that no body has, none of whose parameters is significant, or that the closed loop refutes."""
     if not causes:
         return None
-    for untenable in (impossible(arm, causes), _indistinct(causes)):
+    for untenable in (impossible(arm, causes), _indistinct(arm, causes)):
         if untenable is not None:
             return untenable
     full = with_smoothing_velocities(extend(arm, causes), recordings)

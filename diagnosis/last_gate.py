@@ -21,6 +21,7 @@ from diagnosis.measurements.currents.model import State
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.run import CREEP, Run, residual_under
 from diagnosis.selection.design import Dataset
+from diagnosis.selection.model_uncertainty import Significance, in_deviations
 from identification.selection import Split
 
 AT_LIMIT = 0.97
@@ -46,6 +47,32 @@ def negligible(state: State, causes: Sequence[Cause]) -> int | None:
         if gain < least or not model.needed(alone, state):
             found.append((min(gain, alone.gain), index))
     return min(found)[1] if found else None
+
+
+def within_model(state: State) -> int | None:
+    """The chosen candidate that is least beyond what is known of the model, if it is not; None where all are.
+
+    Conditional on all others: what enters after a cause, or in a pair, may take its significance away.
+    """
+    model = state.model
+    if model.uncertain is None or not state.chosen:
+        return None
+    chances = [model.without(c, state).significance.chance(model.columns(c)) for c in state.chosen]
+    most = int(np.argmax(chances))
+    return most if chances[most] > LIMITS.beyond_model else None
+
+
+def with_significance(state: State, causes: Sequence[Cause]) -> list[Cause]:
+    """The causes, of the chosen candidates in their order, with how much of their significance the model leaves."""
+    model, found = state.model, []
+    if model.uncertain is None:
+        return list(causes)
+    for c, cause in zip(state.chosen, causes, strict=True):
+        others = model.without(c, state)
+        exact = Significance(state.data, [*model.free, *(model.columns(one) for one in others.chosen)], None)
+        chances = [of.chance(model.columns(c)) for of in (exact, others.significance)]
+        found.append(replace(cause, deviations=(in_deviations(chances[0]), in_deviations(chances[1]))))
+    return found
 
 
 def _energy(runs: Sequence[Run], effects: Sequence[Sequence[EffectTerm]]) -> Array:

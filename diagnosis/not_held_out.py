@@ -4,36 +4,47 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from arm_io.types import Array
 from diagnosis.cause import NO_VARIABLE, Signal, Structure
 from diagnosis.measurements.currents.limits import LIMITS
+from diagnosis.measurements.currents.model import State
 from diagnosis.measurements.currents.unexplained import noise_ratio
 from diagnosis.selection.design import Dataset
+from identification.selection import Split
 
 
-def structures_of_fit(left: Array, fit: Dataset, structures: Sequence[Structure]) -> list[Structure]:
+def known_to(state: State) -> Split[Array]:
+    """(n,) times the noise that residuals may be by what the model says of its own uncertainty; 1 if it is exact."""
+    joints = range(1, len(state.model.arm) + 1)
+    return state.data.map(lambda side: np.array([state.significance.allowed(side, joint) for joint in joints]))
+
+
+def structures_of_fit(left: Array, fit: Dataset, structures: Sequence[Structure], allowed: Array) -> list[Structure]:
     """Joints whose residual exceeds the noise in the fitted recordings alone, as unexplained structure.
 
-    left (n * rows,): residual of the fitted recordings, whitened; structures: those that are reported already.
+    left (n * rows,): residual of the fitted recordings, whitened; structures: those that are reported already; allowed
+    (n,): times the noise that a residual may be (``known_to``).
     """
     return [
         Structure(Signal.CURRENT, joint, NO_VARIABLE, 0.0, f"{ratio:.1f} times the noise, in fitted recordings")
-        for joint, ratio in _above_in_fit(left, fit, structures).items()
+        for joint, ratio in _above_in_fit(left, fit, structures, allowed).items()
     ]
 
 
-def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure]) -> tuple[str, ...]:
+def not_held_out(left: Array, fit: Dataset, structures: Sequence[Structure], allowed: Array) -> tuple[str, ...]:
     """Warns of joints whose residual exceeds the noise in the fitted recordings alone, where no cause is named."""
     return tuple(
         f"the residual current of joint {joint} is {ratio:.1f} times the noise in the fitted recordings, but not in "
         "the held-out ones: hold out a recording with a similar motion of this joint"
-        for joint, ratio in _above_in_fit(left, fit, structures).items()
+        for joint, ratio in _above_in_fit(left, fit, structures, allowed).items()
     )
 
 
-def _above_in_fit(left: Array, fit: Dataset, structures: Sequence[Structure]) -> dict[int, float]:
+def _above_in_fit(left: Array, fit: Dataset, structures: Sequence[Structure], allowed: Array) -> dict[int, float]:
     """Joint -> residual over the noise in the fitted recordings, where that is no noise and was not reported."""
     reported = {one.joint for one in structures}
     joints = range(1, len(left) // fit.rows + 1)
     by_joint = {joint: noise_ratio(left, fit, joint) for joint in joints if joint not in reported}
-    return {joint: ratio for joint, ratio in by_joint.items() if ratio > LIMITS.above_noise}
+    return {joint: ratio for joint, ratio in by_joint.items() if ratio > LIMITS.above_noise * allowed[joint - 1]}

@@ -27,12 +27,14 @@ class Remaining:
     """One joint (from 1): its verdict, and its residual current over the noise with all causes.
 
     along, in_loop  by "fit" and "held_out"; empty where there is nothing to compare
+    known_to        times the noise that it may be by the model's own uncertainty; None: the model states none
     """
 
     joint: int
     verdict: str
     along: dict[str, float] = field(default_factory=dict)
     in_loop: dict[str, float] = field(default_factory=dict)
+    known_to: float | None = None
 
     @property
     def words(self) -> Iterator[str]:
@@ -41,7 +43,11 @@ class Remaining:
             above = {side: size for side, size in sizes.items() if size > most}
             if above:
                 worst = max(above, key=lambda side: above[side])
-                yield f"joint {self.joint}{where} at {above[worst]:.1f} times the noise in {SIDES[worst]} recordings"
+                known = f", where the model is known to {self.known_to:.1f} times" if self.known_to else ""
+                yield (
+                    f"joint {self.joint}{where} at {above[worst]:.1f} times the noise in {SIDES[worst]} recordings"
+                    f"{known}"
+                )
 
 
 def remaining(result: Diagnosis) -> list[Remaining]:
@@ -63,6 +69,7 @@ def remaining(result: Diagnosis) -> list[Remaining]:
             verdict=_verdict(result, joint),
             along={side: sizes[joint] for side, sizes in along.items() if joint in sizes},
             in_loop={side: float(sizes[joint - 1]) for side, sizes in in_loop.items()},
+            known_to=None if result.known_to is None else float(result.known_to[joint - 1]),
         )
         for joint in range(1, len(result.arm) + 1)
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -43,7 +44,8 @@ def identify_by(
             "--shape",
             f"free is determined by ols, wls and irls, not by {method}; use wls, then its model.toml as --model",
         )
-    arm = straightened(arm) if shape == "straight" else arm
+    # what was known of the numbers that are identified anew
+    arm = replace(straightened(arm) if shape == "straight" else arm, uncertainty=None)
     match method:
         case "ols" | "wls" | "irls":
             how: dict[str, Any] = {"method": method, "friction": friction, "shape": shape}

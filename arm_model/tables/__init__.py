@@ -1,4 +1,4 @@
-"""Tables of a model file that stand on their own: the types of entries, and the floating base."""
+"""What stands on its own of a model file: the types of entries, the floating base, how well parameters are known."""
 
 from typing import TYPE_CHECKING
 
@@ -7,6 +7,7 @@ from arm_io import lazy
 if TYPE_CHECKING:
     from arm_model.tables.base_values import base_parameters, unit_of, with_base_parameters
     from arm_model.tables.floating_base import DEGREES, FloatingBase, StationKeeping, Thruster
+    from arm_model.tables.uncertainty import Uncertainty, uncertainty_of
 else:
     __getattr__ = lazy(__name__)
 
@@ -15,7 +16,9 @@ __all__ = [
     "FloatingBase",
     "StationKeeping",
     "Thruster",
+    "Uncertainty",
     "base_parameters",
+    "uncertainty_of",
     "unit_of",
     "with_base_parameters",
 ]

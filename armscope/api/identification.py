@@ -63,13 +63,19 @@ def identify(
 def _against_noise(
     result: Identification, recordings: Sequence[Recording], beside: Sequence[Recording]
 ) -> Identification:
-    """The result with its errors over the noise floor, as ``diagnose`` has them; with the reason where it has none."""
-    from diagnosis import against_noise
+    """The result with its errors over the noise floor, as ``diagnose`` has them; with the reason where it has none.
+
+    What its model leaves there beyond the noise is part of its uncertainty.
+    """
+    from diagnosis import against_noise, left_over
 
     try:
-        return replace(result, noise=against_noise(result.arm, recordings, beside))
+        noise, more = against_noise(result.arm, recordings, beside), left_over(result.arm, recordings, beside)
     except InputError as error:
         return replace(result, notes=[*result.notes, f"not compared with the noise of the instruments: {error}"])
+    known = result.arm.uncertainty
+    arm = result.arm if known is None else replace(result.arm, uncertainty=replace(known, left_over=more))
+    return replace(result, arm=arm, noise=noise)
 
 
 def check(

@@ -23,7 +23,7 @@ from diagnosis.report.plots.motion import motion_of
 from diagnosis.report.plots.residuals import against_all, left_against, side_by_side
 from diagnosis.report.plots.single_axis import wave_chart
 from diagnosis.report.tables import errors, left, rough, summary, unseen
-from diagnosis.report.wording import remainder, sentence, title, uncertain, value, values_of
+from diagnosis.report.wording import remainder, remains, sentence, title, uncertain, value, values_of
 from diagnosis.units import readable, rounded
 
 MOST_CHARTS = {"held_out": 2, "fit": 1}
@@ -73,10 +73,14 @@ def _asked(result: Diagnosis, table: dict[str, Any]) -> str:
         names = f"{_counted(len(result.fit))}, split by time: the first part fitted, the second held out"
     if not result.judged:
         return f"Question: what do two encoders per joint show that the gear ratios do not predict? {names}."
+    taken = (
+        "taken as given, not re-estimated"
+        if result.known_to is None
+        else "free within what the model says of their uncertainty"
+    )
     return (
-        "Question: what is missing from this model? Its masses, inertias and constants are taken as given, not "
-        "re-estimated; a wrong one is named as"
-        f" a cause like any other. {names}."
+        f"Question: what is missing from this model? Its masses, inertias and constants are {taken}; a wrong one is "
+        f"named as a cause like any other. {names}."
     )
 
 
@@ -150,11 +154,12 @@ def _gain(cause: Cause) -> str:
     factor, unit = readable(cause.unit, (cause.before, cause.after))
     less = f", {rounded(cause.before / cause.after)} times smaller" if 0.0 < cause.after < cause.before else ""
     sure = "" if len(cause.group) == 1 else " that this cause, or one indistinguishable from it, is present"
+    known = f" It is {remains(cause)}." if cause.deviations else ""
     beside = f" {said[:1].upper()}{said[1:]}." if (said := remainder(cause)) else ""
     before, after = (rounded(factor * value) for value in (cause.before, cause.after))
     return (
         f"Held-out error of {where}: {before} {unit} without it, {after} {unit} with it{less}. "
-        f"Confidence {cause.confidence:.0%}{sure}.{beside}"
+        f"Confidence {cause.confidence:.0%}{sure}.{known}{beside}"
     )
 
 

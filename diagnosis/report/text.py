@@ -7,7 +7,7 @@ from typing import Any
 from diagnosis.cause import in_words
 from diagnosis.diagnose import Diagnosis
 from diagnosis.report.origins import origin_lines
-from diagnosis.report.wording import gain, remainder, sentence, title, values_of
+from diagnosis.report.wording import gain, remainder, remains, sentence, title, values_of
 from diagnosis.units import rounded
 
 
@@ -21,6 +21,7 @@ def diagnosis_text(result: Diagnosis, table: dict[str, Any]) -> str:
         lines.append(
             f"   held-out error of {where} without -> with it: {gain(cause)}; confidence {cause.confidence:.0%}"
         )
+        lines += [f"   {remains(cause)}"] if cause.deviations else []
         if left := remainder(cause):
             lines.append(f"   {left}")
         if len(cause.group) > 1:

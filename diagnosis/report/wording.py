@@ -135,6 +135,14 @@ def value(one: Estimate) -> str:
     return f"{one.value:.{int(np.clip(digits, 1, 6))}g}"
 
 
+def remains(cause: Cause) -> str:
+    """How much of a cause's significance remains with the parameters of the model free; empty for an exact model."""
+    if cause.deviations is None:
+        return ""
+    exact, known = cause.deviations
+    return f"{known:.1f} standard deviations from nothing ({exact:.1f} if the model were exact)"
+
+
 def gain(cause: Cause) -> str:
     """``0.154 -> 0.0042 A``, before and after."""
     factor, unit = readable(cause.unit, (cause.before, cause.after))

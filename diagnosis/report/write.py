@@ -61,6 +61,7 @@ def table_of(result: Diagnosis, fit: list[Recording], held_out: list[Recording])
         "signals": _signals(result),
         "joints": [
             {"joint": one.joint, "verdict": one.verdict, "noise_ratio": one.along, "closed_loop": one.in_loop}
+            | ({} if one.known_to is None else {"known_to": one.known_to})
             for one in remaining(result)
         ],
         "causes": [_cause(cause) | {"origins": of_cause(cause, suspected)} for cause in result.causes],
@@ -194,6 +195,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
         **({"terms": _terms(cause)} if cause.next_orders else {}),
         **({"remainder": asdict(cause.remainder)} if cause.remainder else {}),
         "confidence": round(cause.confidence, 4),
+        **({"deviations": dict(zip(("exact", "known"), cause.deviations))} if cause.deviations else {}),
         "support": asdict(cause.support) if cause.support else None,
         "gain": {"held_out_rms_before": cause.before, "held_out_rms_after": cause.after, "unit": cause.unit},
         "group": [{"effect": effect, "joint": joint} for effect, joint in cause.group],

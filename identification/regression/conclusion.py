@@ -23,6 +23,7 @@ from identification.regression.effect_columns import is_effect, shown_torque
 from identification.regression.equations import Equations, lifts, model_values, shown_rows
 from identification.regression.identifiability import named
 from identification.regression.least_squares import Fit, least_squares, relative_error
+from identification.regression.parameter_covariance import known_to
 from identification.regression.physical_consistency import consistent_parameters, friction_rows
 from identification.regression.problem import Problem
 from identification.regression.uncertainty import Uncertainty, uncertainty
@@ -114,6 +115,7 @@ def conclude(
     predictions, compared, held_names = _predictions(problem, best, identified, spread, solve, warnings)
     warnings += _unexplained_channels(problem, best)
     predictions = _accounted_for(problem, predictions, identified, spread)
+    identified = replace(identified, uncertainty=known_to(problem, spread))
     base, parameters = named(problem, best, spread, physical)
     weak = [value.name for value in base if not value.identifiable]
     if weak:

@@ -17,7 +17,9 @@ def scaled(columns: Array) -> tuple[Array, Array]:
 def scaled_lstsq(columns: Array, y: Array, independent: float = 1e-9) -> Array:
     """(k,) least-squares coefficients of ``columns`` (m, k) for y (m,), of least norm where they are dependent.
 
+    (k, r) for y (m, r).
+
     independent: relative singular value of the scaled columns below which a direction is dependent.
     """
     x, size = scaled(columns)
-    return np.asarray(np.linalg.lstsq(x, y, rcond=independent)[0] / size, float)
+    return np.asarray(np.linalg.lstsq(x, y, rcond=independent)[0].T / size, float).T

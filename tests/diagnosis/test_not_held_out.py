@@ -12,6 +12,8 @@ from diagnosis.not_held_out import not_held_out, structures_of_fit
 from diagnosis.selection.design import Dataset
 
 ROWS = 1200
+EXACT = np.ones(6)
+"""The model is exact."""
 
 
 def _side() -> Dataset:
@@ -26,11 +28,12 @@ def test_a_joint_that_only_the_fitted_recordings_find_loud_is_told() -> None:
     left = np.random.default_rng(1).normal(size=(6, ROWS))
     left[1, : ROWS // 3] += 12.0 * np.sin(np.arange(ROWS // 3) / 20.0)
 
-    (structure,) = structures_of_fit(left.ravel(), _side(), [])
+    (structure,) = structures_of_fit(left.ravel(), _side(), [], EXACT)
+    assert not structures_of_fit(left.ravel(), _side(), [], 10 * EXACT)
     assert (structure.joint, structure.share) == (2, 0.0)
     assert structure.against == NO_VARIABLE and "in fitted recordings" in structure.size
-    (said,) = not_held_out(left.ravel(), _side(), [])
+    (said,) = not_held_out(left.ravel(), _side(), [], EXACT)
 
     assert "joint 2" in said and "hold out" in said
-    assert not_held_out(left.ravel(), _side(), [Structure(Signal.CURRENT, 2, "position", 0.5)]) == ()
-    assert not_held_out(np.random.default_rng(2).normal(size=6 * ROWS), _side(), []) == ()
+    assert not_held_out(left.ravel(), _side(), [Structure(Signal.CURRENT, 2, "position", 0.5)], EXACT) == ()
+    assert not_held_out(np.random.default_rng(2).normal(size=6 * ROWS), _side(), [], EXACT) == ()

@@ -11,6 +11,7 @@ from diagnosis.measurements.currents.model import State
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns
 from diagnosis.selection.estimates import estimates
+from identification.selection import scaled_lstsq
 from identification.selection.cluster_covariance import cluster_covariance
 
 
@@ -19,7 +20,7 @@ def estimates_of(state: State) -> list[list[Estimate]]:
 
     The covariance is clustered by block, with one more column for every nonlinear parameter (derivative of its
     columns). In addition to the residual, the share ``Limits.systematic`` of what is explained is uncertain,
-    independently in every block.
+    independently in every block; and so are the parameters of a model that says so.
     """
     if not state.chosen:
         return []
@@ -35,13 +36,18 @@ def estimates_of(state: State) -> list[list[Estimate]]:
         unknown.append(np.array([*(candidate.largest(k) for k in range(len(c))), *values]))
         explained += own.spread(c, len(fit.y))
     x += [pair.fit.dense(len(fit.y)) for pair in model.free]
+    every = np.hstack(x)
     covariance = cluster_covariance(
-        np.hstack(x),
+        every,
         (state.fitted.fit, model.limits.systematic * explained),
         fit.block,
         independent=model.limits.independent,
         unknown=np.concatenate([*unknown, np.zeros(len(model.free))]),
     )
+    if model.uncertain is not None:
+        # what the coefficients would be off by if the parameters of the model were
+        moved = scaled_lstsq(every, model.uncertain.directions.fit, model.limits.independent)
+        covariance = covariance + moved @ moved.T
     return [
         estimates(
             candidate,

@@ -61,6 +61,9 @@ class CurrentLimits(Limits):
     above_noise              residual-to-noise ratio above which a residual is not noise, whatever it depends on: noise
                              correlated over longer than the initial standstill is underestimated by a factor of two
     far_above_noise          ratio that underestimated noise does not reach
+    beyond_model             probability that a cause or a structure looks as it does while only parameters of the model
+                             move, within what is known of them: the strongest of some hundred candidates is by chance
+                             below a hundredth
     likely_p, likely_share   of a residual above the noise: p-value below which a variable is reported, and share that
                              its function must explain
     """
@@ -96,6 +99,7 @@ class CurrentLimits(Limits):
     structures: int = 3
     above_noise: float = 2.5
     far_above_noise: float = 6.0
+    beyond_model: float = 1e-3
     likely_p: float = 0.05
     likely_share: float = 0.5
 

@@ -27,6 +27,7 @@ from diagnosis.measurements.currents.unexplained import joints_above_noise
 from diagnosis.selection.bodies import body_of, link_of
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.design import Columns, Dataset, Pair
+from diagnosis.selection.model_uncertainty import ModelUncertainty, Significance
 from diagnosis.selection.next_order import harmonics, is_harmonic, next_orders, of_last_term, term_share
 from diagnosis.selection.regression import Fitted, best_of_each, fit_together, score
 from diagnosis.selection.ripple_orders import detectable
@@ -66,6 +67,13 @@ class State:
         """The chosen candidates as effects of a model."""
         return terms(self.chosen, self.coefficients)
 
+    @cached_property
+    def significance(self) -> Significance:
+        """Of further columns conditional on the chosen ones, with the model as uncertain as it is."""
+        model = self.model
+        chosen = [*model.free, *(model.columns(c) for c in self.chosen)]
+        return Significance(self.data, chosen, model.uncertain)
+
 
 @dataclass(frozen=True)
 class Currents(MeasurementModel[Candidate, State]):
@@ -74,6 +82,7 @@ class Currents(MeasurementModel[Candidate, State]):
     ripples   candidates whose columns are computed only for the strongest orders of the residual
     excluded  effects that may not be chosen
     extended  columns of candidates with next-order terms, which are candidates only once their effect is chosen
+    uncertain what is known of the model, if it says so
     """
 
     arm: Arm
@@ -82,6 +91,7 @@ class Currents(MeasurementModel[Candidate, State]):
     free: Sequence[Pair]
     ripples: tuple[Candidate, ...] = ()
     excluded: Set[EffectKey] = frozenset()
+    uncertain: ModelUncertainty | None = None
     limits: CurrentLimits = LIMITS
     extended: dict[Candidate, Pair] = field(default_factory=dict, repr=False)
 
@@ -133,7 +143,7 @@ class Currents(MeasurementModel[Candidate, State]):
         return max(self.limits.tie * best.gain * more, self.limits.tie_floor * self.data.held_out.rows)
 
     def admissible(self, score: Score[Candidate], state: State) -> bool:
-        """Whether a candidate is physically admissible and matters.
+        """Whether a candidate is physically admissible, matters, and is beyond what is known of the model.
 
         Whether a body is one is decided when all causes are known (``bodies.named_by_body``). A term must be small
         against its effect.
@@ -141,7 +151,11 @@ class Currents(MeasurementModel[Candidate, State]):
         if score.candidate.terms:
             return self.needed(score, state) and self._next_order(score, state)
         physical = score.candidate.body or is_physical(score.candidate, score.coefficients)
-        return physical and self.needed(score, state)
+        if not (physical and self.needed(score, state)):
+            return False
+        return score.candidate.body or state.significance.beyond_model(
+            self.columns(score.candidate), self.limits.beyond_model
+        )
 
     def needed(self, score: Score[Candidate], state: State) -> bool:
         """Whether the gain is large against the noise, above what may have leaked from the chosen ones."""

@@ -83,7 +83,7 @@ def without(found: Found, removed: Candidate) -> Found:
 
 
 def _with_unexplained(state: State) -> Found:
-    return Found(state, unexplained_structure(state.data, state.fitted, state.model.arm))
+    return Found(state, unexplained_structure(state.data, state.fitted, state.model.arm, state.significance))
 
 
 def _dissolved(found: Found) -> list[Candidate]:

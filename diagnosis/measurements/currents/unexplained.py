@@ -22,6 +22,7 @@ from diagnosis.measurements.currents.basis_functions import Shape, shapes_of
 from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.residual.noise import quiet_noise
 from diagnosis.selection.design import Dataset, Pair
+from diagnosis.selection.model_uncertainty import Significance
 from diagnosis.selection.regression import Fitted, fit_gain, gain_of, residual_with
 from identification.selection import Split, p_value
 
@@ -34,31 +35,37 @@ class Unexplained:
     pairs: list[Pair]
 
 
-def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm) -> Unexplained:
-    """Structures conditional on what is ``fitted``, joint by joint, the strongest first."""
+def unexplained_structure(data: Split[Dataset], fitted: Fitted, arm: Arm, significance: Significance) -> Unexplained:
+    """Structures conditional on what is ``fitted``, joint by joint, the strongest first.
+
+    significance: of columns beside those fitted, with the model as uncertain as it is.
+    """
     structures_found: list[Structure] = []
     pairs: list[Pair] = []
     for joint in range(1, len(arm) + 1):
-        structures, columns = _structures_at(joint, data, fitted, arm)
+        structures, columns = _structures_at(joint, data, fitted, arm, significance)
         structures_found, pairs = structures_found + structures, pairs + columns
     return Unexplained(structures_found, pairs)
 
 
-def _structures_at(joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm) -> tuple[list[Structure], list[Pair]]:
+def _structures_at(
+    joint: int, data: Split[Dataset], fitted: Fitted, arm: Arm, significance: Significance
+) -> tuple[list[Structure], list[Pair]]:
     """Structures at one joint, and their columns; the memory of its shapes is freed before the next joint."""
     structures: list[Structure] = []
     pairs: list[Pair] = []
     fit, held_out = data
     shapes = list(shapes_of(fit, held_out, fitted.fit, arm, joint))
     for _ in range(LIMITS.structures):
-        best = _strongest(shapes, with_columns(fitted, pairs), fit, held_out, joint)
+        best = _strongest(shapes, with_columns(fitted, pairs), data, joint, significance)
         if best is None:
             break
         name, pair, share = best
         structures.append(Structure(Signal.CURRENT, joint, name, share))
         pairs.append(pair)
         shapes = [shape for shape in shapes if shape.name != name]
-    if not pairs and (ratio := noise_ratio(fitted.held_out, held_out, joint)) > LIMITS.above_noise:
+    ratio = noise_ratio(fitted.held_out, held_out, joint)
+    if not pairs and ratio > LIMITS.above_noise * significance.allowed(held_out, joint):
         structures.append(_most_likely(shapes, fitted, held_out, joint, ratio))
     return structures, pairs
 
@@ -125,12 +132,13 @@ def better_than_causes(
 
 
 def _strongest(
-    shapes: Sequence[Shape], fitted: Fitted, fit: Dataset, held_out: Dataset, joint: int
+    shapes: Sequence[Shape], fitted: Fitted, data: Split[Dataset], joint: int, significance: Significance
 ) -> tuple[str, Pair, float] | None:
     """The variable whose function explains most of a joint's held-out residual.
 
     Name, columns, share of the residual's variance.
     """
+    held_out = data.held_out
     gains = [held_out.by_block(gain_of(shape.pair, fitted, held_out)[1]) for shape in shapes]
     q = stats.false_discovery_control(np.array([p_value(gain) for gain in gains]))
     rows = held_out.of(joint)
@@ -138,6 +146,7 @@ def _strongest(
     explained = float(np.sum(held_out.y[rows] ** 2)) - before
     enough = max(LIMITS.structure_gain * held_out.rows, LIMITS.structure_share * explained)
     significant = [k for k, gain in enumerate(gains) if q[k] < LIMITS.structure_p and gain.sum() > enough]
+    significant = [k for k in significant if significance.beyond_model(shapes[k].pair, LIMITS.beyond_model)]
     if not significant:
         return None
     best = max(significant, key=lambda k: float(gains[k].sum()))

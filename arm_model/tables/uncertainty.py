@@ -1,0 +1,116 @@
+"""How well the parameters of an identified model are known: the file that ``uncertainty`` of a model file names.
+
+    {"schema": "armscope.uncertainty/1",
+     "parameters": ["joint1.coulomb_positive", ...],    names as ``arm_model.parameters`` has them
+     "covariance": [[c11], [c21, c22], ...],            of these, lower triangle, in products of their units
+     "left_over": [0.03, ...]}                          per joint, N m (N) rms: what the model left beyond the noise
+
+A covariance says how far the numbers of the model may move. ``left_over`` says how far the arm is from any model of
+this kind: what was left on the recordings of the identification itself, after the noise of their instruments.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from arm_io import InputError, check_table, read_text, write_text
+from arm_io.table import Table
+from arm_io.types import Array
+
+SCHEMA: Literal["armscope.uncertainty/1"] = "armscope.uncertainty/1"
+NEGATIVE = 1e-6
+"""Of the largest: an eigenvalue of a matrix of correlations that is further below zero is no rounding of the file."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Of a model's parameters, as the file has it.
+
+    file        its name, beside the model file
+    parameters  (p,) names; covariance (p, p): rows of its lower triangle
+    left_over   (n,) N m (N) rms per joint; empty: not known
+
+    Without parameters nothing is known: the file that the model names was not there.
+    """
+
+    file: str
+    parameters: tuple[str, ...] = ()
+    covariance: tuple[tuple[float, ...], ...] = ()
+    left_over: tuple[float, ...] = ()
+
+    @property
+    def matrix(self) -> Array:
+        """(p, p) the covariance."""
+        whole = np.zeros((len(self.parameters), len(self.parameters)))
+        for k, row in enumerate(self.covariance):
+            whole[k, : k + 1] = whole[: k + 1, k] = row
+        return whole
+
+    @property
+    def directions(self) -> Array:
+        """(p, r) independent errors of one standard deviation each: their squares sum up to the covariance."""
+        scale, values, vectors = _correlation(self.matrix)
+        seen = values > NEGATIVE * values.max(initial=0.0)
+        return np.asarray(scale[:, None] * vectors[:, seen] * np.sqrt(values[seen]))
+
+
+def uncertainty_of(
+    file: str, parameters: tuple[str, ...], covariance: Array, left_over: tuple[float, ...] = ()
+) -> Uncertainty:
+    """From a covariance (p, p) of named parameters; those of no variance are left out."""
+    kept = np.flatnonzero(np.diag(covariance) > 0.0)
+    rows = tuple(tuple(float(f"{covariance[k, i]:.7g}") for i in kept[: n + 1]) for n, k in enumerate(kept))
+    return Uncertainty(file, tuple(parameters[k] for k in kept), rows, left_over)
+
+
+def _correlation(covariance: Array) -> tuple[Array, Array, Array]:
+    """(p,) standard deviations, eigenvalues (p,) and eigenvectors (p, p) of the correlations."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    over = np.where(scale > 0.0, scale, 1.0)
+    return scale, *np.linalg.eigh(covariance / np.outer(over, over))
+
+
+class _UncertaintyFile(Table):
+    schema_: Literal["armscope.uncertainty/1"] = Field(alias="schema")
+    parameters: list[str]
+    covariance: list[list[float]]
+    left_over: list[Annotated[float, Field(ge=0)]] = Field(default=[])
+
+
+def read_uncertainty(path: str | Path) -> Uncertainty:
+    """The uncertainty in a file; InputError (one line: file, entry, what would be right) for anything wrong."""
+    try:
+        table = json.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise InputError(path, f"not valid JSON: {error}") from None
+    if not isinstance(table, dict):
+        raise InputError(path, "must be a JSON object, as armscope identify writes it")
+    layout = check_table(path, table, _UncertaintyFile)
+    count = len(layout.parameters)
+    if len(set(layout.parameters)) < count:
+        raise InputError(path, "parameters: each name may be there once")
+    if [len(row) for row in layout.covariance] != list(range(1, count + 1)):
+        raise InputError(path, f"covariance: must be the lower triangle of {count} rows: 1, 2, ... {count} numbers")
+    found = Uncertainty(
+        Path(path).name, tuple(layout.parameters), tuple(map(tuple, layout.covariance)), tuple(layout.left_over)
+    )
+    _, values, _ = _correlation(found.matrix)
+    if any(row[-1] <= 0.0 for row in found.covariance) or values.min(initial=0.0) < -NEGATIVE * values.max(initial=0.0):
+        raise InputError(path, "covariance: must be that of quantities: positive on its diagonal, and semidefinite")
+    return found
+
+
+def write_uncertainty(path: str | Path, known: Uncertainty) -> None:
+    """Writes a file that ``read_uncertainty`` reads back; whole or not at all."""
+    rows = ",\n  ".join(json.dumps(row) for row in known.covariance)
+    text = (
+        f'{{"schema": "{SCHEMA}",\n "parameters": {json.dumps(known.parameters)},\n "covariance": [\n  {rows}],\n'
+        f' "left_over": {json.dumps(known.left_over)}}}\n'
+    )
+    write_text(path, text)

@@ -1,0 +1,111 @@
+"""Causes beside a model that says how well it is known: named only if they are beyond that.
+
+Recordings of an arm that shares no effect code (``tests.diagnosis.two_link``), and plain matrices with a known answer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+import armscope
+from arm_model import Arm, parameter, with_parameters, write_model
+from arm_model.tables import uncertainty_of
+from daq.recording import Recording
+from diagnosis.selection.design import Columns, Dataset
+from diagnosis.selection.model_uncertainty import ModelUncertainty, Significance
+from identification.selection import Split
+from tests.diagnosis.two_link import WIDTH, Day, recorded
+
+ROWS, JOINTS = 1500, 2
+
+
+def _side(y: np.ndarray) -> Dataset:
+    run = SimpleNamespace(t=np.arange(ROWS) / 100.0)
+    block = np.tile((run.t // 1.0).astype(np.intp), JOINTS)
+    return Dataset(cast(Any, (run,)), cast(Any, (run,)), y, block, ROWS)
+
+
+def _chances(size: float, left: float, seed: int) -> np.ndarray:
+    """Of a column that is the model's own direction but for a tenth, in 60 draws of noise and of the model's errors."""
+    rng, found = np.random.default_rng(seed), []
+    length = JOINTS * ROWS
+    for _ in range(60):
+        directions = Split(0.2 * rng.normal(size=(length, 3)), 0.2 * rng.normal(size=(length, 3)))
+        x = directions.map(lambda one: one[:, :1] + 0.02 * rng.normal(size=(length, 1)))
+        u = rng.normal(size=3)
+        noisy = (one @ u + size * own[:, 0] + rng.normal(size=length) for one, own in zip(directions, x))
+        known = ModelUncertainty(directions, np.full(JOINTS, left))
+        pair = x.map(lambda own: Columns(own, slice(0, length)))
+        fit, held_out = map(_side, noisy)
+        found.append(Significance(Split(fit, held_out), [], known).chance(pair))
+    return np.array(found)
+
+
+def test_the_models_own_errors_are_significant_no_more_often_than_chance_has_it() -> None:
+    chances = _chances(0.0, 0.0, 1)
+    assert np.mean(chances < 0.1) < 0.15 and chances.min() > 1e-3
+    assert 0.3 < np.median(chances) < 0.85
+
+
+def test_what_is_far_beyond_them_is_significant_whatever_the_model_says() -> None:
+    assert _chances(12.0, 0.0, 2).max() < 1e-6
+
+
+def test_what_the_model_left_over_hides_as_much() -> None:
+    assert np.median(_chances(6.0, 3.0, 3)) > 10.0 * np.median(_chances(6.0, 0.0, 3))
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path) -> Arm:
+    """Its friction turns round within the width that the recorded arm has."""
+    arm = armscope.read_model(root / "config/starters/csv/model.toml")
+    return replace(arm, controller=None, joints=tuple(replace(joint, sign_velocity=WIDTH) for joint in arm.joints))
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Recording]:
+    """Recordings of the arm as it is."""
+    folder = tmp_path_factory.mktemp("healthy")
+    return [recorded(folder / f"{name}.mcap", seed, Day()) for seed, name in enumerate("AB")]
+
+
+def _off(arm: Arm, std: float) -> Arm:
+    """The model with too much friction at joint 1, known to ``std`` N m."""
+    level = parameter(arm, "joint1.coulomb")
+    known = uncertainty_of("model_uncertainty.json", ("joint1.coulomb",), np.array([[std**2]]))
+    return replace(with_parameters(arm, {"joint1.coulomb": level + 0.5}), uncertainty=known)
+
+
+def test_a_model_that_is_off_by_what_it_says_names_nothing(arm: Arm, runs: list[Recording]) -> None:
+    exact = armscope.diagnose(runs[0], replace(_off(arm, 0.4), uncertainty=None), held_out=runs[1])
+    assert [(cause.effect, cause.joint) for cause in exact.causes] == [("coulomb_friction", 1)]
+    assert exact.details.known_to is None and exact.causes[0].deviations is None
+    known = armscope.diagnose(runs[0], _off(arm, 0.4), held_out=runs[1])
+    assert known.verdict == "consistent"
+    known_to = known.details.known_to
+    assert known_to is not None and known_to[0] > 2.0 and known_to[1] == pytest.approx(1.0)
+
+
+def test_what_is_beyond_it_is_named_with_what_remains_of_its_significance(
+    arm: Arm, runs: list[Recording], tmp_path: Path
+) -> None:
+    known = armscope.diagnose(runs[0], _off(arm, 0.05), held_out=runs[1])
+    (cause,) = known.causes
+    assert (cause.effect, cause.joint) == ("coulomb_friction", 1)
+    (level,) = cause.parameters
+    assert abs(level.value + 0.5) < 2 * level.std and level.std > 0.05
+    assert cause.deviations is not None
+    exact, remains = cause.deviations
+    assert 4.0 < remains < 12.0 and remains < exact
+    (row,) = known.to_json()["causes"]
+    assert row["deviations"] == {"exact": exact, "known": remains}
+    assert f"{remains:.1f} standard deviations from nothing" in str(known)
+    write_model(tmp_path / "model.toml", known.extended)
+    extended = armscope.read_model(tmp_path / "model.toml")
+    assert extended.effects and extended.uncertainty == known.extended.uncertainty
