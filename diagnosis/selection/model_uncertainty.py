@@ -1,7 +1,7 @@
 """Whether an effect is beyond what is known of the model: its significance with the parameters of the model free.
 
-A model that was identified is known to a covariance (``arm_model.tables.uncertainty``). Its parameters are nuisances with a
-Gaussian prior: whitened residuals are
+A model that was identified is known to a covariance (``arm_model.tables.uncertainty``). Its parameters are nuisances
+with a Gaussian prior: whitened residuals are
 
     y = A a + X c + L u + e,    u ~ N(0, 1),
 
