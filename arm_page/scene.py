@@ -25,13 +25,14 @@ def chain_of_rig(rig: Rig) -> Chain | None:
 
 
 def scene_of(rig: Rig, chain: Chain | None, visuals: Sequence[Visual] = ()) -> Table:
-    """Rig and arm as plain data: rad, m, A; matrices row by row, in the base frame of the model."""
+    """Rig and arm as plain data: rad, m, A (or N m, N); matrices row by row, in the base frame of the model."""
     limits = rig.limits
     joints = [
         {
             "number": number,
             "name": joint.name or f"joint {number}",
-            "unit": "rad" if joint.type == "revolute" else "m",
+            "unit": joint.unit,
+            "current_unit": joint.current_unit,
             "position": None if limits.position is None else list(limits.position[number - 1]),
             "speed": None if limits.speed is None else limits.speed[number - 1],
             "current": None if limits.current is None else limits.current[number - 1],

@@ -1,18 +1,23 @@
-"""The surfaces of an arm in an animation: the STL meshes of its URDF file, thinned to what a small picture shows."""
+"""The surfaces of an arm in an animation: STL meshes of its URDF file, thinned, or the capsules of its model."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from arm_io.types import Array
 
+if TYPE_CHECKING:
+    from arm_model import Arm
+
 MOST = 1500
 """Triangles of an arm: of more, a frame takes longer to draw than all the rest of it."""
 LIGHT = np.array([-0.4, -0.7, 0.6]) / np.linalg.norm([-0.4, -0.7, 0.6])
+SIDES = 12
+"""Of a capsule."""
 FAINTEST = 0.45
 """Brightness of a triangle that is seen edge on by the light."""
 
@@ -44,6 +49,36 @@ def read_surfaces(model: Path | None) -> tuple[Surface, ...]:
     found = [(one.link, triangles_of(one)) for one in read_visuals(model) if one.file.suffix.lower() == ".stl"]
     total = sum(len(triangles) for _, triangles in found)
     return tuple(Surface(link, thinned(each, MOST * len(each) // max(total, 1) + 12)) for link, each in found)
+
+
+def capsule_surfaces(arm: Arm) -> tuple[Surface, ...]:
+    """Of the capsules that a model states (``[[capsule]]``, collision shapes of URDF); none where it states none."""
+    stated = [(0, arm.capsule or ()), *((link, joint.capsule or ()) for link, joint in enumerate(arm.joints, 1))]
+    return tuple(
+        Surface(link, capsule_triangles(np.array(one.start), np.array(one.end), one.radius))
+        for link, capsules in stated
+        for one in capsules
+    )
+
+
+def capsule_triangles(start: Array, end: Array, radius: float) -> Array:
+    """(k, 3, 3) m round the segment from start to end (3,) m: twelve sides, with corners on the surface."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    z = along / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    turn = np.linspace(0.0, 2 * np.pi, SIDES + 1)
+    around = np.cos(turn)[:, None] * x + np.sin(turn)[:, None] * np.cross(z, x)
+    rings = [
+        centre + radius * (np.cos(rise) * around + np.sin(rise) * z)
+        for centre, rises in ((start, (-90, -45, 0)), (end, (0, 45, 90)))
+        for rise in np.radians(rises)
+    ]
+    grid = np.array(rings)
+    corners = [grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]]
+    halves = [np.stack([corners[a], corners[b], corners[c]], axis=-2) for a, b, c in ((0, 1, 2), (0, 2, 3))]
+    return np.concatenate([half.reshape(-1, 3, 3) for half in halves])
 
 
 def thinned(triangles: Array, most: int) -> Array:

@@ -105,7 +105,8 @@ export class JointCharts {
     const current = indices.flatMap((k) => [{ stroke: faded(jointColour(k)), width: 0.6 }, { stroke: faded(jointColour(k)), width: 0.6 }, { stroke: jointColour(k) }]);
     const bands = indices.map((k, n) => ({ series: [3 * n + 2, 3 * n + 1], fill: faded(jointColour(k)) }));
     const limits = alone?.current ? [-alone.current, alone.current] : [];
-    this.current = new Strip(this.place, `Current, ${title}`, "A; band: every peak", current, bands, limits);
+    const drives = [...new Set(indices.map((k) => this.joints[k].current_unit))].join(", ");
+    this.current = new Strip(this.place, `${drives === "A" ? "Current" : "Torque"}, ${title}`, `${drives}; band: every peak`, current, bands, limits);
     this._fill();
     this.show();
   }

@@ -28,7 +28,7 @@ export class JointTable {
       row.q.textContent = `${number(q, 3)} ${joint.unit}`;
       row.off.textContent = q == null || demand == null ? "–" : `${number(q - demand, 2, 1e3)} m${joint.unit}`;
       const peak = frame.lo && frame.hi ? Math.max(Math.abs(frame.lo[k]), Math.abs(frame.hi[k])) : null;
-      row.i.textContent = `${number(frame.i?.[k], 2)} A`;
+      row.i.textContent = `${number(frame.i?.[k], 2)} ${joint.current_unit}`;
       if (joint.position && q != null) {
         const [low, high] = joint.position;
         row.place.style.left = `${clamp((100 * (q - low)) / (high - low))}%`;
@@ -53,7 +53,7 @@ export class JointTable {
       el("td", { title: joint.name, class: "n" }, key, String(joint.number)), row.q,
       el("td", { title: joint.position ? `${joint.position[0]} to ${joint.position[1]} ${joint.unit}` : "no limits" }, el("span", { class: "bar" }, row.place)),
       row.off, row.i,
-      el("td", { title: joint.current ? `limit ${joint.current} A` : "no limit" }, el("span", { class: "bar" }, row.load)));
+      el("td", { title: joint.current ? `limit ${joint.current} ${joint.current_unit}` : "no limit" }, el("span", { class: "bar" }, row.load)));
     return row;
   }
 }

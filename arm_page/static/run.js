@@ -177,8 +177,8 @@ function facts(preview, joints) {
               el("td", {}, `${joint.joint} ${words(name)}`),
               el("td", { class: low !== null && joint.low < low ? "n wrong" : "n" }, number(joint.low, 2)),
               el("td", { class: high !== null && joint.high > high ? "n wrong" : "n" }, `${number(joint.high, 2)} ${unit}`),
-              el("td", { class: over(joint.speed, joint.limits.speed) }, `${number(joint.speed, 2)}/s${share(joint.speed, joint.limits.speed)}`),
-              el("td", { class: over(joint.acceleration, joint.limits.acceleration) }, `${number(joint.acceleration, 1)}/s²`));
+              el("td", { class: over(joint.speed, joint.limits.speed) }, `${number(joint.speed, 2)} ${unit}/s${share(joint.speed, joint.limits.speed)}`),
+              el("td", { class: over(joint.acceleration, joint.limits.acceleration) }, `${number(joint.acceleration, 1)} ${unit}/s²`));
           }))
       : el("p", { class: "note" }, "No joint moves."),
   ];

@@ -18,7 +18,7 @@ from armscope.progress import shown
 from daq.recording import LongRecording, open_long, plot
 
 if TYPE_CHECKING:
-    from arm_clearance import Chain
+    from arm_model import Arm
 
 
 def command(
@@ -82,11 +82,13 @@ def _animate(
     path: Path, data: list[LongRecording], model: Path | None, fps: float, speed: float, as_json: bool
 ) -> None:
     """The first recording's arm beside the second's, or beside what was demanded of it."""
+    from arm_model.collision import chain_of
     from armscope.animation import Movement, animate, check_animation, instants, movements
-    from armscope.surfaces import read_surfaces
+    from armscope.surfaces import capsule_surfaces, read_surfaces
 
     check_animation(path)
-    chain = _chain(data[0], model)
+    arm = _arm(data[0], model)
+    chain = chain_of(arm)
     for recording in data:
         if recording.joints != len(chain):
             raise InputError(recording.path, f"has {recording.joints} joints, the model has {len(chain)}")
@@ -104,23 +106,22 @@ def _animate(
             when,
             measured,
             other,
-            surfaces=read_surfaces(model),
+            surfaces=read_surfaces(model) or capsule_surfaces(arm),
             progress=lambda share: progress(Step("drawing", share, 1.0)),
         )
 
 
-def _chain(recording: LongRecording, model: Path | None) -> Chain:
+def _arm(recording: LongRecording, model: Path | None) -> Arm:
     """Of --model, else of the model in the recording."""
     from arm_model import carried_arm, on_fixed_base, read_model
-    from arm_model.collision import chain_of
 
     purpose = "a picture of the arm's motion"
     if model is not None:
-        return chain_of(on_fixed_base(read_model(model), model, purpose))
+        return on_fixed_base(read_model(model), model, purpose)
     if recording.model is None:
         raise InputError(recording.path, "has no model with it; give one: --model MODEL.toml")
     where = f"{recording.path}: model.toml"
-    return chain_of(on_fixed_base(carried_arm(recording.model, where), where, purpose))
+    return on_fixed_base(carried_arm(recording.model, where), where, purpose)
 
 
 def _draw_motion(path: Path, out: Path, model: Path | None, rig: Path | None, space: Path | None) -> None:

@@ -161,11 +161,13 @@ class Guard:
         kept = (position >= low) & (position <= high) & np.isfinite(position)  # false for NaN
         if (out := measured & ~kept).any():
             row, joint = np.argwhere(out)[0]
-            return f"joint {joint + 1} at {position[row, joint]:.4g}, limits {low[joint]:g} to {high[joint]:g}"
+            at, unit = f"{position[row, joint]:.4g}", self.rig.joint[joint].unit
+            return f"joint {joint + 1} at {at} {unit}, limits {low[joint]:g} to {high[joint]:g} {unit}"
         most = np.array(limits.current or [np.finfo(float).max] * self.rig.joints)
         if (over := ~(np.abs(current) <= most) & ~np.isnan(current)).any():
             row, joint = np.argwhere(over)[0]
-            return f"current {current[row, joint]:.4g} A in joint {joint + 1}, limit {most[joint]:g} A"
+            unit = self.rig.joint[joint].current_unit
+            return f"current {current[row, joint]:.4g} {unit} in joint {joint + 1}, limit {most[joint]:g} {unit}"
         if self._speeds is None:
             return None
         timed = np.ones(position.shape, bool) if untimed is None else ~untimed
@@ -233,7 +235,8 @@ class Guard:
 def _speed_check(rig: Rig) -> SpeedCheck | None:
     if rig.limits.speed is None:
         return None
-    return SpeedCheck(np.array(rig.limits.speed), 0.0 if rig.trigger is None else 1e9 / rig.trigger.rate)
+    period = 0.0 if rig.trigger is None else 1e9 / rig.trigger.rate
+    return SpeedCheck(np.array(rig.limits.speed), period, [joint.unit for joint in rig.joint])
 
 
 def _check_watchdogs(rig: Rig, devices: Mapping[str, Device]) -> None:

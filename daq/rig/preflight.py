@@ -98,7 +98,7 @@ def check_motion(rig: Rig, experiment: Experiment, chain: Chain | None = None) -
         speed=None if speed is None else speed * (1 + RELATIVE),
         acceleration=None if acceleration is None else acceleration * (1 + RELATIVE),
     )
-    problems = _away_from_start(experiment, demand(np.zeros(1))[0], speed) + [_sentence(rig, one) for one in found]
+    problems = _away_from_start(rig, experiment, demand(np.zeros(1))[0], speed) + [_sentence(rig, one) for one in found]
     # A motion that is refused already may be anything, an endless one included.
     return problems or _check_space(rig, demand, chain)
 
@@ -111,31 +111,32 @@ def _check_space(rig: Rig, demand: Demand, chain: Chain | None) -> list[str]:
     return check_clearance(demand, chain, rig.space)
 
 
-def _away_from_start(experiment: Experiment, first: Array, speed: Array | None) -> list[str]:
+def _away_from_start(rig: Rig, experiment: Experiment, first: Array, speed: Array | None) -> list[str]:
     """Joints that are asked to be elsewhere at once: a table of positions need not begin where the arm stands."""
     if speed is None:
         return []
     jump = np.abs(first - np.array(experiment.start))
     most = speed * (1 + RELATIVE) * STEP
     return [
-        f"the reference of joint {joint + 1} jumps by {jump[joint]:.4g} from the start pose; begin the motion at "
-        "'start'"
+        f"the reference of joint {joint + 1} jumps by {jump[joint]:.4g} {rig.joint[joint].unit} from the start pose; "
+        "begin the motion at 'start'"
         for joint in np.flatnonzero(~(jump <= most)).tolist()
     ]
 
 
 def _sentence(rig: Rig, excess: Excess) -> str:
     joint, limits, value = excess.joint, rig.limits, excess.value
+    unit = rig.joint[joint - 1].unit
     if excess.kind in (Kind.LOW, Kind.HIGH):
         within = (
             ""
             if limits.position is None
-            else "; its limits in the rig file are {:g} to {:g}".format(*limits.position[joint - 1])
+            else "; its limits in the rig file are {:g} to {:g} ".format(*limits.position[joint - 1]) + unit
         )
-        return f"joint {joint} goes to {value:.4g}{within}"
+        return f"joint {joint} goes to {value:.4g} {unit}{within}"
     if excess.kind is Kind.SPEED:
-        return f"joint {joint} moves at up to {value:.4g}/s" + (
-            "" if limits.speed is None else f"; its limit is {limits.speed[joint - 1]:g}/s"
+        return f"joint {joint} moves at up to {value:.4g} {unit}/s" + (
+            "" if limits.speed is None else f"; its limit is {limits.speed[joint - 1]:g} {unit}/s"
         )
-    limit = "" if limits.acceleration is None else f"; its limit is {limits.acceleration[joint - 1]:g}/s2"
-    return f"joint {joint} accelerates at up to {value:.4g}/s2{limit}"
+    limit = "" if limits.acceleration is None else f"; its limit is {limits.acceleration[joint - 1]:g} {unit}/s2"
+    return f"joint {joint} accelerates at up to {value:.4g} {unit}/s2{limit}"

@@ -126,6 +126,17 @@ class JointTable(Table):
         return gear
 
     @property
+    def unit(self) -> str:
+        """Of its position."""
+        return "rad" if self.type == "revolute" else "m"
+
+    @property
+    def current_unit(self) -> str:
+        """Of its current; torques of a joint that slides are forces."""
+        unit = "A" if self.current is None else self.current.unit
+        return "N" if unit == "N m" and self.type == "prismatic" else unit
+
+    @property
     def scale(self) -> float | None:
         """Counts per rad (m) of the joint, with its sign; None without an encoder."""
         encoder = self.encoder

@@ -6,6 +6,8 @@ the last row.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,10 +25,11 @@ class SpeedCheck:
 
     limit      (J,) rad/s (m/s)
     period_ns  of the rows
+    units      (J,) rad or m
     """
 
-    def __init__(self, limit: Array, period_ns: float) -> None:
-        self.limit = limit
+    def __init__(self, limit: Array, period_ns: float, units: Sequence[str]) -> None:
+        self.limit, self.units = limit, units
         self._shortest = max(SHORTEST_NS, round(ROWS * period_ns))
         self._position = np.full(len(limit), np.nan)
         self._host = np.full(len(limit), -1, np.int64)
@@ -66,6 +69,7 @@ class SpeedCheck:
             due &= moved > 0
         for joint in np.flatnonzero(due & ~(moved <= self.limit * passed * 1e-9)).tolist():
             speed = moved[joint] / (passed[joint] * 1e-9)
-            return f"joint {joint + 1} at {speed:.4g}/s, limit {self.limit[joint]:g}/s"
+            unit = f"{self.units[joint]}/s"
+            return f"joint {joint + 1} at {speed:.4g} {unit}, limit {self.limit[joint]:g} {unit}"
         self._position[due], self._host[due] = now[due], host_ns[last][due]
         return None

@@ -50,8 +50,10 @@ class SimulatedArm:
         low, high = np.array(stops).T
         for beyond in excesses(demand_of(experiment), low=low - ROUNDING, high=high + ROUNDING):
             first, last = stops[beyond.joint - 1]
+            unit = "rad" if self.arm.joints[beyond.joint - 1].revolute else "m"
             return (
-                f"the motion takes joint {beyond.joint} to {beyond.value:.4g}; its stops are at {first:g} and {last:g}"
+                f"the motion takes joint {beyond.joint} to {beyond.value:.4g} {unit}; its stops are at {first:g} and "
+                f"{last:g} {unit}"
             )
         return ""
 

@@ -10,10 +10,11 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from arm_io import InputError
+from arm_model import read_model
 from arm_model.meshes import TRIANGLE
 from armscope.animation import MEASURED
 from armscope.cli import run
-from armscope.surfaces import MOST, read_surfaces, thinned
+from armscope.surfaces import MOST, capsule_surfaces, capsule_triangles, read_surfaces, thinned
 from daq.recording import Attachments, write_table
 
 URDF = """<robot name="one"><link name="world"/>
@@ -92,3 +93,25 @@ def test_the_mesh_is_seen_in_the_animation(model: Path, tmp_path: Path) -> None:
         tint = pixels / 255 - pixels.mean(axis=2, keepdims=True) / 255
         share.append(float(np.mean(tint @ colour > 0.3 * colour @ colour)))
     assert share[0] > 5 * share[1] > 0
+
+
+@pytest.mark.parametrize("end", [(0.3, -0.2, 0.5), (0.1, 0.0, 0.9), (0.1, 0.0, 0.2)])
+def test_corners_of_a_capsule_are_on_its_surface(end: tuple[float, float, float]) -> None:
+    start = np.array([0.1, 0.0, 0.2])
+    corners = capsule_triangles(start, np.array(end), 0.07).reshape(-1, 3)
+    along = np.array(end) - start
+    share = np.clip((corners - start) @ along / max(along @ along, 1e-300), 0.0, 1.0)
+    np.testing.assert_allclose(np.linalg.norm(corners - start - share[:, None] * along, axis=1), 0.07, rtol=1e-9)
+
+
+def test_stated_capsules_are_drawn_and_assumed_ones_are_not(root: Path) -> None:
+    assert [one.link for one in capsule_surfaces(read_model(root / "config/models/aa300.toml"))] == [
+        0,
+        1,
+        2,
+        3,
+        4,
+        4,
+        4,
+    ]
+    assert capsule_surfaces(read_model(root / "config/models/puma560.toml")) == ()

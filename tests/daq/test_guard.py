@@ -66,9 +66,9 @@ def test_outputs_are_known_by_name_and_kind() -> None:
     [
         (
             {"position": [[-1, 1], [-0.4, 0.4]]},
-            "joint 2 goes to 0.5; its limits in the rig file are -0.4 to 0.4",
+            "joint 2 goes to 0.5 rad; its limits in the rig file are -0.4 to 0.4 rad",
         ),
-        ({"speed": [3.0, 1.9]}, "joint 2 moves at up to 2/s; its limit is 1.9/s"),
+        ({"speed": [3.0, 1.9]}, "joint 2 moves at up to 2 rad/s; its limit is 1.9 rad/s"),
     ],
 )
 def test_a_motion_beyond_the_rigs_limits_is_refused_before_anything_moves(limits: dict[str, Any], words: str) -> None:
@@ -187,10 +187,10 @@ def test_speed_is_seen_from_the_measured_rows_and_a_value_marked_missing_is_no_b
         assert bench.guard.breach(still, still, host) is None
         assert bench.guard.breach(still * np.nan, still * np.nan, host, all_of_them) is None
         fast = np.outer(host * 1e-9, [0.5, 1.5])
-        assert bench.guard.breach(fast, still, host) == "joint 2 at 1.5/s, limit 1/s"
+        assert bench.guard.breach(fast, still, host) == "joint 2 at 1.5 rad/s, limit 1 rad/s"
         fast[[0, -1]], ends = np.nan, ~all_of_them
         ends[[0, -1]] = True
-        assert bench.guard.breach(fast, still, host, ends) == "joint 2 at 1.5/s, limit 1/s"
+        assert bench.guard.breach(fast, still, host, ends) == "joint 2 at 1.5 rad/s, limit 1 rad/s"
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
@@ -201,6 +201,6 @@ def test_a_position_that_is_not_finite_is_a_breach_whatever_the_limits(limits: d
         for row in (0, 4, 9):
             seen = position.copy()
             seen[row, 1] = wrong
-            assert str(bench.guard.breach(seen, position, host)).startswith(f"joint 2 at {wrong:g}, limits ")
+            assert str(bench.guard.breach(seen, position, host)).startswith(f"joint 2 at {wrong:g} rad, limits ")
         if np.isinf(wrong):
             assert "A in joint 1" in str(bench.guard.breach(position, position + [wrong, 0.0], host))

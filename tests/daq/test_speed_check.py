@@ -12,6 +12,7 @@ from daq.rig.speed_check import SpeedCheck
 
 PERIOD = 10_000_000  # ns
 LIMIT = np.array([1.0])
+UNITS = ["rad"] * 8
 
 
 def seen(check: SpeedCheck, q: np.ndarray, measured: np.ndarray, timed: np.ndarray, sizes: list[int]) -> str | None:
@@ -52,15 +53,15 @@ def test_no_gap_makes_a_joint_look_fast(
     # Where gaps lie on one another nothing of known time is left for longer than the check waits: another matter.
     runs = np.diff(np.flatnonzero(np.concatenate([[True], timed, [True]])))
     if runs.max() * PERIOD < 1_000_000_000:
-        assert seen(SpeedCheck(LIMIT, PERIOD), q, measured, timed, sizes) is None
+        assert seen(SpeedCheck(LIMIT, PERIOD, UNITS), q, measured, timed, sizes) is None
 
 
 @given(sizes=SIZES, speed=st.floats(1.01, 50.0), sign=st.sampled_from([-1, 1]))
 def test_a_fast_joint_is_seen_within_five_rows(sizes: list[int], speed: float, sign: int) -> None:
     q = sign * speed * np.arange(7) * PERIOD * 1e-9
     here = np.ones(7, bool)
-    breach = seen(SpeedCheck(LIMIT, PERIOD), q, here, here, sizes)
-    assert breach == f"joint 1 at {speed:.4g}/s, limit 1/s"
+    breach = seen(SpeedCheck(LIMIT, PERIOD, UNITS), q, here, here, sizes)
+    assert breach == f"joint 1 at {speed:.4g} rad/s, limit 1 rad/s"
 
 
 @given(sizes=SIZES)
@@ -68,11 +69,14 @@ def test_a_device_that_is_always_late_is_still_watched(sizes: list[int]) -> None
     q = 1.5 * np.arange(400) * PERIOD * 1e-9
     timed = np.zeros(400, bool)
     timed[0] = True
-    assert seen(SpeedCheck(LIMIT, PERIOD), q, np.ones(400, bool), timed, sizes) == "joint 1 at 1.5/s, limit 1/s"
+    assert (
+        seen(SpeedCheck(LIMIT, PERIOD, UNITS), q, np.ones(400, bool), timed, sizes)
+        == "joint 1 at 1.5 rad/s, limit 1 rad/s"
+    )
 
 
 def test_a_new_run_begins_anew() -> None:
-    check = SpeedCheck(LIMIT, PERIOD)
+    check = SpeedCheck(LIMIT, PERIOD, UNITS)
     here = np.ones((7, 1), bool)
     host = 10**18 + np.arange(7, dtype=np.int64) * PERIOD
     assert check.too_fast(np.zeros((7, 1)), here, here, host) is None
