@@ -48,6 +48,13 @@ function digits(value) {
 
 const day = (seconds) => new Date(1000 * seconds).toISOString().slice(0, 10);
 
+/** Seconds since 1970 as date or time of day, UTC, as ISO 8601 writes them, for ticks that are `step` s apart. */
+const instant = (seconds, step) => {
+  const text = new Date(1000 * seconds).toISOString();
+  if (step >= 86400) return text.slice(0, 10);
+  return step >= 60 ? text.slice(5, 16).replace("T", " ") : text.slice(11, 19);
+};
+
 /** Index of the value nearest to x in ascending values without gaps. */
 function nearest(values, x) {
   let low = 0, high = values.length - 1;

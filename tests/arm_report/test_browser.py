@@ -187,6 +187,13 @@ def test_the_arm_of_the_page_is_that_of_the_model(page: Any, root: Path) -> None
         np.testing.assert_allclose(np.array(ends), expected, atol=1e-12)
 
 
+def test_dates_are_written_as_iso_8601_in_utc(page: Any) -> None:
+    seconds = 1_767_655_805  # 2026-01-05 23:30:05 UTC
+    script = f"(s) => {{ {_text('data.js')}; return [86400, 3600, 1].map((step) => instant(s, step)); }}"
+    written = page.evaluate(script, seconds)
+    assert written == ["2026-01-05", "01-05 23:30", "23:30:05"]
+
+
 def test_print_and_pages_without_scripts_show_pictures(browser: Any, page: Any, written: Path) -> None:
     assert not page.is_visible("#chart-currents img")
     page.emulate_media(media="print")
