@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from arm_io import InputError
 from armscope.api.reading import File, Source, read_model, recordings_of
 
 if TYPE_CHECKING:
     from arm_model import Arm
     from diagnosis.floating_base import BaseDiagnosis
     from identification.floating_base import BaseIdentification
+
+
+def floats(model: File | Arm) -> bool:
+    """Whether the base of a model floats; InputError where the file is wrong."""
+    return read_model(model).floating is not None
+
+
+def refuse(model: File, options: Mapping[str, bool]) -> None:
+    """InputError for the first option that is given and that a floating base has no use for."""
+    for option, given in options.items():
+        if given:
+            raise InputError(option, f"is for arms on a fixed base; {model} has a floating one")
 
 
 def identify_base(

@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from arm_io import InputError
 from armscope.shipped import found
 
 if TYPE_CHECKING:
@@ -47,16 +48,34 @@ def recordings_of(sources: Source | Sequence[Source]) -> list[Recording]:
 def for_analysis(*groups: Source | Sequence[Source], **bounds: Any) -> list[list[Recording]]:
     """``recordings_of`` each group, all of them within one bound on memory: rows of long recordings are averaged.
 
-    ``bounds`` as ``daq.recording.open_recordings`` has them.
+    ``bounds`` as ``daq.recording.open_recordings`` has them. InputError also for a recording of a floating base: the
+    analyses of arms on a fixed one would blame the arm for what the base does.
     """
     from daq.recording import Recording, open_recordings
 
     listed = [[group] if isinstance(group, Recording | str | PathLike) else list(group) for group in groups]
     paths = [[Path(one) for one in group if not isinstance(one, Recording)] for group in listed]
     read = [iter(group) for group in open_recordings(*paths, **bounds)]
-    return [
+    groups_read = [
         [one if isinstance(one, Recording) else next(opened) for one in group] for group, opened in zip(listed, read)
     ]
+    for one in (recording for group in groups_read for recording in group):
+        if one.model is not None and _floats(one.model):
+            raise InputError(one.path, "was recorded on a floating base; give its own model (docs/underwater.md)")
+    return groups_read
+
+
+def _floats(model: str) -> bool:
+    """Whether the text of a model file says that its base floats."""
+    from arm_io import toml_of
+
+    if "floating" not in model:
+        return False
+    try:
+        base = toml_of(model, "model.toml").get("base")
+    except InputError:  # XML, or damaged: others say so
+        return False
+    return isinstance(base, dict) and base.get("kind") == "floating"
 
 
 def read_model(model: File | Arm) -> Arm:

@@ -60,13 +60,13 @@ def command(
     """Diagnoses recordings against a model."""
     from arm_io import check_folder, make_folder
     from armscope.api.diagnosis import fit_and_held_out
+    from armscope.api.floating_base import floats, refuse
     from armscope.api.reading import fixed_model, for_analysis
-    from armscope.commands import floating_base
 
     check_folder(out)
-    if rig is None and model is not None and floating_base.floats(model):
-        floating_base.refuse(model, {"--distort": distort is not None, "--png": png, "--pdf": pdf})
-        floating_base.diagnose(fit, model, out, held_out or [], as_json)
+    if rig is None and model is not None and floats(model):
+        refuse(model, {"--distort": distort is not None, "--png": png, "--pdf": pdf})
+        _diagnose_base(fit, model, out, held_out or [], as_json)
         return _DONE
     arm, kinds = fixed_model(_model(model, rig), "'armscope diagnose'"), pictures(png, pdf)
     if distort is not None:
@@ -92,6 +92,15 @@ def command(
 
         print(wrapped(f"{diagnosis_text(case.result, table)}\n\n{out / 'report.html'}"))
     return _SAMPLES_LOST if case.lost else _DONE
+
+
+def _diagnose_base(fit: list[Path], model: Path, out: Path, held_out: list[Path], as_json: bool) -> None:
+    from armscope.api.floating_base import diagnose_base
+
+    with shown(as_json) as progress:
+        result = diagnose_base(fit, model, held_out=held_out, progress=progress)
+        table = result.write(out)
+    print(json.dumps(table) if as_json else f"{result}\n{out / 'diagnosis.json'}, model.toml")
 
 
 def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Output, as_json: bool) -> int:

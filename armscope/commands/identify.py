@@ -83,14 +83,14 @@ def command(
     """Identifies an arm."""
     from arm_io import InputError, check_folder
     from arm_report import wrapped
+    from armscope.api.floating_base import floats, refuse
     from armscope.api.identification import check, identify
-    from armscope.commands import floating_base
 
     if out is None and not only_check:
         raise InputError("--out", "is missing: a folder for the results; or give --check to check the recordings only")
     if out is not None:
         check_folder(out)
-    if floating_base.floats(model):
+    if floats(model):
         options = {
             "--method": method is not Method.wls,
             "--friction": friction is not None,
@@ -99,9 +99,9 @@ def command(
             "--png": png,
             "--pdf": pdf,
         }
-        floating_base.refuse(model, options)
+        refuse(model, options)
         assert out is not None, "only --check needs none"
-        floating_base.identify(run, model, out, held_out or [], as_json)
+        _identify_base(run, model, out, held_out or [], as_json)
         return
     chosen: dict[str, Any] = {
         "held_out": held_out or [],
@@ -121,6 +121,15 @@ def command(
         print(json.dumps(table))
     else:
         print(wrapped(f"{result}\n{out / 'report.html'}, identification.json, model.toml"))
+
+
+def _identify_base(run: list[Path], model: Path, out: Path, held_out: list[Path], as_json: bool) -> None:
+    from armscope.api.floating_base import identify_base
+
+    with shown(as_json) as progress:
+        result = identify_base(run, model, held_out=held_out, progress=progress)
+        table = result.write(out)
+    print(json.dumps(table) if as_json else f"{result}\n{out / 'identification.json'}, model.toml")
 
 
 _READINESS = (

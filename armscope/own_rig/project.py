@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from arm_io.types import Array
-from arm_model import Arm, read_model
+from arm_model import Arm, on_fixed_base, read_model
 from armscope.own_rig.assumed_drives import RISE, ranges, with_drives
 from armscope.own_rig.rig_text import rig_toml
 
@@ -43,7 +43,7 @@ def own_project(path: Path, name: str, *, torques: bool = False) -> OwnRig:
     torques  the drives report torques at the joints; nothing is assumed of their motors
     InputError as ``read_model`` and ``with_drives``.
     """
-    arm = read_model(path)
+    arm = on_fixed_base(read_model(path), path, "a simulated rig")
     driven, assumed = with_drives(arm, torques=torques)
     rig = rig_toml(driven, name=name, model="model.toml", heading=f"{arm.name}: a simulated rig")
     files = {
