@@ -19,6 +19,19 @@ KINDS: Mapping[str, Literal["identifications", "diagnoses"]] = {
     "diagnosis.json": "diagnoses",
 }
 
+COMPARED = (
+    "schema",
+    "recorded",
+    "method",
+    "base_parameters",
+    "held_directions",
+    "blocks",
+    "friction_curves",
+    "causes",
+    "not_visible",
+)
+"""Entries of the results that ``comparison`` reads: of a large fleet the others would fill the memory."""
+
 
 def nights_of(store: Store, records: Sequence[Record], models: Mapping[str, Arm]) -> dict[str, list[Night]]:
     """Arm -> its nights with results, in order.
@@ -40,4 +53,5 @@ def nights_of(store: Store, records: Sequence[Record], models: Mapping[str, Arm]
 
 def _stored(path: Path, kind: Literal["identifications", "diagnoses"], arm: Arm) -> Stored:
     """One result; causes are relative to the model of the plan, whichever stands beside them."""
-    return Stored(path, kind, json.loads(read_file(path)), arm)
+    table = json.loads(read_file(path))
+    return Stored(path, kind, {name: table[name] for name in COMPARED if name in table}, arm)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from arm_fleet.simulation.wear import Life, Wear
-from arm_io import make_folder, whole_file, write_toml
+from arm_io import InputError, make_folder, whole_file, write_toml
 from arm_io.progress import Progress, Step
 from arm_io.types import Array
 from arm_model import Arm, Motion, write_model
@@ -72,10 +72,12 @@ def write_fleet(
 ) -> dict[str, Any]:
     """Writes FOLDER/nights/NIGHT/ARM_RUN.mcap, model.toml, plan.toml and truth.json; returns what truth.json says.
 
-    InputError where they cannot be written.
+    InputError where they cannot be written, or the arm has no controller.
     """
     import json
 
+    if scene.arm.controller is None:
+        raise InputError(scene.arm.name, "has no [controller]; following demanded positions needs one")
     make_folder(folder)
     write_model(folder / "model.toml", scene.arm)
     model = (folder / "model.toml").read_text(encoding="utf-8")

@@ -13,6 +13,7 @@ import pytest
 from arm_fleet import Scene, lives, write_fleet
 from arm_fleet.simulation.recordings import night_of
 from arm_fleet.simulation.wear import KINDS, Life
+from arm_io import InputError
 from arm_model import read_model
 from armscope.api.fleet_night import night
 from armscope.cli import run
@@ -47,6 +48,13 @@ def test_the_truth_is_what_is_recorded(scene: Scene, tmp_path: Path) -> None:
     assert size == pytest.approx(np.hypot(worn["ratios"][2], np.sqrt(2)), rel=0.1)
 
 
+def test_an_arm_without_controller_is_refused(scene: Scene, tmp_path: Path) -> None:
+    bare = replace(scene, arm=replace(scene.arm, controller=None))
+    with pytest.raises(InputError, match=r"Two links: has no \[controller\]"):
+        write_fleet(tmp_path / "fleet", bare, [Life(arm="a")], 1, seed=1)
+    assert not (tmp_path / "fleet").exists()
+
+
 def test_lives_are_drawn_as_asked() -> None:
     fleet = lives(40, 30, worn=0.5, seed=1)
     worn = [life for life in fleet if life.wear is not None]
@@ -75,7 +83,7 @@ def test_one_night(scene: Scene, tmp_path: Path) -> None:
     assert [(cause["effect"], cause["joint"]) for cause in value["causes"]] == [("coulomb_friction", 2)]
     assert value["recorded"] == "2026-01-02T22:00:00Z" and value["lost"] == 0
     assert sorted(path.name for path in out.iterdir()) == ["diagnosis.json", "identification.json", "model.toml"]
-    with pytest.raises(Exception, match=r"a_1\.mcap: has calibration 'none'; the plan says 'abc'"):
+    with pytest.raises(InputError, match=r"a_1\.mcap: has calibration 'none'; the plan says 'abc'"):
         night(job | {"calibration": "abc"}, out, {})
 
 
