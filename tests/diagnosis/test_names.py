@@ -6,12 +6,15 @@ The arm and what is wrong with it are a few lines of numpy (``tests.diagnosis.nu
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import armscope
+from arm_model.description import FrictionCurve
+from diagnosis.own_friction import straight_part
 from tests.diagnosis.numpy_arm import REST, Friction, NumpyArm, humped, model, straight
 
 COULOMB, VISCOUS = ((10.0, 7.0), (6.0, 4.0)), (8.0, 5.0)
@@ -161,13 +164,30 @@ def test_changes_of_a_friction_curve_have_their_name_and_size(change: str, tmp_p
     assert first.of_own is not None and first.of_own > 0.0
 
 
+def test_shares_of_a_curve_are_the_same_however_it_is_divided() -> None:
+    """All in the curve, or a part of it as Coulomb and viscous friction; in the given direction alone."""
+    divided = model(COULOMB, VISCOUS, humped).joints[1]
+    curve = divided.friction_curve
+    assert curve is not None and divided.coulomb[0] > 0.0
+    speed = np.asarray(curve.speed)
+    whole = tuple(humped(speed).tolist())
+    alone = replace(
+        divided, coulomb=(0.0, 0.0), viscous=(0.0, 0.0), friction_curve=FrictionCurve(curve.speed, whole, whole)
+    )
+    for direction in (0, 1):
+        parts = straight_part(divided, direction)
+        assert parts == pytest.approx(straight_part(alone, direction))
+        even = np.linspace(speed[0], speed[-1], 1000)
+        assert parts == pytest.approx(tuple(np.polyfit(even, np.interp(even, speed, whole), 1)[::-1]), rel=0.01)
+
+
 @pytest.mark.slow
 def test_a_curve_that_grew_as_a_whole_is_level_and_slope_with_little_beside_them(tmp_path: Path) -> None:
     grown = NumpyArm(_rubbing(lambda v: 1.5 * humped(v), lambda v: 1.5 * humped(v)))
     result = _diagnosed(grown, tmp_path, humped)
     assert set(_named(result)) == {("coulomb_friction", 2), ("viscous_friction", 2)}
-    level = next(c for c in result.causes if c.effect == "coulomb_friction").parameters[0]
-    assert level.of_own == pytest.approx(0.5, abs=0.05)
+    shares = {c.effect: c.parameters[0].of_own for c in result.causes}
+    assert shares == pytest.approx({"coulomb_friction": 0.5, "viscous_friction": 0.5}, abs=0.1)
 
 
 @pytest.mark.slow
