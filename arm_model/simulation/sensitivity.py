@@ -10,7 +10,7 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm
-from arm_model.motion import Motion
+from arm_model.motion import BaseTrack, Motion
 from arm_model.parameters import parameter
 from arm_model.simulation.simulation import Demand, simulate_batch, single
 
@@ -36,6 +36,10 @@ def sensitivities(
         lanes[name][2 + 2 * k] -= step
     batch = simulate_batch(arm, demand, times, parameters=lanes, start=start)
     widths = 2 * np.array(list(steps.values()))[:, None, None]
-    changing = [field.name for field in fields(Motion) if field.name not in ("t", "demand")]
+    changing = [field.name for field in fields(Motion) if field.name not in ("t", "demand", "base")]
     slopes = {name: (getattr(batch, name)[1::2] - getattr(batch, name)[2::2]) / widths for name in changing}
-    return single(batch), replace(batch, **slopes)
+    if batch.base is None:
+        return single(batch), replace(batch, **slopes)
+    track = {field.name: getattr(batch.base, field.name) for field in fields(batch.base)}
+    moved = BaseTrack(**{name: (values[1::2] - values[2::2]) / widths for name, values in track.items()})
+    return single(batch), replace(batch, **slopes, base=moved)

@@ -18,6 +18,7 @@ from arm_model.moving_base.numeric import (
 )
 from arm_model.rigid_body import kinematics
 from arm_model.rigid_body.numeric import drive_torque, rigid_torque
+from arm_model.simulation.sensitivity import sensitivities
 from arm_model.simulation.simulation import Stepper, simulate, system_of
 from arm_model.symbolic.tape import evaluate
 from arm_model.system.kernel_inputs import numbers
@@ -307,3 +308,16 @@ def test_a_stepper_goes_on_where_the_simulation_does() -> None:
     stepper.advance(demands[17:39], np.empty(0))
     last = np.concatenate([whole.base.position[-1], whole.base.attitude[-1], whole.base.velocity[-1]])
     np.testing.assert_allclose(stepper.base, last, rtol=1e-9, atol=1e-12)
+
+
+def test_sensitivities_of_the_base_are_those_of_its_motion() -> None:
+    """A free body pushed by F has the velocity F t / (m + a): its slope by a is -F t / (m + a)^2."""
+    push = Thruster((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (-50.0, 50.0))
+    arm = alone(ball(thruster=(push,), added_mass=(5.0, 0.0, 0.0, 0.0, 0.0, 0.0)), gravity=(0.0, 0.0, 0.0))
+    times = np.linspace(0.0, 1.0, 6)
+    steps = {"base.added_mass_surge": 1e-2}
+    motion, slopes = sensitivities(arm, lambda t: np.tile([0.0, 30.0], (len(t), 1)), steps, times)
+    assert motion.base is not None
+    assert slopes.base is not None
+    np.testing.assert_allclose(motion.base.velocity[:, 0], 30.0 * times / 15.0, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(slopes.base.velocity[0, :, 0], -30.0 * times / 15.0**2, rtol=1e-5, atol=1e-9)
