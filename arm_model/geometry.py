@@ -16,10 +16,12 @@ from arm_model.servo import fixed_gains
 def relinked(arm: Arm, *, zeros: bool = False) -> Arm:
     """The arm with its ``link_geometry`` carried into its joints (``zeros``: its ``joint_zero_offset`` too).
 
-    Its servos stay those of the arm as it was described.
+    The equations of an arm with placed joints (URDF) have no number to add a zero offset to: there, too, it is carried
+    into them. Servos stay those of the arm as it was described.
 
     InputError where a link is placed (URDF) and so has no D-H parameters to be wrong.
     """
+    zeros = zeros or any(joint.convention == "placed" for joint in arm.joints)
     terms = [t for t in arm.effects if t.name == "link_geometry" or (zeros and t.name == "joint_zero_offset")]
     if not terms:
         return arm

@@ -45,6 +45,19 @@ def test_a_term_is_the_changed_arm(puma: Arm, name: str, joint: int) -> None:
     assert np.allclose(still.current[-1], held[0], atol=2e-3 * np.abs(held).max())
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_with_a_moved_zero_the_motors_bear_the_torque_of_the_other_angle(seed: int) -> None:
+    """In every convention: of joints that are placed as in URDF, the equations had no zero to move."""
+    arm = random_arm(seed, joints=3)
+    q = np.random.default_rng(seed).normal(size=(5, 3))
+    rest = np.zeros_like(q)
+    for number in range(1, 4):
+        term = EffectTerm("joint_zero_offset", number, {"offset": 0.3})
+        moved = inverse_dynamics(replace(arm, effects=(*arm.effects, term)), q, rest, rest)
+        other = q - 0.3 * (np.arange(1, 4) == number)
+        assert np.allclose(moved, inverse_dynamics(arm, other, rest, rest), atol=1e-9)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_a_moved_zero_is_the_same_arm_at_other_angles(seed: int) -> None:
     """In every convention, joints placed as in URDF too: the reading is the angle plus the offset."""
