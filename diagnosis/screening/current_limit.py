@@ -1,4 +1,4 @@
-"""Clipped currents: rows accumulate at one extreme value of the raw current."""
+"""Clipped currents: rows accumulate at one extreme value of the raw current while its joint is driven."""
 
 from __future__ import annotations
 
@@ -13,15 +13,20 @@ from arm_model.effects.description_errors import CURRENT_LIMIT
 from daq.recording import Recording
 from diagnosis.cause import Estimate
 from diagnosis.residual.encoder_step import encoder_step
-from diagnosis.residual.noise import scatter, still_noise
+from diagnosis.residual.noise import angle_noise, scatter, still_noise
 from diagnosis.residual.run_setup import setup_of
 from diagnosis.screening.event import Event
 
 RUNS_AWAY = 1.5
-"""Tracking error of a joint with a clipped current, over the largest one before."""
+"""Tracking error of a joint with a clipped current, over the largest one before and in other recordings."""
 AVERAGED, FLAT_SECONDS, PILED = 0.01, 0.03, 3.0
 """s over which a current is averaged, s for which a clipped current is constant, and the ratio of rows at the maximum
 to rows near it."""
+LEAST, PLATEAU = 20.0, 30.0
+"""Widths that a limit must exceed at all, and to show by its rows alone: at less, the current of a joint that goes
+slowly against its Coulomb friction lies within 2 widths of its largest as well."""
+STANDS, STEPS = 0.1, 8.0
+"""s in which a joint that stands turns by less than so many deviations of its recorded angle."""
 
 
 def current_limits(recordings: Sequence[Recording]) -> list[Event]:
@@ -66,15 +71,38 @@ def _clipped(
     recordings: Sequence[Recording], smooth: Sequence[Array], j: int, top: float, width: float
 ) -> tuple[int, ...]:
     """Recordings (by index) in which joint j (from 0) moves and its current is clipped; empty where it is not."""
-    near = [float(np.sum(values > top - 2 * width)) * r.dt for values, r in zip(smooth, recordings)]
-    below = [float(np.sum(values > top - 8 * width)) * r.dt for values, r in zip(smooth, recordings)]
+    driven = [_driven(r, j) for r in recordings]
+    at_top = [(values > top - 2 * width) & rows for values, rows in zip(smooth, driven)]
+    near = [float(np.sum(rows)) * r.dt for rows, r in zip(at_top, recordings)]
+    below = [float(np.sum((v > top - 8 * width) & rows)) * r.dt for v, rows, r in zip(smooth, driven, recordings)]
     moving = [k for k, r in enumerate(recordings) if near[k] > 0.0 and np.ptp(r.q[:, j]) > 0.01]
-    flat = max(_longest(values > top - 2 * width) * r.dt for values, r in zip(smooth, recordings))
-    piled = sum(near) > PILED * (sum(below) - sum(near)) or any(
-        near[k] > PILED * (below[k] - near[k]) and _runs_away(recordings[k], j, smooth[k] > top - 2 * width)
+    flat = max(_longest(rows) * r.dt for rows, r in zip(at_top, recordings))
+    piled = top > PLATEAU * width and sum(near) > PILED * (sum(below) - sum(near))
+    # a servo without feed-forward lags by its speed: no farther than where the current was smaller is not away
+    usual = max((_lag(r, j) for r, seconds in zip(recordings, near) if seconds == 0.0), default=0.0)
+    piled = piled or any(
+        near[k] > PILED * (below[k] - near[k]) and _runs_away(recordings[k], j, smooth[k] > top - 2 * width, usual)
         for k in moving
     )
-    return tuple(moving) if top > 10 * width and flat > FLAT_SECONDS and piled else ()
+    return tuple(moving) if top > LEAST * width and flat > FLAT_SECONDS and piled else ()
+
+
+def _driven(recording: Recording, j: int) -> NDArray[np.bool_]:
+    """(m,) rows in which joint j (from 0) or its setpoint moves.
+
+    A joint that stands under friction holds its last current for as long as it stands, at its limit or not.
+    """
+    span = max(3, round(STANDS / recording.dt))
+    least = {"q": STEPS * angle_noise(recording.q)[j], "qref": 1e-6}
+    moves = np.zeros(len(recording), dtype=bool)
+    for name, most in least.items():
+        values = getattr(recording, name)
+        if values is not None:
+            at = values[:, j]
+            turned = ndimage.maximum_filter1d(at, span) - ndimage.minimum_filter1d(at, span) > most
+            # a window reaches half its length beyond the motion that it sees
+            moves |= ndimage.minimum_filter1d(turned, span)
+    return moves
 
 
 def _averaged(recording: Recording) -> Array:
@@ -82,15 +110,25 @@ def _averaged(recording: Recording) -> Array:
     return np.asarray(np.abs(ndimage.uniform_filter1d(recording.i, rows, axis=0)), float)
 
 
-def _runs_away(recording: Recording, j: int, flat: NDArray[np.bool_]) -> bool:
-    """Whether a joint is farther from its setpoint than ever at the end of the longest ``flat`` (m,) current."""
+def _lag(recording: Recording, j: int) -> float:
+    """rad (m): largest distance of joint j (from 0) from its setpoint."""
+    return 0.0 if recording.qref is None else float(np.nanmax(np.abs(recording.qref[:, j] - recording.q[:, j])))
+
+
+def _runs_away(recording: Recording, j: int, flat: NDArray[np.bool_], usual: float) -> bool:
+    """Whether a joint is farther from its setpoint than ever at the end of the longest ``flat`` (m,) current.
+
+    usual: the largest distance in recordings without such a current.
+    """
     starts, ends = _stretches(flat)
     if recording.qref is None or len(starts) == 0:
         return False
     longest = int(np.argmax(ends - starts))
     start, end = int(starts[longest]), int(ends[longest])
     error = np.abs(recording.qref[:, j] - recording.q[:, j])
-    return (end - start) * recording.dt > FLAT_SECONDS and bool(error[end - 1] > RUNS_AWAY * error[: start + 1].max())
+    return (end - start) * recording.dt > FLAT_SECONDS and bool(
+        error[end - 1] > RUNS_AWAY * max(usual, error[: start + 1].max())
+    )
 
 
 def _longest(flags: NDArray[np.bool_]) -> int:

@@ -1,6 +1,6 @@
 """A current that is clipped piles up at its limit.
 
-One that reverses of its own accord, or rests at its largest value for a while, does not.
+One that reverses of its own accord, or rests at its largest value for a while, does not; nor one that holds a joint.
 """
 
 from __future__ import annotations
@@ -51,3 +51,31 @@ def test_peaks_and_slow_tops_are_no_limit(tmp_path: Path, seed: int) -> None:
     strokes = 3.0 * np.sign(np.sin(2 * np.pi * 0.5 * t)) * (1.0 + 0.05 * np.mod(t, 1.0)) * (np.mod(t, 1.0) < 0.3)
     for name, current in (("peaks", free), ("strokes", strokes)):
         assert current_limits([_recorded(tmp_path / f"{name}.mcap", current, 0.005, seed)]) == []
+
+
+@pytest.mark.parametrize("limit", [None, 1.2])
+def test_a_current_that_a_standing_joint_holds_is_no_limit(tmp_path: Path, limit: float | None) -> None:
+    # friction keeps the joint where it stopped, an integral keeps the current at which it did: for seconds, and at
+    # more than what the joint takes while it moves slowly
+    rng, t = np.random.default_rng(1), np.arange(0.0, 16.0, 1e-3)
+    q = np.where(t < 5.0, 0.4 * np.sin(0.9 * t) ** 2, 0.4 * np.sin(4.5) ** 2)
+    free = 1.5 * np.sign(np.gradient(q)) * np.abs(np.sin(5.0 * t))
+    free[t >= 5.0] = 1.6
+    i = free if limit is None else np.clip(free, -limit, limit)
+    i = np.round((i + rng.normal(0.0, 0.005, len(t))) / 0.01) * 0.01
+    signals = {"q": q[:, None], "i": i[:, None], "qref": q[:, None]}
+    write_table(tmp_path / "run.mcap", t, signals, Attachments())
+    found = current_limits([open_recording(tmp_path / "run.mcap")])
+    assert [one.effect for one in found] == ([] if limit is None else ["current_limit"])
+
+
+def test_coulomb_friction_in_noise_is_no_limit(tmp_path: Path) -> None:
+    # a wrist at many slow speeds: 0.16 A either way, a tenth of it uncertain
+    rng, t = np.random.default_rng(2), np.arange(0.0, 16.0, 1e-3)
+    q = 0.3 * np.sin(0.7 * t) + 0.1 * np.sin(1.9 * t)
+    speed = np.gradient(q, t)
+    i = (0.15 + 0.03 * np.abs(speed)) * np.tanh(speed / 0.005) + rng.normal(0.0, 0.012, len(t))
+    i = np.round(i / 0.01) * 0.01
+    signals = {"q": q[:, None], "i": i[:, None], "qref": q[:, None]}
+    write_table(tmp_path / "run.mcap", t, signals, Attachments())
+    assert current_limits([open_recording(tmp_path / "run.mcap")]) == []
