@@ -158,6 +158,7 @@ SAME = (
     {"torque_constant", "current_gain"},
     {"payload", "link_inertia"},
     {"gear_ripple", "encoder_ripple"},
+    {"gear_ripple", "cogging"},
     {"friction_asymmetry", "current_offset"},
     {"joint_zero_offset", "link_geometry"},
     {"link_sag", "joint_compliance"},
