@@ -208,6 +208,8 @@ def _text(summary: dict[str, Any]) -> str:
         "",
         *text_table([_row(joint) for joint in summary["joints"]], HEADS, numbers=(0, 3, 4, 5, 6), keep=(0, 1)),
     ]
+    turning, sliding = (any(joint["type"] == kind for joint in summary["joints"]) for kind in ("revolute", "prismatic"))
+    lines.append("units: kg" + ", kg m2, N m s/rad, N m" * turning + "; prismatic: kg, N s/m, N" * sliding)
     for joint in summary["joints"]:
         if body := joint["cylinder"]:
             coefficients = (
@@ -222,12 +224,13 @@ def _text(summary: dict[str, Any]) -> str:
                 f"{len(curve['speed'])} speeds up to {curve['speed'][-1]:.3g} rad/s (m/s)"
             )
         if joint["drag"]:
-            lines.append(f"joint {joint['joint']}: drag {joint['drag']:g} N m s2/rad2")
+            unit = "N m s2/rad2" if joint["type"] == "revolute" else "N s2/m2"
+            lines.append(f"joint {joint['joint']}: drag {joint['drag']:g} {unit}")
         if joint["link_viscous"] or joint["link_coulomb"]:
-            lines.append(
-                f"joint {joint['joint']}: friction of its own axis {joint['link_coulomb'] or 0.0:g} N m, "
-                f"{joint['link_viscous'] or 0.0:g} N m s/rad"
-            )
+            units = ("N m", "N m s/rad") if joint["type"] == "revolute" else ("N", "N s/m")
+            sizes = (f"{joint[name] or 0.0:g}" for name in ("link_coulomb", "link_viscous"))
+            values = ", ".join(f"{size} {unit}" for size, unit in zip(sizes, units))
+            lines.append(f"joint {joint['joint']}: friction of its own axis {values}")
     for term in summary["effects"]:
         values = ", ".join(f"{name} {value:g}" for name, value in term["parameters"].items())
         where = "arm" if term["joint"] is None else f"joint {term['joint']}"

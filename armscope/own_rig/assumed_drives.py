@@ -67,7 +67,7 @@ def with_drives(arm: Arm, *, torques: bool = False) -> tuple[Arm, list[str]]:
     assumed = [one.assumed for one in sized if one.assumed]
     if arm.controller is None:
         driven = replace(driven, controller=_controller(driven))
-        assumed.append("controller: a servo of 40 rad/s per joint, setpoints every 24 ms")
+        assumed.append("controller: a servo of 40 rad/s per joint, setpoints every 20 ms")
     return driven, assumed
 
 
@@ -132,8 +132,7 @@ def _sized(joint: Joint, number: int, load: _Load, *, torques: bool) -> Sized:
 def _controller(arm: Arm) -> Controller:
     middle = ranges(arm).mean(axis=1)
     return Controller(
-        # at no multiple of the mains' 50 or 60 Hz, so that transients at setpoints are not taken for hum
-        setpoint_period=0.024,
+        setpoint_period=0.02,
         servo_period=0.001,
         natural_frequency=(40.0,) * len(arm),
         integral_rate=1.5,
