@@ -1,10 +1,11 @@
 """Which arms changed in which night, with false alarms controlled over the whole fleet.
 
-Each night is compared with the reference nights of its arm, together with the night before it: what only one night
-shows is no change of an arm. The comparison is that of ``armscope compare`` (``comparison.significance``), with the
-scatter between nights. The smallest p-value of an arm and night, times the number of quantities (Bonferroni), is that
-of "this arm had changed in this night"; over all arms and nights these are corrected as Benjamini and Hochberg do
-(JRSS B 57 (1995) 289).
+Each night is compared with the reference nights of its arm, as ``armscope compare`` does (``comparison.significance``),
+with the scatter between reference nights. A quantity has changed in a night if it has in the night before it as well,
+to the same side: its p-value is the larger one of both (an intersection-union test), so that what one night shows
+is no change of an arm, and what grows from night to night is one. The smallest p-value of an arm and night, times the
+number of quantities (Bonferroni), is that of "this arm had changed in this night"; over all arms and nights these are
+corrected as Benjamini and Hochberg do (JRSS B 57 (1995) 289).
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from scipy import stats
 from arm_fleet.plan import Plan
 from comparison import Change, Stored, compare_results
 
-CONFIRM = 2
-"""Nights that are compared together."""
+NAMEABLE = 0.05
+"""p-value, times the number of quantities, up to which a quantity is listed as what changed."""
 FEWEST_REFERENCE = 2
 """Nights without which nothing can be compared."""
 
@@ -76,19 +77,33 @@ def reference(plan: Plan, nights: Sequence[Night]) -> list[Night]:
 def _of_arm(plan: Plan, arm: str, nights: Sequence[Night]) -> list[Alarm]:
     before = reference(plan, nights)
     found = []
-    for place, night in enumerate(nights):
-        after = nights[max(0, place + 1 - CONFIRM) : place + 1]
-        healthy = [one for one in before if one not in after]
-        if night in before or len(healthy) < FEWEST_REFERENCE:
+    last: dict[str, Change] = {}
+    for night in nights:
+        healthy = [one for one in before if one is not night]
+        if len(healthy) < FEWEST_REFERENCE:
             continue
-        changes = [one for kind in ("identifications", "diagnoses") for one in _changes(kind, healthy, after)]
-        tested = [one for one in changes if one.p is not None]
-        if not tested:
-            continue
-        p = min(1.0, len(tested) * min(one.p for one in tested if one.p is not None))
-        sure = sorted((one for one in tested if one.significant), key=lambda one: one.p or 0.0)
-        found.append(Alarm(arm=arm, night=night.night, key=night.key, p=p, changes=tuple(sure)))
+        now = {one.quantity.name: one for one in _all_changes(healthy, night)}
+        if now and last and night not in before:
+            p = {name: _confirmed(last.get(name), one) for name, one in now.items()}
+            sure = sorted((name for name in p if len(p) * p[name] <= NAMEABLE), key=p.__getitem__)
+            smallest = min(1.0, len(p) * min(p.values()))
+            changes = tuple(now[name] for name in sure)
+            found.append(Alarm(arm=arm, night=night.night, key=night.key, p=smallest, changes=changes))
+        last = now
     return found
+
+
+def _confirmed(earlier: Change | None, later: Change) -> float:
+    """p-value of a change that two nights in a row show, to the same side; 1 where only one does."""
+    if earlier is None or earlier.p is None or later.p is None or not (earlier.change and later.change):
+        return 1.0
+    return max(earlier.p, later.p) if (earlier.change > 0) == (later.change > 0) else 1.0
+
+
+def _all_changes(before: Sequence[Night], night: Night) -> list[Change]:
+    """Tested quantities of one night against its reference nights."""
+    found = [one for kind in ("identifications", "diagnoses") for one in _changes(kind, before, [night])]
+    return [one for one in found if one.p is not None]
 
 
 def _changes(kind: str, before: Sequence[Night], after: Sequence[Night]) -> list[Change]:

@@ -80,11 +80,15 @@ def test_of_300_healthy_arms_in_30_nights_at_most_one_night_in_1000_is_named() -
 
 
 def test_what_changed_is_named_with_its_nights() -> None:
-    """A drift, a gap from one night on, a gap in one night only, a step with a repair."""
+    """A drift, a gap from one night on, a gap in one night only, a step with a repair, friction that grows fast."""
     nights = fleet(
         20,
         3,
-        shift={0: lambda night: 3.0 * max(night - 6, 0), 3: lambda night: 25.0 if 6 <= night < 10 else 0.0},
+        shift={
+            0: lambda night: 3.0 * max(night - 6, 0),
+            4: lambda night: 20.0 * max(night - 9, 0),
+            3: lambda night: 25.0 if 6 <= night < 10 else 0.0,
+        },
         gap={1: lambda night: 8e-4 if night >= 7 else None, 2: lambda night: 8e-4 if night == 7 else None},
     )
     wanted = plan(20, limits={"joint1.coulomb": "+50%"})
@@ -93,7 +97,8 @@ def test_what_changed_is_named_with_its_nights() -> None:
     for one in found:
         if one.named:
             named.setdefault(one.arm, []).append(one.night)
-    assert set(named) == {"arm-0", "arm-1", "arm-3"}
+    assert set(named) == {"arm-0", "arm-1", "arm-3", "arm-4"}
+    assert named["arm-4"] == ["2026-01-12", "2026-01-13", "2026-01-14"], "growth is no scatter between nights"
     assert "2026-01-09" <= named["arm-0"][0] <= "2026-01-12" and named["arm-0"][-1] == "2026-01-14"
     assert "2026-01-08" <= named["arm-1"][0] <= "2026-01-09"
     assert "2026-01-07" <= named["arm-3"][0] <= "2026-01-08"
