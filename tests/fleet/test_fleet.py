@@ -100,7 +100,7 @@ def test_a_fleet_that_wears(scene: Scene, tmp_path: Path, capsys: pytest.Capture
     plan = tmp_path / "plan.toml"
     plan.write_text(plan.read_text().replace("timeout", 'report = "none"\ntimeout', 1))
     out = tmp_path / "out"
-    arguments = ["fleet", str(plan), "--out", str(out), "--json"]
+    arguments = ["fleet", str(plan), "--out", str(out), "--workers", "2", "--json"]
     assert run(arguments) == 0
     table = json.loads(capsys.readouterr().out)
     assert table["ran"] == 36 and table["failed"] == 0
