@@ -1,0 +1,59 @@
+"""What identify says of its parameters is said in parameters of the model file, and of every direction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from arm_model import Arm, FrictionCurve
+from arm_model.friction_split import split_arm
+from arm_model.rigid_body.regressor import regressor
+from identification.regression.equations import Friction, column_names, described_columns
+from identification.regression.parameter_covariance import _in_model, _shrunk
+from identification.regression.uncertainty import Uncertainty
+from tests.arm_model.random_arms import random_arm
+
+
+def _rubbing(seed: int) -> Arm:
+    """Friction that differs by direction at joint 1, a curve at joint 2."""
+    arm = random_arm(seed, joints=3)
+    curve = FrictionCurve((0.05, 0.2, 0.6, 1.5), (2.0, 1.5, 1.8, 2.5), (2.1, 1.4, 1.9, 2.4))
+    first, second, third = arm.joints
+    uneven = replace(first, coulomb=(0.3, 0.2))
+    return split_arm(replace(arm, effects=(), joints=(uneven, replace(second, friction_curve=curve), third)))
+
+
+@pytest.mark.parametrize("friction", ["symmetric", "asymmetric"])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_change_of_a_column_is_the_same_change_of_parameters(seed: int, friction: Friction) -> None:
+    arm, rng = _rubbing(seed), np.random.default_rng(seed)
+    q, qd, qdd = rng.normal(size=(3, 40, 3))
+    # away from reversals, where the sign of a velocity is its own square
+    qd = np.sign(qd) * (0.02 + np.abs(qd)) * 1e3 * max(joint.sign_velocity for joint in arm.joints)
+    every, names = regressor(arm, q, qd, qdd)
+    columns = described_columns(arm, q, qd, qdd, friction)
+    size = np.abs(columns).max() + 1.0
+    for k, name in enumerate(column_names(arm, friction)):
+        found = np.zeros_like(columns[..., 0])
+        for parameter, share in _in_model(arm, name).items():
+            both = (parameter, f"{parameter}_positive", f"{parameter}_negative")
+            found += share * sum(every[..., names.index(one)] for one in both if one in names)
+        assert np.abs(found - columns[..., k]).max() < 1e-3 * size, name
+
+
+def test_few_blocks_still_speak_of_every_direction() -> None:
+    """Deviations as stated, full rank, and the blocks' correlations where there are many blocks."""
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(12, 3))
+    few, information = root @ root.T, np.linalg.inv(np.diag(rng.uniform(0.5, 2.0, 12)))
+    std = np.sqrt(np.diag(few))
+    one = np.zeros(12)
+    for blocks, least in ((4, 0.1), (10_000, 0.0)):
+        spread = Uncertainty(few, std, one, information, 1.0, blocks, (one, one))
+        covariance = _shrunk(spread)
+        assert np.allclose(np.sqrt(np.diag(covariance)), std)
+        over = covariance / np.outer(std, std)
+        assert np.linalg.eigvalsh(over)[0] > least
+    assert np.allclose(over, few / np.outer(std, std), atol=2e-3)
