@@ -8,7 +8,7 @@ import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array
-from arm_model.mjcf.tree import Attributes, Tree, towards
+from arm_model.mjcf.tree import Attributes, NeedsCompiler, Tree, towards
 from arm_model.rigid_body.inertia import barycentric, transform
 
 _SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3}
@@ -23,11 +23,7 @@ def geom_inertia(tree: Tree, body: str, geom: Attributes) -> Array:
     if shape == "plane" or _massless(geom):
         return np.zeros(10)
     if shape not in _SIZES or geom.get("shellinertia") == "true":
-        raise InputError(
-            tree.path,
-            f"body {body!r} has no <inertial>, and its <geom> is a {shape}: its mass is not computed here; give it an "
-            "<inertial>, as MuJoCo writes it: mj_saveLastXML",
-        )
+        raise NeedsCompiler(tree.path, f"body {body!r} has no <inertial>, and its <geom> is a {shape}")
     sizes, pose = _placed(tree, geom, shape)
     volume, per_mass = _solid(shape, sizes)
     mass = float(tree.numbers(geom, "mass", "0", 1)[0])

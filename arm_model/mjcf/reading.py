@@ -2,7 +2,8 @@
 
 Of a joint are read its axis, anchor, reference, range, damping, frictionloss and armature; actuators are not: currents
 of an arm from MJCF are torques at the joint. Link frames have the orientation of their bodies, and their origin at the
-joint's anchor. Inertias of bodies without <inertial> come from their geoms, as MuJoCo infers them, but not from meshes.
+joint's anchor. Inertias of bodies without <inertial> come from their geoms, as MuJoCo infers them. What makes bodies or
+moves them (frames, replicas, attachments) and masses of meshes are read by MuJoCo's own compiler, if it is there.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ import numpy as np
 from arm_io import InputError
 from arm_io.types import Array
 from arm_model.description import Arm, Joint
+from arm_model.mjcf.compiled import compiled_text
 from arm_model.mjcf.geom_inertia import geom_inertia
-from arm_model.mjcf.tree import Attributes, Node, Tree, about, read_tree
+from arm_model.mjcf.tree import Attributes, NeedsCompiler, Node, Tree, about, read_tree
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
 from arm_model.rigid_body.kinematics import rpy_of
 
@@ -56,16 +58,26 @@ def read_mjcf(path: str | Path, *, tip: str | None = None) -> Arm:
 
     What is fixed to a link is merged into it. InputError for anything but a serial chain of hinges and slides.
     """
-    return read_all(path, tip=tip).arm
+    return _arm(path, tip, None)
 
 
 def mjcf_of(text: str, path: str | Path) -> Arm:
     """``read_mjcf`` of a text; ``path`` names it in errors, and what it includes is looked for beside it."""
-    return read_all(path, content=text.encode()).arm
+    return _arm(path, None, text.encode())
+
+
+def _arm(path: str | Path, tip: str | None, content: bytes | None) -> Arm:
+    try:
+        return read_all(path, tip=tip, content=content).arm
+    except NeedsCompiler as needed:
+        return read_all(path, tip=tip, content=compiled_text(Path(path), needed, content)).arm
 
 
 def read_all(path: str | Path, *, tip: str | None = None, content: bytes | None = None) -> Reading:
-    """As ``read_mjcf``, with the places of the numbers; ``content``: see ``read_tree``."""
+    """As ``read_mjcf``, with the places of the numbers; ``content``: see ``read_tree``.
+
+    NeedsCompiler where the numbers do not stand in the file.
+    """
     tree = read_tree(path, content)
     _check_compiler(tree)
     chain = _Chain(tree, tip)
@@ -87,7 +99,7 @@ def read_all(path: str | Path, *, tip: str | None = None, content: bytes | None 
         after = chain.path[number + 1] if number + 1 < len(chain.path) else None
         bodies += _merged(tree, node, len(joints) - 1, pose, childclass, after)
     if not joints:
-        raise InputError(path, "has no moving joint")
+        raise InputError(tree.path, "has no moving joint")
     option = {
         name: value for one in tree.sections if one.tag == "option" for name, value in one.element.attributes.items()
     }
@@ -150,7 +162,7 @@ def _joints_of(tree: Tree, body: Node) -> list[Node]:
 def _check_compiler(tree: Tree) -> None:
     for name in _SCALING:
         if float(tree.numbers(tree.compiler, name, "0", 1)[0]) > 0:
-            raise InputError(tree.path, f"<compiler {name}> changes masses; save it from MuJoCo first: mj_saveLastXML")
+            raise NeedsCompiler(tree.path, f"has <compiler {name}>")
 
 
 def _merged(

@@ -23,6 +23,14 @@ _UNREAD = ("frame", "replicate", "attach", "composite", "flexcomp")
 """Elements that make bodies or move them in ways that are not read here."""
 
 
+class NeedsCompiler(InputError):
+    """A model with something that only MuJoCo's own compiler reads; ``what``: "has <frame>"."""
+
+    def __init__(self, path: Path, what: str) -> None:
+        super().__init__(path, f"{what}, into which nothing can be written; write the arm as .toml or .urdf")
+        self.what = what
+
+
 @dataclass
 class Node:
     """An element, the text that it stands in, and its children, those of included files among them."""
@@ -134,9 +142,10 @@ class Tree:
 
 
 def read_tree(path: str | Path, content: bytes | None = None) -> Tree:
-    """Reads a file and what it includes. InputError where it is no MJCF, or has elements that are not read here.
+    """Reads a file and what it includes.
 
-    ``content``: of the file, where there is none; None: it is read.
+    ``content``: of the file, where there is none; None: it is read. InputError where it is no MJCF, NeedsCompiler where
+    it has elements that are not read here.
     """
     path = Path(path)
     text = XmlText(path, read_file(path) if content is None else content)
@@ -160,9 +169,7 @@ def _expanded(tree: Tree, text: XmlText, elements: list[Element], files: set[Pat
     nodes: list[Node] = []
     for element in elements:
         if element.tag in _UNREAD:
-            raise InputError(
-                tree.path, f"has <{element.tag}>, which is not read; save it from MuJoCo first: mj_saveLastXML"
-            )
+            raise NeedsCompiler(tree.path, f"has <{element.tag}>")
         if element.tag != "include":
             nodes.append(Node(text, element, _expanded(tree, text, element.children, files)))
             continue

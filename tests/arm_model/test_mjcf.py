@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -174,14 +175,8 @@ def test_what_is_fixed_to_a_body_gives_way_where_the_rest_were_impossible(origin
         ("forearm.xml", "elbow.xml", "no such file"),
         ("</mujoco>", "", "cannot be read"),
         ("<mujoco ", "<robot ", "cannot be read|not a MuJoCo model"),
-        ('<light pos="0 0 3"/>', "<frame/>", "has <frame>"),
-        ('meshdir="assets"', 'settotalmass="3"', "changes masses"),
+        ('<light pos="0 0 3"/>', '<attach model="none"/>', "MuJoCo cannot compile it: .*prefix"),
         ('<body name="plate"', '<body name="finger"><joint/></body><body name="plate"', "branches into finger, lower"),
-        (
-            '<inertial mass="0.4" pos="0 0 0" diaginertia="1e-3 1e-3 2e-3"/>',
-            '<geom type="mesh" mesh="plate"/>',
-            "body 'plate' has no <inertial>, and its <geom> is a mesh",
-        ),
     ],
 )
 def test_what_is_not_read_is_said_in_one_line(old: str, new: str, complaint: str, original: Path) -> None:
@@ -190,6 +185,51 @@ def test_what_is_not_read_is_said_in_one_line(old: str, new: str, complaint: str
     with pytest.raises(InputError, match=complaint) as caught:
         read_model(original)
     assert "\n" not in str(caught.value)
+
+
+PLATE = '<body name="plate" pos="0.2 0 0"><inertial mass="0.4" pos="0 0 0" diaginertia="1e-3 1e-3 2e-3"/></body>'
+TETRAHEDRON = '<asset><mesh name="wedge" vertex="0 0 0 .1 0 0 0 .1 0 0 0 .1"/></asset><worldbody>'
+COMPILED = {
+    "frame": {
+        '<include file="forearm.xml"/>': '<frame pos=".02 0 .1" euler="0 .3 1"><include file="forearm.xml"/></frame>'
+    },
+    "replicate": {PLATE: f'<replicate count="3" offset="0 .1 0" euler="0 0 .5">{PLATE}</replicate>'},
+    "attach": {
+        '<include file="forearm.xml"/>': '<attach model="other" body="hand" prefix="my_"/>',
+        "<worldbody>": '<asset><model name="other" file="other.xml"/></asset><worldbody>',
+    },
+    "compiler settotalmass": {'meshdir="assets"': 'settotalmass="3"'},
+    "geom> is a mesh": {
+        PLATE: '<body name="plate"><geom type="mesh" mesh="wedge" pos="0 .1 0"/></body>',
+        "<worldbody>": TETRAHEDRON,
+    },
+}
+OTHER = """<mujoco><worldbody><body name="hand" quat="1 .2 0 0"><joint name="roll" axis="1 0 0" damping=".3"
+  armature=".04" range="-30 60"/><inertial mass=".7" pos=".1 0 0" diaginertia=".01 .02 .02"/></body>
+  </worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("what", COMPILED)
+def test_what_only_the_compiler_of_mujoco_reads_is_read_by_it(
+    what: str, original: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = ARM
+    for old, new in COMPILED[what].items():
+        assert old in text
+        text = text.replace(old, new)
+    original.write_text(text)
+    (tmp_path / "other.xml").write_text(OTHER)
+    monkeypatch.chdir(tmp_path)
+    arm = read_model(original)
+    assert not list(tmp_path.glob("*.TXT"))  # MuJoCo's log of its warnings
+    agree(original, arm)
+    assert [joint.name for joint in arm.joints] == ["shoulder", "my_roll" if what == "attach" else "elbow"]
+    assert arm.joints[0].limits == (-2.8, 2.8) and arm.joints[1].limits is not None
+    with pytest.raises(InputError, match=f"has .*{what}.*nothing can be written"):
+        update_mjcf(original, arm, tmp_path / "new.xml")
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(InputError, match=rf"has .*{what}.*pip install 'armscope\[mujoco\]'"):
+        read_model(original)
 
 
 def test_a_tip_chooses_the_branch(original: Path, tmp_path: Path) -> None:
