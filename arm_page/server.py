@@ -95,8 +95,8 @@ class Page:
         try:
             name = f"[{rig.page.host}]" if ":" in rig.page.host else rig.page.host
             address = f"{'http' if rig.page.tls is None else 'https'}://{name}:{port}/"
-            ready(address if access.passwords is not None else f"{address}#{access.key}", address)
-            _run(uvicorn.Server(config), server.viewers.close, listener)
+            steer = address if access.passwords is not None else f"{address}#{access.key}"
+            _run(uvicorn.Server(config), server.viewers.close, listener, lambda: ready(steer, address))
         finally:
             parts.analyses.close()
             link.close()
@@ -132,28 +132,26 @@ def _tls(rig: Rig) -> dict[str, str]:
     return {name: str(path) for name, path in paths.items()}
 
 
-def _run(server: uvicorn.Server, close_streams: Callable[[], None], listener: socket.socket) -> None:
-    """Until a signal; the streams are ended first, or the server would wait for browsers that stay."""
+def _run(
+    server: uvicorn.Server, close_streams: Callable[[], None], listener: socket.socket, ready: Callable[[], None]
+) -> None:
+    """Until a signal, from ``ready`` on; the streams are ended first, or the server would wait for browsers."""
+    # uvicorn raises every signal again once it has ended, and what is to be closed after it would stay open
+    server.capture_signals = contextlib.nullcontext  # type: ignore[method-assign,assignment]
+    loop = asyncio.new_event_loop()
 
-    async def until_told() -> None:
-        loop = asyncio.get_running_loop()
-        serving = asyncio.create_task(server.serve(sockets=[listener]))
-        while not server.started and not serving.done():
-            await asyncio.sleep(0.01)
+    def end(number: int, _: object) -> None:
+        server.should_exit = True
+        loop.call_soon_threadsafe(close_streams)
 
-        def end(number: int, _: object) -> None:
-            server.should_exit = True
-            loop.call_soon_threadsafe(close_streams)
-
-        # After those of uvicorn, which raise the signal again once it has ended.
-        before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            await serving
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-
-    asyncio.run(until_told())
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        ready()
+        loop.run_until_complete(server.serve(sockets=[listener]))
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        loop.close()
 
 
 def _installed() -> Any:

@@ -6,6 +6,7 @@ system; what was started reads it and ends by itself.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
@@ -26,8 +27,11 @@ def start_attached(arguments: list[str], **options: Any) -> subprocess.Popen[str
 def when_starter_ends(end: Callable[[], None]) -> None:
     """Calls ``end`` on a thread once standard input is closed."""
 
+    handle = sys.stdin.fileno()
+
     def wait() -> None:
-        while sys.stdin.buffer.read(4096):
+        # not through sys.stdin, whose lock Python takes when it ends: it would abort while this thread waits in a read
+        while os.read(handle, 4096):
             pass
         end()
 

@@ -92,7 +92,9 @@ def lay_out(folder: Path, rig: dict[str, Any]) -> Path:
 
 
 @contextmanager
-def open_room(folder: Path, rig: dict[str, Any], *options: str, addresses: int = 2) -> Iterator[Room]:
+def open_room(
+    folder: Path, rig: dict[str, Any], *options: str, addresses: int = 2, stop: int = signal.SIGINT
+) -> Iterator[Room]:
     """``armscope page`` on a rig, until the block ends; ``addresses`` that it prints: one where passwords are asked."""
     path = lay_out(folder, rig)
     command = [sys.executable, "-m", "armscope", "page", str(path), "--port", "0", "--no-browser", "--json", *options]
@@ -117,5 +119,6 @@ def open_room(folder: Path, rig: dict[str, Any], *options: str, addresses: int =
         assert (ready["steer"], ready["watch"]) == (found[0], found[-1])
         yield Room(found[0], found[-1], folder, process)
     finally:
-        process.send_signal(signal.SIGINT)
+        process.send_signal(stop)
         process.communicate(timeout=20)
+    assert process.returncode == 0

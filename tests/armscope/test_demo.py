@@ -15,6 +15,7 @@ from daq.recording import open_recording
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(400)
 def test_demo(root: Path, tmp_path: Path) -> None:
     ended = subprocess.run(
         [sys.executable, "-m", "armscope", "demo", "--out", "demo", "--json"],

@@ -10,17 +10,22 @@ from pathlib import Path
 
 PROGRAMS = ("armscope", "make", "python", "pytest", "pip")
 LINE = re.compile(rf"^(?:\$ )?((?:{'|'.join(PROGRAMS)})(?: .*)?)$")
+NOT_RUN = re.compile(r"<!-- not run: (.+) -->")
 INLINE = re.compile(rf"`((?:{'|'.join(PROGRAMS)}) [^`]+)`")
 
 
 @dataclass(frozen=True)
 class Command:
-    """One command of a document; ``line`` from 1; ``whole``: a line of its own, which a reader copies."""
+    """One command of a document; ``line`` from 1; ``whole``: a line of its own, which a reader copies.
+
+    not_run  why no test runs it: of ``<!-- not run: WHY -->`` before its block; empty where one does
+    """
 
     document: str
     line: int
     text: str
     whole: bool
+    not_run: str = ""
 
     @property
     def words(self) -> list[str]:
@@ -44,13 +49,17 @@ def commands(root: Path) -> Iterator[Command]:
 
 
 def _of(name: str, text: str) -> Iterator[Command]:
-    fenced, before, began = False, "", 0
+    fenced, before, began, why = False, "", 0, ""
     for number, line in enumerate(text.splitlines(), 1):
+        if mark := NOT_RUN.fullmatch(line):
+            why = mark[1]
+            continue
         if line.startswith("```"):
             fenced = not fenced
             continue
         code = line[4:] if line.startswith("    ") else line if fenced else None
         if code is None:
+            why = why if not line else ""
             yield from (Command(name, number, match, False) for match in INLINE.findall(line))
             continue
         if before:
@@ -59,4 +68,4 @@ def _of(name: str, text: str) -> Iterator[Command]:
         if code.endswith("\\") and LINE.match(code):
             before, began = code[:-1].rstrip(), number
         elif match := LINE.match(code.rstrip()):
-            yield Command(name, number, match[1], True)
+            yield Command(name, number, match[1], True, why)
