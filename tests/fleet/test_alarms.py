@@ -70,6 +70,7 @@ def test_a_healthy_fleet_is_silent() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_of_300_healthy_arms_in_30_nights_at_most_one_night_in_1000_is_named() -> None:
     """As 700 arms of 14 nights, 6300 of which are compared."""
     found = alarms(plan(700), fleet(700, 2))
