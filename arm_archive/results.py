@@ -22,7 +22,8 @@ def result_entry(folder: Path, found: Found) -> Entry:
     path = folder / found.path
     try:
         table = _table(path, found.kind)
-        parameters = tuple(_OF_KIND[found.kind](table))
+        of_base = table["schema"] == _schemas(found.kind)[1]
+        parameters = tuple(_of_base(table) if of_base else _OF_KIND[found.kind](table))
         arm, model = _model(path.parent / "model.toml")
         recorded = utc_date_of(table.get("recorded"))
         return Entry(
@@ -33,7 +34,7 @@ def result_entry(folder: Path, found: Found) -> Entry:
             arm=arm,
             model=model,
             verdict=_verdict(found.kind, table),
-            error=_error(found.kind, table),
+            error=None if of_base else _error(found.kind, table),
             made_from=", ".join(dict.fromkeys(_sources(table))) or None,
             report=_report(folder, path),
             parameters=parameters,
@@ -51,10 +52,15 @@ def _table(path: Path, kind: str) -> Table:
         table = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(path, f"is no JSON: {error}") from None
-    if not isinstance(table, dict) or table.get("schema") != f"armscope.{kind}/1":
-        raise InputError(path, f"is no result of armscope (armscope.{kind}/1)")
+    if not isinstance(table, dict) or table.get("schema") not in _schemas(kind):
+        raise InputError(path, f"is no result of armscope ({_schemas(kind)[0]})")
     check_plain(path, table)
     return table
+
+
+def _schemas(kind: str) -> tuple[str, str]:
+    """Of a result of the arm, and of the floating base that carries it."""
+    return f"armscope.{kind}/1", f"armscope.base_{kind}/1"
 
 
 def _model(path: Path) -> tuple[str | None, str | None]:
@@ -118,6 +124,16 @@ def _diagnosed(table: Table) -> Iterator[Parameter]:
         head = "" if cause["joint"] is None else f"joint{int(cause['joint'])}."
         for name, one in cause["parameters"].items():
             yield _parameter(f"{head}{cause['effect']}.{name}", one)
+
+
+def _of_base(table: Table) -> Iterator[Parameter]:
+    """Parameters of a floating base that the data determine, or values of its causes."""
+    for one in table.get("parameters", ()):
+        if one["identifiable"] and one["value"] is not None:
+            yield _parameter(str(one["name"]), one)
+    for cause in table.get("causes", ()):
+        for name, one in cause["parameters"].items():
+            yield _parameter(f"{cause['effect']}.{name}", one)
 
 
 def _calibrated(table: Table) -> Iterator[Parameter]:

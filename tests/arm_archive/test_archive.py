@@ -100,6 +100,32 @@ def test_a_result_without_a_date_has_that_of_its_file(tmp_path: Path) -> None:
     assert (row["date"], row["date_of"]) == ("2025-06-15T15:06:40Z", "file")
 
 
+def test_results_of_a_floating_base_are_listed(tmp_path: Path) -> None:
+    """Their schemas differ from those of an arm's."""
+    drag = {"name": "base.linear_drag_surge", "value": 13.1, "std": 0.4, "unit": "N s/m"}
+    tables = {
+        "identification": {"method": "wls", "parameters": [{**drag, "identifiable": True}]},
+        "diagnosis": {
+            "verdict": "explained",
+            "causes": [
+                {"effect": "thruster_gain", "joint": None, "thruster": 3, "parameters": {"gain": {**drag, "unit": "1"}}}
+            ],
+        },
+    }
+    for kind, table in tables.items():
+        (tmp_path / f"{kind}.json").write_text(
+            json.dumps({"schema": f"armscope.base_{kind}/1", "fit": ["a.mcap"], "held_out": [], **table})
+        )
+    with open_archive(tmp_path) as archive:
+        rows = {row["kind"]: row for row in archive.rows()}
+        found = {kind: [one["name"] for one in archive.parameters(row["path"])] for kind, row in rows.items()}
+    assert {kind: (row["state"], row["verdict"]) for kind, row in rows.items()} == {
+        "identification": ("whole", "wls"),
+        "diagnosis": ("whole", "explained: thruster_gain"),
+    }
+    assert found == {"identification": ["base.linear_drag_surge"], "diagnosis": ["thruster_gain.gain"]}
+
+
 @pytest.mark.parametrize(
     ("filters", "count"),
     [
