@@ -60,12 +60,16 @@ def _left_over(result: Diagnosis) -> str:
 
 def _judged(result: Diagnosis) -> str:
     """The verdict on what could be judged."""
+    # above the noise, but not above what is known of an identified model
+    known = (
+        ", as far as the model is known" if any(one.known_to and any(one.words) for one in remaining(result)) else ""
+    )
     if result.verdict == "consistent":
-        return "Consistent: no effect and no structure was found in these recordings."
+        return f"Consistent{known}: no effect and no structure was found in these recordings."
     grouped = any(len(cause.group) > 1 for cause in result.causes)
     causes = ("; " if grouped else ", ").join(map(either, result.causes))
     if result.verdict == "explained":
-        return f"Explained: {causes}."
+        return f"Explained{known}: {causes}."
     places = ", ".join(against(one.signal, one.joint, one.words()) for one in result.unexplained)
     structure = f"structure in {places} that no effect of the catalogue explains."
     return f"Explained in part: {causes}. There remains {structure}" if causes else f"Unexplained: {structure}"
