@@ -121,4 +121,5 @@ def open_room(
     finally:
         process.send_signal(stop)
         process.communicate(timeout=20)
-    assert process.returncode == 0
+    # killed: by the test itself
+    assert process.returncode in (0, -signal.SIGKILL)

@@ -122,7 +122,7 @@ def _redirected(program: list[str], home: Path) -> Path | None:
 
 @contextmanager
 def _until_stopped(words: list[str], folder: Path) -> Iterator[None]:
-    """A service, ready; ended as by Ctrl-C at the end of the block."""
+    """A service, ready; told to end at the end of the block. Not by SIGINT, which background jobs of a shell ignore."""
     command = [sys.executable, "-m", *words]
     process = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
@@ -133,7 +133,7 @@ def _until_stopped(words: list[str], folder: Path) -> Iterator[None]:
             said += line
             assert line, said
         yield
-        process.send_signal(signal.SIGINT)
+        process.send_signal(signal.SIGTERM)
         assert process.wait(60) == 0
     finally:
         process.kill()
