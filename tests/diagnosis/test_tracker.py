@@ -11,12 +11,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 
 from arm_model.description import Arm, Joint
 from arm_model.model_file import read_model
+from arm_model.rigid_body.kinematics import roll_pitch_yaw
 from daq.recording import Recording
-from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
-from tests.diagnosis.tracked_arm import NOISE, Puma, Wrong, record, recordings
+from diagnosis.measurements.tracker.causes import Tracked, _start, tracked_causes
+from diagnosis.measurements.tracker.columns import Survey
+from identification.kinematics.models import chain_of, position
+from tests.diagnosis.tracked_arm import NOISE, TARGET, Puma, Wrong, record, recordings
 
 
 @pytest.fixture(scope="module")
@@ -180,6 +184,35 @@ def test_what_cannot_be_told_apart_is_a_group(puma: Puma, arm: Arm, tmp_path: Pa
     assert offset[0].separate_by
     zero = found(puma, arm, tmp_path, Wrong(zero=at(2, 0.004)), "zero 2").causes
     assert set(zero[0].group) == {("joint_zero_offset", 2), ("link_geometry", 2)}
+
+
+def _without_target(recording: Recording) -> Recording:
+    """As of a simulation, or of a table with points and no rig."""
+    rig = {**recording.rig, "tracker": {k: v for k, v in recording.rig["tracker"].items() if k != "target"}}
+    return replace(recording, attachments={**recording.attachments, "rig.toml": tomli_w.dumps(rig).encode()})
+
+
+def test_a_target_that_no_rig_states_is_fitted(puma: Puma, arm: Arm, tmp_path: Path) -> None:
+    """It was taken for the origin of the last link, and the target's own place for an error of that link."""
+    fit, held_out = ([*map(_without_target, part)] for part in recordings(puma, tmp_path, Wrong(), 41))
+    result = tracked_causes(arm, fit, held_out)
+    assert result.causes == [] and result.unexplained == []
+    assert result.rms["held_out"][0] < 2 * NOISE
+    wrong, expected = geometry(2, a=0.002)
+    (tmp_path / "wrong").mkdir()
+    fit, held_out = ([*map(_without_target, part)] for part in recordings(puma, tmp_path / "wrong", wrong, 42))
+    (cause,) = tracked_causes(arm, fit, held_out).causes
+    assert {(cause.effect, cause.joint)} == set(expected)
+
+
+def test_a_frame_and_a_target_that_no_rig_states_are_fitted_together(puma: Puma, arm: Arm, tmp_path: Path) -> None:
+    """To a hundredth of the noise of a point."""
+    (one, *_), _ = recordings(puma, tmp_path, Wrong(), 43)
+    chain = chain_of(arm, TARGET)
+    turn = roll_pitch_yaw((0.3, -0.2, 0.9))[:3, :3]
+    moved = replace(one, xyz=position(chain, one.q) @ turn.T + [0.5, -1.2, 0.4])
+    start = _start(arm, [(moved, moved.q)], Survey(target=(0.0, 0.0, 0.0), target_known=False, frame_known=False))
+    assert np.abs(position(start, moved.q) - moved.xyz).max() < NOISE / 100
 
 
 def test_something_that_no_effect_explains_is_said(puma: Puma, arm: Arm, tmp_path: Path) -> None:

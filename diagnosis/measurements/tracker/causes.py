@@ -3,7 +3,7 @@
 The measured angles are the reference: where the target is not at the position of the model's kinematics, something
 between the encoders and the target is wrong. The tracker's frame and the target's position on the last link are those
 of the rig, uncertain by some tenths of a millimetre and of a milliradian (``columns.FRAME``, ``TARGET``, ``BOUND``);
-larger deviations have another cause.
+larger deviations have another cause. A frame or a target that no rig states is free.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from arm_model.effects.description_errors import JOINT_ZERO_OFFSET
 from arm_model.effects.tracking import LINK_GEOMETRY, TRACKER_OUTLIERS
 from daq.recording import Recording
 from diagnosis.cause import MAX_CONFIDENCE, Cause, Estimate, Signal, Structure, Undetectable, confidence_of
-from diagnosis.measurements.tracker.columns import State, TrackedCandidate
+from diagnosis.measurements.tracker.columns import State, Survey, TrackedCandidate
 from diagnosis.measurements.tracker.detectability import no_tracker, not_visible, sizes, structure, visible
 from diagnosis.measurements.tracker.model import LIMITS, Named, TrackedPoints, selected, tracked_points
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
@@ -32,6 +32,8 @@ from identification.kinematics.data import aligned
 from identification.kinematics.models import Chain, chain_of, position, position_jacobian, xyz_ypr
 from identification.selection import Split
 
+ALTERNATIONS = 30
+"""Fits of frame and target in turn, where neither is known: what is left of 0.1 m is below a micrometre."""
 OTHER_POSES = "more varied poses: armscope calibrate --poses 40"
 
 
@@ -81,9 +83,8 @@ def tracked_causes(
         return Tracked([], no_tracker(placed, bool(pairs[0])), 0.0, {}, [])
     progress("comparing the tracker's points with the model")
     recordings = [[r for r, _ in part] for part in pairs]
-    target = _target(recordings[0][0])
-    frame_known = all(r.xyz is not None for part in recordings for r in part)
-    start = _start(arm, pairs[0], target, frame_known)
+    survey = _survey([r for part in recordings for r in part])
+    start = _start(arm, pairs[0], survey)
     sides, outliers, noises = [], [], []
     for part in pairs:
         at = [position(start, q) for r, q in part]
@@ -95,7 +96,7 @@ def tracked_causes(
     noise = float(np.mean(noises))
     level = float(np.hypot(noise, _zeros(start, sides[1], steps)))
     points = Split(sides[0], sides[1])
-    model = tracked_points(arm, points, target, frame_known=frame_known, nominal=start.values, level=level, steps=steps)
+    model = tracked_points(arm, points, survey, nominal=start.values, level=level, steps=steps)
     state = _sparse(selected(model, progress), model)
     precise = model.precise(state)
     causes = [_cause(named, precise, state, model) for named in (model.named(state) if state.chosen else [])]
@@ -117,26 +118,49 @@ def tracked_causes(
     )
 
 
-def _target(recording: Recording) -> tuple[float, float, float]:
-    """(3,) m in the frame of the last link, from the rig in the recording; default: its origin."""
-    x, y, z = (float(v) for v in recording.rig.get("tracker", {}).get("target", (0.0, 0.0, 0.0)))
-    return x, y, z
+def _survey(recordings: Sequence[Recording]) -> Survey:
+    """What the rigs in the recordings say of frame and target."""
+    stated = recordings[0].rig.get("tracker", {}).get("target")
+    x, y, z = (float(v) for v in stated or (0.0, 0.0, 0.0))
+    return Survey(
+        target=(x, y, z), target_known=stated is not None, frame_known=all(r.xyz is not None for r in recordings)
+    )
 
 
-def _start(
-    arm: Arm, part: Sequence[tuple[Recording, Array]], target: tuple[float, float, float], frame_known: bool
-) -> Chain:
-    """The model's chain; where no rig file has the pose of the tracker, with its base fitted to the points."""
-    chain = chain_of(described(arm), target)
-    if frame_known:
-        return chain
+def _start(arm: Arm, part: Sequence[tuple[Recording, Array]], survey: Survey) -> Chain:
+    """The model's chain; what no rig file has, the pose of the tracker or the target, fitted to the points."""
+    chain = chain_of(described(arm), survey.target)
     q = np.concatenate([angles for _, angles in part])
     xyz = np.concatenate([_points(r) for r, _ in part])
     there = np.isfinite(xyz).all(axis=1)
-    pose = aligned(position(chain, q[there]), xyz[there])
+    q, xyz = q[there], xyz[there]
+    # one solves for the other: together they converge
+    rounds = 1 if survey.target_known or survey.frame_known else ALTERNATIONS
+    for _ in range(rounds):
+        if not survey.frame_known:
+            chain = _based(arm, chain, aligned(position(_based(arm, chain, np.eye(4)), q), xyz))
+        if not survey.target_known:
+            chain = _targeted(chain, q, xyz)
+    return chain
+
+
+def _based(arm: Arm, chain: Chain, pose: Array) -> Chain:
+    """The chain with its base moved by a ``pose`` (4, 4) of the tracker."""
     place = np.linalg.inv(np.array(arm.base)) @ pose @ np.array(arm.base)
     moved = dict(zip(("x", "y", "z", "yaw", "pitch", "roll"), xyz_ypr(place), strict=True))
     return chain.at([moved[s.name[5:]] if s.name.startswith("base.") else s.value for s in chain.steps])
+
+
+def _targeted(chain: Chain, q: Array, xyz: Array) -> Chain:
+    """The chain with the target (3,) m that fits points (N, 3) m best: they are linear in it."""
+    axes = [k for k, step in enumerate(chain.steps) if step.name.startswith("target.")]
+    values = np.array([step.value for step in chain.steps])
+    values[axes] = 0.0
+    without = position(chain.at(values), q)
+    unit = [position(chain.at(values + (np.arange(len(values)) == k)), q) - without for k in axes]
+    columns = np.stack(unit, axis=-1).reshape(-1, len(axes))
+    values[axes] = np.linalg.lstsq(columns, (xyz - without).ravel(), rcond=1e-9)[0]
+    return chain.at(values)
 
 
 def _points(recording: Recording) -> Array:

@@ -27,9 +27,22 @@ GEOMETRY = {p.name: p.chain for p in LINK_GEOMETRY.parameters}
 FRAME, TARGET = 3e-4, 3e-4
 """Prior std of the tracker's frame (m, rad) and of the target's position (m) from a rig file."""
 ANYWHERE = 10.0
-"""Prior std of the frame of a tracker whose pose no rig file gives."""
+"""Prior std of the frame of a tracker whose pose, or of a target whose position, no rig file gives."""
 BOUND = 2.5
 """Prior std beyond which frame and target are kept at their values: the error has another cause."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What the rig files of recordings say of the tracker.
+
+    target (3,) m in the frame of the last link, its origin where it is not known; frame_known: whether the points are
+    in the frame of the arm's base.
+    """
+
+    target: tuple[float, float, float]
+    target_known: bool
+    frame_known: bool
 
 
 @dataclass(frozen=True)
@@ -181,9 +194,8 @@ def fitted(
     arm: Arm,
     chosen: Sequence[TrackedCandidate],
     side: Side,
-    target: Sequence[float],
+    survey: Survey,
     *,
-    frame_known: bool,
     start: Array | None = None,
     steps: Array | None = None,
 ) -> State:
@@ -194,7 +206,7 @@ def fitted(
     steps (n,) rad: of encoders whose zeros may be wrong by up to a count in every recording; these are then fitted as
     well, so that values and std are those of many recordings.
     """
-    parameters = _parameters(arm, chosen, target, frame_known)
+    parameters = _parameters(arm, chosen, survey)
     scale = np.concatenate([np.zeros(0), *(c.scales for c in chosen if not c.names)])
     points, own = points_of(chosen, side), len(scale)
     if steps is not None:
@@ -248,16 +260,16 @@ def _zero_scales(side: Side, steps: Array) -> Array:
     return np.tile(np.maximum(steps, 1e-7) / np.sqrt(6.0), len(np.unique(side.of)))
 
 
-def _parameters(arm: Arm, chosen: Sequence[TrackedCandidate], target: Sequence[float], frame_known: bool) -> Parameters:
-    chain = chain_of(described(arm), target)
+def _parameters(arm: Arm, chosen: Sequence[TrackedCandidate], survey: Survey) -> Parameters:
+    chain = chain_of(described(arm), survey.target)
     prior_std = {name: float(scale) for c in chosen if c.names for name, scale in zip(c.values, c.scales)}
     scale = np.zeros(len(chain.steps))
     for k, step in enumerate(chain.steps):
         group = step.name.partition(".")[0]
         if group == "base":
-            scale[k] = FRAME if frame_known else ANYWHERE
+            scale[k] = FRAME if survey.frame_known else ANYWHERE
         elif group == "target":
-            scale[k] = TARGET
+            scale[k] = TARGET if survey.target_known else ANYWHERE
         elif step.name in prior_std:
             scale[k] = prior_std[step.name]
     free = np.flatnonzero(scale)

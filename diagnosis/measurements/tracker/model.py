@@ -16,7 +16,15 @@ import numpy as np
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects.tracking import LINK_GEOMETRY
-from diagnosis.measurements.tracker.columns import GEOMETRY, State, TrackedCandidate, candidates, fitted, is_physical
+from diagnosis.measurements.tracker.columns import (
+    GEOMETRY,
+    State,
+    Survey,
+    TrackedCandidate,
+    candidates,
+    fitted,
+    is_physical,
+)
 from diagnosis.measurements.tracker.points import Side
 from diagnosis.measurements.tracker.regression import by_block, columns_of, energy, linear, point_residual, squares
 from identification.selection import Limits, MeasurementModel, Score, Split, eliminate, p_value, select
@@ -79,9 +87,7 @@ class Named:
 
 @dataclass(frozen=True)
 class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
-    """points: fit and held-out points; target (3,) m in the frame of the last link.
-
-    frame_known: whether a rig file has the pose of the tracker.
+    """points: fit and held-out points; survey: what is known of frame and target.
 
     nominal  values of the chain at which fits start
     level    m: std of a coordinate that the points leave undetermined
@@ -90,8 +96,7 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
 
     arm: Arm
     points: Split[Side]
-    target: Sequence[float]
-    frame_known: bool
+    survey: Survey
     nominal: Array
     level: float
     steps: Array
@@ -110,7 +115,7 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
     def refit(self, chosen: Sequence[TrackedCandidate], near: State | None = None) -> State:
         """Candidates fitted together with frame and target, from the values of another state on."""
         start = self.nominal if near is None else near.values
-        return fitted(self.arm, chosen, self.points.fit, self.target, frame_known=self.frame_known, start=start)
+        return fitted(self.arm, chosen, self.points.fit, self.survey, start=start)
 
     def precise(self, state: State) -> State:
         """The same candidates fitted together with the zeros of the encoders, for values and std."""
@@ -118,8 +123,7 @@ class TrackedPoints(MeasurementModel[TrackedCandidate, State]):
             self.arm,
             state.chosen,
             self.points.fit,
-            self.target,
-            frame_known=self.frame_known,
+            self.survey,
             start=state.values,
             steps=self.steps,
         )
@@ -222,15 +226,14 @@ def selected(model: TrackedPoints, progress: Callable[[str], None]) -> State:
 def tracked_points(
     arm: Arm,
     points: Split[Side],
-    target: Sequence[float],
+    survey: Survey,
     *,
-    frame_known: bool,
     nominal: Array,
     level: float,
     steps: Array,
 ) -> TrackedPoints:
     """The model of some points with every candidate of an arm."""
-    return TrackedPoints(arm, points, target, frame_known, nominal, level, steps, tuple(candidates(arm)))
+    return TrackedPoints(arm, points, survey, nominal, level, steps, tuple(candidates(arm)))
 
 
 def _score(candidate: TrackedCandidate, blocks: Array, coefficients: Array) -> Score[TrackedCandidate]:
