@@ -2,9 +2,9 @@
 
     python -m examples.rov [--out DIR]
 
-The two-link arm on a small ROV (config/models/rov_arm.toml) swings through config/experiments/rov_swing.toml: with idle
-thrusters, with station keeping, and with station keeping that adds the wrench which the arm's demanded motion takes,
-whole or 30 % too small. Then all that at three times the pace, where the arm does not follow its demand.
+The two-link arm on a small ROV (config/models/rov_arm.toml) swings through config/experiments/arms/rov_swing.toml: with
+idle thrusters, with station keeping, and with station keeping that adds the wrench which the arm's demanded motion
+takes, whole or 30 % too small. Then all that at three times the pace, where the arm does not follow its demand.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def main() -> None:
 
     matplotlib.use("agg")
     arm = read_model(CONFIG / "models/rov_arm.toml")
-    asked = read_experiment(CONFIG / "experiments/rov_swing.toml")
+    asked = read_experiment(CONFIG / "experiments/arms/rov_swing.toml")
     done = {"swing": runs(arm, asked), "fast": runs(arm, paced(asked, FAST))}
     for name, one in done.items():
         draw(arm, one, out / f"{name}.png")

@@ -33,7 +33,7 @@ def test_the_vehicle_has_the_published_allocation_and_nearly_floats(root: Path) 
 
 def test_feed_forward_takes_nine_tenths_of_the_throw(root: Path) -> None:
     arm = read_model(root / "config/models/rov_arm.toml")
-    asked = read_experiment(root / "config/experiments/rov_swing.toml")
+    asked = read_experiment(root / "config/experiments/arms/rov_swing.toml")
     without, with_it = (figures(arm, run(with_station(arm, share), asked)) for share in (0.0, 1.0))
     assert 25.0 < without["base_largest_mm"] < 45.0
     assert 9.0 < without["turn_largest_deg"] < 16.0

@@ -20,7 +20,7 @@ MODEL = "config/models/rov_arm.toml"
 def swing(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated recording of the ROV with its arm."""
     out = tmp_path_factory.mktemp("rov") / "swing.mcap"
-    experiment = root / "config/experiments/rov_swing.toml"
+    experiment = root / "config/experiments/arms/rov_swing.toml"
     assert run(["simulate", "--model", str(root / MODEL), "--experiment", str(experiment), "--out", str(out)]) == 0
     return out
 

@@ -47,6 +47,8 @@ READERS: dict[str, list[str]] = {
 """Command -> its arguments."""
 OTHERS = {
     "archive",
+    "fleet",
+    "fleet-sim",
     "completion",
     "trend",
     "init",
@@ -66,7 +68,8 @@ OTHERS = {
 }
 """Commands that analyse no recording.
 
-``archive`` lists files, and losses are a column; ``record`` and ``fetch`` tell of the one they make from its ledger.
+``archive`` lists files, ``fleet`` judges arms and nights: losses are a column; ``record`` and ``fetch`` report those of
+the recording that they make, from its ledger.
 """
 SHOW_DAMAGED = {"info", "recover", "replay", "view"}
 """Commands that read a file of which more is damaged than rows; the others refuse it until it is recovered."""

@@ -82,7 +82,12 @@ def test_one_night(scene: Scene, tmp_path: Path) -> None:
     value = night(job, out, {})
     assert [(cause["effect"], cause["joint"]) for cause in value["causes"]] == [("coulomb_friction", 2)]
     assert value["recorded"] == "2026-01-02T22:00:00Z" and value["lost"] == 0
-    assert sorted(path.name for path in out.iterdir()) == ["diagnosis.json", "identification.json", "model.toml"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "diagnosis.json",
+        "identification.json",
+        "model.toml",
+        "model_uncertainty.json",
+    ]
     with pytest.raises(InputError, match=r"a_1\.mcap: has calibration 'none'; the plan says 'abc'"):
         night(job | {"calibration": "abc"}, out, {})
 
