@@ -36,15 +36,7 @@ AnyCase = Case | second_cases.Case
 
 def main() -> None:
     options = _options()
-    draw = second_cases.cases if options.generator == "second" else cases
-    chosen: list[AnyCase] = [
-        case
-        for kind in options.kind or (second_cases.COUNTS if options.generator == "second" else KINDS)
-        for case in draw(kind, options.seed, options.cases)
-        if not options.only or any(name in case.name for name in options.only)
-    ]
-    # a little of every kind first: a run that is stopped says something about all of them
-    chosen.sort(key=lambda case: case.index)
+    chosen = drawn(options.generator, options.kind, options.seed, options.cases, options.only or ())
     say = sys.stderr if options.json else sys.stdout
     print(f"seed {options.seed}, {len(chosen)} cases", file=say)
     outcomes: list[Outcome] = []
@@ -69,6 +61,20 @@ def write(path: Path, seed: int, outcomes: Sequence[Outcome]) -> None:
     """Figures and every case so far, as JSON."""
     summary = {"seed": seed, **figures(outcomes)} if outcomes else {"seed": seed}
     path.write_text(json.dumps({"figures": summary, "outcomes": [asdict(o) for o in outcomes]}, indent=1))
+
+
+def drawn(
+    generator: str, kinds: Sequence[str] | None, seed: int, count: int | None, only: Sequence[str]
+) -> list[AnyCase]:
+    """Cases of a generator, a little of every kind first: a run that is stopped says something about all of them."""
+    draw, every = (second_cases.cases, second_cases.COUNTS) if generator == "second" else (cases, KINDS)
+    found: list[AnyCase] = [
+        case
+        for kind in kinds or every
+        for case in draw(kind, seed, count)
+        if not only or any(name in case.name for name in only)
+    ]
+    return sorted(found, key=lambda case: case.number)
 
 
 def judged(case: AnyCase, cache: Path | None) -> Outcome:

@@ -14,6 +14,7 @@ from scipy.signal import butter, filtfilt
 from arm_io.types import Array
 from arm_model.effects import CATALOGUE
 from experiment import Experiment
+from tests.blind.__main__ import drawn
 from tests.blind.second.cases import COUNTS, cases
 from tests.blind.second.effects import KINDS
 from tests.blind.second.generate import Hidden, strength
@@ -196,3 +197,9 @@ def test_bristles_come_to_the_friction_that_they_stand_for() -> None:
     rates(p, 1.0, x, np.zeros(6), np.eye(6), 0.0, 1.0, plain)
     np.testing.assert_allclose(rate[1], plain[1], rtol=1e-9)
     np.testing.assert_allclose(rate[4], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("generator", ["first", "second"])
+def test_cases_of_either_generator_come_kind_by_kind_in_turn(generator: str) -> None:
+    chosen = drawn(generator, ["singles", "pairs"], 1, 2, ())
+    assert [case.kind for case in chosen] == ["singles", "pairs"] * 2

@@ -31,6 +31,7 @@ class CurrentLimits(Limits):
     pair_share               share of the residual energy of a joint that two effects must explain to enter together
     many, many_leave         causes of a joint with so many coefficients together are a makeshift for one function of
                              one variable if that leaves at most this share more than they do
+    many_causes              ... and so are so many causes
     makeshift                energies of four or more causes over the energy of their sum above which they are one as
                              well: independent causes add up, hidden triples to 1.0 ...
     makeshift_leave          ... if that function leaves at most this share of what they explain more
@@ -81,6 +82,7 @@ class CurrentLimits(Limits):
     pair_share: float = 0.5
     many: int = 6
     many_leave: float = 0.2
+    many_causes: int = 5
     makeshift: float = 1.5
     makeshift_leave: float = 0.1
     compensating: float = 4.0

@@ -134,7 +134,8 @@ def _outdone(state: State, kept: Container[Candidate]) -> list[Candidate]:
         reduced = replace(state, chosen=tuple(c for c in state.chosen if c not in own))
         before, after = (float(np.sum(s.fitted.held_out[held_out.of(joint)] ** 2)) for s in (reduced, state))
         allowed = 0.0
-        if len(own) > 1 and sum(model.columns(c).fit.x.shape[1] for c in own) >= limits.many:
+        coefficients = sum(model.columns(c).fit.x.shape[1] for c in own)
+        if len(own) > 1 and (coefficients >= limits.many or len(own) >= limits.many_causes):
             allowed = limits.many_leave * after
         if len(own) > 3 and _cancelling(own, state) > limits.makeshift:
             allowed = max(allowed, limits.makeshift_leave * (before - after))

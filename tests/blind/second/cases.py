@@ -33,7 +33,7 @@ class Case:
     """effects: (name, joint or None); size: over the noise that each is to have; growth: of effects that change."""
 
     kind: str
-    index: int
+    number: int
     key: tuple[int, int, int]
     where: Laboratory
     effects: tuple[tuple[str, int | None], ...]
@@ -44,7 +44,7 @@ class Case:
     def name(self) -> str:
         """kind-number-effect@joint."""
         hidden = "+".join(f"{effect}@{joint or '-'}" for effect, joint in self.effects) or "nothing"
-        return f"{self.kind}-{self.index}-{hidden}"
+        return f"{self.kind}-{self.number}-{hidden}"
 
 
 def cases(kind: str, seed: int, number: int | None = None) -> Iterator[Case]:

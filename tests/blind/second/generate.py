@@ -91,7 +91,7 @@ def _shown(case: Case) -> tuple[Case, list[Hidden]]:
     names = tuple(name for name, _ in case.effects)
     for attempt in range(ATTEMPTS):
         if attempt:
-            case = drawn(case.kind, case.key[0], case.index, names, attempt)
+            case = drawn(case.kind, case.key[0], case.number, names, attempt)
         hidden = [_sized(case, number) for number in range(len(names))]
         if all(one.strength >= SHOWN * (1 - CLOSE) for one in hidden):
             return case, hidden
