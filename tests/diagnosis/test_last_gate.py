@@ -21,6 +21,7 @@ from diagnosis.measurements.currents.columns import candidates
 from diagnosis.measurements.currents.design_matrix import columns_of, dataset_of
 from diagnosis.measurements.currents.model import Currents
 from diagnosis.measurements.currents.refinement import is_physical
+from diagnosis.measurements.currents.unexplained import noise_ratio
 from diagnosis.residual.run import Run, residual_run
 from diagnosis.selection.candidate import Candidate
 from identification.selection import Split
@@ -49,6 +50,14 @@ def test_a_cause_whose_gain_in_the_final_model_does_not_matter_is_found(arm: Arm
     assert negligible(state, _causes(state)) is None
     state = model.refitted([true, idle], {true.key: [], idle.key: []})
     assert negligible(state, _causes(state)) == 1
+
+
+@pytest.mark.parametrize("scale", [0.5, 0.9, 1.0])
+def test_what_is_left_below_the_noise_reads_as_it_is(arm: Arm, scale: float) -> None:
+    """A residual of half the noise std printed as 1, and then seemed to have grown from 0.5."""
+    data = dataset_of([_run(arm, 1, Day())])
+    white = np.random.default_rng(1).normal(size=data.y.size)
+    assert noise_ratio(scale * white, data, 1) == pytest.approx(scale, rel=0.05)
 
 
 def _causes(state: object) -> list[Cause]:

@@ -92,7 +92,7 @@ def joints_above_noise(fitted: Fitted, held_out: Dataset, arm: Arm) -> list[int]
 def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
     """Residual-to-noise ratio of a joint: rms of ``residual`` (n * rows,) over the noise std, where the joint moves.
 
-    1 for noise.
+    1 for noise; less where the instruments are better than their noise std says.
 
     Only rows count in which the noise is that of the instruments. Noise correlated over longer than the initial
     standstill is underestimated; it is as large in the quietest seconds as in all others, and then the ratio is 1.
@@ -103,7 +103,7 @@ def noise_ratio(residual: Array, side: Dataset, joint: int) -> float:
     own, block = residual[side.of(joint)], side.block[side.of(joint)]
     ratio = float(np.sqrt(np.mean(own[known] ** 2)))
     quiet = float(quiet_noise(own[:, None], known[:, None], block)[0])
-    return ratio if ratio > LIMITS.far_above_noise or ratio > 1.5 * quiet else 1.0
+    return ratio if ratio > LIMITS.far_above_noise or ratio > 1.5 * quiet else min(ratio, 1.0)
 
 
 def better_than_causes(
