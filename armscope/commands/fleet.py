@@ -13,6 +13,8 @@ from arm_io import InputError, check_folder
 from armscope.commands.options import Json
 from armscope.progress import shown
 
+_DONE, _RESULTS_MISSING = 0, 4
+
 
 def command(
     plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="arms, their recordings, what to compute")],
@@ -25,8 +27,8 @@ def command(
     ] = None,
     workers: Annotated[int, typer.Option(min=1, max=1024, help="processes of this machine, a task each")] = 1,
     as_json: Json = False,
-) -> None:
-    """Runs a plan."""
+) -> int:
+    """Runs a plan; the exit status is 4 where tasks have no result."""
     from arm_report import wrapped
     from armscope.api.fleet import fleet
 
@@ -41,3 +43,4 @@ def command(
         print(json.dumps(found.to_json(), allow_nan=False))
     else:
         print(wrapped(f"{found}\n{out / 'fleet.html'}"))
+    return _RESULTS_MISSING if found.failed else _DONE

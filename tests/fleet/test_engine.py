@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections import Counter
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from arm_fleet import Cluster, Engine, Store
 from arm_fleet.tasks import engine
 from arm_fleet.tasks.task import Task
 from arm_io import InputError
+from armscope.cli import run
 from tests.executors import executor
 from tests.fleet.calls import task
 from tests.fleet.processes import OTHER_CODE, Processes, kill_worker, wait_for
@@ -154,3 +156,19 @@ def test_suites_run_on_a_scheduler(dask: Processes) -> None:
     with executor(None, dask.address) as pool:
         running = [pool.submit(pow, k, 2) for k in range(8)]
         assert sorted(one.result() for one in as_completed(running)) == [k**2 for k in range(8)]
+
+
+def test_a_night_without_result_shows_in_the_exit_status(
+    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A nightly job must notice; its page and tables are there nevertheless."""
+    (tmp_path / "2026-01-01").mkdir()
+    (tmp_path / "2026-01-01/a.mcap").write_bytes(b"no recording")
+    model = (root / "config/models/two_link.toml").as_posix()
+    (tmp_path / "plan.toml").write_text(
+        f'name = "one"\nmodel = "{model}"\nrecordings = "{{night}}/{{arm}}.mcap"\nrun = ["diagnose"]\n'
+        '[[arm]]\nname = "a"\n'
+    )
+    assert run(["fleet", str(tmp_path / "plan.toml"), "--out", str(tmp_path / "out"), "--json"]) == 4
+    assert json.loads(capsys.readouterr().out)["failed"] == 1
+    assert (tmp_path / "out/fleet.html").is_file()
