@@ -15,6 +15,7 @@ from arm_model.parameters import parameter, with_parameters
 from arm_model.rigid_body import kinematics, numeric
 from arm_model.rigid_body.regressor import parameter_vector, regressor
 from arm_model.system import dynamics
+from tests.arm_model.mujoco_arms import mujoco_model
 from tests.arm_model.random_arms import in_water, random_arm, random_states
 
 SEEDS = range(12)
@@ -89,38 +90,11 @@ def test_inverse_kinematics_finds_the_pose(root: Path) -> None:
     np.testing.assert_allclose(kinematics.forward(arm, found), kinematics.forward(arm, q), atol=1e-8)
 
 
-def _mujoco(arm: Arm) -> object:
-    mujoco = pytest.importorskip("mujoco")
-    spec = mujoco.MjSpec()
-    spec.option.gravity = arm.gravity
-    body = spec.worldbody
-    # A body for what stands before the joint, with the joint in it; the inertia sits behind `after`.
-    pose = np.array(arm.base)
-    for joint in arm.joints:
-        before, after = kinematics.placement(joint)
-        pose = pose @ before
-        quaternion = np.zeros(4)
-        mujoco.mju_mat2Quat(quaternion, pose[:3, :3].ravel())
-        body = body.add_body(pos=pose[:3, 3], quat=quaternion)
-        kind = mujoco.mjtJoint.mjJNT_HINGE if joint.revolute else mujoco.mjtJoint.mjJNT_SLIDE
-        body.add_joint(type=kind, axis=[0, 0, 1])
-        body.mass = joint.mass
-        body.ipos = after[:3, :3] @ joint.com + after[:3, 3]
-        tensor = np.zeros((3, 3))
-        for value, (i, j) in zip(joint.inertia, ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))):
-            tensor[i, j] = tensor[j, i] = value
-        tensor = after[:3, :3] @ tensor @ after[:3, :3].T
-        body.fullinertia = [tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2]]
-        body.explicitinertial = True
-        pose = after
-    return spec.compile()
-
-
 @pytest.mark.parametrize("seed", SEEDS)
 def test_mujoco_agrees(seed: int) -> None:
     mujoco = pytest.importorskip("mujoco")
     arm = random_arm(seed, friction=False)
-    model = _mujoco(arm)
+    model = mujoco_model(arm)
     data = mujoco.MjData(model)
     states = random_states(seed, len(arm), 5)
     ours = numeric.rigid_torque(arm, *states)

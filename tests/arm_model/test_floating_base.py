@@ -24,6 +24,7 @@ from arm_model.symbolic.tape import evaluate
 from arm_model.system.kernel_inputs import numbers
 from arm_model.tables import FloatingBase, StationKeeping, Thruster
 from tests.arm_model.floating_arms import floating_arm, random_rows
+from tests.arm_model.mujoco_arms import mujoco_model, tensor_of
 from tests.arm_model.random_arms import random_states
 
 SEEDS = range(6)
@@ -92,46 +93,11 @@ def test_a_base_that_stands_gives_the_torques_of_a_fixed_one(seed: int) -> None:
         np.testing.assert_allclose(forces[k, 6:], expected, rtol=1e-9, atol=1e-9)
 
 
-def _mujoco(arm: Arm) -> object:
-    import mujoco
-
-    spec = mujoco.MjSpec()
-    spec.option.gravity = arm.gravity
-    base = arm.floating
-    assert base is not None
-    body = spec.worldbody.add_body()
-    body.add_freejoint()
-    _weigh(body, base.mass, np.array(base.com), _tensor(base.inertia))
-    pose = np.array(arm.base)
-    for joint in arm.joints:
-        before, after = kinematics.placement(joint)
-        pose = pose @ before
-        quaternion = np.zeros(4)
-        mujoco.mju_mat2Quat(quaternion, pose[:3, :3].ravel())
-        body = body.add_body(pos=pose[:3, 3], quat=quaternion)
-        kind = mujoco.mjtJoint.mjJNT_HINGE if joint.revolute else mujoco.mjtJoint.mjJNT_SLIDE
-        body.add_joint(type=kind, axis=[0, 0, 1])
-        tensor = after[:3, :3] @ _tensor(joint.inertia) @ after[:3, :3].T
-        _weigh(body, joint.mass, after[:3, :3] @ joint.com + after[:3, 3], tensor)
-        pose = after
-    return spec.compile()
-
-
-def _tensor(inertia: tuple[float, ...]) -> np.ndarray:
-    xx, yy, zz, xy, yz, xz = inertia
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def _weigh(body: object, mass: float, com: np.ndarray, tensor: np.ndarray) -> None:
-    body.mass, body.ipos, body.explicitinertial = mass, com, True  # type: ignore[attr-defined]
-    body.fullinertia = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]  # type: ignore[attr-defined]
-
-
 @pytest.mark.parametrize("seed", SEEDS)
 def test_mujoco_with_a_free_joint_agrees(seed: int) -> None:
     mujoco = pytest.importorskip("mujoco")
     arm, rows = floating_arm(seed), random_rows(seed, 5)
-    model = _mujoco(arm)
+    model = mujoco_model(arm)
     data = mujoco.MjData(model)
     states = random_states(seed, len(arm), 5)
     ours = forces_with_base(arm, rows, *states)
@@ -156,14 +122,14 @@ def test_pinocchio_with_a_free_flyer_agrees(seed: int) -> None:
     model.gravity.linear = np.array(arm.gravity)
     parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
     model.appendBodyToJoint(
-        parent, pin.Inertia(base.mass, np.array(base.com), _tensor(base.inertia)), pin.SE3.Identity()
+        parent, pin.Inertia(base.mass, np.array(base.com), tensor_of(base.inertia)), pin.SE3.Identity()
     )
     pose = np.array(arm.base)
     for j, joint in enumerate(arm.joints):
         before, after = kinematics.placement(joint)
         kind = pin.JointModelRZ() if joint.revolute else pin.JointModelPZ()
         parent = model.addJoint(parent, kind, pin.SE3(pose @ before), f"joint{j}")
-        body = pin.Inertia(joint.mass, np.array(joint.com), _tensor(joint.inertia))
+        body = pin.Inertia(joint.mass, np.array(joint.com), tensor_of(joint.inertia))
         model.appendBodyToJoint(parent, body, pin.SE3(after))
         pose = after
     data = model.createData()
