@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from armscope.api.calibration import Calibration, Tracker, calibrate
     from armscope.api.comparison import compare
     from armscope.api.diagnosis import Diagnosis, diagnose
+    from armscope.api.fleet import fleet
     from armscope.api.identification import identify, predict
     from armscope.api.reading import open_recording as open
     from armscope.api.reading import read_experiment, read_model, read_rig

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -40,6 +41,17 @@ def test_every_name_that_is_offered_is_there() -> None:
     assert "coulomb_friction" in armscope.effects
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         armscope.nothing  # noqa: B018
+
+
+def test_type_checkers_and_the_site_see_every_name_that_is_offered(root: Path) -> None:
+    """They read the imports below ``if TYPE_CHECKING``; without its own there, a name is unknown to both."""
+    (block,) = (
+        node for node in ast.parse((root / "armscope/__init__.py").read_text()).body if isinstance(node, ast.If)
+    )
+    imported = [
+        name.asname or name.name for node in block.body if isinstance(node, ast.ImportFrom) for name in node.names
+    ]
+    assert sorted([*imported, "effects", "__version__"]) == sorted(set(armscope.__all__) | {"CATALOGUE"})
 
 
 def test_objects_are_taken_as_they_are(root: Path) -> None:
