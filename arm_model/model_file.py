@@ -20,7 +20,7 @@ from arm_model.rigid_body.inertia import unphysical
 from arm_model.tables.fields import IDENTITY, Pose, Vector
 from arm_model.tables.floating_base import FloatingBase
 from arm_model.tables.uncertainty import Uncertainty, read_uncertainty, write_uncertainty
-from arm_model.urdf import read_urdf, urdf_of
+from arm_model.urdf.reading import read_urdf, urdf_of
 
 
 class _ModelFile(Table):

@@ -16,7 +16,7 @@ from arm_io import InputError, read_file
 from arm_io.types import Array
 from arm_model import meshes
 from arm_model.meshes import mesh_file
-from arm_model.urdf import attribute, numbers_of, origin_of, serial_chain
+from arm_model.urdf.reading import attribute, numbers_of, origin_of, serial_chain
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,20 +54,6 @@ def clearance_in_words(demand: Demand, chain: Chain, pairs: Pairs | None) -> lis
         ]
     found = nearest(demand, pairs)
     return ([] if found is None else [in_words(found)]) + left_out(pairs)
-
-
-def report_missing_meshes(model: Path) -> None:
-    """One note on standard error where a URDF file names meshes for collisions that are not there."""
-    if model.suffix != ".urdf":
-        return
-    from arm_model.urdf import missing_meshes
-
-    if missing := missing_meshes(model):
-        print(
-            f"note: {model}: no STL, OBJ or Collada file for the collision mesh{'es' * (len(missing) > 1)} "
-            f"{', '.join(missing)}; a capsule between the joints is assumed for these links",
-            file=sys.stderr,
-        )
 
 
 def draw(path: Path, demand: Demand, chain: Chain, space: Space | None, limits: Array | None = None) -> None:

@@ -5,6 +5,7 @@ A path such as ``config/models/puma560.toml`` that is not in place means the shi
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
@@ -111,3 +112,17 @@ def read_experiment(experiment: File | Experiment) -> Experiment:
     from experiment import Experiment, read_experiment
 
     return experiment if isinstance(experiment, Experiment) else read_experiment(found(experiment))
+
+
+def note_gaps(model: File | None, *uses: str, tip: str | None = None) -> None:
+    """One note on standard error for each thing that a URDF file does not say and ``uses`` need: what stands in for it.
+
+    uses: of ``arm_model.urdf.Use``; tip: last link, of a file that branches. Another file than URDF has no gaps: what
+    it lacks is refused.
+    """
+    if model is None or Path(model).suffix != ".urdf":
+        return
+    from arm_model.urdf import Use, urdf_gaps
+
+    for gap in urdf_gaps(Path(model), {Use(use) for use in uses}, tip=tip):
+        print(f"note: {model}: {gap}", file=sys.stderr)

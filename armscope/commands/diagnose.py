@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from arm_io import InputError
+from armscope.api.reading import note_gaps
 from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
 from armscope.progress import Display, shown
 
@@ -68,7 +69,9 @@ def command(
         refuse(model, {"--distort": distort is not None, "--png": png, "--pdf": pdf})
         _diagnose_base(fit, model, out, held_out or [], as_json)
         return _DONE
-    arm, kinds = fixed_model(_model(model, rig), "'armscope diagnose'"), pictures(png, pdf)
+    nominal = _model(model, rig)
+    arm, kinds = fixed_model(nominal, "'armscope diagnose'"), pictures(png, pdf)
+    note_gaps(nominal, "dynamics")
     if distort is not None:
         return _distorted(arm, distort, for_analysis(fit)[0], Output(out, kinds), as_json)
     with shown(as_json) as progress:

@@ -70,7 +70,8 @@ def command(
     from arm_clearance import pairs_of
     from arm_model import on_fixed_base, read_model
     from arm_model.collision import chain_of
-    from armscope.motion import clearance_in_words, clearance_of, draw, report_missing_meshes, space_of
+    from armscope.api.reading import note_gaps
+    from armscope.motion import clearance_in_words, clearance_of, draw, space_of
     from armscope.picture import check_picture
     from daq.rig import read_rig
     from experiment import check_trajectory, demand_of, write_experiment, write_trajectory
@@ -81,7 +82,7 @@ def command(
     checked = None if rig is None else read_rig(rig, drivers=False)
     source = _model_path(model, checked)
     arm = on_fixed_base(read_model(source), source, "'armscope excite'")
-    report_missing_meshes(source)
+    note_gaps(source, "dynamics", "collisions")
     for path in trajectory or []:
         check_trajectory(path, len(arm))
     series, limits, chain = Series(duration, fundamental, harmonics), _limits(arm, checked), chain_of(arm)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from armscope.api.reading import note_gaps
 from armscope.commands.options import HeldOut, Json, Pdf, Png, pictures
 from armscope.progress import shown
 
@@ -103,6 +104,7 @@ def command(
         assert out is not None, "only --check needs none"
         _identify_base(run, model, out, held_out or [], as_json)
         return
+    note_gaps(model, "dynamics")
     chosen: dict[str, Any] = {
         "held_out": held_out or [],
         "method": method.value,

@@ -19,6 +19,7 @@ from arm_model.mjcf import SUFFIXES
 from arm_model.symbolic import Expr, Tape
 from arm_model.tables import FloatingBase
 from arm_report import text_table, wrapped
+from armscope.api.reading import note_gaps
 from armscope.commands.options import Json
 from armscope.progress import shown
 
@@ -77,6 +78,7 @@ def command(
     if model is None:
         raise InputError("model", "needs a model file, as config/models/puma560.toml")
     arm = _read(model, tip if into is None else None)
+    note_gaps(model, "dynamics", "collisions", tip=tip)
     for what, asked in (
         ("--formulations", formulations),
         ("--by", by is not None),
@@ -91,9 +93,6 @@ def command(
         _write(out, arm)
         if model.suffix in (".urdf", *SUFFIXES) and out.suffix == ".toml":
             print(f"note: {_motors(out, arm)}", file=sys.stderr)
-            from armscope.motion import report_missing_meshes
-
-            report_missing_meshes(model)
     if by is not None and equations is None:
         raise InputError("--by", "needs --equations text, latex, python or c")
     if equations is not None:
@@ -140,7 +139,7 @@ def _update(original: Path, arm: Arm, out: Path | None, tip: str | None) -> None
 
         changed = update_mjcf(original, arm, out, tip=tip)
     else:
-        from arm_model.urdf_update import update_urdf
+        from arm_model.urdf import update_urdf
 
         changed = update_urdf(original, arm, out, tip=tip)
     for line in changed or ["nothing changed"]:

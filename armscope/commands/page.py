@@ -18,6 +18,7 @@ import typer
 
 from arm_io import DeviceFault, make_folder
 from arm_page import Page
+from armscope.api.reading import note_gaps
 from armscope.commands.options import ReadyJson, RigArgument
 from armscope.display import has_display
 from armscope.page_analyses import ANALYSES
@@ -44,6 +45,7 @@ def command(
     attached: Attached = False,
 ) -> None:
     checked = read_rig(rig, drivers=False)
+    note_gaps(checked.model_path, "picture", *(["collisions"] if checked.space else []))
     make_folder(recordings)
     page = Page(
         rig=rig,

@@ -11,6 +11,7 @@ import typer
 
 from arm_io import InputError
 from arm_io.progress import Step
+from armscope.api.reading import note_gaps
 from armscope.commands.options import Json
 from armscope.motion import draw, space_of
 from armscope.picture import check_picture, save_picture
@@ -88,6 +89,7 @@ def _animate(
 
     check_animation(path)
     arm = _arm(data[0], model)
+    note_gaps(model, "picture")
     chain = chain_of(arm)
     for recording in data:
         if recording.joints != len(chain):
@@ -135,6 +137,7 @@ def _draw_motion(path: Path, out: Path, model: Path | None, rig: Path | None, sp
     if arm is None:
         raise InputError("--model", "is missing, and no --rig names one; the picture of a motion needs the arm")
     experiment, chain = read_experiment(path), read_chain(arm)
+    note_gaps(arm, "collisions")
     if len(experiment.start) != len(chain):
         raise InputError(path, f"is for {len(experiment.start)} joints, the model has {len(chain)}")
     limits = None if checked is None or checked.limits.position is None else np.array(checked.limits.position)

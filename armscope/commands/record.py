@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
+from armscope.api.reading import note_gaps
 from armscope.api.recording import record
 from armscope.commands.fetch import transfer_shown
 from armscope.commands.options import Json, RigOption
@@ -34,7 +35,9 @@ def command(
 ) -> int:
     from daq.rig import read_rig
 
-    read_rig(rig, drivers=False)
+    checked = read_rig(rig, drivers=False)
+    if checked.space is not None:
+        note_gaps(checked.model_path, "collisions")
     instruction = read_experiment(experiment).setup.instruction
     if instruction:
         print(f"before this run: {instruction}", file=sys.stderr)

@@ -10,6 +10,7 @@ import typer
 
 from arm_io import InputError
 from arm_io.plain_data import point_of
+from armscope.api.reading import note_gaps
 from armscope.commands.options import Json, RecordingOut
 from armscope.progress import shown
 
@@ -35,4 +36,5 @@ def command(
         simulation = simulate(model, experiment, like=like, rate=rate, target=point, progress=progress)
         progress("writing")
         simulation.write(out)
+    note_gaps(model, "dynamics")
     print(json.dumps({"file": str(out)} | simulation.to_json()) if as_json else f"{out}: {simulation}")

@@ -18,7 +18,7 @@ from arm_model.capsules import round_points
 from arm_model.collision import chain_of
 from arm_model.description import Capsule
 from arm_model.meshes import vertices_of
-from arm_model.urdf import read_urdf
+from arm_model.urdf import Use, read_urdf, urdf_gaps
 from armscope.cli import run
 from tests.arm_clearance.arms import ur5_urdf
 
@@ -183,8 +183,57 @@ def test_links_are_kept_clear_by_capsules_round_their_meshes(tmp_path: Path) -> 
         assert -0.01 < outside(capsule, world) <= 1e-6
 
 
+def gripped(folder: Path) -> Path:
+    """One link whose mesh is missing, with a gripper fixed to it; a second link without <inertial> and shape."""
+    path = folder / "gripped.urdf"
+    inertial = '<inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1"/></inertial>'
+    own = '<collision><geometry><mesh filename="own.stl"/></geometry></collision>'
+    seen = '<visual><geometry><mesh filename="seen.dae"/></geometry></visual>'
+    ball = '<collision><origin xyz="0 0.3 0"/><geometry><sphere radius="0.04"/></geometry></collision>'
+    joint = '<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{3}"/><origin xyz="{4}"/>{5}</joint>'
+    turning = '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="9" velocity="1"/>'
+    path.write_text(
+        f'<robot name="gripped"><link name="base"/><link name="upper">{inertial}{own}{seen}</link>'
+        f'<link name="light"/><link name="gripper">{ball}</link>'
+        + joint.format("j1", "revolute", "base", "upper", "0 0 0.5", turning)
+        + joint.format("j2", "revolute", "upper", "light", "0.4 0 0", turning)
+        + joint.format("g", "fixed", "upper", "gripper", "0.2 0 0", "")
+        + "</robot>"
+    )
+    return path
+
+
+def test_what_is_fixed_to_a_link_does_not_stand_in_for_its_missing_mesh(tmp_path: Path) -> None:
+    """The segment of the link is kept clear as well as the gripper on it, whose shape is known."""
+    text = gripped(tmp_path).read_text()
+    (chained := tmp_path / "chained.urdf").write_text(
+        # the gripper between the two links: a fixed joint of the chain
+        text.replace('<parent link="upper"/><child link="light"/>', '<parent link="gripper"/><child link="light"/>')
+    )
+    bodies = [body for body in chain_of(read_urdf(chained)).bodies if body.link == 1]
+    assert [body.radius for body in bodies] == [pytest.approx(0.05 * 1.1), 0.04]
+    np.testing.assert_allclose(bodies[0].end - bodies[0].start, [0.6, 0.0, 0.0], atol=1e-12)
+
+
+def test_a_link_without_inertia_and_pictures_that_are_missing_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = gripped(tmp_path)
+    assert run(["model", str(path), "--tip", "light"]) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 2 and all(line.startswith(f"note: {path}: ") for line in said)
+    assert "link light has no <inertial>" in said[0] and "own.stl of <collision> is not there" in said[1]
+    assert urdf_gaps(path, {Use.PICTURE}) == [
+        "seen.dae of <visual> is not there or not STL, OBJ, DAE: these links are drawn as capsules or lines from joint "
+        "to joint"
+    ]
+    assert urdf_gaps(tmp_path / "arm.toml", set(Use)) == []
+
+
 def test_a_missing_mesh_is_named_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = meshed(tmp_path)
+    assert run(["model", str(path)]) == 0
+    assert "upper.stl" in capsys.readouterr().err
     assert run(["model", str(path), "--out", str(tmp_path / "arm.toml")]) == 0
     said = capsys.readouterr().err
     assert "upper.stl" in said and "forearm.stl" not in said

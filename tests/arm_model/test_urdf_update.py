@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from arm_io import InputError
 from arm_model import Arm, read_model, write_model
 from arm_model.rigid_body import drive_mass_matrix
-from arm_model.urdf_update import update_urdf
+from arm_model.urdf import update_urdf
 from armscope.cli import run
 
 URDF = """<?xml version="1.0"?>

@@ -29,8 +29,6 @@ PUBLIC = {
         "sensing",
         "servo",
         "tracking",
-        "urdf",
-        "urdf_update",
         "visuals",
     ),
     "arm_model.effects": ("definition", "description_errors", "sensing", "tracking", "wrist"),

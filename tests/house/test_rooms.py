@@ -18,6 +18,7 @@ ROOMS = {
         "tables",
         "rigid_body",
         "moving_base",
+        "urdf",
         "mjcf",
         "symbolic",
         "effects",

@@ -12,7 +12,7 @@ from arm_model.description import Arm, Joint
 from arm_model.rigid_body.friction_curve import nearest_line
 from arm_model.rigid_body.inertia import about_com, barycentric, transform, unphysical
 from arm_model.rigid_body.kinematics import roll_pitch_yaw, rpy_of
-from arm_model.urdf import read_urdf
+from arm_model.urdf.reading import read_urdf
 from arm_model.xml_edit import Element, XmlText, differ, number, vector
 
 _ENTRIES = ("ixx", "iyy", "izz", "ixy", "iyz", "ixz")

@@ -17,6 +17,7 @@ import numpy as np
 
 from arm_io import InputError, read_file, write_text
 from arm_io.types import Array
+from arm_model.assumed_capsules import assumed_capsules
 from arm_model.capsules import moved, of_geometry, round_points
 from arm_model.description import Arm, Capsule, Joint
 from arm_model.meshes import mesh_file, vertices_of
@@ -61,6 +62,7 @@ def urdf_of(text: str | bytes, path: str | Path, *, tip: str | None = None) -> A
     lump = np.zeros(10)
     root = attribute(path, chain[0], "parent", "link") if chain else ""
     shapes = [_capsules(path, links[root])] if chain else []
+    lacking = [_unknown(shapes[0], links[root])] if chain else []
     for element in chain:
         pose = offset @ origin_of(path, element)
         link = links[attribute(path, element, "child", "link")]
@@ -70,16 +72,23 @@ def urdf_of(text: str | bytes, path: str | Path, *, tip: str | None = None) -> A
             offset = pose
             lump = lump + transform(inertial, pose)
             shapes[-1] = _both(shapes[-1], moved(shape, pose))
+            lacking[-1] |= _unknown(shape, link)
             continue
         joints = _with_lump(path, joints, lump)
         joints.append(_joint(path, element, pose, gears.get(element.get("name", ""), 1.0)))
         shapes.append(shape)
+        lacking.append(_unknown(shape, link))
         offset, lump = np.eye(4), inertial
     joints = _with_lump(path, joints, lump)
     if not joints:
         raise InputError(path, "has no moving joint")
+    bare = Arm(name=robot.get("name", "robot"), joints=tuple(joints), tool=_pose(offset))
+    for number, assumed in enumerate(assumed_capsules(bare)):
+        # what is fixed to a link whose own shape is not known does not take its place
+        if lacking[number] and (known := shapes[number]) is not None:
+            shapes[number] = (assumed, *known)
     shaped = tuple(replace(joint, capsule=shape) for joint, shape in zip(joints, shapes[1:]))
-    return Arm(name=robot.get("name", "robot"), joints=shaped, tool=_pose(offset), capsule=shapes[0])
+    return replace(bare, joints=shaped, capsule=shapes[0])
 
 
 Capsules = tuple[Capsule, ...] | None
@@ -105,18 +114,16 @@ def _capsules(path: str | Path, link: xml.Element) -> Capsules:
     return tuple(found) or None
 
 
+def _unknown(shape: Capsules, link: xml.Element) -> bool:
+    """Whether a link has a <collision> of which nothing is known: the file of a mesh is missing."""
+    return shape is None and link.find("collision") is not None
+
+
 def _round_mesh(file: Path, scale: tuple[float, ...], pose: Array) -> Capsule:
     """The capsule round a mesh at ``pose`` (4, 4)."""
     capsules = moved((round_points(vertices_of(file) * scale),), pose)
     assert capsules is not None
     return capsules[0]
-
-
-def missing_meshes(path: str | Path) -> list[str]:
-    """Names of the files of collision meshes that a URDF file names and that are not there, as it names them."""
-    robot = xml.fromstring(read_file(path))
-    named = [mesh.get("filename", "") for mesh in robot.iterfind("link/collision/geometry/mesh")]
-    return [name for name in dict.fromkeys(named) if mesh_file(Path(path), name) is None]
 
 
 def _both(one: Capsules, other: Capsules) -> Capsules:

@@ -1,0 +1,83 @@
+"""What a URDF file leaves open, and what stands in for it: meshes that are not there, links without inertia."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as xml  # noqa: N813
+from collections.abc import Collection, Sequence
+from enum import StrEnum
+from pathlib import Path
+
+from arm_io import read_file
+from arm_model.meshes import FORMATS, mesh_file
+from arm_model.urdf.reading import attribute, serial_chain
+
+MOST = 4
+"""Names in a line; of more, their number."""
+
+
+class Use(StrEnum):
+    """What a file is read for."""
+
+    DYNAMICS = "dynamics"
+    COLLISIONS = "collisions"
+    PICTURE = "picture"
+
+
+def urdf_gaps(path: str | Path, uses: Collection[Use], *, tip: str | None = None) -> list[str]:
+    """One sentence for each kind of thing that a URDF file does not say and ``uses`` need; empty for other files.
+
+    InputError as ``read_urdf``, which must have read the file before.
+    """
+    path = Path(path)
+    if path.suffix != ".urdf":
+        return []
+    found = []
+    if Use.DYNAMICS in uses and (massless := _massless(path, tip)):
+        found.append(
+            f"{_names('link', massless)} no <inertial>: mass and inertia count as 0 until the file or "
+            "'armscope identify' says them"
+        )
+    for use, tag, instead in (
+        (Use.COLLISIONS, "collision", "checks of collisions take a capsule from joint to joint for these links"),
+        (Use.PICTURE, "visual", "these links are drawn as capsules or lines from joint to joint"),
+    ):
+        if use in uses and (missing := missing_meshes(path, tag)):
+            found.append(f"{_listed(missing)} of <{tag}> {_are(missing)} not there or not {_formats()}: {instead}")
+    return found
+
+
+def missing_meshes(path: str | Path, tag: str) -> list[str]:
+    """Names of mesh files of <collision> or <visual> (``tag``) that are not there, as a URDF file names them."""
+    robot = xml.fromstring(read_file(path))
+    named = [mesh.get("filename", "") for mesh in robot.iterfind(f"link/{tag}/geometry/mesh")]
+    return [name for name in dict.fromkeys(named) if mesh_file(Path(path), name) is None]
+
+
+def _massless(path: Path, tip: str | None) -> list[str]:
+    """Names of moving links of which no <inertial> speaks: neither their own nor one of what is fixed to them."""
+    robot = xml.fromstring(read_file(path))
+    links = {link.get("name", ""): link for link in robot.findall("link")}
+    stated: dict[str, bool] = {}
+    moving = ""
+    for joint in serial_chain(path, robot, links, tip):
+        child = attribute(path, joint, "child", "link")
+        moving = moving if joint.get("type") == "fixed" else child
+        stated[moving] = stated.get(moving, False) or links[child].find("inertial") is not None
+    return [name for name, there in stated.items() if name and not there]
+
+
+def _names(what: str, names: Sequence[str]) -> str:
+    return f"{what}{'s' * (len(names) > 1)} {_listed(names)} {'have' if len(names) > 1 else 'has'}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:MOST])
+    return shown if len(names) <= MOST else f"{shown} and {len(names) - MOST} more"
+
+
+def _are(names: Sequence[str]) -> str:
+    return "are" if len(names) > 1 else "is"
+
+
+def _formats() -> str:
+    return ", ".join(suffix.removeprefix(".").upper() for suffix in FORMATS)
