@@ -9,8 +9,8 @@ from collections.abc import Collection, Sequence
 NARROW = 80
 """Columns of a line where standard output is no terminal."""
 _GAP = "  "
-_LEAST = 6
-"""Letters that a shortened column keeps."""
+_LEAST, _LEAST_OF_A_LINE = 6, 16
+"""Letters that a shortened column keeps; more where a line may be too long in any case."""
 _OF_A_NUMBER = frozenset("0123456789.")
 
 
@@ -34,12 +34,15 @@ def text_table(
     shorten  columns of words that may be shortened ("Coulomb fri..."), the widest first, until a line fits
     keep     columns that stand in every part of a table that continues: names of rows, units; None: the table never
              continues, a line that is too long stays so, such as one with a path at its end
-    width    columns of a line; None: ``line_width()``. Only where ``keep`` and one more column are wider, a line is
+    width    columns of a line; None: ``line_width()``. Only where ``keep`` and one more column are wider, a line is.
+             A table that never continues is whole in a pipe, where words are searched and nothing is drawn
     """
-    width = line_width() if width is None else width
+    if width is None:
+        width = line_width() if keep is not None or sys.stdout.isatty() else sys.maxsize
+    least = _LEAST if keep is not None else _LEAST_OF_A_LINE
     widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
     excess = _total(widths, range(len(head))) - width
-    while excess > 0 and (wide := [k for k in shorten if widths[k] > max(_LEAST, len(head[k]))]):
+    while excess > 0 and (wide := [k for k in shorten if widths[k] > max(least, len(head[k]))]):
         widest = max(wide, key=lambda k: widths[k])
         widths[widest] -= 1
         excess -= 1

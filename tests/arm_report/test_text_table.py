@@ -38,3 +38,13 @@ def test_a_number_in_a_shortened_cell_is_whole_or_left_out(name: str, width: int
         assert name.startswith(kept)
         numbers = set("0123456789.")
         assert not kept or not (kept[-1] in numbers and name[len(kept)] in numbers)
+
+
+def test_a_table_of_whole_lines_is_whole_in_a_pipe_and_keeps_what_can_be_read_in_a_terminal() -> None:
+    """Arms read "Uni..." and verdicts "exp..." in a terminal of 80 columns, and in a pipe, where they are searched."""
+    verdict, path = "explained: load friction of joint 2", "results/2026-11/worn/diagnosis/diagnosis.json"
+    rows = [("Unimation Puma 560", "1", verdict, "2", path)]
+    (_, shown) = text_table(rows, HEAD, numbers=(1, 3), shorten=(0, 2), keep=None, width=80)
+    assert shown.split("  ")[0] == "Unimation Pum..." and "explained: lo..." in shown and shown.endswith(path)
+    (_, piped) = text_table(rows, HEAD, numbers=(1, 3), shorten=(0, 2), keep=None)
+    assert all(cell in piped for cell in rows[0])
