@@ -72,7 +72,7 @@ export class ArchiveView {
     return el("tr", { class: "choice", tabindex: 0, "data-path": row.path, "aria-selected": String(row.path === this.chosen), onclick: open, onkeydown: (event) => event.key === "Enter" && open() },
       el("td", { class: "date" }, (row.date ?? "").slice(0, 16).replace("T", " ")), el("td", {}, row.arm ?? ""), el("td", {}, row.experiment ?? ""),
       el("td", { class: "n" }, row.rows === null ? "" : count(row.rows)), el("td", { class: `n ${row.lost ? "wrong" : ""}` }, row.lost === null ? "" : count(row.lost)),
-      el("td", { class: "n" }, error), el("td", { class: row.state === "whole" ? "" : "warn" }, words(result)), el("td", { class: "name" }, row.path));
+      el("td", { class: "n" }, error), el("td", { class: row.state === "whole" ? "" : "warn" }, words(result)), el("td", { class: "name path" }, row.path.split(/(?<=[/_])/).flatMap((part) => [part, el("wbr")])));
   }
 
   async open(path) {

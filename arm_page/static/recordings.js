@@ -18,12 +18,12 @@ export class RecordingsView {
     } catch (error) {
       this.fail(error);
     }
-    const when = (time) => new Date(time * 1000).toLocaleString([], { month: "short", day: "numeric", hour: "2-digit", minute: "2-digit", hour12: false });
+    const when = (time) => new Date(time * 1000).toISOString().slice(0, 16).replace("T", " ");
     this.listPlace.replaceChildren(
       el("h2", {}, "Recordings", el("span", { class: "quiet" }, count(this.entries.length))),
       this.entries.length ? el("table", {}, this.entries.map((entry) =>
         el("tr", { class: "choice", tabindex: 0, "aria-selected": String(entry.name === this.chosen), onclick: () => this.open(entry.name), onkeydown: (event) => event.key === "Enter" && this.open(entry.name) },
-          el("td", { class: "name" }, entry.name.replace(/\.mcap$/, "")), el("td", { class: "n quiet" }, bytes(entry.bytes)), el("td", { class: "n quiet" }, when(entry.time)))))
+          el("td", { class: "name" }, entry.name.replace(/\.mcap$/, "")), el("td", { class: "n quiet" }, bytes(entry.bytes)), el("td", { class: "n quiet", title: "UTC" }, when(entry.time)))))
         : el("p", { class: "note" }, "None yet: run an experiment."),
     );
   }
