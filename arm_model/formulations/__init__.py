@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from arm_model.formulations.comparison import SYMPY_JOINTS, TORQUES, compare
+    from arm_model.formulations.comparison import SYMPY_JOINTS, TORQUES, Formulation, compare
     from arm_model.formulations.links import symbols_of
 else:
     __getattr__ = lazy(__name__)
@@ -13,6 +13,7 @@ else:
 __all__ = [
     "SYMPY_JOINTS",
     "TORQUES",
+    "Formulation",
     "compare",
     "symbols_of",
 ]

@@ -1,0 +1,81 @@
+"""The equations of an arm, as text or source."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from enum import StrEnum
+
+from arm_model import Arm
+from arm_model.simulation import system_of
+from arm_model.symbolic import Expr, Tape, latex, needed, printing, shown
+from arm_model.system import numbers
+
+
+class Form(StrEnum):
+    """How equations are printed."""
+
+    TEXT = "text"
+    LATEX = "latex"
+    PYTHON = "python"
+    C = "c"
+
+
+class Formulation(StrEnum):
+    """The ways to the equations."""
+
+    NEWTON_EULER = "newton-euler"
+    LAGRANGE = "lagrange"
+    KANE = "kane"
+
+
+def equations_text(arm: Arm, form: Form, by: Formulation | None) -> str:
+    """The accelerations as they are compiled, or the torques of the rigid links by one formulation."""
+    what, tape, outputs = _accelerations(arm) if by is None else _torques(arm, by)
+    nodes = [tape.nodes[index] for index in needed(tape, outputs.values())]
+    read = {node.name: printing.shown(node.name) for node in nodes if node.operation == "input"}
+    if form is Form.LATEX:
+        # that the rate of an angle is a speed is in the notation
+        computed = {name: value for name, value in outputs.items() if tape.nodes[value.index].operation != "input"}
+        written = latex.equations(tape, {latex.output_symbol(name): value for name, value in computed.items()})
+        return written + "\n% with the values of the model, regrouped:\n" + _listed(arm, read, "% {} = {}\n")
+    if form is Form.TEXT:
+        equations = printing.equations(tape, {_left(name): value for name, value in outputs.items()}, read)
+        return equations + "\n\nwith the values of the model, regrouped:\n" + _listed(arm, read, "{} = {}\n")
+    legal = {name: text.replace(".", "_") for name, text in read.items()}
+    python = form is Form.PYTHON
+    write: Callable[..., str] = printing.python_function if python else printing.c_function
+    arguments = [name if python else f"double {name}" for name in legal.values()]
+    order = f"out of {what}, in order: {', '.join(_left(name) for name in outputs)}"
+    imported = f"from numpy import {', '.join(printing.PYTHON_FUNCTIONS)}\n\n"
+    if python:
+        values = _listed(arm, legal, '    "{}": {},\n')
+        head = f"# {order}\n{imported}VALUES = {{\n{values}}}\n\n\n"
+    else:
+        values = _listed(arm, legal, "   {} = {}\n")
+        head = f"/* {order}\n   with the values of the model, regrouped:\n{values}*/\n#include <math.h>\n\n"
+    return head + write(what, arguments, tape, list(outputs.values()), legal)
+
+
+def _listed(arm: Arm, names: Mapping[str, str], line: str) -> str:
+    """The model's values of what its equations take, regrouped as they have it, a ``line`` of name and value each."""
+    given = numbers(arm)
+    return "".join(line.format(text, repr(float(given[name][0]))) for name, text in names.items() if name in given)
+
+
+def _left(name: str) -> str:
+    """What stands left of the equals sign: "d speed0/dt" -> "d speed1/dt", "tau0" -> "tau1"."""
+    if not name.startswith("d "):
+        return shown(name)
+    return f"d {shown(name.removeprefix('d ').removesuffix('/dt'))}/dt"
+
+
+def _accelerations(arm: Arm) -> tuple[str, Tape, dict[str, Expr]]:
+    system = system_of(arm)
+    return "rates", system.tape, {f"d {name}/dt": rate for name, rate in zip(system.states, system.rates)}
+
+
+def _torques(arm: Arm, by: Formulation) -> tuple[str, Tape, dict[str, Expr]]:
+    from arm_model.formulations import TORQUES, symbols_of
+
+    symbols = symbols_of(arm)
+    return "torques", symbols.tape, {f"tau{j}": tau for j, tau in enumerate(TORQUES[by.value](symbols))}
