@@ -42,8 +42,8 @@ from diagnosis.measurements.single_axis.causes import AxisSide
 from diagnosis.measurements.tracker.causes import Tracked, tracked_causes
 from diagnosis.not_held_out import known_to, not_held_out, structures_of_fit
 from diagnosis.origins import Suspect, evidence_of, suspects
-from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.folding import folding_warnings
+from diagnosis.residual.noise import angle_noise
 from diagnosis.residual.run import Run, with_own
 from diagnosis.screening.cleaned import Screened, check, screened
 from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noise
@@ -194,7 +194,7 @@ def diagnose(
         unexplained=unexplained,
         compared=verified.compared,
         along=verified.along,
-        encoder_noise=np.array([encoder_step(column) / np.sqrt(12) for column in fit[0].q.T]),
+        encoder_noise=angle_noise(fit[0].q),
         link=measured.link,
         tracked=measured.tracked,
         axis=named.axis,

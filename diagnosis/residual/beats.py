@@ -25,7 +25,7 @@ HIDDEN = 0.6
 
 
 def steps_of(q: Array, steps: Array | None = None) -> Array:
-    """(n,) rad: steps of recorded angles (m, n); 0 for a joint whose noise hides them, or that never moves.
+    """(n,) rad: steps of recorded angles (m, n); 0 for a joint whose noise hides them, that has none or never moves.
 
     ``steps`` (n,) rad: of the encoders, where angles were interpolated.
     """

@@ -1,37 +1,124 @@
-"""The step of an encoder or converter, from its samples alone."""
+"""The step of an encoder or converter, from its samples alone: the spacing of the lattice on which these lie.
+
+A fine encoder passes many steps between two rows, so that neighbouring rows say little of its step. Sorted by size, the
+values of a motion lie at distances that are whole multiples of the step, and the shortest of them at small ones. The
+step is their greatest common divisor. Each distance is only nearly a multiple: counts are scaled by a gear ratio,
+converted to radians, kept in 32 bits, printed with some digits.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_io.types import Array
 
-FEWEST = 10
-"""Distances between values that decide whether these lie on a lattice."""
-OFF_LATTICE = 0.05
-"""Of a step: values that are off by less are on it."""
+SAME = 1e-12
+"""Of the largest value: values that differ by less are one."""
+MOST = 4096
+"""Shortest distances that decide."""
+STARTS, DIVISORS = 8, 64
+"""Shortest distances that are divided for a first step, and the largest divisor."""
+SCREENED = 64
+"""Shortest distances by which steps are screened."""
+EXACT = 0.03
+"""Of a step, rms: distances between values of a lattice that are off whole multiples by less, whatever their number."""
+ALIKE = 0.9
+"""Share of distances of the same number of steps, above which only their sum decides: they may be the way per row."""
+ROUNDED = 0.13
+"""Of a step, rms: values that are off one lattice by less over their whole range. Numbers that were printed with a
+last digit of 0.45 steps are."""
+REFITTED = 3
+"""Times that a step is fitted to all values: the shortest distances are those that rounding made shorter."""
+FEWEST, MANY = 40, 200
+"""Distances that decide alone, exact and rounded: fewer of a motion at nearly constant speed are nearly equal."""
+REPEATED = 4
+"""Times on average that rows repeat every value, of which any number decides."""
 
 
 def encoder_step(values: Array) -> float:
-    """Smallest step that occurs often in (m,) samples, in their unit; 0 where they never change.
+    """Spacing of the lattice on which (m,) samples lie, in their unit; 0 where they lie on none, or never change.
 
-    Of samples whose noise exceeds their step, it is no more than the noise.
+    The coarsest one: of counts that were printed with some digits the count, unless the last digit is coarser. Noise
+    before the quantisation does not matter. Values that were filtered after it lie on no lattice, as those of an
+    instrument without steps.
     """
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 1e-9]
-    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
-
-
-def lattice_step(values: Array) -> float:
-    """Spacing of the values that (m,) samples take, in their unit; 0 where they lie on no lattice.
-
-    How many steps pass between two rows does not matter, as it does to ``encoder_step``, as long as a motion comes back
-    to the same angles often enough for neighbouring values.
-    """
-    apart = np.diff(np.unique(values))
-    apart = apart[apart > 1e-12 * max(float(np.abs(values).max(initial=0.0)), 1e-300)]
-    if len(apart) < FEWEST:
+    sorted_values = np.unique(values[np.isfinite(values)])
+    if len(sorted_values) < 2:
         return 0.0
-    step = float(np.median(apart[apart < 1.5 * np.quantile(apart, 0.02)]))
-    whole = np.abs(apart / step - np.rint(apart / step)) < OFF_LATTICE
-    return step if np.mean(whole) > 0.9 else 0.0
+    resolved = np.diff(sorted_values) > SAME * max(np.abs(sorted_values[[0, -1]]).max(), 1e-300)
+    sorted_values = sorted_values[np.concatenate([[True], resolved])]
+    distances = np.diff(sorted_values)
+    repeated = len(values) >= REPEATED * len(sorted_values)
+    if len(distances) == 0 or not (repeated or len(distances) >= FEWEST):
+        return 0.0
+    shortest = np.sort(np.partition(distances, MOST)[:MOST] if len(distances) > MOST else distances)
+    for step in _proposed(shortest):
+        refined = _refined(np.array([step]), shortest)[0]
+        multiples = np.rint(shortest / refined)
+        informative = repeated or np.mean(multiples == np.median(multiples)) < ALIKE
+        if informative and np.sqrt(np.mean(_off(shortest, refined) ** 2)) < EXACT:
+            return float(refined)
+        if repeated or len(distances) >= MANY:
+            over_all, off = _one_lattice(sorted_values, float(refined))
+            if off < ROUNDED:
+                return over_all
+    return 0.0
+
+
+def _proposed(shortest: Array) -> Array:
+    """Steps of which the shortest distances (k,), ascending, are nearly whole multiples; the largest first.
+
+    Of a motion at nearly constant speed all distances are long, and differ by few steps: differences of distances are
+    multiples of the step as well.
+    """
+    between = np.diff(shortest)
+    between = np.sort(between[between > SAME * shortest[-1]])
+    proposed = []
+    for multiples in (shortest, between):
+        if len(multiples):
+            first = (multiples[:STARTS, None] / np.arange(1, DIVISORS + 1)).ravel()
+            steps = _refined(first, multiples[:SCREENED])
+            off = _off(multiples[:SCREENED], steps[:, None])
+            proposed.append(steps[np.sqrt(np.mean(off**2, axis=1)) < 1.5 * ROUNDED])
+    steps = np.sort(np.concatenate(proposed))[::-1]
+    # many starts lead to the same step
+    return steps[np.concatenate([[True], np.diff(steps) < -1e-6 * steps[:-1]])] if len(steps) else steps
+
+
+def _refined(steps: Array, multiples: Array) -> Array:
+    """(s,) steps fitted to distances (k,), ascending, which are nearly whole multiples of each.
+
+    Twice as many distances at a time: a step that is known by short ones is precise enough to count the longer ones.
+    """
+    count = 1
+    while True:
+        taken = multiples[:count]
+        whole = np.maximum(np.rint(taken / steps[:, None]), 0.0)
+        squares = np.sum(whole**2, axis=1)
+        steps = np.where(squares > 0.0, whole @ taken / np.where(squares > 0.0, squares, 1.0), steps)
+        if count >= len(multiples):
+            return steps
+        count *= 2
+
+
+def _off(distances: Array, step: Array | float) -> NDArray[np.float64]:
+    """Distances less the nearest multiple of ``step``, in steps."""
+    counts = distances / step
+    return np.asarray(counts - np.rint(counts), float)
+
+
+def _one_lattice(sorted_values: Array, step: float) -> tuple[float, float]:
+    """Step of the lattice nearest to all values (k,), ascending; rms in steps by which they are off it.
+
+    Values of a motion at nearly constant speed lie at nearly the same distances as well, but drift against a lattice.
+    """
+    about = sorted_values - sorted_values.mean()
+    for _ in range(REFITTED):
+        counts = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(sorted_values) / step))])
+        counts -= counts.mean()
+        squares = float(counts @ counts)
+        if squares == 0.0:
+            return step, np.inf
+        step = float(counts @ about) / squares
+    return step, float(np.std(about - step * counts)) / step

@@ -52,7 +52,7 @@ NOTHING_KNOWN = KnownNoise()
 def angle_noise(q: Array, steps: Array | None = None) -> Array:
     """(n,) rad: std of recorded angles (m, n), from their step (variance step^2 / 12) or, if larger, their scatter.
 
-    ``steps`` (n,) rad: as of ``KnownNoise``.
+    Of angles without steps, the scatter alone. ``steps`` (n,) rad: as of ``KnownNoise``.
     """
     steps = np.array([encoder_step(column) for column in q.T]) if steps is None else steps
     quantised = steps / np.sqrt(12)
@@ -60,6 +60,11 @@ def angle_noise(q: Array, steps: Array | None = None) -> Array:
     # the scatter of quantised angles follows from their steps to within a third: only more than that is further noise
     noise: Array = np.where(white > 2.0 * quantised, white, quantised)
     return noise
+
+
+def resolution(q: Array) -> float:
+    """rad: width of the uniform error that an angle (m,) is recorded with: its step or, if noise is larger, that."""
+    return float(np.sqrt(12) * angle_noise(q[:, None])[0])
 
 
 def still_noise(recordings: Sequence[Recording]) -> Array:

@@ -21,7 +21,7 @@ from arm_model.effects.sensing import DROPPED_TRIGGER
 from daq.recording import Recording
 from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
-from diagnosis.residual.encoder_step import encoder_step
+from diagnosis.residual.noise import resolution
 from diagnosis.residual.run import Run
 from diagnosis.screening.counter_lag import PIECE, lost_by_current, shifts_tried
 from diagnosis.screening.encoder_jumps import Jump, jumps_of
@@ -164,7 +164,7 @@ def _lost(q: Array, jump: Jump, part: tuple[int, int], dt: float) -> tuple[int, 
     """
     near, row = max(3, round(0.01 / dt)), jump.row
     turned = (q[row - 1] - q[row - near] + q[row + near - 1] - q[row]) / (2 * (near - 1))
-    if abs(turned) * near < encoder_step(q) or not 0.5 < jump.size / turned < LONGEST / dt:
+    if abs(turned) * near < resolution(q) or not 0.5 < jump.size / turned < LONGEST / dt:
         return 0, 0.0
     guess = jump.size / turned
     reach = max(WINDOW[0], round(WINDOW[1] * guess))
@@ -177,7 +177,7 @@ def _lost(q: Array, jump: Jump, part: tuple[int, int], dt: float) -> tuple[int, 
         columns = np.vander((np.concatenate([before, after + lost]) - row) / reach, degree + 1)
         errors[k] = np.sum((values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]) ** 2)
     best = int(np.argmin(errors))
-    variance = max(float(errors[best]) / len(values), encoder_step(q) ** 2 / 12)
+    variance = max(float(errors[best]) / len(values), resolution(q) ** 2 / 12)
     likely = np.exp(-(errors - errors[best]) / (2 * MISFIT * variance))
     spread = np.sqrt(np.sum(likely * (tried - tried[best]) ** 2) / np.sum(likely))
     return int(tried[best]), max(float(spread), LEAST_STD)

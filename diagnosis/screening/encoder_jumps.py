@@ -18,7 +18,7 @@ from arm_model.effects.sensing import DROPPED_TRIGGER, MISSED_COUNTS
 from daq.recording import Recording
 from diagnosis.cause import Estimate, LostRows
 from diagnosis.residual.encoder_step import encoder_step
-from diagnosis.residual.noise import scatter
+from diagnosis.residual.noise import resolution
 from diagnosis.screening.event import Event, Gain
 
 JUMP_IN_STEPS = 2.4
@@ -82,7 +82,7 @@ def _rows_missing(recording: Recording, jumps: Sequence[tuple[int, float] | None
     rows = np.array([size for _, (_, size) in jumped]) / np.where(turned == 0.0, np.inf, turned)
     count = round(float(np.median(rows)))
     difference = np.abs(rows - count) * np.abs(turned)  # rad
-    tolerance = 0.2 * count * np.abs(turned) + [STEPS_OFF * encoder_step(recording.q[:, j]) for j, _ in jumped]
+    tolerance = 0.2 * count * np.abs(turned) + [STEPS_OFF * resolution(recording.q[:, j]) for j, _ in jumped]
     return (row, count) if count > 0 and np.all(difference < tolerance) else None
 
 
@@ -99,9 +99,10 @@ def _as_elsewhere(
     if len(jumped) != 1:
         return None
     j, row, size = jumped[0]
-    turned, step = _turned(recording.q[:, j], row, max(3, round(0.01 / recording.dt))), encoder_step(recording.q[:, j])
+    turned = _turned(recording.q[:, j], row, max(3, round(0.01 / recording.dt)))
+    least = STEPS_OFF * resolution(recording.q[:, j])
     return next(
-        (instant for instant in instants if instant[0] == row and abs(size - instant[1] * turned) < STEPS_OFF * step),
+        (instant for instant in instants if instant[0] == row and abs(size - instant[1] * turned) < least),
         None,
     )
 
@@ -131,11 +132,10 @@ def _dropped_triggers(recordings: Sequence[Recording], missing: Sequence[tuple[i
 
 
 def _count(q: Array, joint: Joint) -> float:
-    """rad: one count of an encoder: the step of its angle (n,), or, if noise masks it, of the model's encoder."""
+    """rad: one count of an encoder: the step of its angle (n,), or, if that has none, of the model's encoder."""
     step = encoder_step(q)
-    in_steps = float(scatter(q[:, None])[0]) < 2.0 * step / np.sqrt(12)
-    if in_steps or joint.encoder_lines is None:
-        return step
+    if step > 0.0 or joint.encoder_lines is None:
+        return step or resolution(q)
     return 2 * np.pi / (4 * joint.encoder_lines * abs(joint.ratio))
 
 
@@ -165,7 +165,7 @@ def _steep(q: Array, dt: float) -> list[tuple[int, float]]:
     """Rows before jumps of an angle (m,), and their sizes, rad; the largest first."""
     step = encoder_step(q)
     near = _near(dt)
-    if step == 0.0 or len(q) < 8 * near:
+    if np.ptp(q) == 0.0 or len(q) < 8 * near:
         return []
     bend = np.diff(q)
     beyond = bend - signal.medfilt(bend, 2 * (near // 2) + 1)

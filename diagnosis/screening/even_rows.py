@@ -14,7 +14,7 @@ import numpy as np
 
 from arm_io.types import Array
 from daq.recording import Recording
-from diagnosis.residual.encoder_step import lattice_step
+from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.noise import KnownNoise
 from identification.preprocessing.grid import on_grid
 
@@ -55,7 +55,7 @@ def known_noise(q: Array, grid: Array | None, known: KnownNoise) -> KnownNoise:
 
     There they show no more; an encoder whose angles lie on no lattice has steps of 0.
     """
-    return known if grid is None else replace(known, steps=np.array([lattice_step(column) for column in q.T]))
+    return known if grid is None else replace(known, steps=np.array([encoder_step(column) for column in q.T]))
 
 
 def even(recordings: Sequence[Recording]) -> list[Recording]:

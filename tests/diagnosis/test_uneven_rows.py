@@ -15,7 +15,6 @@ from daq.recording import Attachments, Recording, open_recording, write_table
 from diagnosis.against_noise import against_noise
 from diagnosis.diagnose import diagnose
 from diagnosis.residual.comparable_rows import comparable_rows
-from diagnosis.residual.encoder_step import encoder_step, lattice_step
 from diagnosis.residual.noise import KnownNoise
 from diagnosis.residual.run import residual_run
 from diagnosis.screening.even_rows import even, even_samples, grid_of, known_noise
@@ -68,13 +67,13 @@ def test_even_rows_and_torn_ones_are_left_alone(tmp_path: Path, root: Path) -> N
     assert grid_of(torn) is None and grid_of(np.arange(2.0)) is None
 
 
-def _floor(arm: Arm, rate: float, step: float, *, beat: bool = False) -> Array:
-    """(n,) error of the true arm over the stated noise, where each joint moves: 10 % jitter, encoders of ``step`` rad.
+def _floor(arm: Arm, rate: float, step: float, *, beat: bool = False, jitter: float = 0.1) -> Array:
+    """(n,) error of the true arm over the stated noise, where each joint moves: encoders of ``step`` rad.
 
     ``beat``: at a speed of one step per row, all along.
     """
     rng, count = np.random.default_rng(1), int(15 * rate)
-    t = (np.arange(count) + 0.1 * np.clip(rng.normal(size=count), -2, 2)) / rate
+    t = (np.arange(count) + jitter * np.clip(rng.normal(size=count), -2, 2)) / rate
     q, qd, qdd = motion(t, len(arm), 1, 1.6)
     if beat:
         speed = 1.003 * step * rate
@@ -87,6 +86,14 @@ def _floor(arm: Arm, rate: float, step: float, *, beat: bool = False) -> Array:
     assert sure.any(axis=0).all()
     error, stated = (np.sqrt(np.mean(x**2, axis=0, where=sure)) for x in (run.residual, run.instruments))
     return np.asarray(error / stated, float)
+
+
+@pytest.mark.parametrize("rate", [100.0, 250.0, 500.0])
+@pytest.mark.parametrize("step", [1e-4, 2 * np.pi / 2**17, 2 * np.pi / 2**20])
+def test_the_noise_floor_of_even_rows_is_that_of_the_steps(root: Path, rate: float, step: float) -> None:
+    """It was 2 to 20 times too high for 2^17 counts per turn: a row moves by many of them."""
+    ratio = _floor(puma(root, 2), rate, step, jitter=0.0)
+    assert np.all((ratio > 0.6) & (ratio < 1.2)), ratio
 
 
 @pytest.mark.parametrize("rate", [125.0, 250.0, 500.0])
@@ -102,14 +109,6 @@ def test_steps_that_beat_with_jittering_rows_are_in_the_noise_floor(root: Path, 
     """Without the steps it was 1.2 to 1.6 times too low. Jitter smears the beat, which is counted as without it."""
     ratio = _floor(puma(root, 2), rate, 1e-3, beat=True)
     assert np.all((ratio > 0.4) & (ratio < 1.1)), ratio
-
-
-def test_a_lattice_is_seen_however_many_steps_pass_between_rows() -> None:
-    t = np.arange(5000) / 125.0
-    fast = 0.8 * np.sin(2.0 * t) + 0.2 * np.sin(5.1 * t)
-    assert encoder_step(np.round(fast / 1e-4) * 1e-4) > 2e-4
-    assert lattice_step(np.round(fast / 1e-4) * 1e-4) == pytest.approx(1e-4, rel=1e-3)
-    assert lattice_step(fast) == 0.0 and lattice_step(np.zeros(100)) == 0.0
 
 
 def test_both_commands_take_jittering_rows_onto_the_grid(tmp_path: Path, root: Path) -> None:

@@ -18,7 +18,6 @@ from arm_io.types import Array
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, Effect, Instrument, Parameter, Scale, Signals, Values, described, units
 from arm_model.system import inverse_dynamics
-from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import (
     as_read,
     coulomb_at,
@@ -28,6 +27,7 @@ from diagnosis.residual.expected_current import (
     rate_of,
     true_angle,
 )
+from diagnosis.residual.noise import angle_noise
 from diagnosis.selection.candidate import Candidate
 from identification.selection import Index
 
@@ -117,11 +117,11 @@ def _kept(rate: float) -> slice:
 
 
 def _noise(arm: Arm, q: Array, rate: float) -> float:
-    """A: what the encoder's steps, twice differentiated, leave in the residual."""
+    """A: what the noise of the encoder (its steps), twice differentiated, leaves in the residual."""
     inertia = arm.joints[0].mass + arm.joints[0].ratio ** 2 * arm.joints[0].rotor_inertia
     w = 2 * np.pi * _bands(rate)[1]
     # sqrt(int_0^w x^4 dx / (pi rate))
-    wobble = encoder_step(np.sort(q)) / np.sqrt(12) * w**2 * np.sqrt(w / (5 * np.pi * rate))
+    wobble = float(angle_noise(q[:, None])[0]) * w**2 * np.sqrt(w / (5 * np.pi * rate))
     return float(inertia * wobble / arm.joints[0].drive_constant)
 
 

@@ -24,7 +24,7 @@ from diagnosis.measurements.tracker.columns import State, Survey, TrackedCandida
 from diagnosis.measurements.tracker.detectability import no_tracker, not_visible, sizes, structure, visible
 from diagnosis.measurements.tracker.model import LIMITS, Named, TrackedPoints, selected, tracked_points
 from diagnosis.measurements.tracker.points import Outliers, Side, points_of, side_of
-from diagnosis.measurements.tracker.regression import energy, good, point_residual
+from diagnosis.measurements.tracker.regression import beside_zeros, energy, good, point_residual
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.noise import MAD_TO_STD
 from diagnosis.selection.estimates import estimates
@@ -104,6 +104,7 @@ def tracked_causes(
     moves = sizes(model.every, model.start(), sides)
     before = [side.xyz - position(start, side.q) for side in sides]
     after = [point_residual(state, side) for side in sides]
+    beside = [beside_zeros(state, side, steps, level) for side in sides]
     names = ("fit", "held_out")
     return Tracked(
         causes=causes + ([strays] if strays else []),
@@ -111,7 +112,7 @@ def tracked_causes(
         shown=visible(moves, level),
         noise=noise,
         rms={name: (_rms(b), _rms(a)) for name, b, a in zip(names, before, after)},
-        unexplained=structure(sides, after, level),
+        unexplained=structure(sides, after, beside, level),
         distances={
             name: (np.linalg.norm(b, axis=1), np.linalg.norm(a, axis=1)) for name, b, a in zip(names, before, after)
         },

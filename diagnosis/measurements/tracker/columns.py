@@ -210,7 +210,8 @@ def fitted(
     scale = np.concatenate([np.zeros(0), *(c.scales for c in chosen if not c.names)])
     points, own = points_of(chosen, side), len(scale)
     if steps is not None:
-        points, scale = _with_zeros(points, side, steps), np.concatenate((scale, _zero_scales(side, steps)))
+        of_zeros = np.tile(zero_scales(steps), len(np.unique(side.of)))
+        points, scale = _with_zeros(points, side, steps), np.concatenate((scale, of_zeros))
     values = parameters.chain.values if start is None else start
     estimate = fit(parameters, points, start=values, extension_scale=scale)
     for _ in range(3):
@@ -255,9 +256,12 @@ def _with_zeros(points: Points, side: Side, steps: Array) -> Points:
     return Points(points.q, points.xyz, columns if bent is None else np.concatenate((bent, columns), axis=2))
 
 
-def _zero_scales(side: Side, steps: Array) -> Array:
-    """Prior std, rad: the count that a counter is set to, and the position within it, step / sqrt(12) each."""
-    return np.tile(np.maximum(steps, 1e-7) / np.sqrt(6.0), len(np.unique(side.of)))
+def zero_scales(steps: Array) -> Array:
+    """(n,) prior std of zeros, rad: the count that a counter is set to, and the position within it.
+
+    steps (n,) rad; step / sqrt(12) each.
+    """
+    return np.asarray(np.maximum(steps, 1e-7) / np.sqrt(6.0))
 
 
 def _parameters(arm: Arm, chosen: Sequence[TrackedCandidate], survey: Survey) -> Parameters:

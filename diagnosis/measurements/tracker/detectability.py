@@ -100,12 +100,15 @@ def _typical(candidate: TrackedCandidate) -> tuple[list[float], str]:
     return values, words
 
 
-def structure(sides: Sequence[Side], residuals: Sequence[Array], level: float) -> list[Structure]:
+def structure(
+    sides: Sequence[Side], residuals: Sequence[Array], beside: Sequence[Array], level: float
+) -> list[Structure]:
     """What is left of the tracked points: waves, drifts, and the variable that predicts most of the held-out residual.
 
     Of a residual far above the noise that no variable predicts, the size. Empty where the residual is noise.
+    ``beside``: the residuals beside the encoders' zeros, of which waves and drifts are.
     """
-    of_time = (over_time(side, left, level) for side, left in zip(reversed(sides), reversed(residuals)))
+    of_time = (over_time(side, left, level) for side, left in zip(reversed(sides), reversed(beside)))
     times = next(filter(None, of_time), [])
     return times or _against(sides, residuals, level)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_io.types import Array
-from diagnosis.measurements.tracker.columns import State, TrackedCandidate, points_of, turns
+from diagnosis.measurements.tracker.columns import State, TrackedCandidate, points_of, turns, zero_scales
 from diagnosis.measurements.tracker.points import Side
 from identification.kinematics.estimation import REJECT, residuals
 from identification.kinematics.models import position_jacobian
@@ -17,6 +17,25 @@ from identification.kinematics.models import position_jacobian
 def point_residual(state: State, side: Side) -> Array:
     """(N, 3) m: measured less fitted points of a side."""
     return residuals(state.parameters, state.values, state.estimate.extension, state.points(side))
+
+
+def beside_zeros(state: State, side: Side, steps: Array, level: float) -> Array:
+    """(N, 3) m: ``point_residual`` without what the encoders' own zeros in each recording explain of it.
+
+    steps (n,) rad: of the encoders, whose prior of a zero they are (``zero_scales``); level: m, noise of a coordinate.
+    Along one motion, the points that a wrong zero moves may well drift over time.
+    """
+    residual = point_residual(state, side)
+    chain = state.parameters.chain.at(state.values)
+    every = position_jacobian(chain, state.points(side).bent(state.estimate.extension))[1]
+    columns = (every[:, :, chain.joint_steps()] @ side.coupling) * zero_scales(steps)
+    kept = good(residual)
+    for recording in np.unique(side.of):
+        own = side.of == recording
+        fitted = columns[own & kept].reshape(-1, columns.shape[2])
+        normal = fitted.T @ fitted + level**2 * np.eye(fitted.shape[1])
+        residual[own] -= columns[own] @ np.linalg.solve(normal, fitted.T @ residual[own & kept].ravel())
+    return residual
 
 
 def good(residual: Array) -> NDArray[np.bool_]:
