@@ -25,13 +25,15 @@ from arm_io import InputError
 from arm_io.types import Array, Progress
 from arm_model import Arm, Coupling
 from identification.kinematics.circle_points.circle_point import Circle
+from identification.kinematics.data.blocks import split
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.recordings import Gravity
 from identification.kinematics.data.row_shifts import Shift
 from identification.kinematics.data.runs import Run, correlation_in_poses, correlation_time, poses_of
-from identification.kinematics.estimation.blocks import split
 from identification.kinematics.estimation.cross_validation import Trial
+from identification.kinematics.estimation.extended_fit import estimate_run_zeros, extend_and_realign
 from identification.kinematics.estimation.extensions import Extension, deflections
+from identification.kinematics.estimation.given_targets import free_targets
 from identification.kinematics.estimation.judgement import best_frame_and_target, judged, weaknesses
 from identification.kinematics.estimation.map_estimation import Fit, residuals
 from identification.kinematics.estimation.observability import (
@@ -45,17 +47,7 @@ from identification.kinematics.estimation.observed import residual_of
 from identification.kinematics.estimation.position_error import LeftOut, PositionError, position_error
 from identification.kinematics.estimation.run_zeros import expected
 from identification.kinematics.estimation.start import with_nominal_target
-from identification.kinematics.estimation.work import (
-    JudgedBy,
-    Settings,
-    Work,
-    couple,
-    estimate_run_zeros,
-    extend_and_realign,
-    first_fit,
-    free_targets,
-    linked,
-)
+from identification.kinematics.estimation.work import JudgedBy, Settings, Work, couple, first_fit, linked
 from identification.kinematics.models.chain import Chain, forward
 from identification.kinematics.models.parameters import Parameters, Target
 

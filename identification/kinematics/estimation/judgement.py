@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm_io.types import Array
+from identification.kinematics.data.blocks import blocks
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.runs import Run, points_of, thinned, velocity_of
-from identification.kinematics.estimation.blocks import blocks
 from identification.kinematics.estimation.extensions import deflections, prior_scales
 from identification.kinematics.estimation.map_estimation import REJECT, Fit, fit, residuals
 from identification.kinematics.estimation.observability import expected_rank

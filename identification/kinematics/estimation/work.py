@@ -1,4 +1,4 @@
-"""A calibration in progress, and its steps: first fit, couplings, target, extensions, realigned rows, encoder zeros."""
+"""A calibration in progress, and its first steps: a fit of all points, couplings of joints."""
 
 from __future__ import annotations
 
@@ -12,19 +12,18 @@ import numpy as np
 from arm_io.types import Array, Progress
 from arm_model import Arm
 from identification.kinematics.circle_points.circle_point import Circle
+from identification.kinematics.data.blocks import blocks
 from identification.kinematics.data.points import Points
 from identification.kinematics.data.recordings import Gravity
-from identification.kinematics.data.row_shifts import Shift, find_constant, find_step
-from identification.kinematics.data.runs import Run, points_of, shifted, thinned, velocity_of
-from identification.kinematics.estimation.blocks import blocks
+from identification.kinematics.data.row_shifts import Shift
+from identification.kinematics.data.runs import Run, points_of, thinned
 from identification.kinematics.estimation.coupled_joints import Entry, entry_columns, find_couplings, refined
-from identification.kinematics.estimation.cross_validation import Trial, choose
-from identification.kinematics.estimation.extensions import Extension, candidates, deflections, prior_scales
+from identification.kinematics.estimation.cross_validation import Trial
+from identification.kinematics.estimation.extensions import Extension
 from identification.kinematics.estimation.map_estimation import Fit, fit, residuals
 from identification.kinematics.estimation.observability import RESTING
 from identification.kinematics.estimation.orientation import aimed, lever_of, realigned
 from identification.kinematics.estimation.outlier_pattern import shared
-from identification.kinematics.estimation.run_zeros import with_own_zeros, with_zeros
 from identification.kinematics.estimation.start import (
     best_circles,
     best_start,
@@ -34,12 +33,10 @@ from identification.kinematics.estimation.start import (
 )
 from identification.kinematics.models.chain import Chain, Index, Mask
 from identification.kinematics.models.parameters import (
-    UNKNOWN_TARGET,
     Parameters,
     Target,
     Trust,
     parameters_of,
-    target_of,
 )
 
 MOST = 10000
@@ -50,9 +47,6 @@ OUTLIERS = 0.05
 """Share of the points left out, above which the model is at fault and not the points."""
 _FEW = 1000
 """Points of poses measured one by one, each of which counts."""
-_TARGET = 30.0
-"""Twice the gain in log posterior by which a free target must be better: chi-square of 3, once in 1e6."""
-
 JudgedBy = Literal["held_out", "split", "cross-validation"]
 
 
@@ -166,71 +160,6 @@ def couple(work: Work, stated_frame: bool) -> None:
         first_fit(work)
 
 
-def free_targets(work: Work) -> None:
-    """Targets given with too small an uncertainty are estimated instead, and said.
-
-    The posterior of the fit with these targets free is compared with that of the targets as given, each with what the
-    last link had to take: 2 log of their ratio is chi-square of 3 a target where they were given rightly.
-    """
-    if not any(one.given for one in work.targets):
-        return
-    wide = [replace(one, std=UNKNOWN_TARGET) for one in work.targets]
-    settings = work.settings
-    parameters = parameters_of(work.arm, wide, frame_known=settings.frame_known, trust=settings.trust)
-    points = work.points.deflected(None)
-    found = fit(parameters, points, start=work.estimate.values)
-    both = found.inlier & work.estimate.inlier
-    gain = _misfit(work.parameters, work.estimate, points, both, found.noise) - _misfit(
-        parameters, found, points, both, found.noise
-    )
-    more = int(found.inlier.sum()) - int(work.estimate.inlier.sum())
-    if gain < _TARGET * sum(one.given for one in work.targets) and more <= OUTLIERS * len(points):
-        return
-    chain = parameters.chain.at(found.values)
-    off = [target_of(chain, k)[:3, 3] - one.place for k, one in enumerate(work.targets)]
-    wrong = [k for k, one in enumerate(work.targets) if one.given and np.linalg.norm(off[k]) >= 5.0 * one.std]
-    for k in wrong:
-        one = work.targets[k]
-        work.warnings.append(
-            f"the target{one.name and ' ' + one.name} was given as ({', '.join(f'{v:.4f}' for v in one.place)}) m with "
-            f"a standard deviation of {1e3 * one.std:g} mm, but the points place it "
-            f"{1e3 * np.linalg.norm(off[k]):.1f} mm away (chi-square {gain:.0f} with 3 degrees of freedom per target); "
-            "it was estimated instead. Give --target in the frame of the last link, or a larger --target-std"
-        )
-    if wrong:
-        work.targets = [wide[k] if k in wrong else one for k, one in enumerate(work.targets)]
-        work.parameters = parameters_of(work.arm, work.targets, frame_known=settings.frame_known, trust=settings.trust)
-        work.estimate = fit(work.parameters, points, start=found.values)
-
-
-def extend_and_realign(work: Work) -> None:
-    """Extensions, then rows that belong to another trigger.
-
-    Where there are such rows, the fit and the extensions once more.
-    """
-    if work.settings.extend:
-        _extend(work)
-    if _realign(work):
-        work.rows = thinned(work.runs, MOST)
-        work.points = points_of(work.runs, work.rows)
-        work.estimate = fit(work.parameters, work.points, start=work.estimate.values)
-        if work.settings.extend:
-            _extend(work)
-
-
-def estimate_run_zeros(work: Work) -> None:
-    """A zero of its own for every run whose counters were set at its start."""
-    if all(run.count is None for run in work.runs):
-        return
-    work.tell("zeros of the encoders, run by run")
-    gravity = work.settings.gravity
-    work.points, work.estimate, zeros = with_own_zeros(
-        work.parameters, work.runs, work.rows, work.estimate, work.extensions, gravity
-    )
-    work.runs = with_zeros(work.runs, zeros)
-    work.held_out = with_zeros(work.held_out, zeros) if work.judged_by != "held_out" else work.held_out
-
-
 def aim(work: Work) -> None:
     """Orientations become those of a frame that is nearly parallel to the last link's."""
     found = aimed(work.first, work.points)
@@ -288,71 +217,3 @@ def linked(run: Run, matrix: Array) -> Run:
     """The run with joint angles matrix (n, n) times its own, and its encoders' counts as large as they then are."""
     count = None if run.count is None else np.abs(matrix) @ run.count
     return replace(run, q=run.q @ matrix.T, count=count)
-
-
-def _misfit(parameters: Parameters, found: Fit, points: Points, rows: Mask, noise: float) -> float:
-    """Squared deviations of the points and of the priors."""
-    off = residuals(parameters, found.values, found.extension, points)[rows]
-    free = parameters.free
-    prior = (found.values - parameters.chain.values)[free] / parameters.scale[free]
-    return float(np.sum(off**2) / noise**2 + np.sum(prior**2))
-
-
-def _extend(work: Work) -> None:
-    """Selects the extensions that improve the error on points that the fit has not seen, and fits them."""
-    points, velocity = points_of(work.runs, work.rows), velocity_of(work.runs, work.rows)
-    gravity = work.settings.gravity
-    prismatic = [not j.revolute for j in work.arm.joints]
-    tried = candidates(work.moving, prismatic, gravity=gravity, velocity=_moves(velocity))
-
-    def deflect(extensions: Sequence[Extension]) -> Array:
-        return deflections(extensions, points.q, velocity=velocity, gravity=gravity)
-
-    numbers = blocks(work.runs, work.rows)
-    work.extensions, work.trials = choose(work.parameters, points, numbers, tried, deflect, work.estimate, work.tell)
-    if work.extensions:
-        points = points.deflected(deflect(work.extensions))
-        scale = prior_scales(work.extensions)
-        work.estimate = fit(work.parameters, points, start=work.estimate.values, extension_scale=scale)
-    work.points = points
-
-
-def _realign(work: Work) -> bool:
-    """Moves points back to their own rows where the delay steps within a run, or is a whole number of rows throughout.
-
-    Whether any was.
-
-    Blocks of one run, some held out, are moved alike: as the fitted half of the run shows.
-    """
-    chain, extension = work.parameters.chain.at(work.estimate.values), work.estimate.extension
-    still = [0.0 if e.definition.late is not None else 1.0 for e in work.extensions for _ in e.parameters]
-
-    def bent(run: Run) -> Run:
-        bend = deflections(work.extensions, np.nan_to_num(run.q), velocity=None, gravity=work.settings.gravity)
-        return replace(run, q=run.q + bend @ (extension * still))
-
-    def aligned_rows(run: Run) -> tuple[Run, list[Shift]]:
-        mine: list[Shift] = []
-        if run.still or run.lever:
-            return run, mine
-        for search in (find_step, find_step, find_step, find_constant):
-            shift = search(bent(run), chain, work.estimate.noise)
-            if shift is not None:
-                mine.append(shift)
-                run = shifted(run, shift.first, shift.rows)
-        return run, mine
-
-    for k, run in enumerate(work.runs):
-        work.runs[k], mine = aligned_rows(run)
-        work.shifts += mine
-        for shift in mine if work.judged_by != "held_out" else []:
-            work.held_out[k] = shifted(work.held_out[k], shift.first, shift.rows)
-    if work.judged_by == "held_out":
-        for k, run in enumerate(work.held_out):
-            work.held_out[k], mine = aligned_rows(run)
-            work.shifts += mine
-    return bool(work.shifts)
-
-
-def _moves(velocity: Array) -> bool:
-    return bool(np.abs(velocity).max(initial=0.0) > 0.01)
