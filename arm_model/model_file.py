@@ -18,7 +18,7 @@ from arm_model.mjcf import SUFFIXES, mjcf_of, read_mjcf
 from arm_model.parameters import parameter
 from arm_model.rigid_body.inertia import unphysical
 from arm_model.tables.fields import IDENTITY, Pose, Vector
-from arm_model.tables.floating_base import FloatingBase
+from arm_model.tables.floating_base import FloatingBase, Thruster
 from arm_model.tables.uncertainty import Uncertainty, read_uncertainty, write_uncertainty
 from arm_model.urdf.reading import read_urdf, urdf_of
 
@@ -167,7 +167,11 @@ def _base_table(floating: FloatingBase, mount: Pose) -> dict[str, Any]:
     if mount != IDENTITY:
         table["mount"] = [list(row) for row in mount]
     if floating.thruster:
-        table["thruster"] = [asdict(thruster) for thruster in floating.thruster]
+        sound = {field.name: field.default for field in fields(Thruster)}
+        table["thruster"] = [
+            {name: value for name, value in asdict(thruster).items() if name == "gain" or value != sound[name]}
+            for thruster in floating.thruster
+        ]
     if floating.controller is not None:
         entries = asdict(floating.controller)
         table["controller"] = {name: value for name, value in entries.items() if value is not None}

@@ -11,7 +11,7 @@ link{j}.drag_coefficient .added_mass_coefficient .buoyancy  of its cylinder in w
 joint{j}.drag                                              N m s2/rad2
 joint{j}.link_viscous .link_coulomb                        N m s/rad, N m: of the joint's own axis
 joint{j}.theta .d .a .alpha .beta .torque_constant .torque_limit .sign_velocity    as the model file has them
-base.NAME, thruster{k}.gain                                of a floating base (``arm_model.tables.base_values``)
+base.NAME, thruster{k}.NAME                                of a floating base (``arm_model.tables.base_values``)
 joint{j}.EFFECT.PARAMETER, EFFECT.PARAMETER                of an effect term of that joint, of the whole arm
 """
 

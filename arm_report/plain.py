@@ -146,6 +146,7 @@ def _motion(motion: Motion, arrays: Arrays) -> Table:
             "x": clip.x,
             "t": arrays.put(clip.t, exact=True),
             "q": [arrays.put(column) for column in clip.q.T],
+            "pose": None if clip.pose is None else [arrays.put(column) for column in clip.pose.T],
         }
         for name, clip in motion.clips.items()
         if len(clip.t)

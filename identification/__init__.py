@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
+    from identification.base_result import BaseIdentification
     from identification.identify import check_runs, identify_by, own_friction
     from identification.prediction import predict
     from identification.result import Identification, JointNoise, Prediction
@@ -12,6 +13,7 @@ else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
+    "BaseIdentification",
     "Identification",
     "JointNoise",
     "Prediction",

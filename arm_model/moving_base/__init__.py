@@ -18,9 +18,11 @@ if TYPE_CHECKING:
         OF_ARM,
         PAYLOAD,
         REACTION,
+        beyond,
         hull_wrench,
         loaded,
         nominal_wrench_parameters,
+        thrust_of,
         wrench_columns,
     )
 else:
@@ -32,6 +34,7 @@ __all__ = [
     "REACTION",
     "BaseRows",
     "accelerations_with_base",
+    "beyond",
     "floating",
     "forces_with_base",
     "hull_wrench",
@@ -40,5 +43,6 @@ __all__ = [
     "momentum",
     "nominal_wrench_parameters",
     "rotations",
+    "thrust_of",
     "wrench_columns",
 ]

@@ -20,7 +20,7 @@ from arm_model.moving_base.numeric import BaseRows, floating, forces_with_base
 from arm_model.moving_base.recursion import DOF
 from arm_model.rigid_body.inertia import about_com, barycentric
 from arm_model.rigid_body.numeric import stacked
-from arm_model.tables import base_parameters
+from arm_model.tables import Thruster, base_parameters
 
 REACTION, PAYLOAD = "arm.reaction", "arm.payload"
 OF_ARM = {REACTION: "1", PAYLOAD: "kg"}
@@ -29,11 +29,31 @@ OF_ARM = {REACTION: "1", PAYLOAD: "kg"}
 
 def nominal_wrench_parameters(arm: Arm) -> dict[str, float]:
     """The parameters as the model has them, in the order of the columns."""
-    return base_parameters(floating(arm)) | {REACTION: 1.0, PAYLOAD: 0.0}
+    found = {name: value for name, value in base_parameters(floating(arm)).items() if of_wrench(name)}
+    return found | {REACTION: 1.0, PAYLOAD: 0.0}
+
+
+def of_wrench(name: str) -> bool:
+    """Whether a parameter of the base enters the wrench linearly: of a thruster its gain alone."""
+    return not name.startswith("thruster") or name.endswith(".gain")
+
+
+def thrust_of(demand: Array, thruster: Thruster) -> Array:
+    """(..., m) N of a thruster per unit of its gain, for ``demand`` within its limits, without its time constant."""
+    ahead, astern = beyond(demand, thruster.dead_zone)
+    return np.asarray(thruster.forward * ahead + thruster.reverse * astern)
+
+
+def beyond(demand: Array, zone: float | Array) -> tuple[Array, Array]:
+    """Positive and negative part of a demand, N, each less a dead zone."""
+    return np.maximum(demand - zone, 0.0), np.minimum(demand + zone, 0.0)
 
 
 def wrench_columns(arm: Arm, base: BaseRows, joints: tuple[Array, Array, Array], thrust: Array) -> Array:
-    """(N, 6, p) N and N m per unit of each parameter; ``joints`` q, qd, qdd (N, n), ``thrust`` (N, thrusters) N."""
+    """(N, 6, p) N and N m per unit of each parameter; ``joints`` q, qd, qdd (N, n).
+
+    ``thrust`` (N, thrusters) N per unit of each gain.
+    """
     whole = forces_with_base(arm, base, *joints, base_water=False)[:, :DOF]
     reaction = whole - _alone(arm, base, len(whole))
     pushed = [np.outer(thrust[:, k], column) for k, column in enumerate(floating(arm).allocation.T)]

@@ -4,6 +4,7 @@ base_body{k}                inertial parameters about the body frame's origin, i
 base_added{i}{k}            i <= k, kg, kg m, kg m2             base_linear{k} base_quadratic{k}   drag
 base_displaced base_lift{k} kg, and its first moment, kg m
 thruster_gain{k} thruster_low{k} thruster_high{k} thruster_rate{k}    1, N, N, 1/s (0 without a time constant)
+thruster_forward{k} thruster_reverse{k} thruster_dead{k}   share of the gain beyond 1 for either sign, N
 base_kp{k} base_ki{k} base_kd{k} feedforward    of the station keeping: N/m, N/(m s), N s/m and N m/rad ..., 1
 """
 
@@ -29,6 +30,8 @@ def base_numbers(arm: Arm, real: Arm) -> dict[str, float]:
     for k, thruster in enumerate(base.thruster):
         rate = 1.0 / thruster.time_constant if thruster.time_constant else 0.0
         found |= {f"thruster_gain{k}": thruster.gain, f"thruster_rate{k}": rate}
+        found |= {f"thruster_forward{k}": thruster.forward - 1.0, f"thruster_reverse{k}": thruster.reverse - 1.0}
+        found[f"thruster_dead{k}"] = thruster.dead_zone
         found |= {f"thruster_low{k}": thruster.limits[0], f"thruster_high{k}": thruster.limits[1]}
     return found | _station_keeping(arm)
 

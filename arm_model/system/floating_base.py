@@ -82,7 +82,7 @@ def base_of(arm: Arm, symbol: Symbol, tape: Tape) -> Base | None:
     )
     thrust, lagging = [], {}
     for k, thruster in enumerate(floating.thruster):
-        given = symbol(f"thruster_gain{k}") * tape.input(f"current{len(arm) + k}")
+        given = symbol(f"thruster_gain{k}") * _directed(symbol, k, tape.input(f"current{len(arm) + k}"))
         if thruster.time_constant:
             state = tape.input(f"thrust{k}")
             lagging[f"thrust{k}"] = (given - state) * symbol(f"thruster_rate{k}")
@@ -90,6 +90,17 @@ def base_of(arm: Arm, symbol: Symbol, tape: Tape) -> Base | None:
         thrust.append(given)
     x, y, z = (tape.input(name) for name in POSE[:3])
     return Base(floating, (x, y, z), attitude, rows, BaseMotion(velocity, STILL, gravity), water, thrust, lagging)
+
+
+def _directed(symbol: Symbol, k: int, demand: Expr) -> Expr:
+    """What a demand gives beyond the dead zone and for its sign (``arm_model.moving_base.thrust_of``)."""
+    zone, forward, reverse = (symbol(f"thruster_{name}{k}") for name in ("dead", "forward", "reverse"))
+    if zone.value != 0.0:
+        demand = demand - scalar.maximum(-zone, scalar.minimum(zone, demand))
+    if forward.value != 0.0 or reverse.value != 0.0:
+        zero = demand.tape.constant(0.0)
+        demand = demand + forward * scalar.maximum(demand, zero) + reverse * scalar.minimum(demand, zero)
+    return demand
 
 
 def base_body(symbol: Symbol) -> tuple[Expr, ...]:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from arm_model.tables.base_values import base_parameters, unit_of, with_base_parameters
+    from arm_model.tables.base_values import OF_THRUSTER, base_parameters, unit_of, with_base_parameters
     from arm_model.tables.floating_base import DEGREES, FloatingBase, StationKeeping, Thruster
     from arm_model.tables.uncertainty import Uncertainty, uncertainty_of
 else:
@@ -13,6 +13,7 @@ else:
 
 __all__ = [
     "DEGREES",
+    "OF_THRUSTER",
     "FloatingBase",
     "StationKeeping",
     "Thruster",

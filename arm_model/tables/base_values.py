@@ -6,6 +6,8 @@ base.added_mass_{DEGREE} .linear_drag_{DEGREE} .quadratic_drag_{DEGREE}
 base.displaced_mass            kg
 base.lift_x .lift_y .lift_z    kg m: first moment of the displaced water, displaced mass times buoyancy centre
 thruster{k}.gain               thrust over demanded thrust, of thruster k from 1
+thruster{k}.forward .reverse   share of that for positive and negative demands
+thruster{k}.dead_zone          N: demand that gives nothing
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from arm_model.tables.floating_base import DEGREES, FloatingBase
+from arm_model.tables.floating_base import DEGREES, FloatingBase, Thruster
 
 PER_DEGREE = {
     "added_mass": ("kg", "kg m2"),
@@ -24,6 +26,8 @@ PER_DEGREE = {
 }
 """Kinds of parameters that each degree of freedom has, and their units for shifts and turns."""
 AXES = ("x", "y", "z")
+OF_THRUSTER = {"gain": "1", "forward": "1", "reverse": "1", "dead_zone": "N"}
+"""Parameters of each thruster, and their units."""
 
 
 def base_parameters(base: FloatingBase) -> dict[str, float]:
@@ -37,14 +41,15 @@ def base_parameters(base: FloatingBase) -> dict[str, float]:
     found = {f"base.{kind}_{DEGREES[k]}": float(values[kind][k]) for kind in PER_DEGREE for k in range(6)}
     found["base.displaced_mass"] = base.displaced_mass
     found |= {f"base.lift_{axis}": float(value) for axis, value in zip(AXES, moment)}
-    return found | {f"thruster{k}.gain": thruster.gain for k, thruster in enumerate(base.thruster, 1)}
+    thrusters = enumerate(base.thruster, 1)
+    return found | {f"thruster{k}.{name}": float(getattr(one, name)) for k, one in thrusters for name in OF_THRUSTER}
 
 
 def unit_of(name: str) -> str:
     """Unit of a parameter."""
     head, _, rest = name.partition(".")
     if head != "base":
-        return "1"
+        return OF_THRUSTER[rest]
     if rest == "displaced_mass":
         return "kg"
     kind, _, degree = rest.rpartition("_")
@@ -54,7 +59,7 @@ def unit_of(name: str) -> str:
 def with_base_parameters(base: FloatingBase, values: Mapping[str, float]) -> FloatingBase:
     """The base with these parameters changed. KeyError for a name that it has not.
 
-    Drag and displaced mass that are negative become 0: an estimate may be below it by its uncertainty.
+    Drag, displaced mass and dead zones that are negative become 0: an estimate may be below it by its uncertainty.
     """
     known = base_parameters(base)
     for name in values:
@@ -70,9 +75,7 @@ def with_base_parameters(base: FloatingBase, values: Mapping[str, float]) -> Flo
         added[k, k] = value
     displaced = max(float(now["base.displaced_mass"]), 0.0)
     x, y, z = (float(now[f"base.lift_{axis}"]) / displaced if displaced else 0.0 for axis in AXES)
-    thrusters = tuple(
-        replace(thruster, gain=float(now[f"thruster{k}.gain"])) for k, thruster in enumerate(base.thruster, 1)
-    )
+    thrusters = tuple(_thruster(thruster, k, now) for k, thruster in enumerate(base.thruster, 1))
     return replace(
         base,
         added_mass=added.tolist(),
@@ -82,3 +85,8 @@ def with_base_parameters(base: FloatingBase, values: Mapping[str, float]) -> Flo
         buoyancy_centre=(x, y, z),
         thruster=thrusters,
     )
+
+
+def _thruster(thruster: Thruster, k: int, values: Mapping[str, float]) -> Thruster:
+    gain, forward, reverse, dead_zone = (float(values[f"thruster{k}.{name}"]) for name in OF_THRUSTER)
+    return replace(thruster, gain=gain, forward=forward, reverse=reverse, dead_zone=max(dead_zone, 0.0))

@@ -44,7 +44,8 @@ class Thruster:
 
     position (3,) m and direction (3,) of its force for a positive demand, body frame; limits (2,) N of its demand.
     gain: thrust over demanded thrust, 1 of a sound one, 0 of a dead one. time_constant s: of the thrust behind its
-    demand, 0: none.
+    demand, 0: none. forward, reverse: share of that thrust for positive and negative demands, 1 of a sound one.
+    dead_zone N: demands of this size give nothing, larger ones that much less (``arm_model.moving_base.thrust_of``).
     """
 
     position: Vector
@@ -52,6 +53,9 @@ class Thruster:
     limits: tuple[float, float]
     gain: float = 1.0
     time_constant: NotNegative = 0.0
+    forward: float = 1.0
+    reverse: float = 1.0
+    dead_zone: NotNegative = 0.0
     name: str = ""
 
     @model_validator(mode="after")

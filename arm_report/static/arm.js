@@ -12,9 +12,19 @@ function joint(sliding, q) {
   return [[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, sliding ? q : 0], [0, 0, 0, 1]];
 }
 
+/** The pose [x, y, z, qw, qx, qy, qz] of a moving base as a matrix. */
+function moving([x, y, z, w, a, b, c]) {
+  return [
+    [1 - 2 * (b * b + c * c), 2 * (a * b - w * c), 2 * (a * c + w * b), x],
+    [2 * (a * b + w * c), 1 - 2 * (a * a + c * c), 2 * (b * c - w * a), y],
+    [2 * (a * c - w * b), 2 * (b * c + w * a), 1 - 2 * (a * a + b * b), z],
+    [0, 0, 0, 1],
+  ];
+}
+
 /** Poses of links 0 to n in the base frame, for joint positions of the drives: as arm_clearance.Chain.frames. */
-function frames(arm, q) {
-  const found = [arm.base];
+function frames(arm, q, base) {
+  const found = [base ? times(base, arm.base) : arm.base];
   arm.coupling.forEach((row, k) => {
     const angle = row.reduce((sum, share, j) => sum + share * q[j], 0);
     found.push(times(times(times(found.at(-1), arm.before[k]), joint(arm.sliding[k], angle)), arm.after[k]));
@@ -22,11 +32,18 @@ function frames(arm, q) {
   return found;
 }
 
-/** Segments [[x, y, z] from, to, radius] of the arm and the point of its tool, m in the base frame. */
-function segments(arm, q) {
-  const poses = frames(arm, q);
+/** Segments [[x, y, z] from, to, radius] of the arm and its vehicle, and the point of its tool, m in the world. */
+function segments(arm, q, base) {
+  const poses = frames(arm, q, base);
   const lines = arm.bodies.map((body) => [placed(poses[body.link], body.start), placed(poses[body.link], body.end), body.radius]);
+  for (const [from, to, radius] of (base && arm.hull) || []) lines.push([placed(base, from), placed(base, to), radius]);
   return { lines, tool: placed(poses.at(-1), arm.tool) };
+}
+
+/** The same at a row of a clip. */
+function segmentsAt(clip, row) {
+  const at = (columns) => columns.map((number) => array(number)[row]);
+  return segments(DATA.motion.arm, at(clip.q), clip.pose && moving(at(clip.pose)));
 }
 
 /** Room for the farthest point of the arm over all clips, m, and a side from which its mean direction is seen. */
@@ -34,9 +51,9 @@ function look(arm) {
   let far = 0.1;
   const ahead = [0, 0];
   for (const clip of Object.values(CLIPS)) {
-    const columns = clip.q.map(array), rows = columns[0].length;
+    const rows = array(clip.t).length;
     for (let row = 0; row < rows; row += Math.max(1, Math.floor(rows / 60))) {
-      const { lines, tool } = segments(arm, columns.map((values) => values[row]));
+      const { lines, tool } = segmentsAt(clip, row);
       for (const point of [tool, ...lines.flatMap(([from, to]) => [from, to])])
         far = Math.max(far, Math.hypot(...point.map((value, k) => value - arm.base[k][3])));
       for (const k of [0, 1]) ahead[k] += (tool[k] - arm.base[k][3]) / rows;
@@ -91,7 +108,6 @@ function showArm(name, seconds) {
 function drawArm() {
   if (!view.clip || !armBox) return;
   const { canvas } = armBox, arm = DATA.motion.arm, ratio = devicePixelRatio;
-  const q = view.clip.q.map((number) => array(number)[view.row]);
   [canvas.width, canvas.height] = [canvas.clientWidth * ratio, canvas.clientHeight * ratio];
   const context = canvas.getContext("2d"), length = view.reach, scale = (0.5 * Math.min(canvas.width, canvas.height)) / length;
   const origin = [arm.base[0][3], arm.base[1][3], arm.base[2][3]];
@@ -118,7 +134,7 @@ function drawArm() {
     line(place(at, -floor), place(at, floor), ratio, styleOf("line"));
     line(place(-floor, at), place(floor, at), ratio, styleOf("line"));
   }
-  const { lines, tool } = segments(arm, q);
+  const { lines, tool } = segmentsAt(view.clip, view.row);
   const middle = ([from, to]) => seen(from.map((value, k) => (value + to[k]) / 2))[2];
   lines.sort((a, b) => middle(a) - middle(b));
   for (const [from, to, radius] of lines) {

@@ -11,7 +11,7 @@ from armscope.api.reading import File, Source, read_model, recordings_of
 if TYPE_CHECKING:
     from arm_model import Arm
     from diagnosis.floating_base import BaseDiagnosis
-    from identification.floating_base import BaseIdentification
+    from identification import BaseIdentification
 
 
 def floats(model: File | Arm) -> bool:

@@ -66,8 +66,8 @@ def command(
 
     check_folder(out)
     if rig is None and model is not None and floats(model):
-        refuse(model, {"--distort": distort is not None, "--png": png, "--pdf": pdf})
-        _diagnose_base(fit, model, out, held_out or [], as_json)
+        refuse(model, {"--distort": distort is not None})
+        _diagnose_base(fit, model, held_out or [], Output(out, pictures(png, pdf)), as_json)
         return _DONE
     nominal = _model(model, rig)
     arm, kinds = fixed_model(nominal, "'armscope diagnose'"), pictures(png, pdf)
@@ -97,13 +97,15 @@ def command(
     return _SAMPLES_LOST if case.lost else _DONE
 
 
-def _diagnose_base(fit: list[Path], model: Path, out: Path, held_out: list[Path], as_json: bool) -> None:
+def _diagnose_base(fit: list[Path], model: Path, held_out: list[Path], out: Output, as_json: bool) -> None:
     from armscope.api.floating_base import diagnose_base
+    from diagnosis.report import write_base_diagnosis
 
     with shown(as_json) as progress:
         result = diagnose_base(fit, model, held_out=held_out, progress=progress)
-        table = result.write(out)
-    print(json.dumps(table) if as_json else f"{result}\n{out / 'diagnosis.json'}, model.toml")
+        progress("report")
+        table = write_base_diagnosis(out.folder, result, out.pictures)
+    print(json.dumps(table) if as_json else f"{result}\n{out.folder / 'report.html'}, diagnosis.json, model.toml")
 
 
 def _distorted(arm: Arm, name: str, recordings: list[Recording], out: Output, as_json: bool) -> int:

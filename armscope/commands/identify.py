@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -97,12 +98,10 @@ def command(
             "--friction": friction is not None,
             "--shape": shape is not Shape.auto,
             "--check": only_check,
-            "--png": png,
-            "--pdf": pdf,
         }
         refuse(model, options)
         assert out is not None, "only --check needs none"
-        _identify_base(run, model, out, held_out or [], as_json)
+        _identify_base(run, model, held_out or [], out, pictures(png, pdf), as_json)
         return
     note_gaps(model, "dynamics")
     chosen: dict[str, Any] = {
@@ -125,13 +124,16 @@ def command(
         print(wrapped(f"{result}\n{out / 'report.html'}, identification.json, model.toml"))
 
 
-def _identify_base(run: list[Path], model: Path, out: Path, held_out: list[Path], as_json: bool) -> None:
+def _identify_base(
+    run: list[Path], model: Path, held_out: list[Path], out: Path, kinds: Sequence[str], as_json: bool
+) -> None:
     from armscope.api.floating_base import identify_base
 
     with shown(as_json) as progress:
         result = identify_base(run, model, held_out=held_out, progress=progress)
-        table = result.write(out)
-    print(json.dumps(table) if as_json else f"{result}\n{out / 'identification.json'}, model.toml")
+        progress("report")
+        table = result.write(out, pictures=kinds)
+    print(json.dumps(table) if as_json else f"{result}\n{out / 'report.html'}, identification.json, model.toml")
 
 
 _READINESS = (

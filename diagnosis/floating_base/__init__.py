@@ -6,11 +6,12 @@ from arm_io import lazy
 
 if TYPE_CHECKING:
     from diagnosis.floating_base.diagnose import diagnose_base
-    from diagnosis.floating_base.result import BaseDiagnosis
+    from diagnosis.floating_base.result import THRUSTER_HEAD, BaseDiagnosis
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
+    "THRUSTER_HEAD",
     "BaseDiagnosis",
     "diagnose_base",
 ]

@@ -1,8 +1,9 @@
 """The wrench on a floating base as a measurement model of the stepwise selection.
 
-A candidate is one parameter (``arm_model.moving_base.regressor``): a thruster's gain, a drag or an added
-mass of one degree of freedom, the displaced mass or a component of its moment, the arm's reaction or payload. What
-it gains is judged on held-out rows, in blocks of time.
+A candidate is one parameter: of a thruster its gain, the share that it gives in one direction, or its dead zone; a
+drag or an added mass of one degree of freedom, the displaced mass or a component of its moment; the arm's reaction or
+payload. What it gains is judged on held-out rows, in blocks of time. A gain is both directions together: a direction
+that enters beside it takes its place together with the other one.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ LIMITS = Limits(max_causes=12, fdr=0.01, min_gain=0.02, kept_gain=0.01, ambiguit
 """min_gain, kept_gain: of the held-out residual that is left without the candidate. systematic: a change that makes a
 smaller share of the thrusters' wrench is within what thrust, filters and instruments are known by."""
 
+ONE_WAY = ("forward", "reverse")
+"""Parameters of a thruster for one sign of its demand."""
 Chosen = tuple[str, ...]
 
 
@@ -74,12 +77,12 @@ class BaseWrench(MeasurementModel[str, Chosen]):
         return state
 
     def scores(self, state: Chosen) -> Sequence[Score[str]]:
-        return [self.score(name, state) for name in self.names if name not in state]
+        return [self.score(name, state) for name in self.names if name not in state and not contained(name, state)]
 
     def score(self, name: str, without: Chosen) -> Score[str]:
         """One candidate conditional on ``without``."""
         block = self.block
-        before, after = ((self.residual(state) ** 2).sum(axis=1) for state in (without, (*without, name)))
+        before, after = ((self.residual(state) ** 2).sum(axis=1) for state in (without, entered(name, without)))
         blocks = block_sums(before - after, block, int(block.max()) + 1)
         share = float(blocks.sum()) / max(float(before.sum()), 1e-300)
         return Score(
@@ -97,15 +100,15 @@ class BaseWrench(MeasurementModel[str, Chosen]):
     def size(self, name: str, without: Chosen) -> float:
         """Wrench of a candidate's change, as a share of that of the thrusters in its largest degree of freedom."""
         held, at = self.rows.held_out, self.names.index(name)
-        values = self.values((*without, name))
-        pushed = [k for k, other in enumerate(self.names) if other.startswith("thruster")]
-        thrust = held.columns[:, :, pushed] @ values[pushed]
-        change = held.columns[:, :, at] * (values[at] - self.nominal[at])
-        sizes = [np.sqrt(np.mean(one**2, axis=0)) for one in (change, thrust)]
-        return float(np.max(sizes[0] / np.maximum(sizes[1], self.scale)))
+        values = self.values(entered(name, without))
+        other = values.copy()
+        other[at] = self.nominal[at]
+        wrenches = held.residual(values) - held.residual(other), held.thrust_wrench(values)
+        change, thrust = (np.sqrt(np.mean(one**2, axis=0)) for one in wrenches)
+        return float(np.max(change / np.maximum(thrust, self.scale)))
 
     def entered(self, score: Score[str], admissible: Sequence[Score[str]], state: Chosen) -> Chosen:
-        return (*state, score.candidate)
+        return entered(score.candidate, state)
 
     def without(self, candidate: str, state: Chosen) -> Chosen:
         return tuple(name for name in state if name != candidate)
@@ -115,3 +118,18 @@ class BaseWrench(MeasurementModel[str, Chosen]):
 
     def needed(self, score: Score[str], state: Chosen) -> bool:
         return self.limits.kept_gain is None or score.share > self.limits.kept_gain
+
+
+def contained(name: str, state: Chosen) -> bool:
+    """Whether it is the gain of a thruster of which a direction is in the state."""
+    head, _, rest = name.partition(".")
+    return rest == "gain" and any(f"{head}.{way}" in state for way in ONE_WAY)
+
+
+def entered(name: str, state: Chosen) -> Chosen:
+    """The state with one parameter more; both directions of a thruster in place of its gain."""
+    head, _, rest = name.partition(".")
+    gain = f"{head}.gain"
+    if rest in ONE_WAY and gain in state:
+        return (*(other for other in state if other != gain), *(f"{head}.{way}" for way in ONE_WAY))
+    return (*state, name)

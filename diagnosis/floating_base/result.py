@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from os import PathLike
-from pathlib import Path
 from string import digits
 from typing import Any
 
-from arm_io import make_folder, write_text
 from arm_io.types import Array
-from arm_model import Arm, write_model
+from arm_model import Arm
 from arm_model.moving_base import PAYLOAD, REACTION
 from arm_model.tables import DEGREES
+from identification.floating_base import Wrenches
 
 EXPLAINED = 1.5
 """Largest held-out error over the noise that counts as explained."""
@@ -35,19 +32,48 @@ class BaseCause:
     group: tuple[str, ...]
 
     @property
+    def title(self) -> str:
+        """What differs, in words."""
+        head, _, rest = self.name.partition(".")
+        words = rest.replace("_", " ")
+        if self.name.startswith("thruster"):
+            number = head.removeprefix("thruster")
+            return {
+                "forward": f"thruster {number}, weak forwards",
+                "reverse": f"thruster {number}, weak in reverse",
+            }.get(rest, f"{words} of thruster {number}")
+        for kind in ("added mass", "linear drag", "quadratic drag"):
+            if words.startswith(kind):
+                return f"{kind} in {words.removeprefix(kind).strip()}"
+        return {REACTION: "reaction of the arm", PAYLOAD: "payload of the arm"}.get(self.name, words)
+
+    @property
     def evidence(self) -> str:
         """What a person can check."""
-        what = {
-            "thruster": f"thruster {self.name.partition('.')[0].removeprefix('thruster')} gives {self.value:.0%} of "
-            f"its demand, the model has {self.nominal:.0%}",
-            REACTION: f"the arm's wrench on the base is {self.value:.2f} times that of the model: its masses or water "
-            "differ, or its angles are late",
-            PAYLOAD: f"the arm carries {self.value:.3g} kg more at its tool than in the model",
-            "base": f"{self.name.partition('.')[2].replace('_', ' ')} is {self.value:.4g} {self.unit}, the model has "
-            f"{self.nominal:.4g}",
-        }
-        kind = next(kind for kind in what if self.name.startswith(kind))
-        return f"{what[kind]}; held-out error {self.before:.3g} to {self.after:.3g} times the noise"
+        return f"{self._change()}; held-out error {self.before:.3g} to {self.after:.3g} times the noise"
+
+    def _change(self) -> str:
+        if self.name == REACTION:
+            return (
+                f"the arm's wrench on the base is {self.value:.2f} times that of the model: its masses or water "
+                "differ, or its angles are late"
+            )
+        if self.name == PAYLOAD:
+            return f"the arm carries {self.value:.3g} kg more at its tool than in the model"
+        if self.name.startswith("thruster"):
+            return self._of_thruster()
+        return f"{self.title} is {self.value:.4g} {self.unit}, the model has {self.nominal:.4g}"
+
+    def _of_thruster(self) -> str:
+        head, _, rest = self.name.partition(".")
+        number = head.removeprefix("thruster")
+        if rest == "dead_zone":
+            return (
+                f"thruster {number} gives nothing for demands up to {self.value:.3g} N, the model has "
+                f"{self.nominal:.3g} N"
+            )
+        way = {"gain": "", "forward": " forwards", "reverse": " in reverse"}[rest]
+        return f"thruster {number} gives {self.value:.0%} of its demand{way}, the model has {self.nominal:.0%}"
 
     def to_json(self) -> dict[str, Any]:
         """As an entry of diagnosis.json."""
@@ -66,35 +92,58 @@ class BaseCause:
         }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ThrusterTest:
-    """Gain of one thruster (from 1) with all others free; p: that it equals the model's, over all thrusters."""
+    """One thruster (from 1) with the gains of all others free.
+
+    forward, reverse  (share of the demand that it gives, std), the same where no cause tells them apart
+    dead_zone         N, as found or as the model has it
+    p                 that its gains equal the model's, over all thrusters
+    """
 
     thruster: int
-    gain: float | None
-    std: float | None
-    p: float | None
     verdict: str
+    forward: tuple[float, float] | None = None
+    reverse: tuple[float, float] | None = None
+    dead_zone: float = 0.0
+    p: float | None = None
+
+    @property
+    def row(self) -> list[str]:
+        """Its cells, under ``THRUSTER_HEAD``."""
+        gains = ["" if gain is None else f"{gain[0]:.3g} ± {2 * gain[1]:.2g}" for gain in (self.forward, self.reverse)]
+        p = "" if self.p is None else f"{self.p:.2g}" if self.p > 1e-6 else "< 1e-6"
+        return [str(self.thruster), *gains, f"{self.dead_zone:.3g} N", p, self.verdict]
 
     def to_json(self) -> dict[str, Any]:
         """As an entry of diagnosis.json."""
+        gains = {
+            name: None if gain is None else {"gain": gain[0], "std": gain[1]}
+            for name, gain in (("forward", self.forward), ("reverse", self.reverse))
+        }
         return {
             "thruster": self.thruster,
-            "gain": self.gain,
-            "std": self.std,
+            **gains,
+            "dead_zone": self.dead_zone,
             "p": self.p,
             "verdict": self.verdict,
         }
+
+
+THRUSTER_HEAD = ("thruster", "forwards", "in reverse", "dead zone", "p", "verdict")
 
 
 @dataclass(frozen=True, kw_only=True)
 class BaseDiagnosis:
     """Causes in the order of acceptance; errors (6,) N and N m rms on held-out rows, surge to yaw.
 
+    arm        the model with the causes; model: as given
     noise_rms  what is left on fitted rows with every parameter free
+    runs       wrenches and motion of the held-out rows, by recording
     """
 
     arm: Arm
+    model: Arm
     fit: Sequence[str]
     held_out: Sequence[str]
     causes: Sequence[BaseCause]
@@ -104,6 +153,7 @@ class BaseDiagnosis:
     before_rms: Array
     after_rms: Array
     limits: dict[str, Any]
+    runs: Sequence[Wrenches] = ()
 
     @property
     def left(self) -> list[str]:
@@ -146,16 +196,6 @@ class BaseDiagnosis:
             "limits": self.limits,
         }
 
-    def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
-        """Writes diagnosis.json and model.toml; returns what diagnosis.json says."""
-        folder = Path(folder)
-        make_folder(folder)
-        names = ", ".join(Path(path).name for path in self.fit)
-        write_model(folder / "model.toml", self.arm, heading=f"Base extended by armscope's diagnosis of {names}.")
-        table = self.to_json()
-        write_text(folder / "diagnosis.json", json.dumps(table, indent=1) + "\n")
-        return table
-
     def __str__(self) -> str:
         from arm_report import text_table
 
@@ -170,11 +210,8 @@ class BaseDiagnosis:
         if self.left:
             lines.append(f"unexplained structure in {', '.join(self.left)}")
         if self.thrusters:
-            rows = [
-                (str(one.thruster), *("" if v is None else f"{v:.3g}" for v in (one.gain, one.std, one.p)), one.verdict)
-                for one in self.thrusters
-            ]
-            lines += ["", *text_table(rows, ("thruster", "gain", "std", "p", "verdict"), numbers=(0, 1, 2, 3))]
+            rows = [one.row for one in self.thrusters]
+            lines += ["", *text_table(rows, THRUSTER_HEAD, numbers=range(5))]
         if self.not_visible:
             lines += ["", f"not detectable: {', '.join(self.not_visible)}"]
         return "\n".join(lines)

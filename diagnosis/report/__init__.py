@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
+    from diagnosis.report.floating_base import base_report, write_base_diagnosis
     from diagnosis.report.html import report
     from diagnosis.report.plots.overview import overview
     from diagnosis.report.text import diagnosis_text
@@ -15,10 +16,12 @@ else:
 
 __all__ = [
     "Experiments",
+    "base_report",
     "diagnosis_text",
     "overview",
     "report",
     "table_of",
     "title",
+    "write_base_diagnosis",
     "write_diagnosis",
 ]

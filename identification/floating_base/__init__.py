@@ -5,21 +5,24 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
-    from identification.floating_base.columns import Rows
-    from identification.floating_base.fit import Sides, covariance, excited, fitted, identify_base, noise_scale, sides
-    from identification.floating_base.result import BaseIdentification, BaseValue
+    from identification.floating_base.columns import FAULTS, Rows, nominal_values
+    from identification.floating_base.fit import covariance, excited, fitted, identify_base, noise_scale
+    from identification.floating_base.held_out import Sides, sides
+    from identification.floating_base.wrenches import Wrenches, wrenches_of
 else:
     __getattr__ = lazy(__name__)
 
 __all__ = [
-    "BaseIdentification",
-    "BaseValue",
+    "FAULTS",
     "Rows",
     "Sides",
+    "Wrenches",
     "covariance",
     "excited",
     "fitted",
     "identify_base",
     "noise_scale",
+    "nominal_values",
     "sides",
+    "wrenches_of",
 ]

@@ -8,68 +8,47 @@ is not in the deviations; ``BaseRun`` filters it to a few per mille.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from arm_io import InputError
 from arm_io.types import Array, Progress
 from arm_model import Arm
-from arm_model.effects import described
-from arm_model.geometry import relinked
-from arm_model.moving_base import OF_ARM, REACTION, floating, nominal_wrench_parameters
+from arm_model.moving_base import OF_ARM, floating, nominal_wrench_parameters
 from arm_model.tables import unit_of, with_base_parameters
 from daq.recording import Recording
-from identification.floating_base.columns import Rows, rows_of, whitened
-from identification.floating_base.result import BaseIdentification, BaseValue
-from identification.floating_base.rows import BLOCK_SECONDS, base_run
+from identification.base_result import BaseIdentification, BaseValue
+from identification.floating_base.columns import Rows, whitened
+from identification.floating_base.held_out import sides
+from identification.floating_base.rows import BLOCK_SECONDS
+from identification.floating_base.wrenches import wrenches_of
 from identification.selection.cluster_covariance import cluster_covariance
 from identification.selection.least_squares import scaled_lstsq
 
 INDEPENDENT = 1e-4
 """Singular value of the scaled columns below which a direction counts as not excited."""
-HELD_OUT = 0.3
-"""Share at the end of each recording that judges a fit where no recording is held out."""
+MOST_STEPS, SETTLED = 8, 1e-4
+"""Steps of a fit with dead zones, and the step (N and the like) after which it ends."""
 RELATIVE = 0.3
 """Largest relative deviation of an identifiable parameter."""
 
 
-@dataclass(frozen=True)
-class Sides:
-    """Rows to fit and rows to judge by; ``split``: both are parts of the same recordings."""
-
-    fit: Rows
-    held_out: Rows
-    split: bool
-
-
-def sides(arm: Arm, fit: Sequence[Recording], held_out: Sequence[Recording]) -> Sides:
-    """Rows of recordings; InputError where one cannot be used.
-
-    Effects of the arm that are other numbers in its description act; others, such as friction, do not reach the base.
-    """
-    arm = described(relinked(arm))
-    rows = rows_of(arm, [base_run(recording, arm) for recording in fit])
-    if held_out:
-        return Sides(rows, rows_of(arm, [base_run(recording, arm) for recording in held_out]), False)
-    last = np.zeros(len(rows.t), bool)
-    for number in np.unique(rows.run):
-        mine = np.flatnonzero(rows.run == number)
-        last[mine[int((1 - HELD_OUT) * len(mine)) :]] = True
-    return Sides(part(rows, ~last), part(rows, last), True)
-
-
-def part(rows: Rows, taken: Array) -> Rows:
-    """Some of the rows (mask (k,)), with their blocks numbered anew."""
-    block = np.unique(rows.block[taken], return_inverse=True)[1]
-    return Rows(rows.names, rows.columns[taken], rows.known[taken], block, rows.t[taken], rows.run[taken])
-
-
 def fitted(rows: Rows, start: Array, free: Sequence[int], scale: Array) -> Array:
-    """(p,) ``start`` with the parameters ``free`` (numbers of columns) fitted; unexcited directions stay there."""
-    columns, known = whitened(rows, scale)
-    values = start.copy()
-    values[list(free)] += scaled_lstsq(columns[:, list(free)], known - columns @ start, INDEPENDENT)
+    """(p,) ``start`` with the parameters ``free`` (numbers of columns) fitted; unexcited directions stay there.
+
+    Dead zones enter by Gauss and Newton, everything else at once.
+    """
+    values, free = start.copy(), list(free)
+    zones = [k for k in free if rows.names[k].endswith(".dead_zone")]
+    for _ in range(MOST_STEPS if zones else 1):
+        columns, residual = whitened(rows, values, scale, free)
+        step = scaled_lstsq(columns, residual, INDEPENDENT)
+        values[free] += step
+        for k in zones:
+            values[k] = np.clip(values[k], 0.0, rows.largest(rows.names[k]))
+        if np.abs(step).max(initial=0.0) < SETTLED:
+            break
     return values
 
 
@@ -81,15 +60,13 @@ def noise_scale(rows: Rows, values: Array) -> Array:
 
 def covariance(rows: Rows, values: Array, free: Sequence[int], scale: Array) -> Array:
     """(f, f) of the parameters ``free``."""
-    columns, known = whitened(rows, scale)
-    residual = known - columns @ values
-    return cluster_covariance(columns[:, list(free)], [residual], np.repeat(rows.block, 6), independent=INDEPENDENT)
+    columns, residual = whitened(rows, values, scale, free)
+    return cluster_covariance(columns, [residual], np.repeat(rows.block, 6), independent=INDEPENDENT)
 
 
 def excited(rows: Rows, free: Sequence[int], scale: Array) -> Array:
-    """(f,) whether the data determine each parameter, the others free as well."""
-    columns, _ = whitened(rows, scale)
-    x = columns[:, list(free)]
+    """(f,) whether the data determine each parameter near the model's values, the others free as well."""
+    x = (rows.columns / scale[:, None]).reshape(-1, rows.columns.shape[-1])[:, list(free)]
     size = np.linalg.norm(x, axis=0)
     there = size > 1e-9 * max(size.max(initial=0.0), 1e-300)
     values, vectors = np.linalg.eigh((x / np.where(there, size, 1.0)).T @ (x / np.where(there, size, 1.0)))
@@ -130,18 +107,16 @@ def identify_base(
     better = with_base_parameters(base, {value.name: value.value for value in found if value.std is not None})
     return BaseIdentification(
         arm=replace(arm, floating=better),
+        model=arm,
         fit=[str(recording.path) for recording in fit],
         held_out="split" if rows.split else [str(recording.path) for recording in held_out],
         parameters=found,
-        measured_rms=_rms(rows.held_out.known - _reaction(rows.held_out)),
+        thrust_rms=_rms(rows.held_out.thrust_wrench(values)),
         before_rms=_rms(rows.held_out.residual(start)),
         after_rms=_rms(rows.held_out.residual(values)),
         fit_rms=_rms(rows.fit.residual(values)),
+        runs=wrenches_of(rows, start, values, scale),
     )
-
-
-def _reaction(rows: Rows) -> Array:
-    return rows.columns[:, :, rows.names.index(REACTION)]
 
 
 def _rms(values: Array) -> Array:

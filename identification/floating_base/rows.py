@@ -7,6 +7,7 @@ they are taken; where not, poses are differentiated.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,7 +18,7 @@ from arm_io import InputError
 from arm_io.types import Array
 from arm_model import Arm
 from arm_model.motion import POSE_COLUMNS, VELOCITY_COLUMNS, thruster_column
-from arm_model.moving_base import BaseRows, floating, rotations
+from arm_model.moving_base import BaseRows, floating, rotations, thrust_of
 from daq.recording import Recording
 from identification.preprocessing.grid import on_grid, uniform_grid
 
@@ -40,20 +41,26 @@ HOLE = 0.5
 class BaseRun:
     """One recording on a uniform grid of dt s: m rows at the full rate.
 
+    position        (m, 3) m of the body frame's origin in the world
     base            attitude, velocity and its rate, body frame
     q, qd, qdd      (m, n) of the joints
-    thrust          (m, thrusters) N: demands within their limits, behind their time constants, before their gains
+    demand          (m, thrusters) N, within their limits
+    thrust          (m, thrusters) N per unit of each gain: what the demands give, behind their time constants
+    constants       (thrusters,) s
     kept            rows that are compared, after the second low-pass
     block           (len(kept),) number of each kept row's block, from 0
     """
 
     name: str
     dt: float
+    position: Array
     base: BaseRows
     q: Array
     qd: Array
     qdd: Array
+    demand: Array
     thrust: Array
+    constants: tuple[float, ...]
     kept: slice
     block: np.ndarray
 
@@ -61,6 +68,10 @@ class BaseRun:
     def t(self) -> Array:
         """s of the kept rows from the first row."""
         return np.asarray(self.dt * np.arange(len(self.q)))[self.kept]
+
+    def thrust_of(self, given: Array) -> Array:
+        """(m, thrusters) N of what the demands give (m, thrusters), behind their time constants, in the band."""
+        return _low_pass(_lagged(given, self.constants, self.dt), MOTION_BAND, self.dt)
 
     def compared(self, values: Array) -> Array:
         """(kept, ...) of values (m, ...), after the second low-pass."""
@@ -87,19 +98,23 @@ def base_run(recording: Recording, arm: Arm) -> BaseRun:
     n, m = len(arm), len(thrusters)
     q, pose, demand = columns[:, :n], columns[:, n : n + 7], columns[:, n + 7 : n + 7 + m]
     limits = np.array([thruster.limits for thruster in thrusters]).reshape(m, 2)
-    thrust = _lagged(np.clip(demand, *limits.T), [thruster.time_constant for thruster in thrusters], dt)
-    q, thrust = _low_pass(q, MOTION_BAND, dt), _low_pass(thrust, MOTION_BAND, dt)
+    demand = np.clip(demand, *limits.T)
+    given = np.array([thrust_of(demand[:, k], one) for k, one in enumerate(thrusters)]).reshape(m, -1).T
+    constants = tuple(thruster.time_constant for thruster in thrusters)
+    q, thrust = _low_pass(q, MOTION_BAND, dt), _low_pass(_lagged(given, constants, dt), MOTION_BAND, dt)
     attitude = _low_pass(_continuous(pose[:, 3:], recording), MOTION_BAND, dt)
     attitude /= np.linalg.norm(attitude, axis=1, keepdims=True)
+    position = _low_pass(pose[:, :3], MOTION_BAND, dt)
     if measured:
         velocity = _low_pass(columns[:, n + 7 + m :], MOTION_BAND, dt)
     else:
-        velocity = _velocity(_low_pass(pose[:, :3], MOTION_BAND, dt), attitude, dt)
+        velocity = _velocity(position, attitude, dt)
     qd = np.gradient(q, dt, axis=0)
+    qdd = np.gradient(qd, dt, axis=0)
     base = BaseRows(attitude, velocity, np.gradient(velocity, dt, axis=0))
     kept = slice(round(ENDS / dt), len(t) - round(ENDS / dt), max(1, round(1 / (ROWS_PER_SECOND * dt))))
     block = ((t[kept] - t[kept][0]) // BLOCK_SECONDS).astype(np.intp)
-    return BaseRun(recording.path.name, dt, base, q, qd, np.gradient(qd, dt, axis=0), thrust, kept, block)
+    return BaseRun(recording.path.name, dt, position, base, q, qd, qdd, demand, thrust, constants, kept, block)
 
 
 def _gridded(recording: Recording, columns: Array) -> tuple[Array, float, Array]:
@@ -139,7 +154,7 @@ def _velocity(position: Array, attitude: Array, dt: float) -> Array:
     return np.concatenate([moved, spin], axis=1)
 
 
-def _lagged(demand: Array, constants: list[float], dt: float) -> Array:
+def _lagged(demand: Array, constants: Sequence[float], dt: float) -> Array:
     """Thrust behind its demand, a first-order lag each."""
     out = demand.copy()
     for k, constant in enumerate(constants):

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from arm_io import make_folder
 from arm_model import write_model
-from arm_report import write_report
-from identification.report.html import report
+from arm_report import Report, write_report
+from identification.report import floating_base, html
 
 if TYPE_CHECKING:
+    from identification.base_result import BaseIdentification
     from identification.result import Identification
 
 
@@ -23,8 +24,24 @@ def write_identification(
 
     pictures  "png", "pdf": the charts as files of these kinds, too
     """
-    folder = Path(folder)
+    return _written(Path(folder), result, html.report(result), f"Identified by armscope ({result.method})", pictures)
+
+
+def write_base_identification(
+    folder: str | PathLike[str], result: BaseIdentification, pictures: Collection[str] = ()
+) -> dict[str, Any]:
+    """The same of a floating base."""
+    return _written(Path(folder), result, floating_base.report(result), "Base identified by armscope", pictures)
+
+
+def _written(
+    folder: Path,
+    result: Identification | BaseIdentification,
+    report: Report,
+    heading: str,
+    pictures: Collection[str],
+) -> dict[str, Any]:
     make_folder(folder)
-    heading = f"Identified by armscope ({result.method}) from {', '.join(Path(p).name for p in result.fit)}."
+    heading = f"{heading} from {', '.join(Path(p).name for p in result.fit)}."
     write_model(folder / "model.toml", result.arm, heading=heading)
-    return write_report(folder, ("report.html", "identification.json"), report(result), result.to_json(), pictures)
+    return write_report(folder, ("report.html", "identification.json"), report, result.to_json(), pictures)

@@ -39,6 +39,7 @@ PUBLIC = {
     "daq.service.transfer": ("fetch",),
     "diagnosis.residual": ("run_setup",),
     "identification": ("result",),
+    "identification.floating_base": ("charts",),
     "identification.preprocessing": ("grid", "signals"),
     "identification.regression": (
         "base_parameters",

@@ -15,6 +15,7 @@ from arm_model.motion import VELOCITY_COLUMNS
 from arm_model.tables import base_parameters
 from daq.recording import Recording, open_recording
 from diagnosis.floating_base import diagnose_base
+from diagnosis.report import write_base_diagnosis
 from examples.rov_recordings import MODEL, recordings
 from identification.floating_base import identify_base
 
@@ -94,6 +95,30 @@ def test_thruster_drag_and_payload_are_named_together(arm: Arm, changed: list[Re
     assert "base_quadratic_drag_surge" in entries
 
 
+def test_a_weak_direction_and_a_dead_zone_are_named(arm: Arm, tmp_path: Path) -> None:
+    changes = {"thruster2.forward": 0.8, "thruster2.reverse": 0.4, "thruster6.dead_zone": 0.7}
+    fit, held_out = map(open_recording, recordings(tmp_path / "weak", changes))
+    found = diagnose_base([fit], arm, held_out=[held_out])
+    assert found.verdict == "explained"
+    assert {cause.name for cause in found.causes} == set(changes)
+    for cause in found.causes:
+        assert cause.value == pytest.approx(changes[cause.name], abs=4 * cause.std), cause.name
+        assert cause.group == (cause.name,), "nothing else explains as much"
+    assert [one.thruster for one in found.thrusters if one.verdict == "differs"] == [2, 6]
+    table = write_base_diagnosis(tmp_path / "why", found, ["png"])
+    assert {(row["effect"], row["thruster"]) for row in table["causes"]} == {
+        ("thruster_forward", 2),
+        ("thruster_reverse", 2),
+        ("thruster_dead_zone", 6),
+    }
+    page = (tmp_path / "why/report.html").read_text()
+    assert "thruster 2, weak in reverse" in page
+    charts = {"residual_1", "thrusters", "parts", "vehicle_1"}
+    assert {path.stem for path in (tmp_path / "why/pictures").iterdir()} == charts
+    assert all(f'id="chart-{name}"' in page for name in charts)
+    assert diagnose_base([fit], read_model(tmp_path / "why/model.toml"), held_out=[held_out]).verdict == "consistent"
+
+
 def test_what_is_missing_is_said(arm: Arm, sound: list[Recording]) -> None:
     fit = sound[0]
     short = {name: values for name, values in fit.extra.items() if name != "thruster8"}
@@ -110,7 +135,7 @@ def test_what_is_missing_is_said(arm: Arm, sound: list[Recording]) -> None:
 
 
 def test_written_files_read_back(arm: Arm, changed: list[Recording], tmp_path: Path) -> None:
-    table = diagnose_base(changed[:1], arm, held_out=changed[1:]).write(tmp_path / "diagnosed")
+    table = write_base_diagnosis(tmp_path / "diagnosed", diagnose_base(changed[:1], arm, held_out=changed[1:]))
     assert json.loads((tmp_path / "diagnosed/diagnosis.json").read_text()) == table
     extended = read_model(tmp_path / "diagnosed/model.toml")
     assert diagnose_base(changed[:1], extended, held_out=changed[1:]).verdict == "consistent"
@@ -118,6 +143,9 @@ def test_written_files_read_back(arm: Arm, changed: list[Recording], tmp_path: P
     identified = identify_base(changed[:1], extended, held_out=changed[1:])
     table = identified.write(tmp_path / "identified")
     assert json.loads((tmp_path / "identified/identification.json").read_text()) == table
+    page = (tmp_path / "identified/report.html").read_text()
+    assert all(f'id="chart-{name}"' in page for name in ("wrench_1", "parts", "thrusters", "vehicle_1"))
+    np.testing.assert_allclose(identified.runs[0].needed - identified.runs[0].thrust, identified.runs[0].after)
     better = read_model(tmp_path / "identified/model.toml")
     assert better.floating is not None
     assert better.floating.thruster[2].gain == pytest.approx(0.6, abs=0.02)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from arm_io import make_folder, write_text
 from arm_io.types import Array
-from arm_model import Arm, write_model
+from arm_model import Arm
 from arm_model.tables import DEGREES
+
+if TYPE_CHECKING:
+    from identification.floating_base.wrenches import Wrenches
 
 GREW = 1.2
 """Times the held-out error before, from which on a fit is called worse."""
@@ -44,19 +44,22 @@ class BaseValue:
 class BaseIdentification:
     """Parameters of a floating base, and errors of its wrench: (6,) N and N m rms, surge to yaw.
 
-    arm           with the parameters that the data determine
-    measured_rms  wrench of hull and arm along the held-out motion
-    before_rms    held-out error of the model as given; after_rms: with the parameters found; fit_rms: on fitted rows
+    arm         with the parameters that the data determine; model: as given
+    thrust_rms  wrench of the thrusters along the held-out motion
+    before_rms  held-out error of the model as given; after_rms: with the parameters found; fit_rms: on fitted rows
+    runs        wrenches and motion of the held-out rows, by recording
     """
 
     arm: Arm
+    model: Arm
     fit: Sequence[str]
     held_out: Sequence[str] | str
     parameters: Sequence[BaseValue]
-    measured_rms: Array
+    thrust_rms: Array
     before_rms: Array
     after_rms: Array
     fit_rms: Array
+    runs: Sequence[Wrenches] = ()
 
     def to_json(self) -> dict[str, Any]:
         """identification.json of a floating base."""
@@ -64,7 +67,7 @@ class BaseIdentification:
             {
                 "degree": name,
                 "unit": "N" if k < 3 else "N m",
-                "measured_rms": float(self.measured_rms[k]),
+                "thrust_rms": float(self.thrust_rms[k]),
                 "error_rms": {
                     "fit": float(self.fit_rms[k]),
                     "held_out": {"before": float(self.before_rms[k]), "after": float(self.after_rms[k])},
@@ -82,15 +85,14 @@ class BaseIdentification:
             "warnings": self.warnings,
         }
 
-    def write(self, folder: str | PathLike[str]) -> dict[str, Any]:
-        """Writes identification.json and model.toml; returns what identification.json says."""
-        folder = Path(folder)
-        make_folder(folder)
-        names = ", ".join(Path(path).name for path in self.fit)
-        write_model(folder / "model.toml", self.arm, heading=f"Base identified by armscope from {names}.")
-        table = self.to_json()
-        write_text(folder / "identification.json", json.dumps(table, indent=1) + "\n")
-        return table
+    def write(self, folder: str | PathLike[str], *, pictures: Collection[str] = ()) -> dict[str, Any]:
+        """Writes identification.json, report.html, model.toml and its charts as ``pictures`` ("png", "pdf").
+
+        Returns what identification.json says.
+        """
+        from identification.report.write import write_base_identification
+
+        return write_base_identification(folder, self, pictures)
 
     def __str__(self) -> str:
         from arm_report import text_table
@@ -107,11 +109,11 @@ class BaseIdentification:
             for value in self.parameters
         ]
         errors = [
-            (name, f"{self.measured_rms[k]:.3g}", f"{self.before_rms[k]:.3g}", f"{self.after_rms[k]:.3g}")
+            (name, f"{self.thrust_rms[k]:.3g}", f"{self.before_rms[k]:.3g}", f"{self.after_rms[k]:.3g}")
             for k, name in enumerate(DEGREES)
         ]
         head = ("parameter", "value", "std", "model", "unit", "")
-        error_head = ("rms, N or N m", "wrench", "error before", "after")
+        error_head = ("rms, N or N m", "thrust", "error before", "after")
         return "\n".join(
             [
                 *text_table(rows, head, numbers=(1, 2, 3), keep=(0, 1, 2)),

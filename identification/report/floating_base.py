@@ -1,0 +1,84 @@
+"""report.html of the identification of a floating base."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from markupsafe import Markup
+
+from arm_model.tables import DEGREES
+from arm_report import Report, table
+from identification.floating_base import charts
+
+if TYPE_CHECKING:
+    from identification.base_result import BaseIdentification
+
+
+def report(result: BaseIdentification) -> Report:
+    """The whole page."""
+    runs = result.runs
+    return Report(
+        title=f"{result.arm.name}: identification of the floating base",
+        template="identification.report/base_identification.html",
+        motion=charts.motion_of(result.arm, runs) if runs else None,
+        content={
+            "what": _what(result),
+            "says": verdict(result),
+            "refuted": bool(result.warnings),
+            "warnings": result.warnings,
+            "errors": _errors(result),
+            "wrenches": charts.wrench_charts(runs),
+            "parts": charts.parts_chart(runs[0]) if runs else None,
+            "thrusters": charts.thruster_chart(result.model, result.arm, runs) if runs else None,
+            "values": _values(result),
+            "vehicle": charts.motion_charts(runs),
+        },
+    )
+
+
+def _what(result: BaseIdentification) -> str:
+    names = ", ".join(Path(path).name for path in result.fit)
+    judged = (
+        "the last part of the same recordings"
+        if isinstance(result.held_out, str)
+        else ", ".join(Path(path).name for path in result.held_out)
+    )
+    return f"Parameters of the floating base from {names}, validated on {judged}."
+
+
+def verdict(result: BaseIdentification) -> str:
+    """The first sentence: what of the thrusters' wrench model.toml leaves, and what the model left before."""
+    after, before = (float(np.max(error / result.thrust_rms)) for error in (result.after_rms, result.before_rms))
+    worst = DEGREES[int((result.after_rms / result.thrust_rms).argmax())]
+    known = sum(value.identifiable for value in result.parameters)
+    return (
+        f"Held-out error of model.toml at most {after:.2%} of the thrusters' wrench (in {worst}), of the model as "
+        f"given {before:.2%}. {known} of {len(result.parameters)} parameters are identifiable."
+    )
+
+
+def _errors(result: BaseIdentification) -> Markup:
+    rows = []
+    for k, name in enumerate(DEGREES):
+        sizes = (result.thrust_rms, result.fit_rms, result.before_rms, result.after_rms)
+        share = result.after_rms[k] / result.thrust_rms[k]
+        rows.append([name, *(f"{size[k]:.3g} {charts.unit(k)}" for size in sizes), f"{share:.2%}"])
+    head = ("degree of freedom", "thrust, rms", "fitted", "held out, before", "held out, after", "relative")
+    return table(rows, head, range(1, 6))
+
+
+def _values(result: BaseIdentification) -> Markup:
+    rows = [
+        [
+            value.name,
+            f"{value.value:.4g}",
+            "not excited" if value.std is None else f"± {2 * value.std:.2g}",
+            f"{value.nominal:.4g}",
+            Markup('<span class="u">{}</span>').format(value.unit),
+        ]
+        for value in result.parameters
+    ]
+    weak = [k for k, value in enumerate(result.parameters) if not value.identifiable]
+    return table(rows, ("parameter", "value", "± 2 std", "model", "unit"), (1, 2, 3), weak)
