@@ -50,3 +50,37 @@ def write_bag(
                 **parts,
             )
             writer.write(channels[topic], stamp + shifted_ns, store.serialize_cdr(message, state.__msgtype__))
+
+
+def write_franka_bag(path: Path, t: np.ndarray, q: np.ndarray, demanded: np.ndarray, effort: np.ndarray) -> None:
+    """A bag of a type as franka_msgs/FrankaRobotState: header, joint states as fields, arrays besides; t (n,) ns."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store: Any = get_typestore(Stores.ROS2_HUMBLE)
+    kind = "franka_msgs/msg/FrankaRobotState"
+    text = (
+        "std_msgs/Header header\nsensor_msgs/JointState measured_joint_state\n"
+        "sensor_msgs/JointState desired_joint_state\nsensor_msgs/JointState tau_ext_hat_filtered\nfloat64[3] ddq_d\n"
+        "uint8 ROBOT_MODE_MOVE=2\nuint8 robot_mode\n"
+    )
+    store.register(get_types_from_msg(text, kind))
+    header, time = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
+    joints, empty = store.types["sensor_msgs/msg/JointState"], np.empty(0)
+    blank = header(stamp=time(sec=0, nanosec=0), frame_id="")
+
+    def state(position: np.ndarray = empty, torque: np.ndarray = empty) -> Any:
+        return joints(header=blank, name=list(NAMES), position=position, velocity=empty, effort=torque)
+
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        channel = writer.add_connection("/franka_robot_state_broadcaster/robot_state", kind, typestore=store)
+        for row, stamp in enumerate(t.tolist()):
+            message = store.types[kind](
+                header=header(stamp=time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="base"),
+                measured_joint_state=state(q[row], effort[row]),
+                desired_joint_state=state(demanded[row], 0.0 * effort[row]),
+                tau_ext_hat_filtered=state(torque=effort[row] / 9),
+                ddq_d=np.zeros(3),
+                robot_mode=2,
+            )
+            writer.write(channel, stamp + 5_000_000, store.serialize_cdr(message, kind))

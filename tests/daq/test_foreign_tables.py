@@ -22,7 +22,7 @@ from armscope.cli import run
 from daq.recording import Recording, open_recording
 from daq.recording.tables import Mapping, guessed, open_source, read_blocks, read_mapping
 from daq.recording.tables.guess import guess
-from tests.daq.foreign_tables import NAMES, START_NS, motion, write_bag
+from tests.daq.foreign_tables import NAMES, START_NS, motion, write_bag, write_franka_bag
 
 pytest.importorskip("rosbags.highlevel")
 RIG = "name = 'bench'\n" + "".join(f"[[joint]]\nname = '{name}'\n" for name in NAMES)
@@ -54,6 +54,20 @@ def test_a_ros_bag_of_a_robot(storage: str, tmp_path: Path) -> None:
         assert run_.layout.joints == NAMES and run_.provenance["current_unit"] == "N m"
         assert abs(float(run_.provenance["epoch"]) * 1e9 - START_NS) < 1e9
     assert imported(bag).layout.joints == NAMES[::-1]
+
+
+@pytest.mark.parametrize("topic", ["", "/robot_state", "/robot_state/measured_joint_state"])
+def test_joint_states_inside_a_message_of_the_robot(topic: str, tmp_path: Path) -> None:
+    """Franka's driver publishes measured and demanded joints as fields of one message."""
+    t, q, torque = motion(60)
+    write_franka_bag(tmp_path / "bag", t, q, q + 0.001, torque)
+    options = ["--topic", f"/franka_robot_state_broadcaster{topic}"] if topic else []
+    recording = imported(tmp_path / "bag", *options)
+    np.testing.assert_array_equal(recording.q, q)
+    np.testing.assert_array_equal(recording.qref, q + 0.001)
+    np.testing.assert_array_equal(recording.i, torque)
+    np.testing.assert_array_equal(recording.wall_ns, t)
+    assert recording.layout.joints == NAMES
 
 
 def test_two_devices_on_one_topic_are_told_apart_by_their_joints(tmp_path: Path) -> None:

@@ -1,4 +1,7 @@
-"""ROS 2 bags as tables: sensor_msgs/JointState (effort is torque) in MCAP or sqlite3, some messages at a time."""
+"""ROS 2 bags as tables: sensor_msgs/JointState (effort is torque) in MCAP or sqlite3, some messages at a time.
+
+A message of a robot's own type counts too where it has joint states as fields and the bag has its definition.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +15,10 @@ import numpy as np
 from arm_io import InputError
 from arm_io.files import open_regular
 from arm_io.optional import optional
+from daq.recording.tables.bag_messages import JOINT_STATE, columns_of, fields_of, parts, stamp_of
 from daq.recording.tables.columns import Chunk, Exact
 from daq.recording.tables.mapping import Mapping
 
-JOINT_STATE, POINT = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PointStamped"
-ARRAYS = ("position", "velocity", "effort")
 ROWS = 4096
 WAITING = 256
 """Rows that wait for messages of the same stamp on other topics."""
@@ -33,7 +35,8 @@ class BagSource:
     A row is a message of ``topic``; messages of other topics with the same stamp stand in the same row. Messages
     without the joints of the first are of another device, and are left out, as is one that repeats a stamp.
 
-    topic   None: /joint_states, or the only JointState
+    topic   None: /joint_states, or the only JointState. A JointState that is a field of another message is
+            TOPIC/FIELD; of TOPIC/measured_joint_state, as Franka's have it, TOPIC is enough
     joints  names in the order of the rig's joints, taken where the bag has them all
     InputError where there is no such bag, or no JointState with positions and efforts in it.
     """
@@ -48,17 +51,22 @@ class BagSource:
         self._store = optional("rosbags.typesys", "ros", path)
         with self._reader() as reader:
             try:
+                self._fields = {
+                    connection.topic: fields
+                    for connection in reader.connections
+                    if (fields := fields_of(reader.typestore.fielddefs, connection.msgtype))
+                }
                 first = self._first_messages(reader)
                 counts = {name: info.msgcount for name, info in reader.topics.items()}
             except Exception as error:
                 raise self._broken(error) from None
         states = {name: message for name, message in first.items() if hasattr(message, "effort")}
         self.topic = self._choose(states, topic)
-        self.rows: int | None = counts[self.topic]
+        self.rows: int | None = counts[self._of_message(self.topic)]
         state = states[self.topic]
         self.joints = list(joints) if joints and set(joints) <= set(state.name) else list(state.name)
-        self._stamped = bool(_stamp(state))
-        self.names = [column for name, message in first.items() for column in _columns(name, message)]
+        self._stamped = self._stamps[self.topic]
+        self.names = [column for name, part in first.items() for column in columns_of(name, part)]
         self.mapping = self._mapping()
 
     def chunks(self, needed: Sequence[str], time: str) -> Iterator[Chunk]:
@@ -67,10 +75,10 @@ class BagSource:
         row = 0
         with self._reader() as reader:
             try:
-                for stamp, topic, message in self._messages(reader, needed):
+                for stamp, name, part in self._parts(reader, needed):
                     columns = waiting.setdefault(stamp, {})
-                    columns.update(_columns(topic, message))
-                    if topic == self.topic and set(self.joints) <= set(message.name):
+                    columns.update(columns_of(name, part))
+                    if name == self.topic and set(self.joints) <= set(part.name):
                         columns["t"] = stamp
                     if len(waiting) >= ROWS + WAITING:
                         yield (chunk := self._chunk(waiting, ROWS, needed, time, row))
@@ -96,31 +104,49 @@ class BagSource:
         stamps = np.array([int(one["t"]) for one in taken], np.int64)
         return Chunk(range(row + 1, row + 1 + len(taken)), columns | {time: stamps.astype(float)}, Exact(stamps))
 
-    def _messages(self, reader: Any, needed: Sequence[str]) -> Iterator[tuple[int, str, Any]]:
-        """Stamp ns, topic and message of the topics with columns that are needed."""
-        topics = {self.topic, *(name.partition(".")[0] for name in needed)}
-        connections = [c for c in reader.connections if c.topic in topics and c.msgtype in (JOINT_STATE, POINT)]
+    def _of_message(self, name: str) -> str:
+        """The topic of the bag behind a name, which may be TOPIC/FIELD."""
+        return name if name in self._fields else name.rpartition("/")[0]
+
+    def _parts(self, reader: Any, needed: Sequence[str]) -> Iterator[tuple[int, str, Any]]:
+        """Stamp ns, name, and joint state or point of the topics with columns that are needed."""
+        names = (self.topic, *(column.partition(".")[0] for column in needed))
+        topics = {self._of_message(name) for name in names}
+        connections = [c for c in reader.connections if c.topic in topics and c.topic in self._fields]
         for connection, recorded, raw in reader.messages(connections):
             message = reader.deserialize(raw, connection.msgtype)
-            yield _stamp(message) if self._stamped else recorded, connection.topic, message
+            stamp = stamp_of(message) if self._stamped else recorded
+            for name, part in parts(connection.topic, message, self._fields[connection.topic]):
+                yield stamp, name, part
 
     def _first_messages(self, reader: Any) -> dict[str, Any]:
+        """Joint states and points of the first message of each topic, and whether that is stamped."""
         first: dict[str, Any] = {}
+        seen: set[str] = set()
+        self._stamps: dict[str, bool] = {}
         for connection in sorted(reader.connections, key=lambda one: str(one.topic)):
-            if connection.msgtype in (JOINT_STATE, POINT) and connection.topic not in first:
-                found = next(iter(reader.messages([connection])), None)
-                if found is not None:
-                    first[connection.topic] = reader.deserialize(found[2], connection.msgtype)
+            topic = connection.topic
+            found = None if topic in seen else next(iter(reader.messages([connection])), None)
+            if topic in self._fields and found is not None:
+                seen.add(topic)
+                message = reader.deserialize(found[2], connection.msgtype)
+                mine = dict(parts(topic, message, self._fields[topic]))
+                first |= mine
+                self._stamps |= dict.fromkeys(mine, bool(stamp_of(message)))
         return first
 
     def _choose(self, states: dict[str, Any], topic: str | None) -> str:
+        measured = [name for name in states if name.endswith("/measured_joint_state")]
+        if f"{topic}/measured_joint_state" in measured:
+            return f"{topic}/measured_joint_state"
         if topic is not None and topic not in states:
             raise InputError(self.path, f"has no messages of {JOINT_STATE} on {topic}; it has {_listed(states)}")
-        if topic is None and not states:
+        if not states:
             raise InputError(self.path, f"has no messages of {JOINT_STATE}; record the topic of the joints, too")
-        if topic is None and "/joint_states" not in states and len(states) > 1:
+        (only, *more) = [topic] if topic else [n for n in states if n == "/joint_states"] or measured or list(states)
+        if more:
             raise InputError(self.path, f"has several topics with joints, {_listed(states)}; name one: --topic TOPIC")
-        return topic or ("/joint_states" if "/joint_states" in states else next(iter(states)))
+        return only
 
     def _mapping(self) -> Mapping:
         """Positions and efforts of the topic; currents and demands as a recording of armscope has them, if there."""
@@ -139,7 +165,8 @@ class BagSource:
                 self.path, f"{self.topic} has no {lacking}; armscope needs position and effort of each joint"
             )
         columns: dict[str, Any] = {"t": "stamp", "q": position, "i": currents or effort}
-        columns["qref"] = of(f"{place}/joint_demands", "position")
+        demands = (of(f"{place}/{name}", "position") for name in ("joint_demands", "desired_joint_state"))
+        columns["qref"] = next((names for names in demands if names), None)
         if f"{place}/tracker/point.x" in there:
             columns |= {axis: f"{place}/tracker/point.{axis}" for axis in "xyz"}
         self.names.insert(0, "stamp")
@@ -169,22 +196,6 @@ class _Opened:
 
     def __exit__(self, *_: object) -> None:
         self._reader.close()
-
-
-def _columns(topic: str, message: Any) -> dict[str, float]:
-    """Name of a column -> number in this message."""
-    if hasattr(message, "point"):
-        return {f"{topic}.{axis}": getattr(message.point, axis) for axis in "xyz"}
-    return {
-        f"{topic}.{array}.{joint}": value
-        for array in ARRAYS
-        for joint, value in zip(message.name, getattr(message, array).tolist())
-    }
-
-
-def _stamp(message: Any) -> int:
-    """ns since 1970, 0 where the message has no stamp."""
-    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
 
 
 def _listed(states: dict[str, Any]) -> str:
