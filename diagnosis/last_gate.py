@@ -20,8 +20,9 @@ from diagnosis.measurements.currents.limits import LIMITS
 from diagnosis.measurements.currents.model import State
 from diagnosis.residual.comparable_rows import comparable_rows
 from diagnosis.residual.run import CREEP, Run, residual_under
+from diagnosis.selection.beyond_model import in_deviations
 from diagnosis.selection.design import Dataset
-from diagnosis.selection.model_uncertainty import Significance, in_deviations
+from diagnosis.selection.model_uncertainty import Significance
 from identification.selection import Split
 
 AT_LIMIT = 0.97

@@ -1,16 +1,10 @@
-"""Whether an effect is beyond what is known of the model: its significance with the parameters of the model free.
+"""Whether an effect is beyond what is known of the model, in the currents.
 
 A model that was identified is known to a covariance (``arm_model.tables.uncertainty``). Its parameters are nuisances
-with a Gaussian prior: whitened residuals are
-
-    y = A a + X c + L u + e,    u ~ N(0, 1),
-
-with columns A of the other causes, X of the effect, and L = (columns of the parameters) (root of their covariance): one
-column per independent error, in units of one standard deviation. a, c and u are fitted together, u against its prior
-(generalised least squares written as a regression with further rows u = 0; Theil & Goldberger, Int. Economic Review 2,
-1961). c is significant if it differs from zero by more than its covariance allows (Wald, F distribution). That
-covariance has three parts: e, clustered by block (Liang & Zeger, 1986); the prior of u; and what the model left over on
-the recordings that it was identified from, of which any one effect may explain ``LOOKS_ALIKE``.
+with a Gaussian prior (``diagnosis.selection.beyond_model``): one direction per independent error, (currents per unit of
+the parameters) (root of their covariance). The covariance of an effect's coefficients has three parts: the noise,
+clustered by block (Liang & Zeger, 1986); the prior; and what the model left over on the recordings that it was
+identified from, of which any one effect may explain ``LOOKS_ALIKE``.
 """
 
 from __future__ import annotations
@@ -20,7 +14,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg, stats
 
 from arm_io.types import Array
 from arm_model import Arm, parameter, with_parameters
@@ -28,12 +21,10 @@ from arm_model.effects import described
 from arm_model.rigid_body.regressor import regressor
 from arm_model.system import inverse_dynamics
 from diagnosis.residual.run import ROWS_FOR_ONE, Run
+from diagnosis.selection.beyond_model import Evidence
 from diagnosis.selection.design import Dataset, Pair
-from diagnosis.selection.regression import INDEPENDENT
 from identification.selection import Split
 
-SUREST = 1e-300
-"""Probability below which numbers end."""
 LOOKS_ALIKE = 0.1
 """Share of what a model left over that any one effect may explain, though nothing changed."""
 
@@ -53,11 +44,6 @@ class ModelUncertainty:
         """(n,) squared residual per row that the uncertainty of the parameters makes in fitted or held-out rows."""
         own = self.directions.fit if len(self.directions.fit) == len(data.y) else self.directions.held_out
         return data.by_joint(np.sum(own**2, axis=1)) / data.rows
-
-
-def in_deviations(chance: float) -> float:
-    """Standard deviations of a normal quantity that is as far from zero with this probability."""
-    return float(stats.norm.isf(max(chance, SUREST) / 2))
 
 
 def model_uncertainty(arm: Arm, data: Split[Dataset]) -> ModelUncertainty | None:
@@ -115,7 +101,6 @@ class Significance:
 
     def __init__(self, data: Split[Dataset], others: Sequence[Pair], known: ModelUncertainty | None) -> None:
         self._data, self._others, self._known = data, others, known
-        self._own = sum(pair.fit.x.shape[1] for pair in others)
 
     @cached_property
     def _weight(self) -> Array:
@@ -129,36 +114,15 @@ class Significance:
         return np.concatenate(both) * self._weight[:, None]
 
     @cached_property
-    def _beside(self) -> Array:
-        """(N + M, b) columns of all others: of effects, then of the model."""
-        parts = [np.zeros((len(self._weight), 0)), *map(self._stack, self._others)]
-        if self._known is not None:
-            parts.append(np.concatenate(list(self._known.directions)) * self._weight[:, None])
-        return np.hstack(parts)
-
-    @cached_property
-    def _inverse(self) -> Array:
-        """(b, b) inverse of the normal matrix of all others, with the prior of the model's parameters."""
-        gram = self._beside.T @ self._beside
-        gram[np.diag_indices(len(gram))] += np.arange(len(gram)) >= self._own
-        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        return np.asarray(linalg.pinvh(gram / np.outer(scale, scale), rtol=1e-9) / np.outer(scale, scale))
-
-    @cached_property
-    def _y(self) -> Array:
-        """(N + M,) weighted residuals."""
-        return np.concatenate([side.y for side in self._data]) * self._weight
-
-    @cached_property
-    def _residual(self) -> Array:
-        """(N + M,) what is left of them with all others fitted."""
-        return np.asarray(self._y - self._beside @ (self._inverse @ (self._beside.T @ self._y)))
-
-    @cached_property
-    def _blocks(self) -> Array:
-        """(N + M,) number of the block of every row."""
+    def _evidence(self) -> Evidence:
         fit, held_out = self._data
-        return np.concatenate([fit.block, held_out.block + int(fit.block.max()) + 1])
+        free = np.hstack([np.zeros((len(self._weight), 0)), *map(self._stack, self._others)])
+        directions = np.zeros((len(free), 0))
+        if self._known is not None:
+            directions = np.concatenate(list(self._known.directions)) * self._weight[:, None]
+        y = np.concatenate([side.y for side in self._data]) * self._weight
+        block = np.concatenate([fit.block, held_out.block + int(fit.block.max()) + 1])
+        return Evidence(y, free, directions, block, ROWS_FOR_ONE)
 
     def beyond_model(self, pair: Pair, level: float) -> bool:
         """Whether columns are significant at a level with the parameters of the model free; always with it exact."""
@@ -172,38 +136,10 @@ class Significance:
 
     def chance(self, pair: Pair) -> float:
         """Probability that columns (k of them) look as they do without the effect that they are of."""
-        x = self._stack(pair)
-        along = self._inverse @ (self._beside.T @ x)
-        own = x - self._beside @ along
-        gram, size = own.T @ x, np.sqrt(np.maximum(np.sum(x**2, axis=0), 1e-300))
-        values, vectors = np.linalg.eigh((gram + gram.T) / 2 / np.outer(size, size))
-        seen = values > INDEPENDENT**2
-        if not seen.any():
-            return 1.0
-        # coefficients along independent combinations of the columns, each of unit length beside the others
-        turn = vectors[:, seen] / np.sqrt(values[seen]) / size[:, None]
-        own, along = own @ turn, along[self._own :] @ turn
-        # beside the rows u = 0 of the prior, too, the columns are perpendicular to all others
-        c = own.T @ self._y
-        freedom = max(int(self._blocks.max()) + 1 - len(c), 1)
-        covariance = self._of_noise(own, c) + along.T @ along + self._of_left_over(own)
-        wald = float(c @ linalg.pinvh(covariance) @ c)
-        return float(stats.f.sf(wald / len(c), len(c), freedom))
-
-    def _of_noise(self, own: Array, c: Array) -> Array:
-        """(k, k) covariance of the coefficients c (k,) of columns ``own`` by the residual.
-
-        Clustered by block, and as if it were alike everywhere: columns that act in few blocks show little of it.
-        """
-        left, clusters = self._residual - own @ c, int(self._blocks.max()) + 1
-        scores = np.stack([np.bincount(self._blocks, column * left, clusters) for column in own.T], axis=1)
-        # what the prior holds back is in all of them
-        scores -= scores.mean(axis=0)
-        alike = ROWS_FOR_ONE * float(np.mean(left**2)) * own.T @ own
-        return np.asarray(scores.T @ scores * clusters / max(clusters - len(c), 1) + alike)
+        return self._evidence.chance(self._stack(pair), self._of_left_over)
 
     def _of_left_over(self, own: Array) -> Array:
-        """(k, k) covariance of the coefficients by what the model left over."""
+        """(k, k) covariance of the coefficients of columns ``own`` by what the model left over."""
         total = np.zeros((own.shape[1], own.shape[1]))
         if self._known is None:
             return total

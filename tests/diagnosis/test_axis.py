@@ -6,12 +6,14 @@ What is hidden in its friction and its stamps is named, and nothing else is.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from arm_model.description import Arm, Joint
+from arm_model.tables import uncertainty_of
 from armscope.cli import run
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -48,6 +50,7 @@ def _strokes(t: np.ndarray, seed: int) -> np.ndarray:
     return np.cumsum(speed) * (t[1] - t[0])
 
 
+@cache
 def _record(true: Carriage, seed: int, seconds: float = 12.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """t (m,), q (m, 1), command (m, 1) at 1 kHz, from steps of 0.1 ms and a cascade that samples every step."""
     h = 1e-4
@@ -158,6 +161,39 @@ def test_a_coarse_encoder_is_left_to_the_filters_of_arms() -> None:
     t, q, i = _record(Carriage(), 1, 4.0)
     coarse = np.round(q / 1e-5) * 1e-5
     assert axis_side(_model(), [(t, coarse, i)], [(t, coarse, i)], two_fold=True) is None
+
+
+def _known_to(viscous: float, std: float) -> Arm:
+    """The model with other viscous friction, known to ``std`` N s/m."""
+    known = uncertainty_of("model_uncertainty.json", ("joint1.viscous",), np.array([[std**2]]))
+    joint = replace(_model().joints[0], viscous=(viscous, viscous))
+    return replace(_model(), joints=(joint,), uncertainty=known)
+
+
+def test_a_model_that_is_off_by_what_it_says_names_nothing() -> None:
+    """The same error is a cause where the model is exact, and where it is known ten times as well."""
+    samples = [_record(Carriage(), 1)], [_record(Carriage(), 2)]
+    model = _known_to(VISCOUS + 40.0, 30.0)
+    exact, rough, fine = (
+        axis_side(arm, *samples, two_fold=False)
+        for arm in (replace(model, uncertainty=None), model, _known_to(VISCOUS + 40.0, 3.0))
+    )
+    assert exact is not None and rough is not None and fine is not None
+    assert [cause.effect for cause in exact.causes] == ["viscous_friction"] and exact.causes[0].deviations is None
+    assert rough.causes == []
+    (cause,) = fine.causes
+    assert cause.effect == "viscous_friction" and cause.deviations is not None
+    of_exact, of_known = cause.deviations
+    assert 4.0 < of_known < 14.0 and of_known < of_exact
+
+
+def test_what_a_model_left_over_hides_as_much_and_no_more() -> None:
+    known = uncertainty_of("model_uncertainty.json", (), np.zeros((0, 0)), (8.0,))
+    model = replace(_model(), uncertainty=known)
+    for viscous, named in (((165.0, 240.0), []), ((20.0, 380.0), ["friction_asymmetry"])):
+        samples = [_record(Carriage(viscous=viscous), 1)], [_record(Carriage(viscous=viscous), 2)]
+        found = axis_side(model, *samples, two_fold=False)
+        assert found is not None and [cause.effect for cause in found.causes] == named
 
 
 def test_the_same_rows_on_both_sides_are_refused(

@@ -152,6 +152,7 @@ def from_axis(axis_cause: AxisCause, arm: Arm) -> Cause:
         evidence=sentence,
         felt_at=1,
         unit=unit,
+        deviations=axis_cause.deviations,
     )
 
 

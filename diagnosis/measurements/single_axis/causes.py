@@ -15,7 +15,9 @@ from arm_model import Arm
 from diagnosis.cause import Estimate
 from diagnosis.measurements.single_axis.columns import Rows, columns, encoder_noise, rows_of, waves
 from diagnosis.measurements.single_axis.model import LIMITS, Chosen, SingleAxis
+from diagnosis.measurements.single_axis.model_errors import model_errors
 from diagnosis.residual.expected_current import low_pass, rate_of
+from diagnosis.selection.beyond_model import in_deviations
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.estimates import estimates
 from identification.selection import Score, Split, select
@@ -36,6 +38,7 @@ class AxisCause:
     before, after  A: rms of the held-out residual without and with it
     gains          (blocks,) fall of its square
     without        (m,) A: held-out residual without it
+    deviations     standard deviations from nothing were the model exact, and as it is known; None: it states nothing
     """
 
     effect: str
@@ -46,6 +49,7 @@ class AxisCause:
     group: tuple[str, ...]
     gains: Array
     without: Array
+    deviations: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,8 @@ def axis_side(arm: Arm, fit: Sequence[Samples], held_out: Sequence[Samples], *, 
     if not encoder_noise(rows.fit) < LIMITS.encoder_noise:
         return None
     whole = rows_of(arm, [*fit, *held_out], LIMITS.block_seconds) if two_fold else rows.fit
-    model = SingleAxis(rows, whole, two_fold or _goes_on(fit, held_out))
+    errors = model_errors(arm, Split(fit, held_out, two_fold), rows, LIMITS.block_seconds)
+    model = SingleAxis(rows, whole, two_fold or _goes_on(fit, held_out), errors)
     chosen = select(model)
     residual = model.residual(chosen, rows.fit, rows.held_out)
     return AxisSide([_cause(c, chosen, model) for c in chosen], _wave(chosen, model), rows.held_out, residual)
@@ -127,7 +132,8 @@ def _wave(chosen: Chosen, model: SingleAxis) -> StandingWave | None:
     for candidate in waves(model.residual(chosen, fit, fit), fit, 1):
         score = model.score(candidate, chosen)
         significant = LIMITS.fdr is not None and score.p < LIMITS.fdr
-        if significant and score.share > LIMITS.min_gain and model.holds_across_directions(candidate, chosen):
+        beyond = model.holds_across_directions(candidate, chosen) and model.beyond_model(candidate, chosen)
+        if significant and score.share > LIMITS.min_gain and beyond:
             drive, number = model.whole.arm.joints[0], candidate.shape[0][1]
             sine, cosine = model.fitted([*chosen, candidate], model.whole)[-2:]
             return StandingWave(2 * np.pi / number / drive.ratio, float(np.hypot(sine, cosine)), score.share)
@@ -148,7 +154,16 @@ def _cause(candidate: Candidate, chosen: Chosen, model: SingleAxis) -> AxisCause
         group=_group(score, chosen, model),
         gains=score.blocks,
         without=without,
+        deviations=_deviations(candidate, others, model),
     )
+
+
+def _deviations(candidate: Candidate, others: Chosen, model: SingleAxis) -> tuple[float, float] | None:
+    """How far a cause is from nothing, were the model exact and as it is known."""
+    if model.errors is None:
+        return None
+    exact, known = (model.chance(candidate, others, errors) for errors in (model.errors.exact(), model.errors))
+    return in_deviations(exact), in_deviations(known)
 
 
 def _group(score: Score[Candidate], chosen: Chosen, model: SingleAxis) -> tuple[str, ...]:

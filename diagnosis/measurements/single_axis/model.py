@@ -17,6 +17,7 @@ from scipy import optimize
 from arm_io.types import Array
 from arm_model.effects import driven
 from diagnosis.measurements.single_axis.columns import Rows, candidates, columns, waves
+from diagnosis.measurements.single_axis.model_errors import ModelErrors
 from diagnosis.selection.candidate import Candidate
 from diagnosis.selection.candidate_model import CandidateModel
 from identification.selection import Limits, Score, Split, p_value, scaled_lstsq
@@ -32,10 +33,13 @@ class AxisLimits(Limits):
                    the data shows something else
     encoder_noise  share of the friction current that the steps of the encoder may leave in the residual: above it, the
                    encoder is too coarse to judge reversals
+    beyond_model   probability that an effect looks as it does while only parameters of the model move, within what is
+                   known of them
     """
 
     presliding: tuple[float, float] = (0.6, 1.6)
     encoder_noise: float = 1 / 30
+    beyond_model: float = 1e-3
 
 
 LIMITS = AxisLimits(
@@ -55,23 +59,39 @@ class SingleAxis(CandidateModel[Candidate]):
     rows     of the fit set and of the held-out set
     whole    rows from which parameters are estimated: those of the fit set; all, of two parts of the same recordings
     one_run  the held-out set continues the run of the fit set, whether it was split here or into tables before
+    errors   what is known of the model, if it says so
     """
 
     rows: Split[Rows]
     whole: Rows
     one_run: bool
+    errors: ModelErrors | None = None
     limits: AxisLimits = LIMITS
     cache: dict[tuple[int, Candidate], Array] = field(default_factory=dict, repr=False)
 
     def admissible(self, score: Score[Candidate], state: Chosen) -> bool:
-        """Whether a candidate matters, is physically admissible, and holds across the directions."""
+        """Whether a candidate matters, is physically admissible, holds across directions, and is beyond the model."""
         candidate = score.candidate
         return (
             score.share > self.limits.min_gain
             and self.is_physical(candidate, state)
             and self.holds_across_directions(candidate, state)
             and not (candidate.definition.wave and self.one_run)
+            and self.beyond_model(candidate, state)
         )
+
+    def needed(self, score: Score[Candidate], state: Chosen) -> bool:
+        """Whether a candidate still matters beside all others, which enter after it and may take its part."""
+        return super().needed(score, state) and self.beyond_model(score.candidate, self.without(score.candidate, state))
+
+    def beyond_model(self, candidate: Candidate, others: Chosen) -> bool:
+        """Whether a candidate is significant with the parameters of the model free; always with it exact."""
+        return self.errors is None or self.chance(candidate, others, self.errors) < self.limits.beyond_model
+
+    def chance(self, candidate: Candidate, others: Chosen, errors: ModelErrors) -> float:
+        """Probability that the residuals look as they do without a candidate, conditional on others."""
+        x = self.rows.map(lambda rows: self.columns(candidate, rows))
+        return errors.chance(x, self.rows.map(lambda rows: self.stacked(others, rows)), self.rows)
 
     def entered(self, score: Score[Candidate], admissible: Sequence[Score[Candidate]], state: Chosen) -> Chosen:
         """With the candidate; each then refined conditional on the others."""

@@ -1,0 +1,92 @@
+"""What a single axis shows of the errors of its model, where the model says how well it is known.
+
+The residual of an axis is not whitened: here it is in units of the noise that its encoder and its current leave in it.
+Rows count less, the more the model left over on the recordings that it was identified from, and any one effect may
+explain ``LOOKS_ALIKE`` of that although nothing changed, as among the currents of an arm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm, parameter, with_parameters
+from diagnosis.measurements.single_axis.columns import COMPARE_BAND, ROWS_PER_SECOND, Rows, rows_of
+from diagnosis.residual.noise import scatter
+from diagnosis.selection.beyond_model import Evidence
+from diagnosis.selection.model_uncertainty import LOOKS_ALIKE
+from identification.selection import Split
+
+Samples = Sequence[tuple[Array, Array, Array]]
+
+
+@dataclass(frozen=True)
+class ModelErrors:
+    """Errors of the model in the residuals of fitted and held-out rows.
+
+    directions  (m, r) A: change of the residual for one standard deviation of each independent error
+    noise       A: of a row
+    left_over   squared residual per row, in units of the noise, that the model left when it was identified
+    """
+
+    directions: Split[Array]
+    noise: float
+    left_over: float
+
+    def chance(self, x: Split[Array], free: Split[Array], rows: Split[Rows]) -> float:
+        """Probability that columns x (m, k) A look as they do without their effect, beside those of other causes."""
+        return self.evidence(free, rows).chance(self._weighted(x), self._of_left_over)
+
+    def evidence(self, free: Split[Array], rows: Split[Rows]) -> Evidence:
+        """Residuals and the columns ``free`` (m, b) A of the other causes; rows at one place and speed are a block."""
+        fit, held_out = (side.cells for side in rows)
+        return Evidence(
+            y=self._weighted(rows.map(lambda side: side.residual)),
+            free=self._weighted(free),
+            directions=self._weighted(self.directions),
+            block=np.concatenate([fit, held_out + int(fit.max()) + 1]),
+            alike=ROWS_PER_SECOND / (2.0 * COMPARE_BAND),
+        )
+
+    def exact(self) -> ModelErrors:
+        """Of a model without any."""
+        return replace(self, directions=self.directions.map(lambda own: own[:, :0]), left_over=0.0)
+
+    def _weighted(self, values: Split[Array]) -> Array:
+        return np.concatenate(list(values)) / (self.noise * np.sqrt(1.0 + self.left_over))
+
+    def _of_left_over(self, own: Array) -> Array:
+        return np.asarray(LOOKS_ALIKE * len(own) * self.left_over / (1.0 + self.left_over) * own.T @ own)
+
+
+def model_errors(arm: Arm, samples: Split[Samples], rows: Split[Rows], block_seconds: float) -> ModelErrors | None:
+    """Of an arm of one joint whose ``rows`` these samples are; None where nothing is stated."""
+    known = arm.uncertainty
+    if known is None or not (known.parameters or any(known.left_over)):
+        return None
+    values = np.array([parameter(arm, name) for name in known.parameters])
+    directions = []
+    for step in known.directions.T:
+        moved = with_parameters(arm, dict(zip(known.parameters, (values + step).tolist())))
+        directions.append([rows_of(moved, side, block_seconds).residual for side in samples])
+    changes = [
+        np.column_stack([np.empty((len(side.residual), 0)), *(one[k] - side.residual for one in directions)])
+        for k, side in enumerate(rows)
+    ]
+    drive = float(arm.joint_array("drive_constant")[0])
+    noise = float(np.hypot(rows.fit.noise, _of_current(samples)))
+    left = (known.left_over[0] / drive / noise) ** 2 if known.left_over else 0.0
+    return ModelErrors(Split(changes[0], changes[1]), noise, left)
+
+
+def _of_current(samples: Split[Samples]) -> float:
+    """A: noise of the current in the band of comparison."""
+    parts = [
+        float(scatter(i)[0]) ** 2 * min(2.0 * COMPARE_BAND / (len(t) - 1) * float(t[-1] - t[0]), 1.0)
+        for side in samples
+        for t, _, i in side
+    ]
+    return float(np.sqrt(max(float(np.mean(parts)), 1e-24)))

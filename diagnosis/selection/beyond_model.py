@@ -1,0 +1,105 @@
+"""Whether columns are significant beside what is known of a model, in the rows of any instrument.
+
+Residuals, in units of their noise, are
+
+    y = A a + X c + L u + e,    u ~ N(0, 1),
+
+with columns A of the other causes, X of the effect, and L of the independent errors of the model, one standard
+deviation each. a, c and u are fitted together, u against its prior (generalised least squares written as a regression
+with further rows u = 0; Theil & Goldberger, Int. Economic Review 2, 1961). c is significant if it differs from zero by
+more than its covariance allows (Wald, F distribution).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, stats
+
+from arm_io.types import Array
+from diagnosis.selection.regression import INDEPENDENT
+
+SUREST = 1e-300
+"""Probability below which numbers end."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Rows of an instrument (N,): what is to be explained, and what explains some of it already.
+
+    y          (N,) residual over its noise
+    free       (N, b) columns of the other causes
+    directions (N, r) change of y by each independent error of the model, of one standard deviation
+    block      (N,) number of the block of every row, from 0: residuals of different blocks are independent
+    alike      rows that count for one, as filters leave them
+    """
+
+    y: Array
+    free: Array
+    directions: Array
+    block: NDArray[np.intp]
+    alike: float = 1.0
+
+    @cached_property
+    def _beside(self) -> Array:
+        """(N, b + r)."""
+        return np.hstack([self.free, self.directions])
+
+    @cached_property
+    def _inverse(self) -> Array:
+        """(b + r, b + r) inverse of the normal matrix of all others, with the prior of the errors."""
+        gram = self._beside.T @ self._beside
+        gram[np.diag_indices(len(gram))] += np.arange(len(gram)) >= self.free.shape[1]
+        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        return np.asarray(linalg.pinvh(gram / np.outer(scale, scale), rtol=1e-9) / np.outer(scale, scale))
+
+    @cached_property
+    def residual(self) -> Array:
+        """(N,) what is left with all others fitted."""
+        return np.asarray(self.y - self._beside @ (self._inverse @ (self._beside.T @ self.y)))
+
+    def chance(self, x: Array, further: Callable[[Array], Array] | None = None) -> float:
+        """Probability that columns x (N, k) look as they do without the effect that they are of.
+
+        further: of columns (N, k) perpendicular to all others, what else is in the covariance (k, k) of their
+        coefficients.
+        """
+        along = self._inverse @ (self._beside.T @ x)
+        own = x - self._beside @ along
+        gram, size = own.T @ x, np.sqrt(np.maximum(np.sum(x**2, axis=0), 1e-300))
+        values, vectors = np.linalg.eigh((gram + gram.T) / 2 / np.outer(size, size))
+        seen = values > INDEPENDENT**2
+        if not seen.any():
+            return 1.0
+        # coefficients along independent combinations of the columns, each of unit length beside the others
+        turn = vectors[:, seen] / np.sqrt(values[seen]) / size[:, None]
+        own, along = own @ turn, along[self.free.shape[1] :] @ turn
+        # beside the rows u = 0 of the prior, too, the columns are perpendicular to all others
+        c = own.T @ self.y
+        freedom = max(int(self.block.max()) + 1 - len(c), 1)
+        covariance = self._of_noise(own, c) + along.T @ along
+        if further is not None:
+            covariance = covariance + further(own)
+        wald = float(c @ linalg.pinvh(covariance) @ c)
+        return float(stats.f.sf(wald / len(c), len(c), freedom))
+
+    def _of_noise(self, own: Array, c: Array) -> Array:
+        """(k, k) covariance of the coefficients c (k,) of columns ``own`` by the residual.
+
+        Clustered by block, and as if it were alike everywhere: columns that act in few blocks show little of it.
+        """
+        left, clusters = self.residual - own @ c, int(self.block.max()) + 1
+        scores = np.stack([np.bincount(self.block, column * left, clusters) for column in own.T], axis=1)
+        # what the prior holds back is in all of them
+        scores -= scores.mean(axis=0)
+        alike = self.alike * float(np.mean(left**2)) * own.T @ own
+        return np.asarray(scores.T @ scores * clusters / max(clusters - len(c), 1) + alike)
+
+
+def in_deviations(chance: float) -> float:
+    """Standard deviations of a normal quantity that is as far from zero with this probability."""
+    return float(stats.norm.isf(max(chance, SUREST) / 2))
