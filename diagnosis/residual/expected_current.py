@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 from scipy import signal
 from scipy.interpolate import CubicSpline
+from scipy.linalg import blas
 
 from arm_io.types import Array
 from arm_model import Arm, Joint
@@ -201,17 +202,28 @@ def wound_up(
     stay, go = shrink * (cos + decay / frequency * sin), shrink * sin / frequency
     back, keep = -stiffness / inertia * shrink * sin / frequency, shrink * (cos - decay / frequency * sin)
     settled = np.append(load[1:] + load[:-1], 2 * load[-1:], axis=0) / (2 * stiffness)
-    twist, rate = np.empty_like(settled), np.empty_like(settled)
-    # numbers of Python where there is one spring, rows (k,) where there are several
-    several = settled.ndim > 1
-    d, v = (load[0] / stiffness, np.zeros_like(settled[0])) if several else (float(load[0]) / stiffness, 0.0)
-    coefficients = (stay, go, back, keep, settled)
-    rows = zip(*(one if several else one.tolist() for one in coefficients))
-    for k, (a, b, c, e, x) in enumerate(rows):
-        twist[k], rate[k] = d, v
-        away = d - x
-        d, v = x + a * away + b * v, c * away + e * v
+    # with x the deviation of (twist, rate) from (settled, 0), each step is x = [[stay, go], [back, keep]] x
+    forced = (1.0 - stay) * settled, -back * settled
+    several = (one.reshape(len(load), -1).T for one in (stay, go, back, keep, *forced, load / stiffness))
+    solved = [_recurrence(*one) for one in zip(*several)]
+    twist, rate = (np.stack(part, axis=-1).reshape(settled.shape) for part in zip(*solved))
     return twist, rate, (load - stiffness * twist - damping * rate) / inertia
+
+
+def _recurrence(
+    stay: Array, go: Array, back: Array, keep: Array, forced: Array, forced_rate: Array, start: Array
+) -> tuple[Array, Array]:
+    """d, v (m,): d' = stay d + go v + forced, v' = back d + keep v + forced_rate, row by row; from start[0] and 0.
+
+    The steps are a triangular system of bandwidth four in d0, v0, d1, v1, ..., which BLAS solves forwards, as a loop
+    would.
+    """
+    band = np.zeros((4, 2 * len(stay)), order="F")
+    band[2, ::2], band[3, ::2], band[1, 1::2], band[2, 1::2] = -stay, -back, -go, -keep
+    right = np.zeros(2 * len(stay))
+    right[0], right[2::2], right[3::2] = start[0], forced[:-1], forced_rate[:-1]
+    solved = blas.dtbsv(3, band, right, lower=1, diag=1, overwrite_x=1)
+    return solved[::2], solved[1::2]
 
 
 def spring_of(effect: Effect, values: Values) -> tuple[float, float] | None:
@@ -235,9 +247,8 @@ def integrated(effect: Effect, p: Values, s: Signals, step: float) -> Array:
     grow = np.exp(np.minimum(slope * step, 0.0))
     stiff = np.abs(slope) > 1e-9
     forced = np.where(stiff, at0 * (grow - 1.0) / np.where(stiff, slope, 1.0), at0 * step)
-    state = np.zeros_like(s.v)
-    z = 0.0
-    for k, (g, f) in enumerate(zip(grow.tolist(), forced.tolist())):
-        state[k] = z
-        z = g * z + f
-    return state
+    # state' = grow state + forced, row by row from 0: a triangular system of bandwidth two
+    band = np.zeros((2, len(grow)), order="F")
+    band[1] = -grow
+    solved: Array = blas.dtbsv(1, band, np.append(0.0, forced[:-1]), lower=1, diag=1)
+    return solved

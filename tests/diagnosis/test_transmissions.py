@@ -5,16 +5,19 @@ Their motions against closed forms, and the backlash of the thesis from currents
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from arm_model import read_model
+from arm_model.effects import CATALOGUE, Signals, values_of
 from daq.recording import Recording, open_recording
 from diagnosis.diagnose import diagnose
-from diagnosis.residual.expected_current import through_gap, wound_up
+from diagnosis.residual.expected_current import integrated, through_gap, wound_up
 from experiment import Experiment
 
 
@@ -41,6 +44,38 @@ def test_a_spring_swings_as_its_differential_equation_says() -> None:
     twist, rate, _ = wound_up(load(t), np.full(len(t), inertia), stiffness, damping, 0.01)
     assert np.max(np.abs(twist - exact[0])) < 0.02 * np.ptp(exact[0])
     assert np.max(np.abs(rate - exact[1])) < 0.02 * np.ptp(exact[1])
+
+
+def test_a_spring_winds_up_step_by_step_as_its_recurrence_says() -> None:
+    """Solved at once as a triangular system; here row by row, as it is written."""
+    random = np.random.default_rng(4)
+    load, inertia = np.cumsum(random.normal(size=400)), random.uniform(0.5, 1.5, 400)
+    stiffness, damping, step = 3e3, 40.0, 0.01
+    twist, rate, acceleration = wound_up(load, inertia, stiffness, damping, step)
+    d, v = load[0] / stiffness, 0.0
+    for k in range(400):
+        assert (twist[k], rate[k]) == pytest.approx((d, v), rel=1e-9, abs=1e-12)
+        assert inertia[k] * acceleration[k] + damping * v + stiffness * d == pytest.approx(load[k], rel=1e-9)
+        settled = (load[k] + load[min(k + 1, 399)]) / (2 * stiffness)
+        matrix = np.array([[0.0, 1.0], [-stiffness / inertia[k], -damping / inertia[k]]])
+        d, v = np.array([settled, 0.0]) + expm(matrix * step) @ [d - settled, v]
+
+
+def test_a_state_follows_its_recurrence_row_by_row() -> None:
+    random = np.random.default_rng(5)
+    effect = CATALOGUE["presliding_friction"]
+    values = values_of(effect, {"stiffness": 2e4, "damping": 10.0})
+    v = np.cumsum(random.normal(size=300)) * 0.01
+    s = Signals(v=v, sign=v / np.hypot(v, 1e-3), coulomb=np.full(300, 6.0), q=np.cumsum(v) * 0.01)
+    found, z = integrated(effect, values, s, 0.01), 0.0
+    assert effect.rate is not None
+    for k in range(300):
+        assert found[k] == pytest.approx(z, rel=1e-9, abs=1e-15)
+        row = replace(s, v=v[k], sign=s.sign[k], q=s.q[k], coulomb=6.0)
+        still, moved = (float(effect.rate(values, replace(row, state=state))) for state in (0.0, 1.0))
+        slope = moved - still
+        z = np.exp(slope * 0.01) * z + still * np.expm1(slope * 0.01) / slope
+    assert np.ptp(found) > 0.0
 
 
 @pytest.mark.parametrize("mass", [0.8, 0.0])
