@@ -1,4 +1,6 @@
-"""A chart as data: one description, drawn on paper by ``arm_report.paper`` and in a page by uPlot.
+"""A chart as data: one description for all that draws it.
+
+In a page uPlot does, in print ``arm_report.stills``, in pictures for papers ``arm_report.paper``.
 
 Axis labels are "quantity, unit". Colours are of ``arm_report.palette``; joints count from 1.
 """

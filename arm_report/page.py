@@ -14,8 +14,8 @@ from markupsafe import Markup
 
 from arm_report.chart import Chart
 from arm_report.motion import Motion
-from arm_report.paper import stills
 from arm_report.plain import page_data, thinned
+from arm_report.stills import stills
 
 SCRIPTS = ("data.js", "panel.js", "chart.js", "arm.js", "report.js")
 """In the order in which they need each other; uPlot stands before them."""

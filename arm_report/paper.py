@@ -1,17 +1,13 @@
-"""Charts on paper, by matplotlib: for print, for papers, and in a page that runs no scripts."""
+"""Charts as files for papers (``--png``, ``--pdf``), by matplotlib."""
 
 from __future__ import annotations
 
-import base64
-import io
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from arm_report.chart import Chart, Panel, Series
-from arm_report.envelope import extremes, rows_per_bucket
 from arm_report.palette import GRID
 
 if TYPE_CHECKING:
@@ -20,17 +16,13 @@ if TYPE_CHECKING:
 
 WIDTH = 10.5
 """Inches."""
-STILL_DPI, STILL_COLOURS = 72.0, 48
-"""Of the pictures that a page carries for print and for browsers without scripts."""
-MOST_STILLS = 1_000_000
-"""Characters of all of them together."""
 PICTURE_DPI = 200
 PICTURES = ("png", "pdf")
 """Kinds of files that ``write_report`` can draw beside a report."""
 
 
-def figure(chart: Chart, *, most_points: int | None = None) -> Figure:
-    """The whole chart; of longer series ``most_points`` points, every peak kept."""
+def figure(chart: Chart) -> Figure:
+    """The whole chart, all points of it."""
     from matplotlib.figure import Figure
 
     rows = -(-len(chart.panels) // chart.columns)
@@ -40,7 +32,7 @@ def figure(chart: Chart, *, most_points: int | None = None) -> Figure:
     grid = drawn.subplots(rows, chart.columns, squeeze=False, sharex=shared, width_ratios=widths)
     several = any(map(_named, chart.panels))
     for place, (axis, panel) in enumerate(zip(grid.ravel(), chart.panels)):
-        _draw(axis, panel, most_points)
+        _draw(axis, panel)
         if chart.shared and place < len(chart.panels) - chart.columns:
             axis.set_xlabel("")
             axis.tick_params(labelbottom=False)
@@ -54,32 +46,13 @@ def figure(chart: Chart, *, most_points: int | None = None) -> Figure:
     return drawn
 
 
-def stills(charts: Sequence[Chart]) -> list[str]:
-    """The charts as PNG of few colours, base64; coarser where together they exceed ``MOST_STILLS`` characters."""
-    drawn = [_still(chart, STILL_DPI) for chart in charts]
-    size = sum(map(len, drawn))
-    if size > MOST_STILLS:
-        drawn = [_still(chart, max(24.0, 0.9 * STILL_DPI * (MOST_STILLS / size) ** 0.5)) for chart in charts]
-    return drawn
-
-
-def _still(chart: Chart, dpi: float) -> str:
-    from PIL import Image
-
-    drawn, buffer = io.BytesIO(), io.BytesIO()
-    figure(chart, most_points=1200).savefig(drawn, format="png", dpi=dpi)
-    few = Image.open(drawn).convert("RGB").quantize(STILL_COLOURS, dither=Image.Dither.NONE)
-    few.save(buffer, format="png", optimize=True)
-    return base64.b64encode(buffer.getvalue()).decode()
-
-
 def _named(panel: Panel) -> bool:
     """Whether the legend has something to say about a panel."""
     labels = [one.label for one in panel.series] + [one.label for one in panel.zones]
     return any(labels) or any(one.label for one in panel.levels)
 
 
-def _draw(axis: Axes, panel: Panel, most_points: int | None) -> None:
+def _draw(axis: Axes, panel: Panel) -> None:
     if panel.y_range is not None and panel.y_range[0] < panel.y_range[1]:
         # before anything is drawn: the range of equal values on a logarithmic axis is none
         axis.set_ylim(*panel.y_range)
@@ -87,7 +60,7 @@ def _draw(axis: Axes, panel: Panel, most_points: int | None) -> None:
         span = axis.axhspan if zone.axis == "y" else axis.axvspan
         span(zone.low, zone.high, color=zone.colour, lw=0.0, label=zone.label or None, zorder=0)
     for one in panel.series:
-        _series(axis, one, panel.dates, most_points)
+        _series(axis, one, panel.dates)
     if panel.names:
         axis.set_yticks(range(len(panel.names)), panel.names, fontsize="small")
         axis.invert_yaxis()
@@ -117,10 +90,9 @@ def _draw(axis: Axes, panel: Panel, most_points: int | None) -> None:
             axis.text(level.value, 1.0, f" {level.words}", transform=top, fontsize="small", va="bottom")
 
 
-def _series(axis: Axes, one: Series, dates: bool, most_points: int | None) -> None:
-    kept = slice(None) if most_points is None else extremes(one.y, rows_per_bucket(len(one.y), most_points))
-    x: Any = _dates(one.x[kept]) if dates else one.x[kept]
-    y = one.y[kept]
+def _series(axis: Axes, one: Series, dates: bool) -> None:
+    x: Any = _dates(one.x) if dates else one.x
+    y = one.y
     label = one.label or None
     if one.kind == "bars":
         axis.barh(y, x, color=one.colour, label=label)
@@ -135,11 +107,11 @@ def _series(axis: Axes, one: Series, dates: bool, most_points: int | None) -> No
     if one.kind == "dots":
         style |= {"ls": "none"}
     if one.spread is not None and one.kind != "line":
-        axis.errorbar(x, y, one.spread[kept], capsize=2, elinewidth=0.8, **style)
+        axis.errorbar(x, y, one.spread, capsize=2, elinewidth=0.8, **style)
         return
     axis.plot(x, y, **style)
     if one.spread is not None:
-        axis.fill_between(x, y - one.spread[kept], y + one.spread[kept], color=one.colour, alpha=0.25, lw=0)
+        axis.fill_between(x, y - one.spread, y + one.spread, color=one.colour, alpha=0.25, lw=0)
 
 
 def _dates(seconds: Any) -> list[datetime]:

@@ -16,7 +16,7 @@ from arm_report.palette import DARK
 
 Table = dict[str, Any]
 MOST_DATA = 1_500_000
-"""Characters: with pictures for print (``paper.MOST_STILLS``), scripts and tables a page stays below 3 MB."""
+"""Characters: with pictures for print (``stills.MOST_STILLS``), scripts and tables a page stays below 3 MB."""
 LEAST_POINTS = 200
 LEVELS = 65_534
 """Steps of a quantised array over its range; 65535 is NaN."""

@@ -21,8 +21,7 @@ PRELOAD = (
     "diagnosis.report.write",
     "identification.identify",
     "identification.report.html",
-    "arm_report.paper",
-    "matplotlib.backends.backend_agg",
+    "arm_report.page",
 )
 """Modules that take seconds to import: the server from which tasks are forked imports them once."""
 for _name in PRELOAD:

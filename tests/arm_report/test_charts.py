@@ -94,7 +94,7 @@ def test_twenty_minutes_of_six_joints_are_small_and_keep_their_peak(long: Chart)
 
 def test_a_page_of_many_charts_stays_small(long: Chart, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("arm_report.plain.MOST_DATA", 30_000)
-    monkeypatch.setattr("arm_report.paper.MOST_STILLS", 30_000)
+    monkeypatch.setattr("arm_report.stills.MOST_STILLS", 30_000)
     text, points = page_data([long], None, [])
     assert len(text) <= 30_000 and 200 <= points < POINTS
     table = json.loads(text)
