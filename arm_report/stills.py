@@ -91,8 +91,8 @@ def _places(chart: Chart, head: float) -> Iterator[Place]:
         left = max([LEFT, *(LETTER * len(name) + 8.0 for name in panel.names)])
         top = TITLE if panel.title or any(level.words for level in panel.levels) else TOP
         bottom = BOTTOM if _labelled(chart, k) else NO_LABEL
-        size = edges[column + 1] - edges[column] - left - RIGHT, INCH * chart.height - top - bottom
-        place = Place(float(edges[column] + left), head + INCH * chart.height * row + top, *map(float, size), x, y)
+        width, height = float(edges[column + 1] - edges[column]) - left - RIGHT, INCH * chart.height - top - bottom
+        place = Place(float(edges[column]) + left, head + INCH * chart.height * row + top, width, height, x, y)
         yield _equal(place) if panel.equal else place
 
 
