@@ -33,6 +33,7 @@ from pydantic.dataclasses import dataclass
 from arm_io.types import Array
 from arm_model.tables.fields import IDENTITY, STRICT, Directions, NotNegative, Pose, Positive, Vector
 from arm_model.tables.floating_base import FloatingBase
+from arm_model.tables.temperatures import Temperatures
 from arm_model.tables.uncertainty import Uncertainty
 
 
@@ -155,6 +156,7 @@ class Joint:
     viscous: Directions = (0.0, 0.0)  # (positive, negative) motion, or one number for both: N m s/rad at the motor
     coulomb: Directions = (0.0, 0.0)  # likewise, magnitudes, N m at the motor
     friction_curve: FrictionCurve | None = None  # beside viscous and coulomb, at the joint
+    temperature: float | None = None  # degC of the motor at which this friction holds (effect temperature_friction)
     offset: float = 0.0  # N m at the motor: constant part of the torque, opposing motion in the positive direction
     sign_velocity: Positive = 0.01  # rad/s (m/s) at the joint: sign v is taken as v / sqrt(v^2 + sign_velocity^2)
     torque_constant: Positive = 1.0  # N m/A; N/V where the controller's output is a voltage
@@ -308,6 +310,8 @@ class Arm:
     floating: FloatingBase | None = None  # absent: the base is fixed to the ground
     # how well an identified arm is known; two arms of the same numbers are equal whatever is known of them
     uncertainty: Uncertainty | None = field(default=None, compare=False, repr=False)
+    # of its motors while it is simulated, or was recorded; absent: those at which its friction holds
+    temperatures: Temperatures | None = field(default=None, compare=False, repr=False)
 
     @model_validator(mode="after")
     def _belongs_together(self) -> Arm:

@@ -19,7 +19,7 @@ from comparison.regression import Fitted, Rows, Structure, fit, rows_of, shown_b
 from comparison.significance import changes
 from comparison.summary import summaries
 from daq.recording import Recording
-from diagnosis.residual.run_setup import loaded, setup_of
+from diagnosis.residual.run_setup import set_up, setup_of
 from identification.preprocessing.signals import Motion
 from identification.regression.equations import structural_base
 from identification.regression.problem import motions_of
@@ -79,7 +79,7 @@ def _fits(
     data: list[Rows] = []
     for recording, motion in zip(recordings, motions):
         progress(Step("equations", len(data), len(recordings), detail=recording.path.name))
-        data.append(rows_of(structure, motion, loaded(structure.arm, setup_of(recording).payload)))
+        data.append(rows_of(structure, motion, set_up(structure.arm, recording)))
     shown = np.array([shown_by(rows, structure) for rows in data])
     model = structure.model()
     fits: list[Fitted] = []

@@ -135,6 +135,7 @@ class Signals:
     current       motor current, A
     torque        actuator torque abs(gear) k i, N m (N)
     t             time since the start of the recording, s
+    warmer        temperature of the motor less that at which the model's friction holds, K; 0 where it is not known
     state         internal state of the effect, 0 at the start
     driver        angle of the joint whose number is the effect's parameter ``driver``; rad (m)
     along, across  how the weight of the link whose number is the parameter ``driver`` lies to the joint, -1 .. 1
@@ -152,6 +153,7 @@ class Signals:
     current: Any = 0.0
     torque: Any = 0.0
     t: Any = 0.0
+    warmer: Any = 0.0
     state: Any = 0.0
     driver: Any = 0.0
     along: Any = 0.0
@@ -196,6 +198,7 @@ class Effect:
     directional      differs between the directions of motion, or is made up for by an effect that does
     friction         its torque depends on the velocity alone: part of the joint's friction, which opposes the motion as
                      a whole (``arm_model.effects.dissipation``)
+    conditional      friction that depends on load or temperature: beside the joint's friction over speed
     """
 
     name: str
@@ -219,6 +222,7 @@ class Effect:
     sparse: bool = False
     directional: bool = False
     friction: bool = False
+    conditional: bool = False
     torque: Law | None = None
     rate: Law | None = None
     deflection: Law | None = None

@@ -28,6 +28,8 @@ class Instrument(StrEnum):
     """Points of a target on the last link, less where the kinematic model puts it."""
     CALIBRATION = "calibration"
     """The same points, while all geometric parameters of the arm are free (``armscope calibrate``)."""
+    IDENTIFICATION = "identification"
+    """Torques of recordings, while all parameters of the arm are free (``armscope identify``)."""
     CLOSED_LOOP = "closed loop"
     """Measured currents less those of the model's own closed loop on the same setpoints."""
 

@@ -8,6 +8,7 @@ from arm_io.types import Array
 from arm_model.description import Arm
 from arm_model.simulation.engine import LANES, Program, program_of
 from arm_model.system.closed_loop_system import build
+from arm_model.system.warmth import warmth_knots
 
 KEPT = 128
 """Programs that are kept in memory."""
@@ -33,8 +34,9 @@ def program_for(arm: Arm, inputs: Mapping[str, Array], lanes: int) -> Program:
             j.torque_limit is None,
             None if j.cylinder is None else (j.cylinder.start, j.cylinder.end),
             None if j.friction_curve is None else len(j.friction_curve.speed),
+            warmth_knots(arm, number),
         )
-        for j in arm.joints
+        for number, j in enumerate(arm.joints)
     ]
     terms = [(term.name, term.joint) for term in arm.effects]
     width = 1 if lanes == 1 else LANES

@@ -17,6 +17,7 @@ from arm_model.symbolic.tape import Expr, Tape, evaluate
 from arm_model.system.closed_loop_system import Symbols, rigid_links
 from arm_model.system.kernel_inputs import numbers
 from arm_model.system.mechanics import Joints, Mechanics
+from arm_model.system.warmth import warmth_knots
 
 
 def torque_with_effects(arm: Arm, theta: Array, speed: Array, acceleration: Array, time: Array) -> Array:
@@ -56,7 +57,9 @@ class _Structure:
 
     def __init__(self, arm: Arm) -> None:
         self.arm = arm
-        self.key = repr(replace(arm, effects=())), tuple((term.name, term.joint) for term in arm.effects)
+        terms = tuple((term.name, term.joint) for term in arm.effects)
+        warm = tuple(warmth_knots(arm, j) for j in range(len(arm)))
+        self.key = repr(replace(arm, effects=())), terms, warm
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Structure) and self.key == other.key

@@ -13,6 +13,7 @@ Joints and effects are counted from 0 here. All drive quantities are at the join
     curve{j}.speed{k} curve{j}.positive{k} curve{j}.negative{k}    rad/s (m/s), and by how much the slope of joint j's
                  friction curve changes there (``arm_model.rigid_body.friction_curve``)
     zero{j}      rad (m): what a zero offset adds to q before the links see it
+    warm{j}.start warm{j}.time{k} warm{j}.bend{k}   K, s, K/s: of the motor's temperature (``arm_model.system.warmth``)
     drive{j}     N m/A                                               kp{j} ki{j} kd{j} limit{j}   the servo's, A
     effect{e}.{parameter}
     base_..., thruster_..., feedforward   of a floating base (``arm_model.system.base_inputs``)
@@ -40,6 +41,7 @@ from arm_model.rigid_body.regroup import regrouped
 from arm_model.servo import servo_gains
 from arm_model.system.base_inputs import base_numbers
 from arm_model.system.step_size import contact
+from arm_model.system.warmth import warmth_numbers
 
 
 def numbers(arm: Arm, variations: Mapping[str, Array] | None = None) -> dict[str, Array]:
@@ -138,6 +140,7 @@ def _water(arm: Arm, coefficients: Mapping[str, Array], lanes: int) -> dict[str,
 def _constants(arm: Arm, bent: Arm) -> dict[str, float]:
     """What does not enter the torque linearly; the servo belongs to the arm as described, without its effects."""
     found = {f"gravity{k}": value for k, value in enumerate(bent.gravity)} | base_numbers(arm, bent)
+    found |= warmth_numbers(arm)
     for j, (joint, real) in enumerate(zip(arm.joints, bent.joints)):
         found[f"zero{j}"] = real.theta - joint.theta if joint.revolute else real.d - joint.d
     for j, (joint, real) in enumerate(zip(arm.joints, bent.joints)):

@@ -16,6 +16,7 @@ from arm_model.effects.transmission import across_gap
 from arm_model.rigid_body import scalar
 from arm_model.rigid_body.friction_curve import beyond
 from arm_model.symbolic.tape import Expr, Tape, derivative
+from arm_model.system.warmth import warmth_knots
 
 Symbol = Callable[[str], Expr]
 Matrix = list[list[Expr]]
@@ -161,8 +162,20 @@ class Mechanics:
             + self.symbol(f"coulomb_difference{j}") * sign
             + self._beyond_rest(j, speed),
             t=joints.time,
+            warmer=self._warmer(j, joints.time),
             state=0.0 if state is None else state,
         )
+
+    def _warmer(self, j: int, time: Expr) -> Any:
+        """K by which motor j is warmer than where the model's friction holds; 0 where its temperature is not known."""
+        knots = warmth_knots(self.arm, j)
+        if not knots or not any(term.effect.conditional for term in self._of(j)):
+            return 0.0
+        warmer: Any = self.symbol(f"warm{j}.start")
+        for k in range(knots):
+            after = scalar.maximum(time - self.symbol(f"warm{j}.time{k}"), 0.0)
+            warmer = warmer + self.symbol(f"warm{j}.bend{k}") * after
+        return warmer
 
     def _beyond_rest(self, j: int, speed: Expr) -> Any:
         """What the friction curve of joint j has at a speed above its value at rest."""

@@ -19,6 +19,7 @@ from arm_model.effects.description_errors import PAYLOAD
 from arm_model.sensing import Readings, recorded
 from arm_model.simulation import Demand, Sampled, servo_period
 from arm_model.simulation import simulate as run
+from arm_model.tables.temperatures import constant_temperatures, recorded_temperatures
 from arm_model.tracking import tracked
 from armscope.api.reading import File, Source, open_recording, read_experiment, read_model
 from armscope.shipped import found
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 RATE = 1000.0
 """Rows/s where neither the experiment nor the caller says."""
+COLDEST, HOTTEST = -60.0, 200.0
+"""degC of a motor: what lies beyond is another unit."""
 MOST_NUMBERS = 30_000_000
 """Rows, or ticks of the servos, times joints: six joints at 1 kHz for 73 minutes take 4 GB."""
 Point = tuple[float, float, float]
@@ -135,10 +138,16 @@ class Simulation:
 
     def write(self, path: File) -> Recording:
         """Writes a recording (.mcap), replacing one that is there, and opens it."""
+        signals = {"q": self.q, "i": self.i, "qref": self.qref}
+        if self.xyz is not None:
+            signals["xyz"] = self.xyz
+        if (warm := self.arm.temperatures) is not None:
+            seen = [warm.at(j, self.t) for j in range(len(self.arm))]
+            signals["temp"] = np.column_stack([np.full_like(self.t, np.nan) if one is None else one for one in seen])
         write_table(
             Path(path),
             self.t,
-            {"q": self.q, "i": self.i, "qref": self.qref} | ({} if self.xyz is None else {"xyz": self.xyz}),
+            signals,
             self.attachments,
             extra=None if self.motion.base is None else self.motion.base.columns(),
             joints=[joint.name or f"joint{number}" for number, joint in enumerate(self.arm.joints, 1)],
@@ -154,6 +163,7 @@ def simulate(
     like: Source | None = None,
     rate: float | None = None,
     target: Point | None = None,
+    temperature: float | None = None,
     progress: Progress = lambda _: None,
 ) -> Simulation:
     """The arm in closed loop with the position controller of its model.
@@ -163,6 +173,7 @@ def simulate(
     like        a recording whose demanded positions it is asked to follow
     rate        rows/s; None: the experiment's, else 1000; as the recording has them
     target      (3,) m: a tracker's target in the frame of the last link; adds ``xyz``
+    temperature degC of all motors; None: as recorded in ``like``, else those at which the model's friction holds
     progress    is called with each stage in words
     Raises InputError where the joints differ in number, demands are missing, or the simulation diverges.
     """
@@ -176,6 +187,10 @@ def simulate(
     else:
         assert like is not None
         task = _of_recording(arm, open_recording(like), rate)
+    if temperature is not None:
+        if not COLDEST <= temperature <= HOTTEST:
+            raise InputError("--temperature", f"must be between {COLDEST:g} and {HOTTEST:g} degC (is {temperature:g})")
+        task = replace(task, arm=replace(task.arm, temperatures=constant_temperatures(temperature, len(arm))))
     progress(f"simulating {task.times[-1]:.4g} s")
     began = time.perf_counter()
     motion = _run(task)
@@ -218,6 +233,7 @@ def _of_recording(arm: Arm, recording: Recording, rate: float | None) -> _Task:
         raise InputError(path, f"has {recording.joints} joints, the model has {len(arm)}")
     if len(recording) < 2:
         raise InputError(path, f"has {len(recording)} rows; at least two are needed")
+    arm = replace(arm, temperatures=recorded_temperatures(recording.t, recording.temp))
     t, demanded = recording.t, _without_holes(path, recording.t, recording.qref)
     _check_size(float(t[-1]), 1 / recording.dt, arm)
     times = t if rate is None else _times(float(t[-1]), rate, arm)

@@ -25,6 +25,10 @@ def command(
         str | None,
         typer.Option(help="x,y,z of a tracker target in the frame of the last link, m; adds xyz to the recording"),
     ] = None,
+    temperature: Annotated[
+        float | None,
+        typer.Option(help="degC of all motors; default: as in --like, else those at which the model's friction holds"),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     from armscope.api.simulation import simulate
@@ -33,7 +37,9 @@ def command(
         raise InputError("simulate", "needs either --experiment or --like")
     point = None if target is None else point_of(target, "--target")
     with shown(as_json) as progress:
-        simulation = simulate(model, experiment, like=like, rate=rate, target=point, progress=progress)
+        simulation = simulate(
+            model, experiment, like=like, rate=rate, target=point, temperature=temperature, progress=progress
+        )
         progress("writing")
         simulation.write(out)
     note_gaps(model, "dynamics")

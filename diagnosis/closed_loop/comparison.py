@@ -26,7 +26,7 @@ from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.expected_current import COMPARE_BAND, low_pass, rate_of
 from diagnosis.residual.run import Run, kept, residual_under, with_own
-from diagnosis.residual.run_setup import loaded, setup_of
+from diagnosis.residual.run_setup import set_up, setup_of
 from identification.preprocessing import demand_of_run
 
 FAITHFUL = 1.5
@@ -61,7 +61,7 @@ def compare(recording: Recording, arm: Arm, run: Run) -> Compared | None:
     """A recording and the closed loop of the model on its demands; None without demand, controller or stable loop."""
     if arm.controller is None or not has_demand(recording):
         return None
-    arm = loaded(replace(arm, effects=(*arm.effects, *run.own)), setup_of(recording).payload)
+    arm = set_up(replace(arm, effects=(*arm.effects, *run.own)), recording)
     knots, demand = recording.t, demand_of_run(recording, arm)
     try:
         motion = simulate(arm, demand, duration=float(knots[-1]), rate=1.0 / recording.dt, times=knots - knots[0])
@@ -115,7 +115,7 @@ def with_smoothing_velocities(arm: Arm, recordings: Sequence[Recording]) -> Arm:
         return arm
     errors = np.zeros((len(SMOOTHING), len(arm)))
     for recording in usable:
-        carrying = loaded(arm, setup_of(recording).payload)
+        carrying = set_up(arm, recording)
         lanes = {f"joint{j + 1}.sign_velocity": arm.joints[j].sign_velocity * SMOOTHING for j in moving}
         demand = demand_of_run(recording, carrying)
         try:

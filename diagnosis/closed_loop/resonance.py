@@ -27,7 +27,7 @@ from daq.recording import Recording
 from diagnosis.cause import Cause, Estimate, Signal, confidence_of
 from diagnosis.closed_loop.comparison import has_demand
 from diagnosis.residual.noise import scatter
-from diagnosis.residual.run_setup import loaded, setup_of
+from diagnosis.residual.run_setup import set_up
 from diagnosis.units import unit_at
 from identification.preprocessing import demand_of_run
 from identification.selection import BLOCK_SECONDS, Thresholds, p_value
@@ -199,7 +199,7 @@ def _errors(arm: Arm, recording: Recording, trials: Sequence[Trial] = ()) -> Arr
     trials: of one effect and joint. NaN in lanes with an unstable loop. A delay of the recorded demand is estimated
     from the angles and corrected.
     """
-    carrying = loaded(arm, setup_of(recording).payload)
+    carrying = set_up(arm, recording)
     lanes = {}
     if trials:
         carrying = trials[0].added_to(carrying)

@@ -6,11 +6,14 @@ of the arm comes from its motors, and the current channels show their own errors
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from arm_io import check_table
 from arm_model import Arm
 from arm_model.effects import values_of
 from arm_model.effects.description_errors import PAYLOAD
 from arm_model.servo import fixed_gains
+from arm_model.tables.temperatures import recorded_temperatures
 from daq.recording import Recording
 from experiment import Payload, Setup
 
@@ -19,6 +22,12 @@ def setup_of(recording: Recording) -> Setup:
     """The setup of the experiment that a recording carries; nothing out of the ordinary where it carries none."""
     table = (recording.experiment or {}).get("setup")
     return Setup() if table is None else check_table(recording.path, table, Setup)
+
+
+def set_up(arm: Arm, recording: Recording) -> Arm:
+    """The arm as it was in a recording: with its known payload, and its motors at the recorded temperatures."""
+    warm = replace(arm, temperatures=recorded_temperatures(recording.t, recording.temp))
+    return loaded(warm, setup_of(recording).payload)
 
 
 def loaded(arm: Arm, payload: Payload | None) -> Arm:

@@ -16,7 +16,7 @@ from daq.recording import Recording
 from diagnosis.residual.comparable_rows import comparable_rows, rms_where
 from diagnosis.residual.noise import KnownNoise, still_noise
 from diagnosis.residual.run import Run, residual_run, residual_with
-from diagnosis.residual.run_setup import loaded, setup_of
+from diagnosis.residual.run_setup import set_up, setup_of
 from diagnosis.screening.counter_gaps import CounterGap, counter_gaps, put_back, without_weight
 from diagnosis.screening.counter_gaps import event_of as event_of_gaps
 from diagnosis.screening.current_limit import current_limits
@@ -98,9 +98,7 @@ def _counter_gaps(
 
     def residual(k: int, q: Array) -> Run:
         r, setup = recordings[k], setup_of(recordings[k])
-        return residual_run(
-            r.path.name, loaded(arm, setup.payload), r.t, q, r.i, powered=not setup.drives_off, known=known
-        )
+        return residual_run(r.path.name, set_up(arm, r), r.t, q, r.i, powered=not setup.drives_off, known=known)
 
     gaps = tuple(tuple(counter_gaps(r.q, r.dt, partial(residual, k))) for k, r in enumerate(recordings))
     return gaps, [event_of_gaps(gaps, recordings, residual)] if any(gaps) else []
@@ -112,7 +110,7 @@ def residuals_of(arm: Arm, screened: Screened, progress: Callable[[str], None] =
     for recording, samples, known in zip(screened.recordings, screened.samples, screened.known):
         progress(Step("computing residuals", len(runs), len(screened.recordings), detail=recording.path.name))
         setup = setup_of(recording)
-        of_run = loaded(arm, setup.payload)
+        of_run = set_up(arm, recording)
         runs.append(residual_run(recording.path.name, of_run, *samples, powered=not setup.drives_off, known=known))
     for k, gaps in enumerate(screened.counter_gaps):
         runs[k] = without_weight(runs[k], gaps, screened.recordings[k].dt) if gaps else runs[k]

@@ -13,7 +13,9 @@ from typing import Literal
 from arm_io.types import Progress
 from arm_model import Arm
 from daq.recording import Recording
-from identification.methods.free_friction import Trial, with_free_friction
+from identification.methods.free_friction import with_free_friction
+from identification.methods.friction_trial import Trial
+from identification.methods.load_and_temperature import Dependence
 from identification.methods.solved import solved
 from identification.regression.conclusion import conclude
 from identification.regression.equations import Friction
@@ -44,12 +46,14 @@ def identify(
     joints whose friction is a curve in the model keep one.
     """
     problem = prepare(fit, arm, held_out=held_out, friction=friction, progress=progress)
-    found, trials = solved(problem, method, progress), list[Trial]()
+    found, trials, depends = solved(problem, method, progress), list[Trial](), list[Dependence]()
     if shape != "straight":
-        found, trials = with_free_friction(found, method, always=shape == "free", progress=progress)
+        always = shape == "free"
+        found, trials, depends = with_free_friction(found, method, always=always, progress=progress)
     result = conclude(found.problem, method, found.best, found.spread, found.solve)
     result.notes.extend(held_note(found.held, len(found.problem.excited)))
     result.extra.update(held_directions=found.held, blocks=found.spread.blocks)
     result.extra["friction_trials"] = [asdict(trial) for trial in trials]
+    result.extra["friction_dependence"] = [one.to_json() for one in depends]
     bands = bands_of(found.problem, result.arm, found.spread)
     return replace(result, friction_bands=bands, smoothness=found.scale)

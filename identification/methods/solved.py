@@ -9,6 +9,7 @@ import numpy as np
 
 from arm_io.progress import Step
 from arm_io.types import Array, Progress
+from arm_model import Arm
 from identification.regression.conclusion import physical_values, with_values
 from identification.regression.equations import Equations, model_values, shown_rows
 from identification.regression.friction_shape import cross_validated_scale, smoothness
@@ -48,7 +49,8 @@ def solved(problem: Problem, method: Method, progress: Progress) -> Solved:
         return regularised(columns, torque, rows.joint, method, prior)
 
     arm = problem.arm
-    values, before, held = model_values(arm, problem.friction), None, 0
+    values = model_values(arm if problem.start is None else problem.start, problem.friction)
+    before, held = None, 0
     for number in range(STEPS if arm.effects else 1):
         progress(Step("least squares", number, None if arm.effects else 1))
         best, weighed = fitted(problem.rows)
@@ -70,6 +72,11 @@ def solved(problem: Problem, method: Method, progress: Progress) -> Solved:
             f"the effects did not settle in {STEPS} steps; is one of them far from what the model says?"
         )
     return Solved(problem, best, spread, held, lambda rows: fitted(rows)[0], scale)
+
+
+def fitted_arm(fit: Solved) -> Arm:
+    """The physically consistent arm nearest to a fit."""
+    return with_values(fit.problem, physical_values(fit.problem, fit.best, fit.spread.information))
 
 
 def settled(before: Array | None, fit: Fit, spread: Uncertainty) -> bool:

@@ -17,6 +17,7 @@ from scipy import signal
 from scipy.interpolate import make_interp_spline
 
 from arm_io.types import Array
+from arm_model.tables.temperatures import Temperatures
 from identification.preprocessing.grid import longest_whole, nearest, on_grid, uniform_grid
 from identification.preprocessing.spectrum import Band, choose_band
 
@@ -45,7 +46,8 @@ class Motion:
     friction is smeared and the column's is not, and what friction does there is not Coulomb's law in the first place:
     for a fit, such samples are made zero on both sides; in a motion for judging fits they stay. folded (m, J): what
     sampling may have put into the torque unseen, one standard deviation (``setpoint_ripple``). sparing: every so many
-    rows of the parallel filter are kept, all by default (``spared``).
+    rows of the parallel filter are kept, all by default (``spared``). temperatures: of the motors meanwhile, where
+    they were recorded.
     """
 
     dt: float
@@ -61,6 +63,7 @@ class Motion:
     folded: Array | None = None
     for_judging: bool = False
     sparing: int = 1
+    temperatures: Temperatures | None = None
 
     def moves(self, j: int) -> bool:
         """Whether joint j (from 0) is driven, and not only shaken by the others."""

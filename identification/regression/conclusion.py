@@ -248,7 +248,8 @@ def _noise(problem: Problem, arm: Arm, band: Band) -> Array:
     off: list[list[Array]] = [[] for _ in arm.joints]
     for motion in problem.motions:
         view = with_reversals(replace(motion, band=replace(motion.band, parallel=band.parallel)))
-        shown = shown_torque(arm, problem.arm, motion.q, motion.qd, motion.qdd, motion.t)
+        warm = replace(arm, temperatures=motion.temperatures)
+        shown = shown_torque(warm, problem.arm, motion.q, motion.qd, motion.qdd, motion.t)
         error, sliding = parallel_filter(view, motion.torque - shown), sliding_rows(view)
         for j, column in enumerate(error.T):
             off[j].append(column[sliding[:, j]])

@@ -22,6 +22,7 @@ from arm_model.effects import coupled
 from arm_model.friction_split import departures, follows
 from arm_model.rigid_body import jacobian
 from arm_model.rigid_body.regressor import parameter_names, parameter_vector, regressor
+from arm_model.tables.temperatures import Temperatures
 from identification.preprocessing.aliased_ripple import drifting
 from identification.preprocessing.signals import (
     Motion,
@@ -197,8 +198,16 @@ def structural_base(arm: Arm, friction: Friction = "symmetric", *, states: int =
             speed = np.array([0.0, *joint.friction_curve.speed, 2 * joint.friction_curve.speed[-1]])
             qd[:, j] = np.sign(qd[:, j]) * np.interp(random.uniform(size=count), np.linspace(0, 1, len(speed)), speed)
     t = random.uniform(0.0, 60.0, count)
+    arm = replace(arm, temperatures=_any_temperatures(arm, random))
     columns = [model_columns(one, q, qd, qdd, friction, t) for one in generic_arms(arm, random)]
     return base_parameters(np.concatenate(columns).reshape(-1, len(names)), names)
+
+
+def _any_temperatures(arm: Arm, random: np.random.Generator) -> Temperatures:
+    """Of motors that warm up and cool down within the minute of ``structural_base``, each in its own way."""
+    usual = [joint.temperature or 0.0 for joint in arm.joints]
+    courses = tuple(tuple((one + random.uniform(-20.0, 20.0, 6)).tolist()) for one in usual)
+    return Temperatures(tuple(np.linspace(0.0, 60.0, 6).tolist()), courses)
 
 
 def equations(
@@ -321,6 +330,7 @@ def with_effects(
 def _effect_rows(arm: Arm, model: Arm, motion: Motion, moved: Motion) -> Array:
     """(rows of this run, 1 + e): the torque that the arm shows, then its derivatives by the effects' parameters."""
     q, qd, qdd = moved.q, moved.qd, moved.qdd
+    arm = replace(arm, temperatures=motion.temperatures)
     shown = shown_torque(arm, model, q, qd, qdd, motion.t)
     columns = effect_columns(arm, model, q, qd, qdd, motion.t, shown)
     joint, row = np.nonzero(equation_rows(motion)[1].T)
@@ -346,6 +356,7 @@ def shown_rows(arm: Arm, model: Arm, motions: Sequence[Motion]) -> Array:
     parts = []
     for motion in motions:
         joint, row = np.nonzero(equation_rows(motion)[1].T)
-        shown = shown_torque(arm, model, motion.q, motion.qd, motion.qdd, motion.t)
+        warm = replace(arm, temperatures=motion.temperatures)
+        shown = shown_torque(warm, model, motion.q, motion.qd, motion.qdd, motion.t)
         parts.append(parallel_filter(motion, shown * equation_weight(motion))[row, joint])
     return np.concatenate(parts)

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from arm_io.progress import Step
 from arm_io.types import Array, Progress
 from arm_model import Arm
-from arm_model.effects import coupled
+from arm_model.effects import CATALOGUE, coupled
 from arm_model.friction_split import split_arm
+from arm_model.tables.temperatures import recorded_temperatures
 from daq.recording import Recording
 from identification.preprocessing import checks
 from identification.preprocessing.aliased_ripple import folded_torque
@@ -47,6 +48,7 @@ class Problem:
     rows    those that are fitted; judged, held: those, reversals and all, of the fitted and the held-out runs (None:
             split) to judge on
     runs    how fit each recording is, fitted ones first
+    start   the arm at whose values the rows are linearised; None: ``arm``
     """
 
     arm: Arm
@@ -62,6 +64,7 @@ class Problem:
     excited: NDArray[np.intp]
     warnings: list[str]
     runs: list[RunReadiness]
+    start: Arm | None = None
 
     @property
     def columns(self) -> NDArray[np.intp]:
@@ -113,7 +116,8 @@ def motion_of(recording: Recording, arm: Arm) -> tuple[Motion, RunReadiness]:
     motion = smooth_motion(recording.t, q, torque, saturated=found.saturated)
     checks.check_motion(recording.path, motion)
     motion = motion.without(resting(motion, arm), "at rest")
-    motion = replace(motion, folded=folded_torque(arm, motion, recording.t - recording.t[0], torque))
+    folded = folded_torque(arm, motion, recording.t - recording.t[0], torque)
+    motion = replace(motion, folded=folded, temperatures=recorded_temperatures(recording.t, recording.temp))
     return motion, readiness_of(recording, found, motion, arm)
 
 
@@ -164,8 +168,9 @@ def prepare(
     motions, held_motions, runs = motions_of(fit, held_out, arm, progress)
     arm = split_arm(arm)
     # Ripples reach to the low-pass's edge, where both sides differ; leaving samples out would fold that onto the
-    # motion.
-    motions = [*map(with_reversals, motions)] if arm.effects else motions
+    # motion. Friction is as uncertain in reversals as without effects.
+    smooth = all(CATALOGUE[term.name].conditional or CATALOGUE[term.name].friction for term in arm.effects)
+    motions = motions if smooth else [*map(with_reversals, motions)]
     warnings = [warning for run in runs for warning in run.warnings]
     warnings += [
         f"{name}: held as the model has it, and counted as rigid or sliding here" for name in left_to_the_model(arm)

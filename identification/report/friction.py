@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def sentences(result: Identification) -> list[str]:
-    """Per joint whose friction is a curve or was tried as one: what was chosen, and by what held-out errors."""
+    """Per joint what law its friction has over speed, load and temperature, and by what held-out errors."""
     curved = {band.joint: band for band in result.friction_bands if band.curve}
     trials = {trial["joint"]: trial for trial in result.extra.get("friction_trials", [])}
     said = []
@@ -36,7 +36,24 @@ def sentences(result: Identification) -> list[str]:
             f"friction of joint {joint}: a curve of free shape through {len(speed)} speeds from {speed[0]:.2g} to "
             f"{speed[-1]:.2g} {per} ({why})"
         )
-    return said
+    return said + [_depends(result, one) for one in result.extra.get("friction_dependence", [])]
+
+
+def _depends(result: Identification, one: Mapping[str, Any]) -> str:
+    """What friction of a joint does over its load or its temperature, or why nothing is said about it."""
+    joint, on = one["joint"], one["on"]
+    if not one["stays"]:
+        return f"friction of joint {joint} over {on}: not in the model ({one['why']})"
+    parts = [_size(result, f"joint{joint}.{name}", given) for name, given in one["parameters"].items()]
+    at = f"; the rest holds at {one['temperature']:g} degC" if "temperature" in one else ""
+    return f"friction of joint {joint} over {on}: {', '.join(parts)} ({one['why']}{at})"
+
+
+def _size(result: Identification, name: str, given: Mapping[str, float]) -> str:
+    """'mu 0.0498 +- 0.0004', of an effect's parameter, with two standard deviations and its unit."""
+    unit = next(value.unit for value in result.parameters if value.name == name)
+    size = f"{name.rpartition('.')[2]} {given['value']:.3g} +- {2 * given['std']:.2g}"
+    return size if unit == "1" else f"{size} {unit}"
 
 
 def curves(result: Identification) -> Chart | None:

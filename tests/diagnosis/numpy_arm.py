@@ -43,13 +43,14 @@ class NumpyArm:
     """friction: of each joint, moving positive and moving negative.
 
     torque: (m, 2) N m that the drives must provide in addition, of q, v, t and the load (m, 2); error: (m, 2) rad that
-    the encoders read in excess, of the motor angles.
+    the encoders read in excess, of the motor angles. temperature: (m, 2) degC of the motors over t, which is recorded.
     """
 
     friction: tuple[tuple[Friction, Friction], tuple[Friction, Friction]]
     torque: Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None = None
     error: Callable[[np.ndarray], np.ndarray] | None = None
     current: Callable[[np.ndarray], np.ndarray] = field(default=lambda i: i)
+    temperature: Callable[[np.ndarray], np.ndarray] | None = None
 
     def record(self, path: Path, seed: int, seconds: float = 20.0) -> Recording:
         """A recording of the motion ``seed``, through a table and ``armscope import``."""
@@ -64,9 +65,11 @@ class NumpyArm:
         read = q if self.error is None else q + self.error(q * GEAR)
         step = 2 * np.pi / COUNTS
         current = self.current(torque / (GEAR * CONSTANT)) + NOISE * rng.normal(size=q.shape)
-        table = np.column_stack([t, np.round(read / step) * step, current])
+        table, names = np.column_stack([t, np.round(read / step) * step, current]), "t,q1,q2,i1,i2"
+        if self.temperature is not None:
+            table, names = np.column_stack([table, np.round(self.temperature(t), 1)]), f"{names},temp1,temp2"
         log = path.with_suffix(".csv")
-        np.savetxt(log, table, delimiter=",", header="t,q1,q2,i1,i2", comments="", fmt="%.9g")
+        np.savetxt(log, table, delimiter=",", header=names, comments="", fmt="%.9g")
         assert run(["import", str(log), "--out", str(path)]) == 0
         return open_recording(path)
 
@@ -128,7 +131,7 @@ def model(coulomb: Sequence[tuple[float, float]], viscous: Sequence[float], curv
                 rpy=(0.0, 0.0, 0.0),
                 mass=MASS[j],
                 com=(CENTRE[j], 0.0, 0.0),
-                inertia=(0.01, 0.01, INERTIA[j], 0.0, 0.0, 0.0),
+                inertia=(0.6 * INERTIA[j], 0.6 * INERTIA[j], INERTIA[j], 0.0, 0.0, 0.0),
                 gear=float(GEAR[j]),
                 torque_constant=float(CONSTANT[j]),
                 rotor_inertia=float(ROTOR[j] / GEAR[j] ** 2),

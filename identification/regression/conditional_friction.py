@@ -1,0 +1,144 @@
+"""Columns of friction that depends on load and temperature, in a problem that had none.
+
+The laws are ``load_friction``, ``load_breakaway`` and ``temperature_friction`` of the catalogue (Bittencourt,
+Gunnarsson, 2012). The transmitted torque follows from the masses that are identified with them: Gauss-Newton steps
+(``identification.regression.effect_columns``). The velocity at which a part at low speed has faded, and the rise of
+temperature after which grease is thin, are chosen from a few values by the residual of the joint alone.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arm_io.types import Array
+from arm_model import Arm, EffectTerm
+from arm_model.effects import CATALOGUE, Signals, Values
+from arm_model.rigid_body import drive_rigid_torque
+from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter, with_reversals
+from identification.regression.equations import Equations, column_names, structural_base, with_effects
+from identification.regression.problem import Problem, excited_of, unexcited
+
+LOAD, TEMPERATURE = ("load_friction", "load_breakaway"), ("temperature_friction",)
+RESOLVED = 2.0
+"""Times the lowest speed: a hump that is narrower cannot be told from what reversals leave."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Load and warmth of one joint in one motion: load (m,) N m (N), warmer (m,) K above ``reference`` degC or None."""
+
+    motion: Motion
+    joint: int
+    load: Array
+    warmer: Array | None
+
+    def signals(self, sign_velocity: float) -> Signals:
+        """What the laws look at."""
+        v = self.motion.qd[:, self.joint]
+        warmer = 0.0 if self.warmer is None else self.warmer
+        return Signals(v=v, sign=v / np.hypot(v, sign_velocity), load=self.load, warmer=warmer)
+
+
+def conditions_of(arm: Arm, motions: Sequence[Motion], j: int, reference: float | None) -> list[Conditions]:
+    """Of joint j (from 0) in each motion, its load by ``arm``; ``reference``: degC at which its friction holds."""
+    found = []
+    for motion in motions:
+        load = drive_rigid_torque(arm, motion.q, motion.qd, motion.qdd)[:, j]
+        known = None if motion.temperatures is None else motion.temperatures.at(j, motion.t)
+        found.append(Conditions(motion, j, load, None if known is None or reference is None else known - reference))
+    return found
+
+
+def terms_for(
+    problem: Problem, residual: Array, seen: Sequence[Conditions], names: Sequence[str], speeds: tuple[float, float]
+) -> list[EffectTerm]:
+    """Effects ``names`` of one joint with coefficients 0, their other parameters those that explain ``residual`` most.
+
+    residual (rows,) of ``problem.rows``; speeds: lowest and highest speed at which the joint surely slides, rad/s
+    (m/s).
+    """
+    j = seen[0].joint
+    mine = problem.rows.joint == j
+    columns, left = problem.rows.columns[np.ix_(mine, problem.columns)], residual[mine]
+    basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
+    found: list[EffectTerm] = []
+    known: list[Array] = []
+    for name in names:
+        best = min(_choices(name, speeds), key=lambda held: _left(problem, seen, name, held, known, basis, left))
+        known.append(_columns(problem, seen, name, best))
+        coefficients = {p.name: 0.0 for p in CATALOGUE[name].linear}
+        found.append(EffectTerm(name, j + 1, {**coefficients, **best}))
+    return found
+
+
+def _choices(name: str, speeds: tuple[float, float]) -> list[dict[str, float]]:
+    """All combinations of the searched parameters of an effect; velocities far enough above the lowest speed."""
+    searched, (low, top) = CATALOGUE[name].nonlinear, speeds
+    grids = [[max(share * top, RESOLVED * low) for share in p.shares] if p.shares else p.search for p in searched]
+    grids = [sorted(set(grid)) for grid in grids]
+    return [dict(zip((p.name for p in searched), values)) for values in itertools.product(*grids)]
+
+
+def _columns(problem: Problem, seen: Sequence[Conditions], name: str, held: Mapping[str, float]) -> Array:
+    """(rows of the joint, k): a column per coefficient of an effect, as the rows of ``problem``."""
+    effect, parts = CATALOGUE[name], []
+    assert effect.torque is not None
+    zero = {p.name: 0.0 for p in effect.linear} | dict(held)
+    for one in seen:
+        signals = one.signals(problem.arm.joints[one.joint].sign_velocity)
+        torque = np.stack([effect.torque(Values(zero | {p.name: 1.0}), signals) for p in effect.linear], axis=1)
+        filtered = parallel_filter(one.motion, torque * equation_weight(one.motion)[:, one.joint, None])
+        parts.append(filtered[equation_rows(one.motion)[1][:, one.joint]])
+    return np.concatenate(parts)
+
+
+def _left(
+    problem: Problem,
+    seen: Sequence[Conditions],
+    name: str,
+    held: Mapping[str, float],
+    known: Sequence[Array],
+    basis: Array,
+    residual: Array,
+) -> float:
+    """Sum of squares that an effect leaves of a joint's residual, beside the arm's own columns and ``known`` ones."""
+    columns = np.concatenate([*known, _columns(problem, seen, name, held)], axis=1)
+    own = columns - basis @ (basis.T @ columns)
+    left = residual - basis @ (basis.T @ residual)
+    return float(np.sum((left - own @ np.linalg.lstsq(own, left, rcond=1e-10)[0]) ** 2))
+
+
+def with_terms(problem: Problem, near: Arm, terms: Sequence[EffectTerm], references: Mapping[int, float]) -> Problem:
+    """The problem with more effects in its arm, linearised at the values of an arm ``near`` the solution.
+
+    references: degC at which the friction of joints (from 0) holds.
+    """
+
+    def extended(arm: Arm) -> Arm:
+        joints = (replace(one, temperature=references.get(j, one.temperature)) for j, one in enumerate(arm.joints))
+        return replace(arm, joints=tuple(joints), effects=(*arm.effects, *terms))
+
+    arm, start = extended(problem.arm), extended(near)
+    base, names = structural_base(arm, problem.friction), tuple(column_names(arm, problem.friction))
+
+    def wider(rows: Equations, motions: Sequence[Motion]) -> Equations:
+        return replace(with_effects(rows, start, arm, motions, problem.friction, base), names=names)
+
+    rows = wider(problem.rows, problem.motions)
+    excited = excited_of(rows, base, arm)
+    old = unexcited(problem.base, problem.excited)
+    return replace(
+        problem,
+        arm=arm,
+        start=start,
+        rows=rows,
+        judged=wider(problem.judged, list(map(with_reversals, problem.motions))),
+        held=None if problem.held is None else wider(problem.held, problem.held_motions),
+        base=base,
+        excited=excited,
+        warnings=[one for one in problem.warnings if one not in old] + unexcited(base, excited),
+    )
