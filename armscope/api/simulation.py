@@ -19,7 +19,7 @@ from arm_model.effects.description_errors import PAYLOAD
 from arm_model.sensing import Readings, recorded
 from arm_model.simulation import Demand, Sampled, servo_period
 from arm_model.simulation import simulate as run
-from arm_model.tables.temperatures import constant_temperatures, recorded_temperatures
+from arm_model.tables import constant_temperatures, recorded_temperatures
 from arm_model.tracking import tracked
 from armscope.api.reading import File, Source, open_recording, read_experiment, read_model
 from armscope.shipped import found

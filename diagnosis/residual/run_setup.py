@@ -13,7 +13,7 @@ from arm_model import Arm
 from arm_model.effects import values_of
 from arm_model.effects.description_errors import PAYLOAD
 from arm_model.servo import fixed_gains
-from arm_model.tables.temperatures import recorded_temperatures
+from arm_model.tables import recorded_temperatures
 from daq.recording import Recording
 from experiment import Payload, Setup
 

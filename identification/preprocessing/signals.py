@@ -17,7 +17,7 @@ from scipy import signal
 from scipy.interpolate import make_interp_spline
 
 from arm_io.types import Array
-from arm_model.tables.temperatures import Temperatures
+from arm_model.tables import Temperatures
 from identification.preprocessing.grid import longest_whole, nearest, on_grid, uniform_grid
 from identification.preprocessing.spectrum import Band, choose_band
 

@@ -1,7 +1,7 @@
 """Columns of friction that depends on load and temperature, in a problem that had none.
 
-The laws are ``load_friction``, ``load_breakaway`` and ``temperature_friction`` of the catalogue (Bittencourt,
-Gunnarsson, 2012). The transmitted torque follows from the masses that are identified with them: Gauss-Newton steps
+The laws are the ``conditional`` effects of the catalogue (Bittencourt, Gunnarsson, 2012). The transmitted torque
+follows from the masses that are identified with them: Gauss-Newton steps
 (``identification.regression.effect_columns``). The velocity at which a part at low speed has faded, and the rise of
 temperature after which grease is thin, are chosen from a few values by the residual of the joint alone.
 """
@@ -16,15 +16,17 @@ import numpy as np
 
 from arm_io.types import Array
 from arm_model import Arm, EffectTerm
-from arm_model.effects import CATALOGUE, Signals, Values
+from arm_model.effects import CATALOGUE, Excitation, Signals, Values
 from arm_model.rigid_body import drive_rigid_torque
 from identification.preprocessing.signals import Motion, equation_rows, equation_weight, parallel_filter, with_reversals
 from identification.regression.equations import Equations, column_names, structural_base, with_effects
 from identification.regression.problem import Problem, excited_of, unexcited
 
-LOAD, TEMPERATURE = ("load_friction", "load_breakaway"), ("temperature_friction",)
+_CONDITIONAL = [effect for effect in CATALOGUE.values() if effect.conditional]
+LOAD = tuple(effect.name for effect in _CONDITIONAL if effect.excited_by is Excitation.LOAD)
+TEMPERATURE = tuple(effect.name for effect in _CONDITIONAL if effect.excited_by is not Excitation.LOAD)
 RESOLVED = 2.0
-"""Times the lowest speed: a hump that is narrower cannot be told from what reversals leave."""
+"""Times the lowest speed: reversals leave the same as a hump that is narrower."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from arm_io.types import Array, Progress
 from arm_model import Arm
 from arm_model.effects import CATALOGUE, coupled
 from arm_model.friction_split import split_arm
-from arm_model.tables.temperatures import recorded_temperatures
+from arm_model.tables import recorded_temperatures
 from daq.recording import Recording
 from identification.preprocessing import checks
 from identification.preprocessing.aliased_ripple import folded_torque
