@@ -112,11 +112,13 @@ def test_missing_friction_is_no_validated_model(arm: Arm, runs: dict[str, Record
     excitation = design_excitation(arm, Series(16.0), candidates=40, seed=3)
     fit = recorded(rubbing, excitation, tmp_path / "fit.mcap", 3)
     held = recorded(rubbing, design_excitation(arm, Series(12.0), candidates=40, seed=5), tmp_path / "held.mcap", 4)
-    lacking = armscope.identify(fit, arm, held_out=held)
+    lacking = armscope.identify(fit, arm, held_out=held, shape="straight")
     said = verdict(lacking)
     assert "Not validated" in said and "times at joint 2 (" in said and "account for" not in said
-    mended = armscope.identify(fit, rubbing, held_out=held)
+    mended = armscope.identify(fit, arm, held_out=held)
     assert "Validated on" in verdict(mended)
+    assert [(term.name, term.joint) for term in mended.arm.effects] == [("load_friction", 2)]
+    assert mended.arm.effects[0].parameters["mu"] == pytest.approx(0.15, abs=0.01)
 
 
 def test_friction_that_differs_by_direction_bears_nothing_at_rest(arm: Arm, runs: dict[str, Recording]) -> None:
