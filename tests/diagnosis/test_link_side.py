@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from arm_model import parameter, with_parameters
 from arm_model.description import Arm
 from arm_model.model_file import read_model
+from arm_model.tables import uncertainty_of
 from daq.recording import Recording, open_recording
 from daq.recording.parts import Attachments
 from daq.recording.tables.table import write_table
@@ -110,6 +112,23 @@ def test_what_is_between_motor_and_link_is_named(root: Path, arm: Arm, hidden: H
         true = 0.2 * np.sqrt(2e4 * arm.joints[1].ratio ** 2 * arm.joints[1].rotor_inertia)
         damping, std = _value(found.causes[0], "damping")
         assert abs(damping - true) < 3 * std < 2 * true
+
+
+def test_masses_that_are_not_known_are_in_what_a_spring_is_known_to(root: Path, arm: Arm) -> None:
+    """Links 15 % too heavy in the model: its spring is too stiff by as much, and its load leaves what nobody hid."""
+    names = tuple(f"link{link}.{name}" for link in (2, 3) for name in ("mass", "mx", "my", "mz"))
+    heavy = with_parameters(arm, {name: 1.15 * parameter(arm, name) for name in names})
+    std = 0.12 * np.array([parameter(arm, name) for name in names])
+    covariance = np.outer(std, std) + np.diag((1e-3 * np.abs(std) + 1e-9) ** 2)
+    known = replace(heavy, uncertainty=uncertainty_of("model_uncertainty.json", names, covariance))
+    runs = _recorded(root, (Hidden("joint_compliance", 2, {"stiffness": 2e4}),))
+    sides = [_found(model, runs) for model in (heavy, known)]
+    (exact,), (beyond,) = (side.causes for side in sides)
+    assert exact.effect == beyond.effect == "joint_compliance"
+    (value, narrow), (same, wide) = (_value(cause, "stiffness") for cause in (exact, beyond))
+    assert value == same and value - 2e4 > 5 * narrow and value - 2e4 < 2 * wide < 0.3 * value
+    assert exact.deviations is None and beyond.deviations is not None and beyond.deviations[1] > 5.0
+    assert sides[0].unexplained and not sides[1].unexplained
 
 
 def test_currents_are_judged_by_the_arm_that_its_encoders_show(root: Path, arm: Arm) -> None:

@@ -21,6 +21,8 @@ from diagnosis.cause import MAX_CONFIDENCE, NO_VARIABLE, Cause, EffectKey, Estim
 from diagnosis.measurements.link_encoders.by_recording import CHANCE, alone, chance_of, contradicted
 from diagnosis.measurements.link_encoders.columns import LinkCandidate, Rows, late, orders, standing_orders, turns
 from diagnosis.measurements.link_encoders.model import LIMITS, Chosen, LinkEncoders, link_encoders
+from diagnosis.measurements.link_encoders.model_errors import directions
+from diagnosis.selection.beyond_model import in_deviations
 from diagnosis.selection.estimates import estimates
 from diagnosis.units import unit_at
 from identification.selection import BLOCK_SECONDS, select
@@ -114,7 +116,15 @@ def _cause(candidate: LinkCandidate, chosen: Chosen, model: LinkEncoders, arm: A
         unit=unit,
         signal=Signal.LINK_ANGLE,
         of_arm=candidate.definition.observed_by[Instrument.LINK_ENCODER].of_arm,
+        deviations=_deviations(candidate, others, model),
     )
+
+
+def _deviations(candidate: LinkCandidate, others: Chosen, model: LinkEncoders) -> tuple[float, float] | None:
+    """How far a cause is from nothing, were the masses exact and as they are known; None: nothing is stated."""
+    if not model.knows_errors:
+        return None
+    return in_deviations(model.chance(candidate, others, exact=True)), in_deviations(model.chance(candidate, others))
 
 
 def _group(candidate: LinkCandidate, others: Chosen, gain: float, model: LinkEncoders) -> tuple[EffectKey, ...]:
@@ -181,7 +191,10 @@ def _fitted(chosen: Chosen, model: LinkEncoders) -> tuple[Array, Array]:
     values = model.fitted(chosen, model.whole)
     y = model.response(model.whole)
     residual, block = y - x @ values, np.tile(model.whole.blocks(BLOCK_SECONDS), len(model.whole.joints))
-    return values, cluster_covariance(x, [residual], block)
+    # an error of the load moves the coefficients that follow from it
+    errors = directions(chosen, values, model.whole).reshape(len(y), -1)
+    moved = np.linalg.pinv(x) @ (errors / np.repeat(model.scale, model.whole.rows)[:, None])
+    return values, cluster_covariance(x, [residual], block) + moved @ moved.T
 
 
 def delays_by_joint(others: Chosen, model: LinkEncoders) -> Array:
@@ -312,8 +325,10 @@ def _structure(chosen: Chosen, model: LinkEncoders) -> list[Structure]:
     """Unexplained structure of joints whose residual exceeds the noise and is predictable from a variable."""
     structures = []
     residuals = [model.residual(chosen, model.rows.fit, side) for side in (model.rows.fit, model.rows.held_out)]
+    allowed = model.allowed(chosen, model.rows.held_out)
     for k, joint in enumerate(int(j) for j in model.rows.fit.joints):
-        if float(np.sqrt(np.mean(residuals[1][:, k] ** 2))) < LIMITS.above_noise * model.rows.fit.noise[k]:
+        most = LIMITS.above_noise * model.rows.fit.noise[k] * allowed[k]
+        if float(np.sqrt(np.mean(residuals[1][:, k] ** 2))) < most:
             continue
         against = {"position": "q", "velocity": "v", "load torque": "load"}
         shares = {

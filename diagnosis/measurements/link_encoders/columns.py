@@ -23,6 +23,7 @@ from arm_model.rigid_body import drive_rigid_torque
 from daq.recording import Recording
 from diagnosis.residual.encoder_step import encoder_step
 from diagnosis.residual.expected_current import low_pass
+from diagnosis.residual.load_errors import load_errors
 from diagnosis.residual.noise import MAD_TO_STD
 from diagnosis.selection.candidate import Candidate
 
@@ -41,11 +42,13 @@ DRAGS = (0.0, 0.1, 0.2, 0.3, 0.4)
 
 As a share of the largest measured torque.
 """
+FULL_LOAD = 0.01
+"""Share of the largest load at which a gap that follows the load is nearly at one of its sides."""
 HIGHEST_ORDER = 60
 """Highest order, cycles per motor turn, that is searched."""
 
 
-BY_ROW = ("difference", "q", "v", "load", "t")
+BY_ROW = ("difference", "q", "v", "load", "load_errors", "t")
 """Fields of ``Rows`` with an entry per row."""
 
 
@@ -56,7 +59,8 @@ class Rows:
     difference, q, v, load (m, k) rad, rad/s, N m (m, m/s, N); t (m,) s; starts, names: first row and file name of each
     recording;
     noise (k,): std of the difference from row to row and by the steps of the encoders; ratio (k,): abs(gear);
-    largest (k,) N m (N): largest load, the same for all rows that are compared.
+    largest (k,) N m (N): largest load, the same for all rows that are compared;
+    load_errors (m, k, r) N m (N): what is not known of the load, by independent errors of the masses.
     """
 
     joints: Index
@@ -71,6 +75,7 @@ class Rows:
     noise: Array
     ratio: Array
     largest: Array
+    load_errors: Array
 
     @property
     def rows(self) -> int:
@@ -129,8 +134,9 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
         slow = low_pass(r.q, LOAD_BAND, rate)
         v = np.gradient(smooth, r.dt, axis=0)
         slow_v = np.gradient(slow, r.dt, axis=0)
+        slow_a = np.gradient(slow_v, r.dt, axis=0)
         if known_load:
-            load = drive_rigid_torque(arm, slow, slow_v, np.gradient(slow_v, r.dt, axis=0))
+            load = drive_rigid_torque(arm, slow, slow_v, slow_a)
         else:
             load = low_pass(r.i, LOAD_BAND, rate) * arm.joint_array("drive_constant")
         difference = (r.q - read)[:, k]
@@ -139,9 +145,10 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
         noises.append(np.sqrt(scatter**2 + np.sum(steps**2, axis=1) / 12))
         keep = slice(int(ENDS * rate), -int(ENDS * rate), stride)
         t = r.t[keep]
-        parts.append((difference[keep], r.q[keep][:, k], v[keep][:, k], load[keep][:, k], t))
+        errors = load_errors(arm, slow[keep], slow_v[keep], slow_a[keep])
+        parts.append((difference[keep], r.q[keep][:, k], v[keep][:, k], load[keep][:, k], t, errors[:, k]))
     starts = np.cumsum([0, *(len(part[0]) for part in parts[:-1])])
-    difference, q, v, load, t = (np.concatenate(columns) for columns in zip(*parts))
+    difference, q, v, load, t, errors = (np.concatenate(columns) for columns in zip(*parts))
     return Rows(
         joints,
         difference,
@@ -155,6 +162,7 @@ def rows_of(recordings: Sequence[Recording], arm: Arm, joints: Index) -> Rows:
         np.mean(noises, axis=0) + 1e-12,
         np.array([arm.joints[j].ratio for j in k]),
         np.maximum(np.max(np.abs(load), axis=0), 1e-12),
+        errors,
     )
 
 
@@ -271,7 +279,7 @@ def columns(candidate: LinkCandidate, rows: Rows, k: int) -> Array:
         case "drag", drag:
             return (load - drag * largest * _direction(rows.v[:, k]))[:, None]
         case "by_load", _:
-            return (load / np.hypot(load, 0.01 * largest))[:, None]
+            return (load / np.hypot(load, FULL_LOAD * largest))[:, None]
         case "half_gap", half_gap:
             return _play(q, half_gap, rows.starts)[:, None] / half_gap
         case "order", _:

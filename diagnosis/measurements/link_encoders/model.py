@@ -10,6 +10,7 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from arm_io.types import Array
 from arm_model import Arm
@@ -24,6 +25,8 @@ from diagnosis.measurements.link_encoders.columns import (
     rows_of,
     standing_waves,
 )
+from diagnosis.measurements.link_encoders.model_errors import directions
+from diagnosis.selection.beyond_model import Evidence
 from diagnosis.selection.candidate_model import CandidateModel
 from identification.selection import BLOCK_SECONDS, Limits, Score, Split, p_value, scaled
 
@@ -40,6 +43,7 @@ class LinkLimits(Limits):
     offset          rad (m): least constant between two encoders that is named; a smaller one is how they were zeroed
     offset_stds     ... and how many std it must be from zero
     predicted       share of the residual energy that one variable must predict to be reported
+    beyond_model    probability that an effect looks as it does while only the load moves, within what is known of it
     """
 
     above_noise: float = 3.0
@@ -47,6 +51,7 @@ class LinkLimits(Limits):
     offset: float = 1e-3
     offset_stds: float = 5.0
     predicted: float = 0.3
+    beyond_model: float = 1e-3
 
 
 LIMITS = LinkLimits(
@@ -86,7 +91,54 @@ class LinkEncoders(CandidateModel[LinkCandidate]):
             and self._ahead(candidate, state)
             and self._over_noise(candidate, state)
             and self.is_physical(candidate, state)
+            and self.beyond_model(candidate, state)
         )
+
+    def needed(self, score: Score[LinkCandidate], state: Chosen) -> bool:
+        """Whether a candidate still matters beside all others, which enter after it and may take its part."""
+        others = self.without(score.candidate, state)
+        return super().needed(score, state) and self.beyond_model(score.candidate, others)
+
+    def beyond_model(self, candidate: LinkCandidate, others: Chosen) -> bool:
+        """Whether a candidate is significant with the masses of the model free; always with them exact."""
+        return not self.knows_errors or self.chance(candidate, others) < self.limits.beyond_model
+
+    @property
+    def knows_errors(self) -> bool:
+        """Whether the model says how well its masses are known."""
+        return self.rows.fit.load_errors.shape[2] > 0
+
+    def chance(self, candidate: LinkCandidate, others: Chosen, *, exact: bool = False) -> float:
+        """Probability that the differences look as they do without a candidate, conditional on others.
+
+        exact: were the masses so. Each recording set has constants of its own.
+        """
+        every = (*others, candidate)
+        coefficients = self.fitted(every, self.rows.fit)
+        parts: list[tuple[Array, ...]] = []
+        for side in self.rows:
+            noise = np.repeat(side.noise, side.rows)[:, None]
+            x = self.stacked(every, side) * np.repeat(self.scale, side.rows)[:, None] / noise
+            errors = directions(every, coefficients, side)
+            parts.append(
+                (
+                    side.difference.T.ravel() / noise[:, 0],
+                    x,
+                    errors.reshape(len(noise), -1) / noise * (not exact),
+                    np.tile(side.blocks(self.limits.block_seconds), len(side.joints)),
+                )
+            )
+        y, both, known, block = zip(*parts)
+        joints, width = len(self.rows.fit.joints), candidate.width
+        free = np.hstack([block_diag(*(one[:, :joints] for one in both)), np.concatenate(both)[:, joints:-width]])
+        blocks = np.concatenate([block[0], block[1] + int(block[0].max()) + 1])
+        evidence = Evidence(np.concatenate(y), free, np.concatenate(known), blocks)
+        return evidence.chance(np.concatenate(both)[:, -width:])
+
+    def allowed(self, chosen: Chosen, rows: Rows) -> Array:
+        """(k,) times the noise that differences may be by errors of the load behind ``chosen``: 1 if it is exact."""
+        errors = directions(chosen, self.fitted(chosen, self.rows.fit), rows)
+        return np.asarray(np.sqrt(1.0 + np.mean(np.sum(errors**2, axis=2), axis=1) / rows.noise**2))
 
     def entered(self, score: Score[LinkCandidate], admissible: Sequence[Score[LinkCandidate]], state: Chosen) -> Chosen:
         """With the candidate."""
