@@ -99,10 +99,10 @@ def movements(recording: LongRecording, t: Array, name: str) -> tuple[Movement, 
     return Movement(name, q, None if np.isnan(point).all() else point), demanded if there else None
 
 
-def chain_in(recording: LongRecording) -> Chain | None:
+def chain_in(recording: LongRecording, *, moving: bool = False) -> Chain | None:
     """The arm of the model in a recording; None where it has none, or one of another number of joints.
 
-    InputError where the model is wrong.
+    ``moving``: also one whose base floats, where the recording has its pose. InputError where the model is wrong.
     """
     from arm_model import carried_arm, on_fixed_base
     from arm_model.collision import chain_of
@@ -110,7 +110,8 @@ def chain_in(recording: LongRecording) -> Chain | None:
     if recording.model is None:
         return None
     where = f"{recording.path}: model.toml"
-    chain = chain_of(on_fixed_base(carried_arm(recording.model, where), where, "an animation"))
+    arm = carried_arm(recording.model, where)
+    chain = chain_of(arm if moving and recording.layout.pose else on_fixed_base(arm, where, "an animation"))
     return chain if len(chain) == recording.joints else None
 
 

@@ -208,7 +208,7 @@ def simulate(
             model=_text(model, write_model),
             experiment=task.experiment,
             provenance=provenance("simulated", source=source),
-            chain=None if task.arm.floating is not None else chain_of(task.arm),
+            chain=chain_of(task.arm),
         ),
     )
 

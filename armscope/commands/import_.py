@@ -94,7 +94,7 @@ def _attachments(
         rig=None if rig is None else read_text(rig),
         model=None if model is None else read_text(model),
         provenance=provenance("imported", source=_identity(table), **details),
-        chain=_chain(model, first.joints),
+        chain=_chain(model, first),
     )
 
 
@@ -139,15 +139,15 @@ def _unit(mapping: Mapping, per_current: list[float] | None) -> str:
     return "A" if unit == "mA" or (mapping.torques and per_current) else unit
 
 
-def _chain(model: Path | None, joints: int) -> Chain | None:
-    """The arm for viewers; None where the rig has no model, one of another number of joints, or one that floats."""
+def _chain(model: Path | None, first: Table) -> Chain | None:
+    """The arm for viewers; None without a model, for another number of joints, or where it floats without a pose."""
     from arm_model import read_model
     from arm_model.collision import chain_of
 
-    if model is None or (arm := read_model(model)).floating is not None:
+    if model is None or ((arm := read_model(model)).floating is not None and not first.has_pose):
         return None
     chain = chain_of(arm)
-    return chain if len(chain) == joints else None
+    return chain if len(chain) == first.joints else None
 
 
 def _torque_per_current(rig: Rig | None) -> list[float] | None:

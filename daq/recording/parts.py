@@ -20,7 +20,7 @@ from daq.acquisition.ledger import SENTENCES, LedgerSummary, Loss
 from daq.recording.mcap_file import writer as mcap_writer
 from daq.recording.mcap_file.writer import McapFile
 from daq.recording.messages import ros2_messages
-from daq.recording.messages.row_format import Layout, RowFormat
+from daq.recording.messages.row_format import POSE_COLUMNS, Layout, RowFormat
 from daq.recording.messages.viewers import places_in, viewer_channels, viewer_schemas
 
 
@@ -141,13 +141,14 @@ def ledger_table(ledger: LedgerSummary) -> dict:
 
 
 class Derivatives:
-    """What viewers need in /joint_states in addition to the measured position.
+    """What viewers need in addition to the measured columns.
 
-    Velocity (difference quotient), effort (torque).
+    Of the joints velocity (difference quotient) and effort (torque); of a floating base its pose.
     """
 
     def __init__(self, layout: Layout) -> None:
         self._effort = np.array(layout.effort)
+        self._pose = [layout.extra.index(name) for name in POSE_COLUMNS] if layout.pose else []
         self._q: NDArray[np.float64] | None = None
         self._wall_ns = 0
 
@@ -159,6 +160,8 @@ class Derivatives:
             derived = {"velocity": np.diff(q, axis=0, prepend=before_q) / seconds[:, None]}
         if len(self._effort) and "i" in piece:
             derived["torque"] = piece["i"] * self._effort
+        if self._pose:
+            derived["base_pose"] = piece["extra"][:, self._pose]
         self._q, self._wall_ns = q[-1:], int(wall_ns[-1])
         return derived
 

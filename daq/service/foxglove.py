@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_clearance import Chain
-from arm_clearance.viewing import link_names, relative_poses, viewer_urdf
+from arm_clearance.viewing import viewer_urdf
 from arm_io import DeviceFault
 from daq.recording.messages import ros2_messages
 from daq.recording.messages.cdr import Message, fillable, stamps
-from daq.recording.messages.row_format import JOINT_TOPICS, POINT_TOPIC
-from daq.recording.messages.viewers import DESCRIPTION_TOPIC, TF_TOPIC
-from daq.service.row_block import Columns
+from daq.recording.messages.row_format import JOINT_TOPICS, POINT_TOPIC, POSE_FRAME, POSE_TOPIC
+from daq.recording.messages.viewers import DESCRIPTION_TOPIC, TF_TOPIC, frame_names, frame_poses
+from daq.service.row_block import Columns, pose_of
 
 if TYPE_CHECKING:
     import foxglove
@@ -63,8 +63,11 @@ class LiveView:
             for name in (*JOINT_TOPICS, "xyz", "points"):
                 if name in columns:
                     self._topic(name).send(int(wall_ns[row]), columns[name][row])
+            pose = pose_of(columns, row)
+            if pose is not None:
+                self._topic("base_pose").send(int(wall_ns[row]), pose)
             if self._frames is not None and np.isfinite(columns["q"][row]).all():
-                self._frames.send(int(wall_ns[row]), columns["q"][row])
+                self._frames.send(int(wall_ns[row]), columns["q"][row], pose)
 
     def close(self) -> None:
         """Ends the server."""
@@ -76,6 +79,9 @@ class LiveView:
                 topic, array = JOINT_TOPICS[name]
                 message = ros2_messages.joint_state(self._joints, **{array: name})
                 kind = ros2_messages.JOINT_STATE
+            elif name == "base_pose":
+                topic, kind = POSE_TOPIC, ros2_messages.POSE_STAMPED
+                message = ros2_messages.pose_stamped(POSE_FRAME, name)
             else:
                 topic, kind = POINT_TOPIC, ros2_messages.POINT_STAMPED
                 message = ros2_messages.point_stamped("tracker" if name == "points" else "base", name)
@@ -103,20 +109,23 @@ class _Frames:
         self._tf = _channel(context, TF_TOPIC, ros2_messages.TF)
         self._description = _channel(context, DESCRIPTION_TOPIC, ros2_messages.STRING)
         self._urdf = ros2_messages.text(viewer_urdf(chain, "arm", joints))
-        self._data, self._numbers = fillable(ros2_messages.transforms(link_names(chain)))
+        self._messages = {
+            moving: fillable(ros2_messages.transforms(frame_names(chain, moving))) for moving in (False, True)
+        }
         self._described = 0.0
 
-    def send(self, wall_ns: int, q: np.ndarray) -> None:
-        """Transforms of the arm at q (n,)."""
+    def send(self, wall_ns: int, q: np.ndarray, base: np.ndarray | None) -> None:
+        """Transforms of the arm at q (n,), and of its floating base where its pose (7,) is known."""
         if time.monotonic() - self._described > DESCRIBED:
             self._described = time.monotonic()
             self._description.log(self._urdf, log_time=wall_ns)
-        shifts, turns = relative_poses(self._chain, q[None])
+        poses = frame_poses(self._chain, q[None], None if base is None else base[None])[0]
+        data, numbers = self._messages[base is not None]
         stamp = stamps(np.array([wall_ns]))
-        for number, pose in enumerate(np.concatenate([shifts[0], turns[0]], axis=1), 1):
-            self._numbers[f"stamp{number}"] = stamp
-            self._numbers[f"pose{number}"] = pose
-        self._tf.log(bytes(self._data), log_time=wall_ns)
+        for number, pose in enumerate(poses, 1):
+            numbers[f"stamp{number}"] = stamp
+            numbers[f"pose{number}"] = pose
+        self._tf.log(bytes(data), log_time=wall_ns)
 
 
 def _channel(context: foxglove.Context, topic: str, kind: str) -> foxglove.Channel:

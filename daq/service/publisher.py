@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from daq.recording.messages import ros2_messages
 from daq.recording.messages.cdr import fillable, stamps
-from daq.service.row_block import MEDIA_TYPE, Columns, describe, encode
+from daq.recording.messages.row_format import POSE_FRAME
+from daq.service.row_block import MEDIA_TYPE, Columns, describe, encode, pose_of
 from daq.service.zenoh_session import Keys
 
 if TYPE_CHECKING:
@@ -57,6 +58,12 @@ class Publisher:
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.DATA_LOW,
         )
+        self._poses = session.declare_publisher(
+            keys.base_pose,
+            encoding=f"application/cdr;{ros2_messages.POSE_STAMPED}",
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.DATA_LOW,
+        )
         self._state = session.declare_publisher(
             keys.state,
             encoding="application/json",
@@ -67,6 +74,7 @@ class Publisher:
         self._joints = tuple(joints)
         self._ros = ros
         self._joint_state = _JointState(self._joints)
+        self._pose = fillable(ros2_messages.pose_stamped(POSE_FRAME, "pose"))
         self.begin()
 
     def begin(self) -> str:
@@ -110,6 +118,11 @@ class Publisher:
             self._joint_states.put(message)
             if self._ros is not None:
                 self._ros.put(message)
+            pose = pose_of(columns, -1)
+            if pose is not None:
+                data, fields = self._pose
+                fields["stamp"], fields["pose"] = stamps(columns["wall_ns"][-1:]), pose
+                self._poses.put(bytes(data))
 
     def finish(self) -> None:
         """Ends the run: an empty last block gives subscribers the number of rows."""

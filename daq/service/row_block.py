@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.acquisition.rows import Rows
+from daq.recording.messages.row_format import POSE_COLUMNS
 
 HEAD = struct.Struct("<4sHHIIQQ16sQ")
 MAGIC = b"ARMR"
@@ -184,3 +185,11 @@ def _size(length: int) -> int:
     if not 0 <= int(length) < 2**16:
         raise ValueError(f"a shape has {length}")
     return int(length)
+
+
+def pose_of(columns: Columns, row: int) -> NDArray[np.float64] | None:
+    """(7,) x y z m, quaternion x y z w of a floating base in one row; None where the columns or its values lack it."""
+    if not all(name in columns for name in POSE_COLUMNS):
+        return None
+    pose = np.array([columns[name][row] for name in POSE_COLUMNS], float)
+    return pose if np.isfinite(pose).all() else None

@@ -49,6 +49,11 @@ class Keys:
         return f"{self.root}/joint_states"
 
     @property
+    def base_pose(self) -> str:
+        """geometry_msgs/PoseStamped of a floating base as CDR, at most 100 a second."""
+        return f"{self.root}/base_pose"
+
+    @property
     def state(self) -> str:
         """What the server is doing, as JSON, at every change and a few times per second while it records."""
         return f"{self.root}/state"

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 from armscope.cli import run
 from daq.recording import open_recording
+from daq.service import Publisher, keys_of
 from daq.service.replay import columns_of
+from daq.service.row_block import pose_of
 from examples.rov_recordings import recordings
 
 MODEL = "config/models/rov_arm.toml"
@@ -42,6 +48,53 @@ def test_a_simulated_recording_has_the_base_and_goes_through_a_table(swing: Path
     assert run(["identify", str(again), "--model", model, "--out", str(out)]) == 0
     assert json.loads((out / "identification.json").read_text())["schema"] == "armscope.base_identification/1"
     assert '"hull"' in (out / "report.html").read_text(), "the page draws the vehicle"
+
+
+def test_viewers_see_the_vehicle_move(swing: Path) -> None:
+    """The pose in /base/pose and as the first transform of /tf, decoded by another library."""
+    recording, found = open_recording(swing), {}
+    expected = np.column_stack([recording.extra[f"base_{name}"] for name in ("x", "y", "z", "qx", "qy", "qz", "qw")])
+    with swing.open("rb") as file:
+        for one in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages(["/base/pose", "/tf"]):
+            found.setdefault(one.channel.topic, []).append((one.message.log_time, one.decoded_message))
+    assert len(found["/base/pose"]) == len(recording)
+    poses = [_numbers(message.pose.position, message.pose.orientation) for _, message in found["/base/pose"]]
+    np.testing.assert_array_equal(poses, expected)
+    assert {message.header.frame_id for _, message in found["/base/pose"]} == {"world"}
+    place = {time: row for row, (time, _) in enumerate(found["/base/pose"])}
+    assert len(found["/tf"]) > 50
+    for time, message in found["/tf"]:
+        first = message.transforms[0]
+        assert (first.header.frame_id, first.child_frame_id) == ("world", "base")
+        seen = _numbers(first.transform.translation, first.transform.rotation)
+        np.testing.assert_array_equal(seen, expected[place[time]])
+        assert [one.child_frame_id for one in message.transforms[1:]] == ["link1", "link2", "tool"]
+
+
+def _numbers(position: Any, rotation: Any) -> list[float]:
+    return [position.x, position.y, position.z, rotation.x, rotation.y, rotation.z, rotation.w]
+
+
+def test_the_pose_is_published(swing: Path) -> None:
+    """On Zenoh, beside the joint states; NaN is no pose."""
+    recording = open_recording(swing)
+    columns = {name: values[:40] for name, values in columns_of(recording).items()}
+    sent: dict[str, list[bytes]] = {}
+
+    class Session:
+        """Keeps what is put under each key."""
+
+        def declare_publisher(self, key: str, **_: object) -> Any:
+            return SimpleNamespace(put=sent.setdefault(key, []).append)
+
+    keys = keys_of("rov")
+    publisher = Publisher(cast(Any, Session()), keys, recording.layout.joints)
+    publisher.publish(columns)
+    (data,) = sent[keys.base_pose]
+    pose = np.frombuffer(data[-56:])
+    expected = [recording.extra[f"base_{name}"][39] for name in ("x", "y", "z", "qx", "qy", "qz", "qw")]
+    np.testing.assert_array_equal(pose, expected)
+    assert pose_of({**columns, "base_x": np.full(40, np.nan)}, 0) is None
 
 
 @pytest.mark.slow

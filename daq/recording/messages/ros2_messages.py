@@ -9,6 +9,7 @@ from daq.recording.messages.cdr import Message
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 POINT_STAMPED = "geometry_msgs/msg/PointStamped"
+POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 ROW = "armscope_msgs/msg/Row"
 TABLE_ROW = "armscope_msgs/msg/TableRow"
 TF = "tf2_msgs/msg/TFMessage"
@@ -34,6 +35,14 @@ DEFINITIONS: dict[str, str] = {
         std_msgs__Header=_HEADER,
         geometry_msgs__Point="float64 x\nfloat64 y\nfloat64 z\n",
         builtin_interfaces__Time=_TIME,
+    ),
+    POSE_STAMPED: _definition(
+        "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
+        std_msgs__Header=_HEADER,
+        geometry_msgs__Pose="geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+        builtin_interfaces__Time=_TIME,
+        geometry_msgs__Point="float64 x\nfloat64 y\nfloat64 z\n",
+        geometry_msgs__Quaternion="float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
     ),
     TF: _definition(
         "geometry_msgs/TransformStamped[] transforms\n",
@@ -88,6 +97,14 @@ def point_stamped(frame: str, field: str) -> Message:
     for axis in "xyz":
         del message.fields[axis]
     message.fields[field] = (("<f8", (3,)), offset)
+    return message
+
+
+def pose_stamped(frame: str, field: str) -> Message:
+    """geometry_msgs/PoseStamped in frame ``frame``; ``field`` is (7,) x y z m, quaternion x y z w."""
+    message = Message().stamp("stamp").string(frame).number(field, "<f8")
+    message.fields[field] = (("<f8", (7,)), message.fields[field][1])
+    message.template += bytes(48)
     return message
 
 

@@ -33,11 +33,15 @@ JOINT_TOPICS = {
 }
 """Signal of the joints -> its topic, and the array of sensor_msgs/JointState that carries it."""
 POINT_TOPIC = "/tracker/point"
+POSE_TOPIC, POSE_FRAME = "/base/pose", "world"
+"""Pose of a floating base, for viewers, and its frame."""
+POSE_COLUMNS = ("base_x", "base_y", "base_z", "base_qx", "base_qy", "base_qz", "base_qw")
+"""Further columns of a table that are that pose, in the order of a PoseStamped."""
 ROW_TOPIC = "/armscope/row"
 TABLE_TOPIC = "/armscope/table"
 
 
-_DERIVED = ("velocity", "torque")
+_DERIVED = ("velocity", "torque", "base_pose")
 RECORD_HEAD = 31
 """Bytes of a message record ahead of the message: opcode, length, channel, sequence, two times."""
 
@@ -53,6 +57,7 @@ class Layout:
     points    frame of the tracker's points ('tracker' or 'base'), '' where there are none
     effort    N m/A (N/A): joint torque per motor ampere, for the effort in /joint_states; () where unknown
     extra     names of further columns of a table
+    pose      True: ``POSE_COLUMNS`` are among them, and a PoseStamped carries them for viewers
     """
 
     joints: tuple[str, ...]
@@ -63,6 +68,7 @@ class Layout:
     points: str = ""
     effort: tuple[float, ...] = ()
     extra: tuple[str, ...] = ()
+    pose: bool = False
 
     @property
     def quality_columns(self) -> int:
@@ -214,4 +220,6 @@ def _messages(layout: Layout) -> list[tuple[str, str, cdr.Message]]:
         messages.append((topic, ros2_messages.JOINT_STATE, ros2_messages.joint_state(names, **arrays)))
     if layout.points:
         messages.append((POINT_TOPIC, ros2_messages.POINT_STAMPED, ros2_messages.point_stamped(layout.points, "xyz")))
+    if layout.pose:
+        messages.append((POSE_TOPIC, ros2_messages.POSE_STAMPED, ros2_messages.pose_stamped(POSE_FRAME, "base_pose")))
     return messages

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from arm_clearance import Chain
 from arm_clearance.viewing import link_names, relative_poses, viewer_urdf
 from daq.recording.messages import cdr, ros2_messages
-from daq.recording.messages.row_format import RECORD_HEAD, RowFormat
+from daq.recording.messages.row_format import POSE_FRAME, RECORD_HEAD, RowFormat
 
 TF_TOPIC, DESCRIPTION_TOPIC = "/tf", "/robot_description"
 VIEWERS = "viewers"
@@ -88,6 +88,18 @@ def places_in(content: bytes) -> Places:
     return Places(found[0].channel, times, np.array([one.start for one in found], np.uint64))
 
 
+def frame_names(chain: Chain, moving: bool) -> list[str]:
+    """Frames of /tf, each in the one before: of the links, and before them the world that a floating base moves in."""
+    return [POSE_FRAME] * moving + link_names(chain)
+
+
+def frame_poses(chain: Chain, q: NDArray[np.float64], pose: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """(n, frames - 1, 7) of each frame in the one before: x y z m, quaternion x y z w; ``pose`` (n, 7) of the base."""
+    shifts, turns = relative_poses(chain, q)
+    poses = np.concatenate([shifts, turns], axis=2)
+    return poses if pose is None else np.concatenate([pose[:, None], poses], axis=1)
+
+
 class Viewers:
     """Chunks for viewers of an arm, made from rows as they are recorded.
 
@@ -99,26 +111,34 @@ class Viewers:
         tf, description = viewer_channels(form)
         self._prologue = _record(tf)
         self._tf, self._description = tf.id, description.id
-        self._message = ros2_messages.transforms(link_names(chain))
+        self._message = ros2_messages.transforms(frame_names(chain, form.layout.pose))
         self._last = -1
         self._described = False
 
-    def contents(self, q: NDArray[np.float64], wall_ns: NDArray[np.int64]) -> list[bytes]:
-        """Contents of the chunks that belong to rows q (n, J) at ``wall_ns`` (n,): one or two, or none."""
-        ticks = wall_ns // (10**9 // RATE)
-        first = np.flatnonzero((np.diff(ticks, prepend=self._last) != 0) & np.isfinite(q).all(axis=1))
+    def contents(
+        self, q: NDArray[np.float64], wall_ns: NDArray[np.int64], pose: NDArray[np.float64] | None = None
+    ) -> list[bytes]:
+        """Contents of the chunks that belong to rows q (n, J) at ``wall_ns`` (n,): one or two, or none.
+
+        ``pose`` (n, 7) of a floating base in the world: x y z m, quaternion x y z w.
+        """
+        ticks, known = wall_ns // (10**9 // RATE), np.isfinite(q).all(axis=1)
+        if pose is not None:
+            known &= np.isfinite(pose).all(axis=1)
+        first = np.flatnonzero((np.diff(ticks, prepend=self._last) != 0) & known)
         if not len(first):
             return []
         self._last = int(ticks[first[-1]])
-        made = [self._transforms(q[first], wall_ns[first])]
+        poses = frame_poses(self._chain, q[first], None if pose is None else pose[first])
+        made = [self._transforms(poses, wall_ns[first])]
         if not self._described:
             self._described = True
             data = ros2_messages.text(viewer_urdf(self._chain, "arm", self._joints))
             made.insert(0, self._prologue + _head(self._description, len(data), 0, int(wall_ns[first[0]])) + data)
         return made
 
-    def _transforms(self, q: NDArray[np.float64], wall_ns: NDArray[np.int64]) -> bytes:
-        size, count = len(self._message.template), len(q)
+    def _transforms(self, poses: NDArray[np.float64], wall_ns: NDArray[np.int64]) -> bytes:
+        size, count = len(self._message.template), len(poses)
         names = list(self._message.fields)
         layout = np.dtype(
             {
@@ -130,10 +150,9 @@ class Viewers:
         )
         content = bytearray((bytes(RECORD_HEAD) + bytes(self._message.template)) * count)
         rows, stamps = np.frombuffer(content, layout), cdr.stamps(wall_ns)
-        shifts, turns = relative_poses(self._chain, q)
-        for number in range(shifts.shape[1]):
+        for number in range(poses.shape[1]):
             rows[f"stamp{number + 1}"] = stamps
-            rows[f"pose{number + 1}"] = np.concatenate([shifts[:, number], turns[:, number]], axis=1)
+            rows[f"pose{number + 1}"] = poses[:, number]
         for row, time in enumerate(wall_ns.tolist()):
             start = row * (RECORD_HEAD + size)
             content[start : start + RECORD_HEAD] = _head(self._tf, size, row, time)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from arm_io import InputError
 from arm_io.progress import report
 from arm_io.types import Array
-from daq.recording.messages.row_format import JOINT_TOPICS
+from daq.recording.messages.row_format import JOINT_TOPICS, POSE_COLUMNS
 from daq.recording.tables.csv_header import JOINT_COLUMN, joints_of
 from daq.recording.tables.csv_time import TimeColumn, TimeUnit, ask_of_speeds
 from daq.recording.tables.mapping import Mapping, Picked
@@ -50,6 +50,11 @@ class Table:
     @property
     def joints(self) -> int:
         return self.signals["q"].shape[1]
+
+    @property
+    def has_pose(self) -> bool:
+        """Whether the further columns are the pose of a floating base, among others."""
+        return set(POSE_COLUMNS) <= set(self.extra)
 
     @property
     def rows_with_missing_samples(self) -> int:

@@ -81,6 +81,7 @@ def _layout(table: Table, joints: Sequence[str], effort: Sequence[float]) -> Lay
         points="base" if table.xyz is not None else "",
         effort=tuple(effort) if "i" in table.signals else (),
         extra=tuple(table.extra),
+        pose=table.has_pose,
     )
 
 
@@ -133,9 +134,11 @@ def _write_rows(
             if total:
                 report("writing", rows + start, total)
             piece = {name: values[start : start + size] for name, values in columns.items()}
-            write_chunk(file, form, piece | derive(piece))
-            for content in viewers.contents(piece["q"], piece["wall_ns"]) if viewers is not None else ():
-                write_pictures(file, content)
+            piece |= derive(piece)
+            write_chunk(file, form, piece)
+            if viewers is not None:
+                for content in viewers.contents(piece["q"], piece["wall_ns"], piece.get("base_pose")):
+                    write_pictures(file, content)
         rows += count
         last_ns = int(columns["wall_ns"][-1]) if count else last_ns
     file.progress(Progress(rows, 0, rows - 1, last_ns))
