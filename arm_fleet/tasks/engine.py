@@ -1,6 +1,6 @@
 """Runs tasks on Dask and keeps what comes of them: what is kept already does not run, what is lost runs again.
 
-This process alone writes results, one after the other, as workers hand them over; workers need no common disk. A worker
+This process alone writes results, as workers hand them over; workers need no common disk. A worker
 that dies has its tasks run elsewhere by Dask. A scheduler that dies takes the tasks that were running with it; they
 are handed to the next one, and results that were kept are kept.
 """
@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 from arm_fleet.tasks.bounded import bounded
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 MOST_LOSSES = 20
 """Times that a plan may lose its scheduler before it gives up."""
+KEEPERS = 4
+"""Threads that fetch results and bring them to the disk."""
 
 
 class _SchedulerLost(Exception):
@@ -55,13 +58,16 @@ class Engine:
         """
         waiting = {task.key: task for task in tasks if not self.store.settled(task)}
         total = len(waiting)
-        for _ in range(MOST_LOSSES):
-            if not waiting:
-                break
-            with self.cluster.client() as client, suppress(_SchedulerLost):
-                for address, why in _refusing(client, next(iter(waiting.values())).code).items():
-                    self._refuse(address, why)
-                self._collect(client, waiting, total)
+        try:
+            for _ in range(MOST_LOSSES):
+                if not waiting:
+                    break
+                with self.cluster.client() as client, suppress(_SchedulerLost):
+                    for address, why in _refusing(client, next(iter(waiting.values())).code).items():
+                        self._refuse(address, why)
+                    self._collect(client, waiting, total)
+        finally:
+            self.ran = total - len(waiting)
         if waiting:
             raise InputError(
                 str(self.cluster.scheduler), f"was lost {MOST_LOSSES} times; {len(waiting)} tasks are left"
@@ -76,29 +82,36 @@ class Engine:
         # Kept only for those that need them: Dask forgets the result of a task whose future is gone.
         needed: dict[str, Future] = {}
         keys = {task.after for task in waiting.values()}
-        for task in waiting.values():
-            future = self._submit(client, task, needed)
+
+        def submit(task: Task, anew: bool = False) -> Future:
+            future = self._submit(client, task, needed, anew)
             running[future] = task
             if task.key in keys:
                 needed[task.key] = future
-        finished = as_completed(list(running), loop=client.loop)
-        for future in finished:
-            task = running.pop(future)
-            outcome = _outcome(future)
-            if outcome.state is State.REFUSED:
-                self._refuse(outcome.worker, outcome.reason)
-                again = self._submit(client, task, needed, anew=True)
-                running[again] = task
-                if task.key in keys:
-                    needed[task.key] = again
-                finished.add(again)
-                continue
-            self.store.put(task, outcome)
-            self.ran += 1
-            del waiting[task.key]
-            self.progress(Step("tasks", total - len(waiting), total, detail=task.name))
+            return future
 
-    def _submit(self, client: Client, task: Task, needed: Mapping[str, Future], anew: bool = False) -> Future:
+        finished = as_completed([submit(task) for task in waiting.values()], loop=client.loop)
+        # Fetching a result and bringing it to the disk wait for others, not for the processor.
+        with ThreadPoolExecutor(KEEPERS) as keepers:
+            for batch in finished.batches():
+                tasks = [running.pop(future) for future in batch]
+                outcomes = keepers.map(self._keep, batch, tasks, repeat(waiting))
+                for task, outcome in zip(tasks, outcomes):
+                    if outcome.state is State.REFUSED:
+                        self._refuse(outcome.worker, outcome.reason)
+                        finished.add(submit(task, anew=True))
+                        continue
+                    self.progress(Step("tasks", total - len(waiting), total, detail=task.name))
+
+    def _keep(self, future: Future, task: Task, waiting: dict[str, Task]) -> Outcome:
+        """Fetches what came of a task and keeps it, unless a worker refused it."""
+        outcome = _outcome(future)
+        if outcome.state is not State.REFUSED:
+            self.store.put(task, outcome)
+            del waiting[task.key]
+        return outcome
+
+    def _submit(self, client: Client, task: Task, needed: Mapping[str, Future], anew: bool) -> Future:
         """Hands a task to Dask, with the outcome of the one that it needs, which Dask carries from worker to worker."""
         before: Any = {}
         if task.after is not None:

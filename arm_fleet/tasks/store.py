@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_fleet.tasks.task import BY_LIMIT, PASSING, Outcome, State, Task
-from arm_io import InputError, check_plain, make_folder, read_file
+from arm_io import InputError, check_folder, check_plain, make_folder, read_file
 from arm_io.handles import folder_to_disk, to_disk
 
 RECORD = "record.json"
@@ -27,12 +27,12 @@ Record = dict[str, Any]
 
 
 class Store:
-    """The results below a folder. InputError where it cannot be made or written."""
+    """The results below a folder, which is made with the first of them. InputError where it cannot be."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.results = folder / "results"
-        make_folder(self.results)
+        check_folder(self.results)
         for part in self.results.glob(".*.part"):
             shutil.rmtree(part, ignore_errors=True)
 
@@ -74,6 +74,7 @@ class Store:
         """
         record = _record(task, outcome)
         place = self.place(task.key)
+        make_folder(self.results)
         try:
             part = Path(tempfile.mkdtemp(dir=self.results, prefix=f".{task.key}.", suffix=".part"))
             try:
