@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 from arm_io import lazy
 
 if TYPE_CHECKING:
+    from arm_fleet.fetching import Fetched, fetched
     from arm_fleet.fleet import Fleet, fleet_of
     from arm_fleet.plan import Plan, read_plan
-    from arm_fleet.recordings import ArmNight, arm_nights, fetched
+    from arm_fleet.recordings import ArmNight, arm_nights
     from arm_fleet.simulation.recordings import Scene, write_fleet
     from arm_fleet.simulation.wear import lives
     from arm_fleet.tasks.cluster import Cluster
@@ -26,6 +27,7 @@ __all__ = [
     "ArmNight",
     "Cluster",
     "Engine",
+    "Fetched",
     "Fleet",
     "Outcome",
     "Plan",

@@ -44,6 +44,7 @@ class Plan(Table):
     reference   number of nights that others are compared with, at most
     adapt       nights are diagnosed against a model identified from the baseline, instead of the nominal one
     report      of which nights report.html is written: those with causes, all, or none
+    seconds     s of an arm and night that are examined at most, in stretches evenly spread over its recordings
     timeout     s of one task; memory: GB of one task
     night_begins  hour (UTC) with which the day of a night begins: recordings before it belong to the night before
     limits      quantity -> value that it must not pass, or "+50%" of its first value
@@ -60,6 +61,7 @@ class Plan(Table):
     reference: Annotated[int, Field(ge=2, le=1000)] = 5
     adapt: bool = False
     report: Literal["causes", "all", "none"] = "causes"
+    seconds: Annotated[float, Field(ge=30.0, le=1e6)] = 180.0
     timeout: Seconds = 3600.0
     memory: Annotated[float, Field(ge=LEAST_MEMORY, le=MOST_MEMORY)] = 4.0
     night_begins: Annotated[int, Field(ge=0, le=23)] = 12

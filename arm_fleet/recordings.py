@@ -174,17 +174,3 @@ def _of_all(system: Any, place: str, size: int) -> str:
         while block := file.read(BLOCK):
             digest.update(block)
     return f"file {size} {digest.hexdigest()}"
-
-
-def fetched(place: str, folder: Path, storage: Mapping[str, Any]) -> str:
-    """A path of this machine at which the recording is: as it is, or copied from where the URL says."""
-    if "://" not in place:
-        return place
-    system, path = file_system(place, storage)
-    folder.mkdir(parents=True, exist_ok=True)
-    local = folder / path.rsplit("/", 1)[-1]
-    try:
-        system.get_file(path, str(local))
-    except OSError as error:
-        raise InputError(place, f"cannot be read: {error.strerror or error}") from None
-    return str(local)

@@ -75,6 +75,7 @@ def _task(plan: Plan, nights: Sequence[ArmNight], model: str, before: Task | Non
         "recordings": [content for one in nights for content in one.contents],
         "run": list(plan.run),
         "report": plan.report,
+        "seconds": plan.seconds,
         "rig": arm.rig,
         "calibration": arm.calibration,
     }

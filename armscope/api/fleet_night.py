@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from arm_fleet import fetched
 from arm_io import InputError, toml_of, write_text
 from arm_model import Arm, arm_of, write_model
 from armscope.api.calibration import calibrate
@@ -28,32 +29,42 @@ for _name in PRELOAD:
     import_module(_name)
 
 BASELINE_MODEL = "model.toml"
+FETCHED = "recordings"
+"""Folder of what a task reads; no part of its result."""
+FITTED = 0.6
+"""Share of the stretches of a single recording that are fitted."""
 
 
 def night(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) -> dict[str, Any]:
     """Computes the steps ``job["run"]`` and writes their JSON files, models and reports into the folder.
 
-    job     name, model (TOML text), recordings (their content), run, report, rig, calibration; places (paths or URLs of
-            the recordings), storage
+    job     name, model (TOML text), recordings (their content), run, report, seconds (examined), rig, calibration;
+            places (paths or URLs of the recordings), storage
     before  files of the arm's baseline: its model is the one that nights are compared with
     Returns the verdict, causes and parameters in short. InputError where the recordings cannot be used.
     """
     where = f"model of {job['name']}"
     text = before[BASELINE_MODEL].decode() if BASELINE_MODEL in before else job["model"]
     arm = arm_of(toml_of(text, where), where)
-    recordings = [open_recording(path) for path in _local(job, folder / "recordings")]
+    # A calibration needs the whole path of the tracker's target.
+    local = fetched(
+        job["places"], folder / FETCHED, job["storage"], None if "calibrate" in job["run"] else job["seconds"]
+    )
+    groups = [[open_recording(path) for path in paths] for paths in local.groups]
+    recordings = [one for group in groups for one in group]
     for one in recordings:
         _check(one, job)
-    fit, held_out = (recordings[:-1], recordings[-1:]) if len(recordings) > 1 else (recordings, [])
+    fit, held_out = sides(groups)
     value: dict[str, Any] = {
         "recorded": min((one.date for one in recordings if one.date), default=None),
         "rows": sum(len(one) for one in recordings),
         "lost": sum(one.ledger.lost for one in recordings),
-        "bytes": sum(one.path.stat().st_size for one in recordings),
+        "bytes": local.size,
+        "read_bytes": local.read,
     }
     for step in job["run"]:
         _STEPS[step](arm, fit, held_out, folder, job["report"], value)
-    shutil.rmtree(folder / "recordings", ignore_errors=True)
+    shutil.rmtree(folder / FETCHED, ignore_errors=True)
     return value
 
 
@@ -62,11 +73,16 @@ def baseline(job: Mapping[str, Any], folder: Path, before: Mapping[str, bytes]) 
     return night({**job, "run": ["identify"], "report": "none"}, folder, before)
 
 
-def _local(job: Mapping[str, Any], folder: Path) -> list[str]:
-    """Paths of the recordings on this machine."""
-    from arm_fleet import fetched
+def sides(groups: Sequence[Sequence[Recording]]) -> tuple[list[Recording], list[Recording]]:
+    """Recordings, each whole or as stretches, that are fitted and held out: the last one, or the last of its stretches.
 
-    return [fetched(place, folder, job["storage"]) for place in job["places"]]
+    A single whole recording is fitted: it is split by time.
+    """
+    if len(groups) > 1:
+        return [one for group in groups[:-1] for one in group], list(groups[-1])
+    count = len(groups[0])
+    fitted = count if count == 1 else min(count - 1, max(1, round(FITTED * count)))
+    return list(groups[0][:fitted]), list(groups[0][fitted:])
 
 
 def _check(recording: Recording, job: Mapping[str, Any]) -> None:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from daq.recording.plots import plot
     from daq.recording.reader import Recording, open_recording
     from daq.recording.several import open_recordings
+    from daq.recording.stretches import Index, index_of, write_stretches
     from daq.recording.tables.columns import Table
     from daq.recording.tables.csv_reader import read_csv
     from daq.recording.tables.csv_time import TimeUnit
@@ -21,10 +22,12 @@ else:
 
 __all__ = [
     "Attachments",
+    "Index",
     "LongRecording",
     "Recording",
     "Table",
     "TimeUnit",
+    "index_of",
     "ledger_table",
     "open_long",
     "open_recording",
@@ -34,5 +37,6 @@ __all__ = [
     "warnings_on",
     "write_blocks",
     "write_csv",
+    "write_stretches",
     "write_table",
 ]

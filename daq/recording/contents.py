@@ -100,7 +100,7 @@ class Contents:
 
     def ledger(self) -> tuple[LedgerSummary, bool]:
         """The ledger, and whether it is sure that nothing more is missing."""
-        return account(Found(self.numbers.runs(), self.finished), self._written_ledger(), self.progress)
+        return account(Found(self.numbers.runs(), self.finished), self.written_ledger(), self.progress)
 
     def notes(self, sure: bool) -> tuple[str, ...]:
         """Sentences about what is wrong with the file."""
@@ -116,7 +116,8 @@ class Contents:
             notes.append(UNSURE)
         return tuple(notes)
 
-    def _written_ledger(self) -> LedgerSummary | None:
+    def written_ledger(self) -> LedgerSummary | None:
+        """The ledger as it stands in the file; None where it is not there."""
         data = self.attachments.get("ledger.json")
         if data is None:
             return None

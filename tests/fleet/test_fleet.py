@@ -74,6 +74,7 @@ def test_one_night(scene: Scene, tmp_path: Path) -> None:
         "storage": {},
         "run": ["identify", "diagnose"],
         "report": "none",
+        "seconds": 180.0,
         "rig": None,
         "calibration": None,
     }

@@ -6,11 +6,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from arm_fleet import arm_nights, fetched, read_plan
 from arm_fleet.recordings import file_system, identity
 from arm_io import InputError
+from daq.recording import open_recording
+from tests.fleet.test_fetching import long_recording
 from tests.fleet.test_plan import PLAN, plan, recording
 
 pytestmark = pytest.mark.slow
@@ -69,7 +72,7 @@ def test_a_plan_over_a_bucket(storage: dict[str, Any], tmp_path: Path) -> None:
         original = local[one.arm.name, one.night]
         # The identity is that of the content, wherever it is.
         assert one.contents == (identity(*file_system(str(original), {}))[0],)
-        copy = Path(fetched(one.places[0], tmp_path / "fetched" / one.arm.name / one.night, storage))
+        ((copy,),) = fetched(one.places, tmp_path / "fetched" / one.arm.name / one.night, storage, 180.0).groups
         assert copy.read_bytes() == original.read_bytes()
 
 
@@ -83,8 +86,23 @@ def test_the_identity_needs_the_end_of_a_file_only(storage: dict[str, Any], tmp_
     assert 0 < counting.read < file.stat().st_size / 2
 
 
+def test_of_a_long_recording_ranges_are_read(storage: dict[str, Any], tmp_path: Path) -> None:
+    """The same rows as on the disk, and a fraction of the bytes."""
+    file = long_recording(tmp_path / "a.mcap")
+    lab = bucket(storage)
+    system, _ = file_system(f"s3://{lab}", storage)
+    system.put_file(str(file), f"{lab}/a.mcap")
+    far = fetched([f"s3://{lab}/a.mcap"], tmp_path / "far", storage, 60.0)
+    near = fetched([str(file)], tmp_path / "near", {}, 60.0)
+    assert far.size == near.size == file.stat().st_size
+    assert far.read == near.read < 0.3 * far.size
+    for one, other in zip(far.groups[0], near.groups[0], strict=True):
+        assert one.name == other.name
+        np.testing.assert_array_equal(open_recording(one).q, open_recording(other).q)
+
+
 def test_what_is_not_there(storage: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.mcap: cannot be read"):
-        fetched(f"s3://{bucket(storage)}/none.mcap", tmp_path, storage)
+        fetched([f"s3://{bucket(storage)}/none.mcap"], tmp_path, storage, 180.0)
     with pytest.raises(InputError, match=r"ftp2://x/a\.mcap: cannot be read"):
-        fetched("ftp2://x/a.mcap", tmp_path, storage)
+        fetched(["ftp2://x/a.mcap"], tmp_path, storage, 180.0)

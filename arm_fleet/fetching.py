@@ -1,0 +1,111 @@
+"""The recordings of a night on this machine: as they are, or of long ones the stretches that are examined.
+
+An hour of the same arm adds little to three minutes spread over it (``diagnosis`` examines no more), so that a task
+reads the chunks of some stretches, wherever the recording is: which rows are examined does not depend on the place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_fleet.recordings import file_system
+from arm_io import InputError, make_folder
+from daq.recording import Index, index_of, write_stretches
+
+LENGTH = 30.0
+"""s: approximate length of a stretch."""
+LEAST = 10.0
+"""s of every recording that are examined: there may be many, each with its own motion."""
+
+
+@dataclass
+class Source:
+    """A recording as a file system has it; ``read`` counts the bytes that were asked for."""
+
+    place: str
+    system: Any
+    path: str
+    size: int
+    read: int = 0
+    index: Index | None = field(default=None, repr=False)
+
+    def span(self, start: int, end: int) -> bytes:
+        """Bytes ``start`` to ``end``. InputError where they cannot be read."""
+        try:
+            data: bytes = self.system.cat_file(self.path, start=start, end=end)
+        except OSError as error:
+            raise _unreadable(self.place, error) from None
+        self.read += len(data)
+        return data
+
+
+@dataclass(frozen=True)
+class Fetched:
+    """Paths on this machine, per recording of the night; bytes of the recordings, and bytes of them that were read."""
+
+    groups: list[list[Path]]
+    size: int
+    read: int
+
+
+def fetched(places: Sequence[str], folder: Path, storage: Mapping[str, Any], seconds: float | None) -> Fetched:
+    """The recordings of one night, in the order of their places.
+
+    folder   for what is copied, which may be removed afterwards
+    storage  options of the file system (fsspec)
+    seconds  s that are examined of all of them together, at least ``LEAST`` of each; None: all
+    InputError where one cannot be read.
+    """
+    sources = [_source(place, storage) for place in places]
+    total = 0.0
+    if seconds is not None:
+        for one in sources:
+            one.index = index_of(one.place, one.span, one.size)
+            total += one.index.seconds if one.index is not None else 0.0
+    share = 1.0 if seconds is None else seconds / max(total, seconds)
+    groups = [_local(one, share, folder / str(number)) for number, one in enumerate(sources, 1)]
+    return Fetched(groups, sum(one.size for one in sources), sum(one.read for one in sources))
+
+
+def spread(seconds: float, share: float) -> list[tuple[float, float]]:
+    """Stretches (s, from and to) of about ``LENGTH``, evenly spread over ``seconds``, ``share`` of it in total."""
+    kept = min(max(share * seconds, LEAST), seconds)
+    count = max(1, round(kept / LENGTH))
+    return [(start, start + kept / count) for start in np.linspace(0.0, seconds - kept / count, count).tolist()]
+
+
+def _source(place: str, storage: Mapping[str, Any]) -> Source:
+    system, path = file_system(place, storage)
+    try:
+        return Source(place, system, path, int(system.size(path)))
+    except OSError as error:
+        raise _unreadable(place, error) from None
+
+
+def _local(source: Source, share: float, folder: Path) -> list[Path]:
+    name = source.path.rsplit("/", 1)[-1]
+    index = source.index
+    if index is not None and share * index.seconds < index.seconds and index.seconds > LEAST:
+        spans = spread(index.seconds, share)
+        make_folder(folder)
+        paths = [folder / f"{name.removesuffix('.mcap')}_at_{start:.0f}s.mcap" for start, _ in spans]
+        write_stretches(source.span, index, spans, paths)
+        return paths
+    source.read = source.size
+    if "://" not in source.place:
+        return [Path(source.place)]
+    make_folder(folder)
+    try:
+        source.system.get_file(source.path, str(folder / name))
+    except OSError as error:
+        raise _unreadable(source.place, error) from None
+    return [folder / name]
+
+
+def _unreadable(place: str, error: OSError) -> InputError:
+    return InputError(place, f"cannot be read: {error.strerror or error}")
